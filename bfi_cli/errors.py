@@ -1,0 +1,40 @@
+"""What can go wrong, by who must mend it; every message is one line `where: what is wrong, got value; what to do`."""
+
+from __future__ import annotations
+
+__all__ = [
+    "BfiError",
+    "ConfigError",
+    "DictionaryError",
+    "ExcitationError",
+    "LogError",
+    "SweepError",
+]
+
+
+class BfiError(Exception):
+    """Base of all errors a user can mend; `exit_code` is what the command returns."""
+
+    exit_code = 2
+
+
+class ConfigError(BfiError):
+    """The configuration or the command line asks for something that does not exist or cannot be."""
+
+
+class DictionaryError(BfiError):
+    """The fault dictionary, or a fault specification, cannot be used."""
+
+
+class LogError(BfiError):
+    """The flight log cannot be used: missing channel, not uniform, NaN, too short."""
+
+    exit_code = 3
+
+
+class ExcitationError(LogError):
+    """The log has no excitation at all, so the dynamics cannot be told from a fault."""
+
+
+class SweepError(BfiError):
+    """A Monte Carlo sweep cannot be run or continued."""

@@ -1,0 +1,136 @@
+"""A flight log in memory: named channels in SI units on one time axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import LogError
+from ..faults import Fault
+
+__all__ = ["Channel", "FlightLog", "Segment", "Truth", "frozen_array"]
+
+FloatArray = NDArray[np.float64]
+
+
+def frozen_array(values: object) -> FloatArray:
+    """Return a read-only float64 copy of `values`."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Channel:
+    """One measured signal.
+
+    Attributes
+    ----------
+    name : standard name ("tas"), or the file's own where no alias is known.
+    values : (n_samples,) read-only, in `unit`.
+    unit : SI or radians ("m/s"), "" where the file states none.
+    source : the name in the file.
+    source_unit : the unit stated in the file (or by the user), None where none was.
+    """
+
+    name: str
+    values: FloatArray
+    unit: str
+    source: str
+    source_unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """A labelled part of the flight, times on the log's own axis."""
+
+    label: str
+    start_s: float
+    stop_s: float
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth:
+    """Injected faults (their onsets on the log's own time axis) and the clean signal of every faulty channel."""
+
+    faults: tuple[Fault, ...]
+    clean: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightLog:
+    """A flight log.
+
+    Attributes
+    ----------
+    path : where it was read from, for messages.
+    time_s : (n_samples,) seconds, strictly as stored (not necessarily uniform; see `quality`).
+    channels : by standard name.
+    truth : injected faults, None where the file carries none.
+    segments : labelled parts of the flight.
+    sha256 : of the file, "" for a log made in memory.
+    """
+
+    path: str
+    time_s: FloatArray
+    channels: Mapping[str, Channel]
+    truth: Truth | None = None
+    segments: tuple[Segment, ...] = ()
+    sha256: str = ""
+
+    @property
+    def n_samples(self) -> int:
+        return int(self.time_s.size)
+
+    @property
+    def rate_hz(self) -> float:
+        """Sampling rate from the median time step."""
+        return 1.0 / float(np.median(np.diff(self.time_s)))
+
+    def channel(self, name: str) -> Channel:
+        """Return a channel by its standard name, or by its name in the file.
+
+        Raises
+        ------
+        LogError : there is none.
+        """
+        if name in self.channels:
+            return self.channels[name]
+        for channel in self.channels.values():
+            if channel.source == name:
+                return channel
+        has = ", ".join(sorted(self.channels))
+        raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; map one with --channel {name}=NAME")
+
+    def signals(self, names: Sequence[str]) -> FloatArray:
+        """Return (n_samples, len(names)) of channel values."""
+        return np.column_stack([self.channel(name).values for name in names])
+
+    def window(self, from_s: float | None, to_s: float | None) -> FlightLog:
+        """Return the samples with from_s <= time < to_s (to_s inclusive where it is the last sample)."""
+        if from_s is None and to_s is None:
+            return self
+        start = self.time_s[0] if from_s is None else from_s
+        stop = np.inf if to_s is None else to_s
+        step = 1.0 / self.rate_hz
+        keep = (self.time_s >= start - 1e-6 * step) & (self.time_s < stop - 1e-6 * step)
+        if np.count_nonzero(keep) < 2:
+            raise LogError(
+                f"{self.path}: no samples between {start:g} s and {stop:g} s, the log runs from "
+                f"{self.time_s[0]:g} s to {self.time_s[-1]:g} s; change --from/--to"
+            )
+        return self.take(keep)
+
+    def take(self, keep: NDArray[np.bool_]) -> FlightLog:
+        """Return the log restricted to the samples where `keep` is true."""
+        channels = {
+            name: replace(channel, values=frozen_array(channel.values[keep])) for name, channel in self.channels.items()
+        }
+        truth = self.truth
+        if truth is not None:
+            truth = replace(truth, clean={name: frozen_array(values[keep]) for name, values in truth.clean.items()})
+        return replace(self, time_s=frozen_array(self.time_s[keep]), channels=channels, truth=truth)

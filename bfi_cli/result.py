@@ -1,0 +1,181 @@
+"""What an identification found: plain frozen data that renders to a table, JSON, CSV, figures and a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .faults import Fault
+
+__all__ = [
+    "AgainstTruth",
+    "Candidate",
+    "Decision",
+    "FaultEstimate",
+    "IdentifyResult",
+    "LogSummary",
+    "ModelSummary",
+    "OutputSeries",
+    "Provenance",
+    "ResidualSummary",
+    "SolverSummary",
+]
+
+FloatArray = NDArray[np.float64]
+Decision = Literal["fault", "no_fault", "not_identifiable"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogSummary:
+    """The analysed window: `rate_hz` and `n_samples` after conditioning, times on the log's own axis."""
+
+    path: str
+    rate_hz: float
+    n_samples: int
+    start_s: float
+    stop_s: float
+    native_rate_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultEstimate:
+    """One active fault. `fault` carries shape, channel, times; `magnitude` multiplies its unit signal."""
+
+    name: str
+    fault: Fault
+    magnitude: float
+    unit: str
+    physical_value: float
+    physical_unit: str
+    sd: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One dictionary entry. `magnitude` is the estimate when active, else what it would be if it were added."""
+
+    name: str
+    channel: str
+    active: bool
+    magnitude: float | None
+    unit: str
+    sd: float | None
+    minimal_detectable: float | None
+    note: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelSummary:
+    """The VARX behind the answer; `orders` and `criterion` are the order selection curve (no fault, and best support)."""
+
+    order: int
+    rate_hz: float
+    feedthrough: bool
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    noise_sd: Mapping[str, float]
+    orders: tuple[int, ...]
+    criterion_no_fault: tuple[float, ...]
+    criterion_best: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolverSummary:
+    """How the answer was computed; `termination` is the sentence of the kernel's `Termination`."""
+
+    method: Literal["ml", "risro"]
+    termination: str
+    iterations: int
+    condition_number: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OutputSeries:
+    """One output over the analysed window, all (n_samples,) on `IdentifyResult.time_s`, absolute (not centred).
+
+    `predicted` is the one-step prediction of the measurement; `fault_sd` the standard deviation of `fault`.
+    The first `order` samples of `predicted` and the prediction error are NaN.
+    """
+
+    channel: str
+    unit: str
+    measured: FloatArray
+    corrected: FloatArray
+    predicted: FloatArray
+    fault: FloatArray
+    fault_sd: FloatArray
+    prediction_error: FloatArray
+    plain_residual: FloatArray
+    true_fault: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ResidualSummary:
+    """Whiteness of the final prediction error and the plain 5-sigma test of the fault-free model, per output.
+
+    Attributes
+    ----------
+    channel : output.
+    lags, autocorrelation : of the final prediction error, lag 0 excluded; band is +-1.96/sqrt(n).
+    ljung_box_p : p-value of the whiteness test.
+    plain_alarms_s : times at which the fault-free model's one-step residual exceeds five robust standard deviations.
+    """
+
+    channel: str
+    lags: tuple[int, ...]
+    autocorrelation: tuple[float, ...]
+    band: float
+    ljung_box_p: float
+    plain_alarms_s: tuple[float, ...]
+    plain_sd: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgainstTruth:
+    """Against the injected truth of the log: isolation, magnitude error, variance accounted for by the fault."""
+
+    isolated: bool
+    false_alarms: tuple[str, ...]
+    missed: tuple[str, ...]
+    magnitude_error: float | None
+    vaf_fault: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Where the numbers come from."""
+
+    version: str
+    log_sha256: str
+    config_sha256: str | None
+    dictionary_sha256: str | None
+    seed: int
+    numpy: str
+    scipy: str
+    command: str
+    date: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class IdentifyResult:
+    """The whole answer of `bfi identify`."""
+
+    log: LogSummary
+    decision: Decision
+    faults: tuple[FaultEstimate, ...]
+    candidates: tuple[Candidate, ...]
+    model: ModelSummary
+    vaf_output: Mapping[str, float]
+    solver: SolverSummary
+    notes: tuple[str, ...]
+    time_s: FloatArray
+    inputs: Mapping[str, FloatArray]
+    input_units: Mapping[str, str]
+    outputs: tuple[OutputSeries, ...]
+    residuals: tuple[ResidualSummary, ...]
+    truth: AgainstTruth | None

@@ -2,17 +2,58 @@
 
 from __future__ import annotations
 
+import difflib
+import math
+import re
+import reprlib
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from pathlib import Path
+from typing import Any, Literal, NoReturn, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SHAPES", "Fault", "Shape"]
+from .errors import DictionaryError
+
+__all__ = [
+    "SHAPES",
+    "SHAPE_KEYS",
+    "Fault",
+    "Shape",
+    "active_samples",
+    "did_you_mean",
+    "fault_from_dict",
+    "fault_to_dict",
+    "magnitude_unit",
+    "parse_spec",
+    "physical",
+    "shown",
+    "unit_signal",
+    "unknown_key",
+]
 
 FloatArray = NDArray[np.float64]
 Shape = Literal["bias", "drift", "sine", "cosine", "lagged_bias", "ramp_hold", "samples"]
 SHAPES: tuple[str, ...] = get_args(Shape)
+
+COMMON_KEYS = ("shape", "name", "channel", "magnitude", "onset_s", "offset_s")
+SHAPE_KEYS: Mapping[str, tuple[str, ...]] = {
+    "bias": (),
+    "drift": ("slope",),
+    "sine": ("frequency_hz", "phase_rad", "phase_reference"),
+    "cosine": ("frequency_hz", "phase_rad", "phase_reference"),
+    "lagged_bias": ("time_constant_s",),
+    "ramp_hold": ("slope", "duration_s"),
+    "samples": ("file",),
+}
+REQUIRED_KEYS = ("frequency_hz", "time_constant_s", "duration_s", "file")
+TEXT_KEYS = ("shape", "name", "channel", "file", "phase_reference")
+POSITIVE_KEYS = ("frequency_hz", "time_constant_s", "duration_s")
+ONSET_TOLERANCE_SAMPLES = 1e-6
+_ABRIDGED = reprlib.Repr()
+_ABRIDGED.maxstring = _ABRIDGED.maxother = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,3 +76,225 @@ class Fault:
     time_constant_s: float | None = None
     duration_s: float | None = None
     file: str | None = None
+
+
+def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:
+    """Return (n_samples,) true from the onset to before the offset, both to within 1e-6 of a sample.
+
+    The tolerance never falls below the resolution of the time axis (seconds since 1970 resolve 2e-7 s).
+    """
+    if time_s.size == 0:
+        return np.zeros(0, dtype=bool)
+    step = float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+    tolerance = max(ONSET_TOLERANCE_SAMPLES * step, 4.0 * float(np.spacing(np.abs(time_s).max())))
+    stop = math.inf if fault.offset_s is None else fault.offset_s
+    active: NDArray[np.bool_] = (time_s >= fault.onset_s - tolerance) & (time_s < stop - tolerance)
+    return active
+
+
+def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> FloatArray:
+    """Return (n_samples,) the signal of `fault` at magnitude 1, in the unit the shape implies.
+
+    Parameters
+    ----------
+    fault : its times on the axis of `time_s`; its own `magnitude` is not applied.
+    time_s : (n_samples,) seconds, increasing.
+    window_start_s : where the phase of `phase_reference: window` counts from, on the axis of `time_s`.
+
+    Raises
+    ------
+    DictionaryError : a parameter of the shape is missing, or the sample file cannot be used.
+
+    Notes
+    -----
+    `ramp_hold` and `samples` keep their last value until the offset; `samples` is zero before its first time.
+    """
+    time_s = np.asarray(time_s, dtype=np.float64)
+    active = active_samples(fault, time_s)
+    signal = np.zeros(time_s.shape)
+    signal[active] = _waveform(fault, time_s[active], window_start_s)
+    return signal
+
+
+def _waveform(fault: Fault, time_s: FloatArray, window_start_s: float) -> FloatArray:
+    elapsed = np.maximum(time_s - fault.onset_s, 0.0)
+    match fault.shape:
+        case "drift":
+            return _slope(fault) * elapsed
+        case "sine" | "cosine":
+            since = time_s - window_start_s if fault.phase_reference == "window" else elapsed
+            angle = 2.0 * np.pi * _required(fault, "frequency_hz") * since + fault.phase_rad
+            return np.sin(angle) if fault.shape == "sine" else np.cos(angle)
+        case "lagged_bias":
+            return -np.expm1(-elapsed / _required(fault, "time_constant_s"))
+        case "ramp_hold":
+            return _slope(fault) * np.minimum(elapsed, _required(fault, "duration_s"))
+        case "samples":
+            time, value = _read_samples(fault.file or _missing(fault, "file"))
+            return np.interp(elapsed, time, value, left=0.0)
+    return np.ones_like(elapsed)
+
+
+def _slope(fault: Fault) -> float:
+    if fault.slope is not None:
+        return fault.slope
+    return 1.0 / _required(fault, "duration_s") if fault.shape == "ramp_hold" else 1.0
+
+
+def _required(fault: Fault, key: str) -> float:
+    value: float | None = getattr(fault, key)
+    return _missing(fault, key) if value is None else value
+
+
+def _missing(fault: Fault, key: str) -> NoReturn:
+    raise DictionaryError(f"{fault.name or fault.shape}: {key}: missing; a {fault.shape} needs it")
+
+
+def _read_samples(path: str) -> tuple[FloatArray, FloatArray]:
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        reason = error.strerror.lower() if isinstance(error, OSError) and error.strerror else "not a text file"
+        raise DictionaryError(f"{path}: cannot read the samples, {reason}; give a CSV file of time, value") from None
+    numbered = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    rows = [(i, _sample(line)) for i, line in numbered]
+    if rows and rows[0][1] is None:
+        del rows[0]
+    for i, row in rows:
+        if row is None:
+            raise DictionaryError(f"{path}: line {i}: not two finite numbers; each line is time in s, value")
+    table = np.array([row for _, row in rows], dtype=np.float64).reshape(-1, 2)
+    if len(table) == 0 or not np.all(np.diff(table[:, 0]) > 0):
+        raise DictionaryError(f"{path}: times do not increase from line to line; sort the samples by time")
+    return table[:, 0], table[:, 1]
+
+
+def _sample(line: str) -> list[float] | None:
+    try:
+        row = [float(field) for field in line.replace(";", ",").split(",")]
+    except ValueError:
+        return None
+    return row if len(row) == 2 and all(map(math.isfinite, row)) else None
+
+
+def magnitude_unit(fault: Fault, channel_unit: str) -> str:
+    """Return the unit of the magnitude of `fault`, "" where it is a pure number (a drift with a slope)."""
+    if fault.shape != "drift":
+        return channel_unit
+    return _per_second(channel_unit) if fault.slope is None else ""
+
+
+def physical(fault: Fault, magnitude: float, channel_unit: str) -> tuple[float, str]:
+    """Return what the magnitude means: (value, unit).
+
+    The rate of change of a drift, the value a ramp-hold ends at, otherwise the magnitude itself.
+    """
+    if fault.shape == "drift":
+        return magnitude * _slope(fault), _per_second(channel_unit)
+    if fault.shape == "ramp_hold" and fault.slope is not None:
+        return magnitude * fault.slope * _required(fault, "duration_s"), channel_unit
+    return magnitude, channel_unit
+
+
+def _per_second(unit: str) -> str:
+    stem, power = (unit or "1"), 1
+    if found := re.fullmatch(r"(.+)/s(?:\^(\d+))?", stem):
+        stem, power = found[1], int(found[2] or 1) + 1
+    return f"{stem}/s" if power == 1 else f"{stem}/s^{power}"
+
+
+def fault_to_dict(fault: Fault) -> dict[str, Any]:
+    """Return the JSON object of a fault: the common keys and those of its shape, None where absent."""
+    return {key: getattr(fault, key) for key in (*COMMON_KEYS, *SHAPE_KEYS[fault.shape])}
+
+
+def fault_from_dict(data: Mapping[str, Any], *, where: str = "fault") -> Fault:
+    """Return the fault of a JSON object; None counts as absent, sample files are not looked for.
+
+    Raises
+    ------
+    DictionaryError : all problems in one line, each with its key.
+    """
+    given = {key: value for key, value in data.items() if value is not None}
+    problems = list(_problems(given))
+    if problems:
+        raise DictionaryError(f"{where}: {' | '.join(problems)}")
+    fields: dict[str, Any] = {key: value if key in TEXT_KEYS else float(value) for key, value in given.items()}
+    return Fault(**fields)
+
+
+def parse_spec(text: str, *, where: str = "--fault") -> Fault:
+    """Return the fault of a command-line SPEC, "bias,channel=tas,magnitude=4,onset_s=13.8".
+
+    Raises
+    ------
+    DictionaryError : all problems in one line, each with its key.
+    """
+    where = f"{where} {text}"
+    first, *rest = [part.strip() for part in text.split(",")]
+    given: dict[str, Any] = {}
+    for part in (first if "=" in first else f"shape={first}", *rest):
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals:
+            raise DictionaryError(f"{where}: expected key=value, got '{part}'; separate the keys by commas")
+        if key in given:
+            raise DictionaryError(f"{where}: {key}: given twice; keep one")
+        given[key] = value if key in TEXT_KEYS else _number_or_text(value)
+    return fault_from_dict(given, where=where)
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _problems(given: Mapping[str, Any]) -> Iterator[str]:
+    shape = given.get("shape")
+    if not isinstance(shape, str) or shape not in SHAPE_KEYS:
+        yield f"shape: unknown shape, got {shown(shape)}{did_you_mean(shape, SHAPES)}"
+        return
+    allowed = (*COMMON_KEYS, *SHAPE_KEYS[shape])
+    for key, value in given.items():
+        if key not in allowed:
+            yield f"{key}: {unknown_key(key, allowed)}"
+        elif problem := _value_problem(key, value):
+            yield f"{key}: {problem}, got {shown(value)}"
+    for key in SHAPE_KEYS[shape]:
+        if key in REQUIRED_KEYS and key not in given:
+            yield f"{key}: missing; a {shape} needs it"
+    onset, offset = given.get("onset_s", 0.0), given.get("offset_s")
+    if not _value_problem("onset_s", onset) and not _value_problem("offset_s", offset) and offset <= onset:
+        yield f"offset_s: must be after onset_s ({onset:g} s), got {offset:g} s"
+
+
+def _value_problem(key: str, value: object) -> str | None:
+    if key in TEXT_KEYS:
+        if not isinstance(value, str) or not value:
+            return "must be text"
+        return "must be onset or window" if key == "phase_reference" and value not in ("onset", "window") else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= sys.float_info.max:
+        return "must be a finite number"
+    if key in POSITIVE_KEYS and value <= 0:
+        return "must be greater than 0"
+    return "must not be 0" if key == "slope" and value == 0 else None
+
+
+def did_you_mean(word: object, known: Sequence[str]) -> str:
+    """Return "; did you mean 'onset_s'?", or "; known: ..." where nothing is close."""
+    close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
+    return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
+
+
+def unknown_key(key: str, known: Sequence[str]) -> str:
+    """Return what to say of a key that is not among the `known` ones; a key of another shape is called that."""
+    if "shape" in known and any(key in keys for keys in SHAPE_KEYS.values()):
+        return f"not a key of this shape; known: {', '.join(known)}"
+    return f"unknown key{did_you_mean(key, known)}"
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: YAML's words, quoted text, abridged."""
+    words: dict[object, str] = {None: "null", True: "true", False: "false"}
+    return words[value] if value is None or isinstance(value, bool) else _ABRIDGED.repr(value)

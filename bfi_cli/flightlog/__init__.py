@@ -1,1 +1,25 @@
+"""Flight logs: reading, what they are good for, known faults, another rate, writing.
 
+A log has one time axis and channels under standard names in SI units and radians; see `record.FlightLog`.
+"""
+
+from .inject import inject
+from .quality import LogReport, inspect_log, require_usable
+from .read import read_log
+from .record import Channel, FlightLog, Segment, Truth
+from .resampling import resample
+from .write import write_log
+
+__all__ = [
+    "Channel",
+    "FlightLog",
+    "LogReport",
+    "Segment",
+    "Truth",
+    "inject",
+    "inspect_log",
+    "read_log",
+    "require_usable",
+    "resample",
+    "write_log",
+]

@@ -73,6 +73,7 @@ class FlightLog:
     truth : injected faults, None where the file carries none.
     segments : labelled parts of the flight.
     sha256 : of the file, "" for a log made in memory.
+    notes : what the reader, or resampling, decided, as sentences for the user.
     """
 
     path: str
@@ -81,6 +82,7 @@ class FlightLog:
     truth: Truth | None = None
     segments: tuple[Segment, ...] = ()
     sha256: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def n_samples(self) -> int:

@@ -1,1 +1,7 @@
+"""The self-contained HTML report of a result."""
 
+from __future__ import annotations
+
+from .html import render_report
+
+__all__ = ["render_report"]

@@ -1,0 +1,113 @@
+"""A linear time-invariant aircraft model, its discretisation and its response."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from ..flightlog.record import frozen_array
+
+__all__ = ["DISCRETISATIONS", "Discretisation", "LinearModel", "discretise", "propagate", "response"]
+
+FloatArray = NDArray[np.float64]
+Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+Discretisation = Literal["zoh", "bilinear"]
+DISCRETISATIONS: tuple[str, ...] = get_args(Discretisation)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearModel:
+    """Deviations x, u, y from a trimmed flight: dx/dt = A x + B u, y = C x + D u.
+
+    Attributes
+    ----------
+    name, title : the name on the command line, and what it is.
+    A, B, C, D : (n_x, n_x), (n_x, n_u), (n_y, n_x), (n_y, n_u), SI and radians.
+    states, inputs, outputs : standard channel names.
+    units : of every state, input and output, by name.
+    trim : trim values of inputs and outputs, by name; zero where absent.
+    airspeed_m_s : true airspeed of the trimmed flight.
+    source : where the numbers come from.
+
+    Raises
+    ------
+    ValueError : the shapes do not fit the names.
+    """
+
+    name: str
+    title: str
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    trim: Mapping[str, float]
+    airspeed_m_s: float
+    source: str
+
+    def __post_init__(self) -> None:
+        n_x, n_u, n_y = len(self.states), len(self.inputs), len(self.outputs)
+        for name, shape in {"A": (n_x, n_x), "B": (n_x, n_u), "C": (n_y, n_x), "D": (n_y, n_u)}.items():
+            matrix = frozen_array(getattr(self, name))
+            if matrix.shape != shape:
+                raise ValueError(f"{self.name}: {name} has shape {matrix.shape}, the names ask for {shape}")
+            object.__setattr__(self, name, matrix)
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A, 1/s."""
+        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
+
+    @property
+    def steady_gain(self) -> FloatArray:
+        """Output per unit of a constant input after all modes have died out, (n_y, n_u)."""
+        return self.D - self.C @ np.linalg.solve(self.A, self.B)
+
+
+def discretise(model: LinearModel, *, rate_hz: float, rule: Discretisation = "zoh") -> Matrices:
+    """Return (A, B, C, D) of the difference equation x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k).
+
+    "zoh" is exact for an input held between samples and keeps D. "bilinear" (Tustin, the trapezoidal rule; that of the
+    thesis's listing and of its eq. 5-5) lets the input act in the same sample too.
+    """
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise ValueError(f"the rate must be positive, got {rate_hz:g} Hz")
+    A, B, C, D, _ = signal.cont2discrete((model.A, model.B, model.C, model.D), 1.0 / rate_hz, method=rule)
+    return A, B, C, D
+
+
+def propagate(A: FloatArray, drive: FloatArray, *, x0: FloatArray) -> FloatArray:
+    """Return x(0..n-1), (n, n_x), of x(k+1) = A x(k) + drive(k), x(0) = x0."""
+    x = np.empty((drive.shape[0], A.shape[0]))
+    x[:1] = x0
+    for k in range(drive.shape[0] - 1):
+        x[k + 1] = A @ x[k] + drive[k]
+    return x
+
+
+def response(
+    model: LinearModel,
+    u: FloatArray,
+    *,
+    rate_hz: float,
+    rule: Discretisation = "zoh",
+    x0: FloatArray | None = None,
+) -> FloatArray:
+    """Return the outputs' deviations from trim, (n_samples, n_y), for input deviations `u`, (n_samples, n_u).
+
+    Starts from the trim unless `x0`, (n_x,), says otherwise.
+    """
+    u = np.asarray(u, dtype=np.float64)
+    if u.ndim != 2 or u.shape[1] != len(model.inputs):
+        raise ValueError(f"{model.name}: u has shape {u.shape}, expected (n_samples, {len(model.inputs)})")
+    A, B, C, D = discretise(model, rate_hz=rate_hz, rule=rule)
+    x = propagate(A, u @ B.T, x0=np.zeros(len(model.states)) if x0 is None else x0)
+    return x @ C.T + u @ D.T

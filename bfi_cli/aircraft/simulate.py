@@ -1,0 +1,122 @@
+"""A flight log from a model: manoeuvre, gusts, measurement noise, quantisation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigError
+from ..flightlog.record import Channel, FlightLog, frozen_array
+from .linear import Discretisation, LinearModel, response
+from .turbulence import Dryden, dryden_gusts, with_gusts
+
+__all__ = ["simulate", "time_axis"]
+
+FloatArray = NDArray[np.float64]
+
+MAX_SAMPLES = 10_000_000
+LINEAR_RANGE_RAD = {"aoa": 0.1, "pitch": 0.3}
+
+
+def time_axis(*, duration_s: float = 31.72, rate_hz: float = 100.0) -> FloatArray:
+    """Return sample times k / rate from 0, shorter than `duration_s` (3172 samples by default, as the thesis's record).
+
+    Raises
+    ------
+    ConfigError : fewer than two samples, or more than `MAX_SAMPLES`.
+    """
+    n = duration_s * rate_hz
+    if not (rate_hz > 0 and 1.5 <= n <= MAX_SAMPLES):
+        raise ConfigError(
+            f"simulate: a log has 2 to {MAX_SAMPLES:,} samples, got {duration_s:g} s at {rate_hz:g} Hz; "
+            "change --duration or --rate"
+        )
+    return np.arange(round(n)) / rate_hz
+
+
+def simulate(
+    model: LinearModel,
+    u: FloatArray,
+    *,
+    rng: np.random.Generator,
+    rate_hz: float = 100.0,
+    discretisation: Discretisation = "zoh",
+    turbulence: Dryden | None = None,
+    noise_sd: Mapping[str, float] | None = None,
+    quantum: Mapping[str, float] | None = None,
+) -> FlightLog:
+    """Fly `model` from its trim with the input deviations `u` and record it.
+
+    Gusts and the noise of every output have random streams of their own, so switching one on or off, or changing its
+    size, leaves the others as they are.
+
+    Parameters
+    ----------
+    model : the aircraft.
+    u : (n_samples, n_u), or (n_samples,) for one input; held from its sample to the next with "zoh".
+    rng : source of all random numbers; each call spawns new streams from it.
+    rate_hz : of `u` and of the log.
+    discretisation : "zoh" or "bilinear", see `discretise`.
+    turbulence : gusts acting on the aircraft and on its air-data sensors.
+    noise_sd : standard deviation of white measurement noise by output, in the output's unit.
+    quantum : step of the recorded values by output, in the output's unit; zero for none.
+
+    Returns
+    -------
+    FlightLog with the inputs and outputs, absolute values; `notes` says where the model is left behind.
+
+    Raises
+    ------
+    ConfigError : a noise or a quantum of an output the model does not have, or negative.
+    """
+    noise_sd, quantum = dict(noise_sd or {}), dict(quantum or {})
+    _check(model, noise_sd, what="noise")
+    _check(model, quantum, what="quantum")
+    u = np.asarray(u, dtype=np.float64).reshape(len(u), -1)
+    gust_stream, *noise_streams = rng.spawn(1 + len(model.outputs))
+    if turbulence is None:
+        y = response(model, u, rate_hz=rate_hz, rule=discretisation)
+    else:
+        gusts = dryden_gusts(turbulence, len(u), airspeed_m_s=model.airspeed_m_s, rate_hz=rate_hz, rng=gust_stream)
+        y = response(with_gusts(model), np.hstack([u, gusts]), rate_hz=rate_hz, rule=discretisation)
+    signals = {name: u[:, i] + model.trim.get(name, 0.0) for i, name in enumerate(model.inputs)}
+    for i, (name, stream) in enumerate(zip(model.outputs, noise_streams, strict=True)):
+        noise = noise_sd.get(name, 0.0) * stream.standard_normal(len(u))
+        signals[name] = _quantised(y[:, i] + model.trim.get(name, 0.0) + noise, quantum.get(name, 0.0))
+    return FlightLog(
+        path=model.name,
+        time_s=frozen_array(np.arange(len(u)) / rate_hz),
+        channels={name: _channel(model, name, values) for name, values in signals.items()},
+        notes=_remarks(model, y),
+    )
+
+
+def _remarks(model: LinearModel, y: FloatArray) -> tuple[str, ...]:
+    extent = dict(zip(model.outputs, np.abs(y).max(axis=0), strict=True))
+    return tuple(
+        f"{name} moves up to {extent[name]:.2g} rad from its trim; a linear model holds for about {limit:g} rad"
+        for name, limit in LINEAR_RANGE_RAD.items()
+        if extent.get(name, 0.0) > limit
+    )
+
+
+def _channel(model: LinearModel, name: str, values: FloatArray) -> Channel:
+    unit = model.units[name]
+    return Channel(name=name, values=frozen_array(values), unit=unit, source=name, source_unit=unit)
+
+
+def _quantised(values: FloatArray, quantum: float) -> FloatArray:
+    return np.round(values / quantum) * quantum if quantum > 0 else values
+
+
+def _check(model: LinearModel, per_output: Mapping[str, float], *, what: str) -> None:
+    for name, value in per_output.items():
+        if name not in model.outputs:
+            raise ConfigError(f"{model.name}: {what}: no output '{name}'; the model has: {', '.join(model.outputs)}")
+        if not (np.isfinite(value) and value >= 0):
+            raise ConfigError(
+                f"{model.name}: {what} of {name}: not a size, got {value:g} {model.units[name]}; "
+                "give a positive number, or 0 for none"
+            )

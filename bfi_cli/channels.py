@@ -1,0 +1,150 @@
+"""Standard channel names with their SI units, the names other recorders give them.
+
+Signs are those of the recorder: nothing here turns a signal over.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .units import si_unit, to_si
+
+__all__ = ["INPUTS", "STANDARD", "NameMatch", "StandardChannel", "match_name", "split_unit", "to_si"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandardChannel:
+    """A signal the program knows: its name, SI unit ("1" for a ratio) and what it is."""
+
+    name: str
+    unit: str
+    description: str
+    aliases: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NameMatch:
+    """A recorder's name understood: `unit` is the one the name states, `rank` 0 for the standard name itself."""
+
+    name: str
+    unit: str | None
+    rank: int
+
+
+_TABLE = """
+time s | time since the start of the log | t time_s elapsed_time timestamp totl_time timeus=us
+tas m/s | true airspeed | vtas v_tas true_airspeed vtrue v_true true_air_speed
+cas m/s | calibrated airspeed | vcas v_cas calibrated_airspeed computed_airspeed
+ias m/s | indicated airspeed | vias v_ias indicated_airspeed vind
+ground_speed m/s | ground speed | gs groundspeed gnd_speed
+mach 1 | Mach number | mach_number ma mach_ratio
+aoa rad | angle of attack | alpha angle_of_attack vane_aoa aoa_vane alpha_vane
+sideslip rad | angle of sideslip | beta aos angle_of_sideslip vane_beta sideslip_angle
+p_static Pa | static pressure | ps static_pressure baro_pressure pstat
+p_total Pa | total pressure | pt total_pressure pitot_pressure ptot
+q_impact Pa | impact pressure | qc impact_pressure differential_pressure dynamic_pressure qbar
+altitude m | pressure altitude | alt h hp press_alt pressure_altitude baro_alt baro_altitude alt_ftmsl=ft
+altitude_rate m/s | rate of climb | alt_rate hdot vertical_speed vvi climb_rate rate_of_climb roc vs
+pitch rad | pitch attitude | theta pitch_angle
+roll rad | roll attitude | phi roll_angle bank bank_angle
+yaw rad | heading | psi yaw_angle heading true_heading hding_true
+pitch_rate rad/s | body pitch rate | q pitchspeed
+roll_rate rad/s | body roll rate | p rollspeed
+yaw_rate rad/s | body yaw rate | r yawspeed
+longitudinal_acc m/s^2 | specific force along body x | ax long_acc n_x nx gload_axial=g
+lateral_acc m/s^2 | specific force along body y | ay lat_acc n_y ny gload_side=g
+normal_acc m/s^2 | specific force along body z | az norm_acc vert_acc n_z nz gload_norml=g
+flight_path_angle rad | flight path angle | gamma fpa
+tat K | total air temperature | total_air_temperature total_temperature
+sat K | static air temperature | oat static_air_temperature outside_air_temperature air_temperature
+elevator rad | elevator deflection | de delta_e elevator_deflection elev elev_surf
+aileron rad | aileron deflection | da delta_a aileron_deflection ailrn ailrn_surf
+rudder rad | rudder deflection | dr delta_r rudder_deflection ruddr ruddr_surf
+stabiliser rad | stabiliser incidence | stabilizer stab ih delta_ih stab_trim stabilizer_trim
+elevator_trim rad | elevator trim tab | dte delta_te elevator_dte elev_trim
+throttle 1 | throttle lever | pla power_lever delta_t throttle_lever thro1_part
+thrust N | engine thrust | thrust_total tc_total
+flaps rad | flap deflection | flap df delta_f flap_position
+gear 1 | landing gear, 1 is down | landing_gear gear_position
+column_force N | pull force on the control column | column_fe stick_force fe
+fuel_flow kg/s | fuel flow | fmf fuel_mass_flow
+latitude rad | latitude | lat gps_lat
+longitude rad | longitude | lon gps_long gps_lon
+valid_airspeed 1 | 1 where the airspeed can be trusted |
+"""
+
+INPUTS = ("elevator", "stabiliser", "elevator_trim", "throttle", "thrust", "aileron", "rudder")
+
+
+def _parse_table() -> Iterator[StandardChannel]:
+    for line in _TABLE.strip().splitlines():
+        head, description, aliases = (part.strip() for part in line.split("|"))
+        name, unit = head.split()
+        yield StandardChannel(name=name, unit=unit, description=description, aliases=tuple(aliases.split()))
+
+
+STANDARD = {channel.name: channel for channel in _parse_table()}
+
+_ALIAS: dict[str, tuple[str, str | None]] = {}
+for _channel in STANDARD.values():
+    for _alias in (_channel.name, *_channel.aliases):
+        _spelling, _, _unit = _alias.partition("=")
+        _ALIAS[_spelling] = (_channel.name, _unit or None)
+
+_PREFIX = re.compile(r"^(?:dadc|adc|adiru|adahrs|ahrs|irs|iru|ins|imu|fms|gps|att|arsp)\d*_(?:b_|body_)?")
+
+
+def match_name(source: str) -> NameMatch | None:
+    """Return the standard channel a recorder's name stands for, None where none is known.
+
+    Case, punctuation, the prefix of the instrument ("Dadc1_") and a trailing unit ("tas_kt") do not matter.
+    """
+    if source in STANDARD:
+        return NameMatch(name=source, unit=None, rank=0)
+    if source.lower() in STANDARD:
+        return NameMatch(name=source.lower(), unit=None, rank=1)
+    for spelling in _spellings(source):
+        found = _match_spelling(spelling)
+        if found is not None:
+            return found
+    return None
+
+
+def _spellings(source: str) -> Iterator[str]:
+    camel = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", source)
+    for text in dict.fromkeys((source, camel)):
+        plain = re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
+        yield plain
+        yield _PREFIX.sub("", plain)
+
+
+def _match_spelling(spelling: str) -> NameMatch | None:
+    if spelling in _ALIAS:
+        name, unit = _ALIAS[spelling]
+        return NameMatch(name=name, unit=unit, rank=2)
+    tokens = spelling.split("_")
+    for i in range(1, len(tokens)):
+        base, unit = "_".join(tokens[:i]), "_".join(tokens[i:])
+        if base in _ALIAS:
+            name = _ALIAS[base][0]
+            stated = "m/s" if unit == "ms" and STANDARD[name].unit == "m/s" else unit
+            if si_unit(stated) == STANDARD[name].unit:
+                return NameMatch(name=name, unit=stated, rank=3)
+    return None
+
+
+def split_unit(header: str) -> tuple[str, str | None]:
+    """Split "tas [kt]" or "tas (kt)" into name and unit.
+
+    "accel[0]" is a name, a number glued to it being an index; so is "aoa (left)", which is no known unit.
+    """
+    found = re.fullmatch(r"(.*?\S)(\s*)([\[(])([^\[\]()]*)[\])]", header.strip())
+    if found is None:
+        return header.strip(), None
+    name, blank, bracket, unit = found[1], found[2], found[3], found[4].strip()
+    is_index = unit.isdigit() and not blank
+    if is_index or (bracket == "(" and si_unit(unit) is None):
+        return header.strip(), None
+    return name, unit

@@ -1,0 +1,34 @@
+"""`bfi inject`: add faults to a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .options import channel_options, json_option, log_argument
+from .written import echo_written, out_option
+
+__all__ = ["command"]
+
+
+@click.command("inject")
+@log_argument
+@click.option("--fault", "specs", metavar="SPEC", multiple=True, required=True, help="What to add; repeatable.")
+@out_option
+@channel_options
+@json_option
+def command(*, log: str, specs: tuple[str, ...], out: Path, as_json: bool, **source: Any) -> None:
+    """Add faults to LOG and store the truth beside them; faults it already carries stay.
+
+    SPEC is a shape and its keys, times in the log's own seconds: bias,channel=tas,magnitude=4,onset_s=13.8.
+    """
+    from ..faults import parse_spec
+    from ..flightlog import read_log, write_log
+    from ..flightlog.inject import inject
+
+    clean = read_log(log, **source)
+    faulty = inject(clean, [parse_spec(spec) for spec in specs])
+    write_log(faulty, out)
+    echo_written(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json)

@@ -1,0 +1,89 @@
+"""`bfi simulate`: a flight log from an aircraft model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..errors import ConfigError
+from .options import json_option
+from .written import echo_written, out_option
+
+if TYPE_CHECKING:
+    from ..aircraft import Discretisation
+
+__all__ = ["command"]
+
+
+def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
+    flag = option.opts[0]
+    given: dict[str, float] = {}
+    for text in values:
+        name, _, size = text.partition("=")
+        try:
+            given[name.strip()] = float(size)
+        except ValueError:
+            raise ConfigError(f"{flag}: expected {option.metavar}, got '{text}'; write {flag} tas=0.01") from None
+    if len(given) < len(values):
+        raise ConfigError(f"{flag}: an output is given twice, got {' '.join(values)}; keep one of each")
+    return given
+
+
+@click.command("simulate")
+@click.argument("model", metavar="MODEL")
+@out_option
+@click.option("--manoeuvre", default="3211", show_default=True, help="3211, doublet, multisine or none.")
+@click.option("--amplitude", metavar="RAD", type=float, default=0.035, show_default=True, help="Largest deflection.")
+@click.option("--start", metavar="S", type=float, default=0.2, show_default=True, help="When the manoeuvre starts.")
+@click.option("--step", metavar="S", type=float, default=1.0, show_default=True, help="The manoeuvre's unit step.")
+@click.option("--duration", metavar="S", type=float, default=31.72, show_default=True, help="Length of the log.")
+@click.option("--rate", metavar="HZ", type=float, default=100.0, show_default=True, help="Samples per second.")
+@click.option(
+    "--noise", metavar="NAME=SD", multiple=True, callback=_sizes, help="White noise of an output; repeatable."
+)
+@click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=_sizes, help="Step of an output; repeatable.")
+@click.option("--turbulence", metavar="SIGMA", type=float, default=0.0, show_default=True, help="Dryden gusts, in m/s.")
+@click.option("--discretisation", type=click.Choice(["zoh", "bilinear"]), default="zoh", show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and turbulence.")
+@json_option
+def command(
+    *,
+    model: str,
+    out: Path,
+    manoeuvre: str,
+    amplitude: float,
+    start: float,
+    step: float,
+    duration: float,
+    rate: float,
+    noise: dict[str, float],
+    quantum: dict[str, float],
+    turbulence: float,
+    discretisation: Discretisation,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Write a flight log of MODEL, citation or citation-short-period, in straight flight with a manoeuvre.
+
+    Noise and steps are in the output's unit, m/s or rad: --noise tas=0.01 --quantum tas=0.03.
+    """
+    import numpy as np
+
+    from .. import aircraft
+    from ..flightlog import write_log
+
+    time_s = aircraft.time_axis(duration_s=duration, rate_hz=rate)
+    log = aircraft.simulate(
+        aircraft.find_model(model),
+        aircraft.manoeuvre(manoeuvre, time_s, amplitude_rad=amplitude, start_s=start, step_s=step),
+        rng=np.random.default_rng(seed),
+        rate_hz=rate,
+        discretisation=discretisation,
+        turbulence=aircraft.Dryden(sigma_m_s=turbulence) if turbulence else None,
+        noise_sd=noise,
+        quantum=quantum,
+    )
+    write_log(log, out)
+    echo_written(log, out, kind="simulate", seed=seed, as_json=as_json)

@@ -1,0 +1,138 @@
+"""Every complaint about a document in one line: where each key stands, what is wrong with it, what to do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, StrictInt, ValidationError
+from pydantic_core import ErrorDetails
+
+from ..errors import BfiError
+from ..faults import did_you_mean, shown, unknown_key
+
+__all__ = ["Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
+
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]
+Whole = StrictInt
+Text = Annotated[str, Field(min_length=1)]
+Loc = tuple[int | str, ...]
+M = TypeVar("M", bound=BaseModel)
+
+MAX_COMPLAINTS = 50
+WRONG_KIND = {
+    "bool_type": "must be true or false",
+    "dict_type": "must be a mapping of key: value",
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_from_float": "must be a whole number",
+    "int_type": "must be a whole number",
+    "mapping_type": "must be a mapping of key: value",
+    "model_attributes_type": "must be a mapping of key: value",
+    "model_type": "must be a mapping of key: value",
+    "string_too_short": "must not be empty",
+    "too_short": "must not be empty",
+    "string_type": "must be text; put it in quotes",
+    "tuple_type": "must be a list",
+}
+
+
+class Rules(BaseModel):
+    """A part of a document: unknown keys are errors, values cannot be changed, docstrings are the editor's help."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, validate_default=False)
+
+
+def validated(
+    model: type[M], data: object, *, where: str, error: type[BfiError], context: Mapping[str, object] | None = None
+) -> M:
+    """Return `data` as a `model`.
+
+    Raises
+    ------
+    error : everything that is wrong with `data`, in one line: `where: key: what | key: what`.
+    """
+    try:
+        return model.model_validate(data, context=dict(context or {}))
+    except ValidationError as fault:
+        details = [one for one in fault.errors(include_url=False) if not _follows_from_another(one)]
+    complaints = list(dict.fromkeys(_complaint(model, one) for one in details))
+    if len(complaints) > MAX_COMPLAINTS:
+        complaints = [*complaints[:MAX_COMPLAINTS], f"and {len(complaints) - MAX_COMPLAINTS} more"]
+    raise error(f"{where}: {' | '.join(complaints)}")
+
+
+def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
+    """Return the JSON schema of a document, with the dialect that editors look for and readable names of its parts."""
+    schema = model.model_json_schema()
+    text = json.dumps(schema)
+    for name, part in schema["$defs"].items():
+        text = text.replace(f'"{name}": {{', f'"{part["title"]}": {{').replace(f'/{name}"', f'/{part["title"]}"')
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **json.loads(text), "title": title}
+
+
+def _follows_from_another(details: ErrorDetails) -> bool:
+    """Return whether a list is only too short because its elements were refused."""
+    return details["type"] == "too_short" and len(details["input"]) > 0
+
+
+def _complaint(model: type[BaseModel], details: ErrorDetails) -> str:
+    place = _place(details["loc"], details["type"])
+    text = " ".join(_sentence(model, details).split())
+    return f"{place}: {text}" if place else text
+
+
+def _place(loc: Loc, kind: str) -> str:
+    """Return "atoms[0].onset_s": the branches of unions that pydantic puts into a location are left out."""
+    path = ""
+    for before, part in zip((None, *loc), loc, strict=False):
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif not (isinstance(before, int) or part.startswith("<")):
+            path += f".{part}" if path else part or "''"
+    # A union without a tag of its own complains about the whole entry, and means its `shape`.
+    return f"{path}.shape" if kind in ("union_tag_invalid", "union_tag_not_found") else path
+
+
+def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
+    kind, value, limits = details["type"], shown(details["input"]), details.get("ctx", {})
+    match kind:
+        case "extra_forbidden":
+            return unknown_key(str(details["loc"][-1]), _known_keys(model, details["loc"]))
+        case "union_tag_invalid":
+            known = [tag.strip("' ") for tag in limits["expected_tags"].split(",")]
+            return f"unknown shape, got '{limits['tag']}'{did_you_mean(limits['tag'], known)}"
+        case "missing" | "union_tag_not_found":
+            return "missing; add it"
+        case "literal_error":
+            known = limits["expected"].replace(" or ", ", ").replace("'", "").split(", ")
+            number = "a number or " if "<word>" in details["loc"] else ""
+            return f"not {number}one of the choices, got {value}{did_you_mean(details['input'], known)}"
+        case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
+            return f"{details['msg'].replace('Input should', 'must')}, got {value}"
+        case "value_error":
+            return str(limits["error"])
+    wrong = WRONG_KIND.get(kind) or details["msg"][:1].lower() + details["msg"][1:]
+    what, semicolon, remedy = wrong.partition(";")
+    return f"{what}, got {value}{semicolon}{remedy}"
+
+
+def _known_keys(model: type[BaseModel], loc: Loc) -> list[str]:
+    """Return the keys allowed beside the last part of `loc`, found by walking the models' annotations."""
+    here = [model]
+    for part in loc[:-1]:
+        below = [m for parent in here if part in parent.model_fields for m in _models(parent, str(part))]
+        tagged = [m for m in here if "shape" in m.model_fields and part in get_args(m.model_fields["shape"].annotation)]
+        here = below or tagged or here
+    return list(dict.fromkeys(key for m in here for key in m.model_fields))
+
+
+def _models(parent: type[BaseModel], key: str) -> Iterator[type[BaseModel]]:
+    pending: list[Any] = [parent.model_fields[key].annotation]
+    while pending:
+        annotation = pending.pop()
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            yield annotation
+        pending.extend(get_args(annotation))

@@ -1,0 +1,149 @@
+"""The JSON documents of the contract: results to plain data, and back to redraw a stored result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from .errors import ConfigError
+from .plain import from_plain, mapping, member, to_plain
+from .result import FaultEstimate, IdentifyResult, Provenance
+
+__all__ = ["IDENTIFY_SCHEMA", "identify_document", "identify_from_document"]
+
+IDENTIFY_SCHEMA = 1
+GIVE = "give the result.json of bfi identify --out"
+PERIODIC = ("sine", "cosine")
+ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
+FAULT_KEYS = (
+    "shape",
+    "channel",
+    "onset_s",
+    "offset_s",
+    "slope",
+    "frequency_hz",
+    "phase_rad",
+    "phase_reference",
+    "time_constant_s",
+    "duration_s",
+    "file",
+)
+
+
+def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi identify --json`; numbers that are not finite are None.
+
+    `order_selection`, `residuals`, `truth` and `series` hold what the figures of the report are drawn from.
+    """
+    whole = to_plain(result)
+    truth = whole["truth"]
+    vaf_fault = None if truth is None else truth.pop("vaf_fault")
+    curve = {key: whole["model"].pop(key) for key in ORDER_KEYS}
+    return {
+        "kind": "identify",
+        "schema": IDENTIFY_SCHEMA,
+        "log": whole["log"],
+        "decision": whole["decision"],
+        "faults": [_fault_entry(estimate) for estimate in result.faults],
+        "candidates": whole["candidates"],
+        "model": whole["model"],
+        "vaf": {"output": whole["vaf_output"], "fault": vaf_fault},
+        "solver": whole["solver"],
+        "order_selection": curve,
+        "residuals": whole["residuals"],
+        "truth": truth,
+        "series": {key: whole[key] for key in ("time_s", "inputs", "input_units", "outputs")},
+        "notes": whole["notes"],
+        "provenance": to_plain(provenance),
+    }
+
+
+def _fault_entry(estimate: FaultEstimate) -> dict[str, Any]:
+    plain = to_plain(estimate)
+    fault = plain["fault"]
+    entry = {key: plain[key] for key in ("name", "magnitude", "unit", "sd", "ci95")}
+    entry["physical"] = {"value": plain["physical_value"], "unit": plain["physical_unit"]}
+    entry |= {key: fault[key] for key in FAULT_KEYS}
+    if fault["shape"] not in PERIODIC:
+        entry["phase_rad"] = entry["phase_reference"] = None
+    return entry
+
+
+def identify_from_document(document: object, *, where: str = "result") -> tuple[IdentifyResult, Provenance]:
+    """Return the result a document was made from: the inverse of `identify_document`.
+
+    Parameters
+    ----------
+    document : parsed JSON.
+    where : the file, for messages.
+
+    Raises
+    ------
+    ConfigError : it is no `identify` document, has another schema, or is damaged.
+    """
+    whole = _checked(document, where)
+    faults = from_plain(tuple[Any, ...], member(whole, "faults", where=where), where=f"{where}: faults")
+    flat = {
+        **whole,
+        **_mapping_at(whole, "series", where),
+        "faults": [_fault_from(entry, f"{where}: faults[{i}]") for i, entry in enumerate(faults)],
+        "model": {**_mapping_at(whole, "model", where), **_mapping_at(whole, "order_selection", where)},
+        "vaf_output": member(whole, "vaf.output", where=where),
+        "truth": _truth_from(whole, where),
+    }
+    result = from_plain(IdentifyResult, flat, where=where)
+    _check_lengths(result, where)
+    return result, from_plain(Provenance, member(whole, "provenance", where=where), where=f"{where}: provenance")
+
+
+def _checked(document: object, where: str) -> Mapping[str, Any]:
+    if not isinstance(document, Mapping) or "kind" not in document:
+        raise ConfigError(f"{where}: not a result of this program, it has no 'kind'; {GIVE}")
+    if document["kind"] != "identify":
+        raise ConfigError(f"{where}: kind is '{document['kind']}', not 'identify'; {GIVE}")
+    if document.get("schema") != IDENTIFY_SCHEMA:
+        raise ConfigError(
+            f"{where}: schema is {document.get('schema')}, this program reads {IDENTIFY_SCHEMA}; "
+            "run bfi identify again, or use the version that wrote the file"
+        )
+    return document
+
+
+def _mapping_at(document: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    return mapping(member(document, key, where=where), where=f"{where}: {key}")
+
+
+def _truth_from(document: Mapping[str, Any], where: str) -> dict[str, Any] | None:
+    if member(document, "truth", where=where) is None:
+        return None
+    return {**_mapping_at(document, "truth", where), "vaf_fault": member(document, "vaf.fault", where=where)}
+
+
+def _fault_from(entry: object, where: str) -> dict[str, Any]:
+    plain = mapping(entry, where=where)
+    fault = {key: plain[key] for key in FAULT_KEYS if plain.get(key) is not None}
+    return {
+        **plain,
+        "fault": {**fault, "name": member(plain, "name", where=where)},
+        "physical_value": member(plain, "physical.value", where=where),
+        "physical_unit": member(plain, "physical.unit", where=where),
+    }
+
+
+def _check_lengths(result: IdentifyResult, where: str) -> None:
+    n, n_orders = result.time_s.size, len(result.model.orders)
+    sizes = [(f"series.inputs.{name}", values.size, n) for name, values in result.inputs.items()]
+    for i, series in enumerate(result.outputs):
+        arrays = {field.name: getattr(series, field.name) for field in fields(series)}
+        signals = {key: values for key, values in arrays.items() if isinstance(values, np.ndarray)}
+        sizes += [(f"series.outputs[{i}].{key}", values.size, n) for key, values in signals.items()]
+    sizes += [(f"order_selection.{key}", len(getattr(result.model, key)), n_orders) for key in ORDER_KEYS]
+    sizes += [(f"residuals of {one.channel}", len(one.autocorrelation), len(one.lags)) for one in result.residuals]
+    for key, size, expected in sizes:
+        if size != expected:
+            raise ConfigError(f"{where}: {key}: {size} numbers instead of {expected}; write the file again")
+    if n < 2 or not result.outputs:
+        raise ConfigError(f"{where}: series: {n} samples of {len(result.outputs)} outputs; write the file again")

@@ -1,0 +1,131 @@
+"""Held samples (a slower sensor recorded at the log's rate) and the quantisation step of a signal.
+
+Repeated values alone say little: a control at rest and a coarsely quantised slow signal repeat too. A held sensor
+changes on a clock: nearly every tick brings a new value, the steps differ in size, and all changes share one phase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Hold", "find_hold", "find_quantum", "repeat_fraction"]
+
+FloatArray = NDArray[np.float64]
+
+FEWEST_CHANGES = 10
+FEWEST_VALUES = 8
+QUIET_PERIODS = 20.0
+LEAST_COVERAGE = 0.5
+LEAST_COHERENCE = 0.8
+MOST_UNIT_STEPS = 0.9
+ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hold:
+    """A value is renewed at position `phase + m * period`, both in samples of the log's own rate."""
+
+    period: float
+    phase: float
+
+
+def repeat_fraction(x: FloatArray) -> float:
+    """Return the fraction of samples that repeat the one before."""
+    return float(np.mean(x[1:] == x[:-1])) if x.size > 1 else 0.0
+
+
+def find_hold(x: FloatArray, position: FloatArray) -> Hold | None:
+    """Return the clock of a held signal, None where it is not held.
+
+    Parameters
+    ----------
+    x : (n_samples,) values.
+    position : (n_samples,) time in samples, (t - t[0]) * rate.
+    """
+    change = np.flatnonzero(x[1:] != x[:-1]) + 1
+    if change.size < FEWEST_CHANGES or 3 * change.size > 2 * x.size:
+        return None
+    at = position[change]
+    if not _is_varied(x[change], np.diff(x)[change - 1]):
+        return None
+    period = _period(at)
+    return _fit_clock(at, period) if period is not None and _covers(at, period) else None
+
+
+def _period(at: FloatArray) -> float | None:
+    """Refine the short intervals between changes to the period with the most coherent phase."""
+    rough = float(np.quantile(np.diff(at), 0.1))
+    if rough < 1.5:
+        return None
+    ticks = np.bincount(np.round(at).astype(np.intp))
+    padded = 4 << int(ticks.size).bit_length()
+    low, high = int(0.75 / rough * padded), min(int(1.35 / rough * padded), padded // 2)
+    coherence = np.abs(np.fft.rfft(ticks, padded)[low : high + 1]) / at.size
+    best = int(np.argmax(coherence))
+    return padded / (low + best) if coherence[best] >= LEAST_COHERENCE else None
+
+
+def _covers(at: FloatArray, period: float) -> bool:
+    interval = np.diff(at)
+    active = interval[interval <= QUIET_PERIODS * period]
+    return bool(active.size >= FEWEST_CHANGES - 1 and active.size * period >= LEAST_COVERAGE * active.sum())
+
+
+def _is_varied(values: FloatArray, steps: FloatArray) -> bool:
+    """Say whether values and steps differ as a sensor's do, unlike steps of a control or single quanta."""
+    size = np.abs(steps)
+    smallest = float(np.quantile(size, 0.05))
+    single = np.mean(np.abs(size - smallest) <= 0.01 * smallest + ROUNDING * float(np.max(np.abs(values))))
+    return np.unique(values).size >= FEWEST_VALUES and bool(single < MOST_UNIT_STEPS)
+
+
+def _fit_clock(at: FloatArray, period: float) -> Hold:
+    phase = float(np.angle(np.mean(np.exp(2j * np.pi * at / period)))) / (2.0 * np.pi) * period
+    tick = np.round((at - phase) / period)
+    slope, start = np.polyfit(tick, at, 1) if np.ptp(tick) > 0 else (period, phase)
+    phase = float(start % slope)
+    return Hold(period=float(slope), phase=0.0 if slope - phase < 1e-6 * slope else phase)
+
+
+def find_quantum(x: FloatArray) -> float | None:
+    """Return the step of which all differences of the signal are multiples, None where there is none.
+
+    A step below float32 rounding, or of a signal with fewer than four levels, is none; up to 1 % of the levels may
+    lie off the grid (interpolated samples).
+
+    Parameters
+    ----------
+    x : (n_samples,) finite values.
+    """
+    tolerance = ROUNDING * float(np.max(np.abs(x), initial=0.0))
+    levels = np.unique(x)
+    keep = np.concatenate([[True], np.diff(levels) > tolerance]) if levels.size else np.ones(0, dtype=bool)
+    levels = levels[keep]
+    if levels.size < 4:
+        return None
+    step = _common_divisor(np.diff(levels), tolerance)
+    return None if step is None else _refined(levels, step, tolerance)
+
+
+def _common_divisor(steps: FloatArray, tolerance: float) -> float | None:
+    """Euclid's algorithm on noisy numbers: replace the divisor by the smallest remainder until none is left."""
+    divisor = float(np.quantile(steps, 0.01))
+    while divisor > 8.0 * tolerance:
+        remainder = np.abs(steps - divisor * np.round(steps / divisor))
+        left = remainder > np.maximum(2.0 * tolerance, 0.02 * divisor)
+        if np.mean(left) <= 0.01:
+            return divisor
+        divisor = float(np.quantile(remainder[left], 0.01))
+    return None
+
+
+def _refined(levels: FloatArray, step: float, tolerance: float) -> float | None:
+    """Fit the step over all levels and check that they lie on its grid."""
+    count = np.concatenate([[0.0], np.cumsum(np.round(np.diff(levels) / step))])
+    fitted = float(np.polyfit(count, levels, 1)[0])
+    offset = (levels - levels[0]) / fitted
+    off_grid = np.abs(offset - np.round(offset)) * fitted > np.maximum(4.0 * tolerance, 0.1 * fitted)
+    return fitted if np.mean(off_grid) <= 0.01 else None

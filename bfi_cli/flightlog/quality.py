@@ -1,0 +1,161 @@
+"""What a log is good for: rate, gaps, NaN, held samples, quantisation, excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..channels import INPUTS
+from ..errors import LogError
+from .excitation import Excitation, Window, excitation, suggest_windows
+from .holds import Hold, find_hold, find_quantum, repeat_fraction
+from .record import Channel, FlightLog, FloatArray, Segment
+from .timing import gap_starts, is_uniform, position, time_jitter, uneven_step
+
+__all__ = ["ChannelReport", "LogReport", "hold_of", "inspect_log", "require_usable"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelReport:
+    """One channel.
+
+    Attributes
+    ----------
+    n_nan : samples that are NaN or infinite.
+    held_fraction : fraction of samples that repeat the one before, 0 where the channel is not held.
+    hold_period_s : time between two values of a held channel, None where it is not held.
+    quantum : quantisation step in `unit`, None where there is none.
+    min, max : over the finite samples, None where there are none.
+    """
+
+    name: str
+    unit: str
+    source: str
+    n_nan: int
+    held_fraction: float
+    hold_period_s: float | None
+    quantum: float | None
+    min: float | None
+    max: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogReport:
+    """A log as `bfi info` shows it.
+
+    Attributes
+    ----------
+    jitter : largest deviation of a time step from the median, relative to it, gaps left out.
+    gaps : (start_s, stop_s), the last sample before and the first after each gap.
+    """
+
+    path: str
+    n_samples: int
+    start_s: float
+    stop_s: float
+    rate_hz: float
+    uniform: bool
+    jitter: float
+    gaps: tuple[tuple[float, float], ...]
+    channels: tuple[ChannelReport, ...]
+    excitation: tuple[Excitation, ...]
+    windows: tuple[Window, ...]
+    segments: tuple[Segment, ...]
+    notes: tuple[str, ...]
+
+
+def inspect_log(log: FlightLog) -> LogReport:
+    """Return what there is to know about a log before it is analysed."""
+    at = gap_starts(log.time_s)
+    gaps = tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in at)
+    inputs = [name for name in INPUTS if name in log.channels]
+    return LogReport(
+        path=log.path,
+        n_samples=log.n_samples,
+        start_s=float(log.time_s[0]),
+        stop_s=float(log.time_s[-1]),
+        rate_hz=float(f"{log.rate_hz:.9g}"),
+        uniform=is_uniform(log.time_s),
+        jitter=time_jitter(log.time_s),
+        gaps=gaps,
+        channels=tuple(_channel_report(log, channel) for channel in log.channels.values()),
+        excitation=tuple(excitation(log, name) for name in inputs),
+        windows=suggest_windows(log, inputs, gaps),
+        segments=log.segments,
+        notes=log.notes,
+    )
+
+
+def _channel_report(log: FlightLog, channel: Channel) -> ChannelReport:
+    finite = channel.values[np.isfinite(channel.values)]
+    hold = hold_of(log, channel.values)
+    return ChannelReport(
+        name=channel.name,
+        unit=channel.unit,
+        source=channel.source,
+        n_nan=channel.values.size - finite.size,
+        held_fraction=0.0 if hold is None else repeat_fraction(finite),
+        hold_period_s=None if hold is None else hold.period / log.rate_hz,
+        quantum=find_quantum(finite),
+        min=float(finite.min()) if finite.size else None,
+        max=float(finite.max()) if finite.size else None,
+    )
+
+
+def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
+    """Return the clock of a held signal (n_samples,) of the log, NaN left out; None where it is not held."""
+    finite = np.isfinite(values)
+    return find_hold(values[finite], position(log.time_s)[finite])
+
+
+def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = False) -> None:
+    """Check that the channels can be analysed.
+
+    Parameters
+    ----------
+    names : standard names, or names in the file.
+    resampling : the log is resampled afterwards, so an uneven time step and held samples do not matter.
+
+    Raises
+    ------
+    LogError : a channel is missing, holds NaN, repeats its values, or the time step is not uniform.
+    """
+    channels = [log.channel(name) for name in names]
+    for channel in channels:
+        _require_finite(log, channel)
+    if resampling:
+        return
+    _require_uniform(log)
+    for channel in channels:
+        _require_renewed(log, channel)
+
+
+def _require_finite(log: FlightLog, channel: Channel) -> None:
+    bad = np.flatnonzero(~np.isfinite(channel.values))
+    if bad.size:
+        raise LogError(
+            f"{log.path}: '{channel.name}' is not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), "
+            f"{bad.size} of {log.n_samples} samples in all; choose a window without them with --from/--to"
+        )
+
+
+def _require_uniform(log: FlightLog) -> None:
+    k = uneven_step(log.time_s)
+    if k is not None:
+        step = float(log.time_s[k] - log.time_s[k - 1])
+        raise LogError(
+            f"{log.path}: time step is not uniform: {step:.4g} s at sample {k}, {1.0 / log.rate_hz:.4g} s elsewhere; "
+            "give --rate to resample, or cut the window with --from/--to"
+        )
+
+
+def _require_renewed(log: FlightLog, channel: Channel) -> None:
+    hold = hold_of(log, channel.values)
+    if hold is not None:
+        rate = f"{log.rate_hz / hold.period:.3g}"
+        raise LogError(
+            f"{log.path}: '{channel.name}' repeats its value {100.0 * repeat_fraction(channel.values):.0f} % of the "
+            f"time (held samples, about {rate} Hz); give --rate {rate} to decimate"
+        )

@@ -1,0 +1,85 @@
+"""Read a flight log of any supported format into standard channels and SI units."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..errors import LogError
+from .assembly import assemble
+from .raw import RawLog
+from .record import FlightLog
+
+__all__ = ["read_log"]
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
+FOREIGN = {b"ULog\x01\x12\x35": "a PX4 ULog", b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
+
+
+def read_log(
+    path: str | Path,
+    *,
+    group: str | None = None,
+    channel_map: Mapping[str, str] | None = None,
+    unit_map: Mapping[str, str] | None = None,
+) -> FlightLog:
+    """Read a flight log; the format is told by the content of the file.
+
+    Parameters
+    ----------
+    path : HDF5, CSV, MATLAB v5 or v7.3.
+    group : HDF5 group or MATLAB struct that holds the channels; found by itself where there is just one.
+    channel_map : standard name -> name in the file, for names that are not known.
+    unit_map : name in the file, or standard name -> its unit, for channels that state none or a wrong one.
+
+    Returns
+    -------
+    FlightLog : channels under standard names where known, in SI units and radians, read-only; `notes` says what the
+        reader decided.
+
+    Raises
+    ------
+    LogError : the file cannot be read, or has no usable time axis, or channels of different length.
+    """
+    name = str(path)
+    sha256 = _digest(name)
+    raw = _read(name, group)
+    return assemble(raw, path=name, sha256=sha256, channel_map=channel_map or {}, unit_map=unit_map or {})
+
+
+def _digest(path: str) -> str:
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except IsADirectoryError:
+        raise LogError(f"{path}: is a directory; give a log file in it") from None
+    except FileNotFoundError:
+        raise LogError(f"{path}: no such file; give the path of a log") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise LogError(f"{path!r}: cannot be read, {reason.lower()}; give the path of a log") from None
+
+
+def _read(path: str, group: str | None) -> RawLog:
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    if not head:
+        raise LogError(f"{path}: the file is empty; copy or export it again")
+    if any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)):
+        from .hdf5 import read_hdf5
+
+        return read_hdf5(path, group=group)
+    if head.startswith(MATLAB):
+        from .matlab import read_matlab
+
+        return read_matlab(path, group=group)
+    for magic, kind in FOREIGN.items():
+        if head.startswith(magic):
+            raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
+    if b"\0" in head:
+        raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
+    from .text import read_csv
+
+    return read_csv(path)

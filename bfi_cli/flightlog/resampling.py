@@ -1,0 +1,206 @@
+"""A log at another rate: onto a uniform grid, through the low-pass filter, decimated, every channel alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import LogError
+from .holds import Hold
+from .quality import hold_of
+from .record import FlightLog, FloatArray, frozen_array
+from .timing import is_uniform
+
+__all__ = ["resample"]
+
+LONGEST_BRIDGE = 4.5
+SAME_RATE = 1e-3
+UNEVEN_RATE = 0.05
+MARGIN_PERIODS = 12.0
+LARGEST_DENOMINATOR = 1000
+SINC_LOBES = 10
+CUTOFF = 0.8
+
+
+def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_s: float | None = None) -> FlightLog:
+    """Return the log at another rate, each channel and each clean signal through the same linear-phase low-pass.
+
+    An uneven time axis is first interpolated onto a uniform grid, a held channel between its own values. The samples
+    at the edges that lack full filter support are dropped, so give the window here rather than cut it before. Where a
+    channel is NaN in the support of the filter, the result is NaN.
+
+    Parameters
+    ----------
+    rate_hz : the new rate, at most the log's own; samples are then 1/rate_hz apart within the clock's error (0.1 %).
+    from_s, to_s : window on the log's time axis, of which the samples outside are used by the filter only.
+
+    Raises
+    ------
+    LogError : a gap of more than a few samples, a rate that is not positive or above the log's, too few samples.
+    """
+    _check_rate(log, rate_hz)
+    margin = MARGIN_PERIODS / rate_hz
+    part = log.window(None if from_s is None else from_s - margin, None if to_s is None else to_s + margin)
+    holds = _holds(part, log)
+    if not holds and is_uniform(part.time_s) and abs(part.rate_hz / rate_hz - 1.0) < SAME_RATE:
+        return part.window(from_s, to_s)
+    grid = _grid(part, rate_hz)
+    grid = grid[grid <= _last_renewal(part, holds)]
+    try:
+        resampled = _through_filter(part, grid, rate_hz, holds=holds)
+    except ValueError as error:
+        raise LogError(f"{log.path}: {error}; give a higher --rate or a longer window") from None
+    return resampled.window(from_s, to_s)
+
+
+def _check_rate(log: FlightLog, rate_hz: float) -> None:
+    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+        raise LogError(f"{log.path}: the rate must be positive, got {rate_hz:g} Hz; give another --rate")
+    tolerance = SAME_RATE if is_uniform(log.time_s) else UNEVEN_RATE
+    if rate_hz > log.rate_hz * (1.0 + tolerance):
+        raise LogError(
+            f"{log.path}: recorded at {log.rate_hz:.4g} Hz, it cannot be resampled to {rate_hz:g} Hz; "
+            f"give --rate {log.rate_hz:.4g} or less"
+        )
+
+
+def _holds(part: FlightLog, log: FlightLog) -> dict[str, Hold]:
+    """Return the clocks of the held channels of a part of a log; a part too short to show one has the whole log's."""
+    samples_before = (part.time_s[0] - log.time_s[0]) * log.rate_hz
+    holds = {}
+    for name, channel in part.channels.items():
+        hold = hold_of(part, channel.values)
+        if hold is None and (whole := hold_of(log, log.channels[name].values)) is not None:
+            hold = replace(whole, phase=(whole.phase - samples_before) % whole.period)
+        if hold is not None:
+            holds[name] = hold
+    return holds
+
+
+def _grid(log: FlightLog, rate_hz: float) -> FloatArray:
+    """Return the log's own time axis if it is uniform, else a uniform one at a multiple of the new rate."""
+    span = float(log.time_s[-1] - log.time_s[0])
+    if is_uniform(log.time_s):
+        return np.asarray(log.time_s[0] + np.linspace(0.0, span, log.n_samples))
+    step = np.diff(log.time_s)
+    k = int(np.argmax(step))
+    if step[k] > LONGEST_BRIDGE * np.median(step):
+        raise LogError(
+            f"{log.path}: gap of {step[k]:.4g} s from {log.time_s[k]:.6g} s to {log.time_s[k + 1]:.6g} s; "
+            "choose a window beside it with --from/--to"
+        )
+    fine = rate_hz * math.ceil(log.rate_hz / rate_hz - SAME_RATE)
+    return np.asarray(log.time_s[0] + np.arange(math.floor(span * fine * (1.0 + 1e-12)) + 1) / fine)
+
+
+def _last_renewal(log: FlightLog, holds: Mapping[str, Hold]) -> float:
+    """Return the time up to which every held channel can be interpolated."""
+    ends = [_renewals(log, hold)[-1] for hold in holds.values()]
+    return float(min([log.time_s[-1], *ends])) + 1e-9
+
+
+def _renewals(log: FlightLog, hold: Hold) -> FloatArray:
+    """Return the times at which the channel got a new value, the first at or before the log's start."""
+    step = 1.0 / log.rate_hz
+    first = hold.phase - hold.period * math.ceil(hold.phase / hold.period)
+    count = math.floor(((log.time_s[-1] - log.time_s[0]) / step - first) / hold.period) + 1
+    return np.asarray(log.time_s[0] + step * (first + hold.period * np.arange(count)))
+
+
+def _through_filter(log: FlightLog, grid: FloatArray, rate_hz: float, *, holds: Mapping[str, Hold]) -> FlightLog:
+    step = float(np.mean(np.diff(grid))) if grid.size > 1 else 1.0 / log.rate_hz
+    lowpass = _lowpass(1.0 / (step * rate_hz))
+
+    def new(name: str, values: FloatArray) -> FloatArray:
+        bad = ~np.isfinite(values)
+        on_grid = _on_grid(log, _bridged(log.time_s, values), grid, hold=holds.get(name))
+        filtered = lowpass.apply(on_grid)
+        if bad.any():
+            touched = np.interp(grid, log.time_s, bad.astype(np.float64)) > 0.0
+            filtered[lowpass.spread(touched, filtered.size)] = np.nan
+        return frozen_array(filtered)
+
+    channels = {name: replace(c, values=new(name, c.values)) for name, c in log.channels.items()}
+    truth = log.truth
+    if truth is not None:
+        truth = replace(truth, clean={name: new(name, values) for name, values in truth.clean.items()})
+    n = lowpass.apply(np.zeros(grid.size)).size
+    time_s = frozen_array(grid[0] + step * (lowpass.lead + lowpass.stride * np.arange(n)))
+    return replace(log, time_s=time_s, channels=channels, truth=truth, notes=(*log.notes, *_notes(log, rate_hz, holds)))
+
+
+def _notes(log: FlightLog, rate_hz: float, holds: Mapping[str, Hold]) -> list[str]:
+    slow = {name: log.rate_hz / hold.period for name, hold in holds.items()}
+    return [
+        f"'{name}' is renewed at {rate:.3g} Hz only; at {rate_hz:g} Hz the values between are interpolated"
+        for name, rate in slow.items()
+        if rate < rate_hz * (1.0 - SAME_RATE)
+    ]
+
+
+def _bridged(time_s: FloatArray, values: FloatArray) -> FloatArray:
+    good = np.isfinite(values)
+    if good.all() or not good.any():
+        return np.nan_to_num(values, posinf=0.0, neginf=0.0) if not good.any() else values
+    return np.where(good, values, np.interp(time_s, time_s[good], values[good]))
+
+
+def _on_grid(log: FlightLog, values: FloatArray, grid: FloatArray, *, hold: Hold | None) -> FloatArray:
+    if hold is None and is_uniform(log.time_s):
+        return values[: grid.size]
+    from scipy.interpolate import CubicSpline
+
+    if hold is None:
+        return np.asarray(CubicSpline(log.time_s, values)(grid))
+    renewed = _renewals(log, hold)
+    middle = renewed + 0.5 * (hold.period - 1.0) / log.rate_hz
+    nearest = np.searchsorted(log.time_s, middle - 0.5 / log.rate_hz).clip(max=log.n_samples - 1)
+    return np.asarray(CubicSpline(renewed, values[nearest])(grid))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lowpass:
+    """A filter whose output row i stands at input row `lead + i * stride` and uses `lead` rows to either side."""
+
+    apply: Callable[[FloatArray], FloatArray]
+    lead: float
+    stride: float
+
+    def spread(self, bad: NDArray[np.bool_], n: int) -> NDArray[np.bool_]:
+        """Return (n,) which output rows a bad input row reaches."""
+        count = np.concatenate([[0], np.cumsum(bad)])
+        centre = self.lead + self.stride * np.arange(n)
+        first = np.floor(centre - self.lead).astype(np.intp).clip(0, bad.size)
+        stop = (np.ceil(centre + self.lead).astype(np.intp) + 1).clip(0, bad.size)
+        return np.asarray(count[stop] > count[first])
+
+
+def _lowpass(ratio: float) -> _Lowpass:
+    """Return the filter and decimation by `ratio`, the old rate over the new one."""
+    from ..kernels.decimation import decimate, lost_samples
+
+    factor = round(ratio)
+    if abs(ratio - factor) <= SAME_RATE * ratio:
+        return _Lowpass(apply=lambda x: decimate(x, factor), lead=lost_samples(factor)[0], stride=factor)
+    part = Fraction(1.0 / ratio).limit_denominator(LARGEST_DENOMINATOR)
+    up, down = part.numerator, part.denominator
+    return _Lowpass(apply=lambda x: _polyphase(x, up, down), lead=SINC_LOBES * down / up, stride=down / up)
+
+
+def _polyphase(x: FloatArray, up: int, down: int) -> FloatArray:
+    """Resample by up/down < 1 with a windowed sinc, dropping the rows without full support."""
+    from scipy import signal
+
+    half = SINC_LOBES * down
+    last = (x.size - 1) * up // down
+    if last < 2 * SINC_LOBES:
+        raise ValueError(f"{x.size} samples are fewer than the filter of the resampling by {up}/{down} needs")
+    taps = signal.firwin(2 * half + 1, CUTOFF / down, window=("kaiser", 8.0))
+    for phase in range(up):  # each must pass a constant unchanged: an airspeed is a large one
+        taps[phase::up] /= taps[phase::up].sum()
+    return np.asarray(signal.upfirdn(taps, x, up, down)[2 * SINC_LOBES : last + 1])

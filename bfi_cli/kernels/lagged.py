@@ -1,0 +1,279 @@
+"""Lagged regression, compressed: one triangular factor stands for a record of any length (METHOD section 2).
+
+The columns are ``[1 | u lags | theta lags 1..s | y lags 1..s | theta(k) | y(k)]``, rows k = s .. n_samples - 1. Their
+triangular factor R carries every inner product between columns, so any least squares over any subset of them, for any
+order up to s, any support and any magnitudes, is a least squares over R. Householder QR does not care how columns are
+scaled, so R is in the caller's units. The constant and the inputs come first: the trailing block of R is the rest with
+these projected out. Faults enter outputs after theta, so adding a fault leaves R triangular.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+__all__ = ["Columns", "Compressed", "compress", "lagged", "restrict", "with_fault"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+PANEL = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """Where each block of the stacked lagged matrix lies; within a block columns are lag-major.
+
+    Attributes
+    ----------
+    order : the largest lag s.
+    n_inputs, n_outputs, n_atoms : widths of u, y and the dictionary.
+    signals : (output, atom) of each theta column of one lag; a pair whose signal is zero everywhere has no column.
+    feedthrough : the input lags start at 0 instead of 1.
+    constant : the first column is ones.
+    """
+
+    order: int
+    n_inputs: int
+    n_outputs: int
+    n_atoms: int
+    signals: tuple[tuple[int, int], ...]
+    feedthrough: bool
+    constant: bool
+
+    @property
+    def input_lags(self) -> range:
+        """The lags of u, from 0 with feedthrough, else from 1."""
+        return range(0 if self.feedthrough else 1, self.order + 1)
+
+    @property
+    def n_base(self) -> int:
+        """Number of columns of the constant and the inputs, which come first."""
+        return self.constant + len(self.input_lags) * self.n_inputs
+
+    @property
+    def ones(self) -> slice:
+        """The constant's column; empty without one."""
+        return slice(0, int(self.constant))
+
+    @property
+    def inputs(self) -> slice:
+        """The lagged inputs."""
+        return slice(int(self.constant), self.n_base)
+
+    @property
+    def theta_lags(self) -> slice:
+        """The dictionary signals at lags 1..s."""
+        return slice(self.n_base, self.n_base + self.order * len(self.signals))
+
+    @property
+    def y_lags(self) -> slice:
+        """The outputs at lags 1..s."""
+        return slice(self.theta_lags.stop, self.theta_lags.stop + self.order * self.n_outputs)
+
+    @property
+    def theta(self) -> slice:
+        """The dictionary signals at lag 0."""
+        return slice(self.y_lags.stop, self.y_lags.stop + len(self.signals))
+
+    @property
+    def y(self) -> slice:
+        """The outputs at lag 0: the last columns."""
+        return slice(self.theta.stop, self.theta.stop + self.n_outputs)
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return int(self.y.stop)
+
+    def base_to(self, order: int) -> IntArray:
+        """Return the indices of the constant and of the inputs up to lag `order`."""
+        lags = len(self.input_lags) - self.order + self._checked(order)
+        return np.arange(self.constant + lags * self.n_inputs)
+
+    def theta_lags_to(self, order: int) -> IntArray:
+        """Return the indices of the dictionary signals at lags 1..order."""
+        return np.arange(self._checked(order) * len(self.signals)) + int(self.theta_lags.start)
+
+    def y_lags_to(self, order: int) -> IntArray:
+        """Return the indices of the outputs at lags 1..order."""
+        return np.arange(self._checked(order) * self.n_outputs) + int(self.y_lags.start)
+
+    def _checked(self, order: int) -> int:
+        if not 1 <= order <= self.order:
+            raise ValueError(f"order must lie in 1..{self.order}, got {order}")
+        return order
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Compressed:
+    """The triangular factor of the stacked lagged matrix.
+
+    Attributes
+    ----------
+    R : (n_cols, n_cols) upper triangular, or (n_rows, n_cols) when there are fewer rows; read-only.
+    columns : where the blocks lie.
+    n_rows : rows of the matrix that R stands for.
+    scales : (n_cols,) norm of each column, 1 for a column that is zero beside the largest.
+    """
+
+    R: FloatArray
+    columns: Columns
+    n_rows: int
+    scales: FloatArray
+
+
+def lagged(x: FloatArray, lags: Sequence[int], *, first: int | None = None) -> FloatArray:
+    """Return the lagged copies of `x` side by side: all channels at lags[0], then at lags[1], ...
+
+    Parameters
+    ----------
+    x : (n_samples, n_channels).
+    lags : non-negative.
+    first : sample of the first row, at least the largest lag (the default); several orders share rows through it.
+
+    Returns
+    -------
+    (n_samples - first, len(lags) * n_channels), column-major.
+    """
+    longest = max(lags, default=0)
+    first = longest if first is None else first
+    if min(lags, default=0) < 0 or first < longest:
+        raise ValueError(f"lags must lie in 0..first = {first}, got {min(lags)}..{longest}")
+    x = np.asarray(x, dtype=np.float64)
+    rows = np.empty((len(lags) * x.shape[1], max(x.shape[0] - first, 0)))
+    _fill(rows, x, lags)
+    return rows.T
+
+
+def compress(
+    u: FloatArray,
+    y: FloatArray,
+    theta: FloatArray,
+    *,
+    order: int,
+    feedthrough: bool = False,
+    constant: bool = True,
+    block_rows: int = 1024,
+) -> Compressed:
+    """Return the triangular factor of the stacked lagged matrix, accumulated block by block.
+
+    Working memory is one block and the factor, whatever the record's length. Centring and scaling are the caller's.
+
+    Parameters
+    ----------
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms).
+    order : largest lag s, at least 1.
+    feedthrough : inputs act in the same sample too.
+    constant : include a column of ones.
+    block_rows : lagged rows formed at a time.
+
+    Raises
+    ------
+    ValueError : shapes disagree, no row remains, or a value is not finite.
+    """
+    u, y, theta = (np.asarray(x, dtype=np.float64) for x in (u, y, theta))
+    _check(u, y, theta, order)
+    signals = tuple((int(i), int(j)) for i, j in np.argwhere(np.any(theta, axis=0)))
+    columns = Columns(
+        order=order,
+        n_inputs=u.shape[1],
+        n_outputs=y.shape[1],
+        n_atoms=theta.shape[2],
+        signals=signals,
+        feedthrough=feedthrough,
+        constant=constant,
+    )
+    picked = np.array([i * columns.n_atoms + j for i, j in signals], dtype=np.intp)
+    R = np.zeros((columns.size, columns.size), order="F")
+    block = np.empty((columns.size, max(1, min(block_rows, len(y) - order))))
+    for start in range(order, len(y), block.shape[1]):
+        rows = slice(start - order, start + block.shape[1])
+        atoms = theta[rows].reshape(len(y[rows]), -1)[:, picked]
+        _fill_block(block, columns, (u[rows], y[rows], atoms))
+        R = lapack.dtpqrt(0, min(PANEL, columns.size), R, block.T, overwrite_a=True, overwrite_b=True)[0]
+    return _compressed(R[: len(y) - order], columns, len(y) - order)
+
+
+def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int] | None = None) -> Compressed:
+    """Return the factor of a lower order, or of some of the atoms, over the same rows.
+
+    Parameters
+    ----------
+    data : from `compress`.
+    order : at most the order of `data`; None keeps it.
+    atoms : indices of the atoms to keep, in the order of the result; None keeps all.
+    """
+    whole = data.columns
+    order = whole.order if order is None else order
+    atoms = range(whole.n_atoms) if atoms is None else atoms
+    place = {atom: n for n, atom in enumerate(atoms)}
+    pairs = sorted((output, place[j], n) for n, (output, j) in enumerate(whole.signals) if j in place)
+    kept = [n for _, _, n in pairs]
+    signals = tuple((output, atom) for output, atom, _ in pairs)
+    columns = replace(whole, order=order, n_atoms=len(atoms), signals=signals)
+    lags = whole.theta_lags_to(order).reshape(order, -1)[:, kept].ravel()
+    now = whole.theta.start + np.array(kept, dtype=np.intp)
+    outputs = np.arange(whole.y.start, whole.y.stop)
+    index = np.concatenate([whole.base_to(order), lags, whole.y_lags_to(order), now, outputs])
+    R: FloatArray = np.asarray(np.linalg.qr(data.R[:, index], mode="r"))
+    return _compressed(R, columns, data.n_rows)
+
+
+def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
+    """Return the factor of the same record with the fault ``theta @ magnitudes`` added to its outputs.
+
+    No factorisation is needed: an output's columns are after those of the signals that are added to it.
+    """
+    columns, R = data.columns, data.R.copy(order="F")
+    add = np.zeros((len(columns.signals), columns.n_outputs))
+    for n, (output, atom) in enumerate(columns.signals):
+        add[n, output] = magnitudes[atom]
+    lags = data.R[:, columns.theta_lags].reshape(len(R), columns.order, -1)
+    R[:, columns.y_lags] += (lags @ add).reshape(len(R), -1)
+    R[:, columns.y] += data.R[:, columns.theta] @ add
+    return _compressed(R, columns, data.n_rows)
+
+
+def _check(u: FloatArray, y: FloatArray, theta: FloatArray, order: int) -> None:
+    if u.ndim != 2 or y.ndim != 2 or theta.ndim != 3:
+        raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {u.ndim}, {y.ndim}, {theta.ndim}")
+    if len(u) != len(y) or theta.shape[:2] != y.shape:
+        raise ValueError(f"shapes disagree: u {u.shape}, y {y.shape}, theta {theta.shape}")
+    if not 1 <= order < len(y):
+        raise ValueError(f"order must lie in 1..{len(y) - 1} for {len(y)} samples, got {order}")
+
+
+def _fill_block(block: FloatArray, columns: Columns, parts: tuple[FloatArray, FloatArray, FloatArray]) -> None:
+    u, y, theta = parts
+    rows = len(y) - columns.order
+    block[:, rows:] = 0.0
+    block = block[:, :rows]
+    block[columns.ones] = 1.0
+    past = range(1, columns.order + 1)
+    _fill(block[columns.inputs], u, columns.input_lags)
+    _fill(block[columns.theta_lags], theta, past)
+    _fill(block[columns.y_lags], y, past)
+    _fill(block[columns.theta], theta, range(1))
+    _fill(block[columns.y], y, range(1))
+
+
+def _fill(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:
+    channels, n, width = np.ascontiguousarray(x.T), rows.shape[1], x.shape[1]
+    for j, lag in enumerate(lags):
+        start = len(x) - n - lag
+        rows[j * width : (j + 1) * width] = channels[:, start : start + n]
+
+
+def _compressed(R: FloatArray, columns: Columns, n_rows: int) -> Compressed:
+    if not np.isfinite(R).all():
+        raise ValueError("u, y and theta must be finite, got NaN or infinite values; repair or cut them first")
+    norms = np.linalg.norm(R, axis=0)
+    scales = np.where(norms > np.finfo(float).eps * norms.max(), norms, 1.0)
+    for array in (R, scales):
+        array.setflags(write=False)
+    return Compressed(R=R, columns=columns, n_rows=n_rows, scales=scales)

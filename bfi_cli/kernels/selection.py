@@ -1,0 +1,176 @@
+"""Support and order chosen together by an extended Bayesian information criterion (METHOD section 3).
+
+Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on the scale of twice the log Bayes factor
+(Kass and Raftery 1995: 6 is strong evidence).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bilinear import Bilinear, Fit, fit_magnitudes, relaxed
+
+__all__ = ["Penalty", "Scored", "Search", "search_order"]
+
+BACKWARD_LIMIT = 24
+PATIENCE = 2
+MARGIN = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Penalty:
+    """What a fit must pay.
+
+    Attributes
+    ----------
+    n_rows : rows the likelihood sums over.
+    n_effective : independent ones among them, at most n_rows.
+    n_candidates : atoms to choose from.
+    evidence : fall of the criterion an atom must bring on top of its dimension.
+    extended : charge 2 log n_candidates per atom.
+    """
+
+    n_rows: int
+    n_effective: float
+    n_candidates: int
+    evidence: float
+    extended: bool = True
+
+    @property
+    def per_parameter(self) -> float:
+        return float(np.log(self.n_effective))
+
+    @property
+    def per_atom(self) -> float:
+        """On top of `per_parameter`."""
+        return self.evidence + (2.0 * float(np.log(max(self.n_candidates, 1))) if self.extended else 0.0)
+
+    def criterion(self, fit: Fit) -> float:
+        """Return the criterion of a fit; smaller is better."""
+        cost = fit.n_parameters * self.per_parameter + len(fit.atoms) * self.per_atom
+        return self.n_effective * fit.log_det + cost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scored:
+    """A fit and its criterion."""
+
+    criterion: float
+    fit: Fit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """Every support visited at one order, the best visit of each."""
+
+    order: int
+    visited: tuple[Scored, ...]
+
+    @property
+    def best(self) -> Scored:
+        return min(self.visited, key=lambda scored: scored.criterion)
+
+    def of(self, atoms: Iterable[int]) -> Scored | None:
+        """Return the visit of a support, None where it was not visited."""
+        wanted = tuple(sorted(atoms))
+        return next((scored for scored in self.visited if scored.fit.atoms == wanted), None)
+
+
+def search_order(
+    problem: Bilinear, candidates: Sequence[int], penalty: Penalty, *, max_active: int | None = None
+) -> Search:
+    """Search supports at one order: forward from none, backward from all (of a small dictionary) and from the best.
+
+    Parameters
+    ----------
+    problem : of one order.
+    candidates : live atoms.
+    penalty : the criterion.
+    max_active : largest support; None for all candidates.
+    """
+    visits = _Visits(problem, penalty)
+    room = _room(problem, penalty.n_rows)
+    limit = min(len(candidates) if max_active is None else max_active, len(candidates), room)
+    forward = _forward(visits, candidates, limit)
+    if limit == len(candidates) <= BACKWARD_LIMIT:
+        _backward(visits, visits.full(tuple(candidates)))
+    _backward(visits, forward)
+    return Search(order=problem.order, visited=tuple(visits.scored.values()))
+
+
+def _room(problem: Bilinear, n_rows: int) -> int:
+    """How many magnitudes the rows leave room for beside the predictor."""
+    return max(0, n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
+
+
+class _Visits:
+    """Fits of one order, each support's best remembered."""
+
+    def __init__(self, problem: Bilinear, penalty: Penalty) -> None:
+        self.problem = problem
+        self.penalty = penalty
+        self.scored: dict[tuple[int, ...], Scored] = {}
+
+    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float]]) -> Scored:
+        """Fit a support (ascending) from several starts."""
+        for start in starts:
+            fit = fit_magnitudes(self.problem, atoms, np.asarray(start, dtype=np.float64))
+            known = self.scored.get(atoms)
+            if known is None or fit.log_det < known.fit.log_det:
+                self.scored[atoms] = Scored(criterion=self.penalty.criterion(fit), fit=fit)
+        return self.scored[atoms]
+
+    def add(self, base: Fit, atom: int, magnitude: float) -> Scored:
+        """Fit `base` with one more atom, from zero and from its relaxed magnitude."""
+        atoms = tuple(sorted((*base.atoms, atom)))
+        known = dict(zip(base.atoms, base.z, strict=True))
+        return self.visit(atoms, ([(known | {atom: m})[a] for a in atoms] for m in (0.0, magnitude)))
+
+    def drop(self, base: Fit, atom: int) -> Scored:
+        """Fit `base` without one of its atoms."""
+        kept = [j for j, a in enumerate(base.atoms) if a != atom]
+        return self.visit(tuple(base.atoms[j] for j in kept), [base.z[kept]])
+
+    def full(self, atoms: tuple[int, ...]) -> Scored:
+        """Fit all atoms at once, from zero and from the magnitudes of the relaxed problem."""
+        guess = [relaxed(self.problem, (), np.zeros(0), atom)[1] for atom in atoms]
+        return self.visit(atoms, [np.zeros(len(atoms)), guess])
+
+
+def _forward(visits: _Visits, candidates: Sequence[int], limit: int) -> Scored:
+    best = current = visits.visit((), [[]])
+    since = 0
+    while len(current.fit.atoms) < limit and since < PATIENCE:
+        current = _best_addition(visits, current.fit, candidates)
+        since = 0 if current.criterion < best.criterion else since + 1
+        best = min(best, current, key=lambda scored: scored.criterion)
+    return best
+
+
+def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> Scored:
+    """Return the best single addition; the relaxed fit bounds each from below, so most are never fitted."""
+    bounds = [
+        (*relaxed(visits.problem, base.atoms, base.z, atom), atom) for atom in candidates if atom not in base.atoms
+    ]
+    best: Scored | None = None
+    for bound, magnitude, atom in sorted(bounds):
+        if best is not None and bound > best.fit.log_det + MARGIN:
+            break
+        trial = visits.add(base, atom, magnitude)
+        if best is None or trial.fit.log_det < best.fit.log_det:
+            best = trial
+    assert best is not None
+    return best
+
+
+def _backward(visits: _Visits, start: Scored) -> None:
+    current, since = start, 0
+    best = start.criterion
+    while current.fit.atoms and since < PATIENCE:
+        base = current.fit
+        current = min((visits.drop(base, atom) for atom in base.atoms), key=lambda scored: scored.criterion)
+        since = 0 if current.criterion < best else since + 1
+        best = min(best, current.criterion)

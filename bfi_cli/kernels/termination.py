@@ -1,0 +1,123 @@
+"""Why an iteration ended, and the one loop that decides it without knowing the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Ending", "Iterate", "Settings", "Termination", "iterate"]
+
+FloatArray = NDArray[np.float64]
+
+PATIENCE = 8
+ROUND_OFF = 10 * np.finfo(float).eps
+RUNAWAY = 1e6
+
+
+class Termination(Enum):
+    """Why an iteration ended; the value is the sentence shown to the user."""
+
+    CONVERGED = "converged"
+    FIXED = "ran the fixed number of iterations asked for, convergence not judged"
+    MAX_ITERATIONS = "reached the iteration limit before converging"
+    STAGNATED = "the fit stopped improving while the estimate kept moving"
+    DIVERGED = "the fit grew worse without bound"
+    RANK_LOST = "the estimate lost rank, so the next sketch is not defined"
+
+
+class Iterate(Protocol):
+    """What `iterate` looks at: the estimate and the norm of what it leaves unexplained."""
+
+    @property
+    def X(self) -> FloatArray: ...
+
+    @property
+    def misfit(self) -> float: ...
+
+
+S = TypeVar("S", bound=Iterate)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """When to stop.
+
+    Attributes
+    ----------
+    max_iterations : at most so many steps.
+    tolerance : on the relative change of X in one step.
+    fixed : make exactly `max_iterations` steps (unless the arithmetic breaks down) and return the last.
+    """
+
+    max_iterations: int = 50
+    tolerance: float = 1e-10
+    fixed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ending(Generic[S]):
+    """The iterate returned, the number of steps made, and why no more were."""
+
+    last: S
+    iterations: int
+    termination: Termination
+
+
+def iterate(
+    step: Callable[[S], S | None],
+    start: S,
+    *,
+    scale: float,
+    settings: Settings,
+    between: Callable[[S], S] | None = None,
+) -> Ending[S]:
+    """Repeat `step` until X settles, the data are reproduced to round-off, or nothing more can be gained.
+
+    X has settled when its relative change is below the tolerance, or below its root once the misfit has not improved
+    (relatively, by the tolerance) for eight steps: along an ill-conditioned direction round-off keeps X trembling.
+    A converged or fixed run returns its last iterate, any other the one with the smallest misfit.
+
+    Parameters
+    ----------
+    step : next iterate, None where it is not defined.
+    start : first iterate; its misfit is not looked at.
+    scale : norm of the data, to which the misfit is compared.
+    settings : when to stop.
+    between : applied after every step but the last; convergence is judged before it.
+    """
+    previous, best, waited = start, start, 0
+    for count in range(1, settings.max_iterations + 1):
+        origin = previous if between is None or count == 1 else between(previous)
+        current = step(origin)
+        if current is None:
+            return Ending(last=best, iterations=count, termination=Termination.RANK_LOST)
+        if not np.isfinite(current.misfit) or (not settings.fixed and current.misfit > RUNAWAY * scale):
+            return Ending(last=best, iterations=count, termination=Termination.DIVERGED)
+        improved = count == 1 or current.misfit < best.misfit * (1 - settings.tolerance)
+        best, waited = (current, 0) if improved else (best, waited + 1)
+        reason = (
+            None
+            if settings.fixed
+            else _verdict(previous, current, scale=scale, tolerance=settings.tolerance, waited=waited)
+        )
+        if reason is not None:
+            last = best if reason is Termination.STAGNATED else current
+            return Ending(last=last, iterations=count, termination=reason)
+        previous = current
+    if settings.fixed:
+        return Ending(last=previous, iterations=settings.max_iterations, termination=Termination.FIXED)
+    return Ending(last=best, iterations=settings.max_iterations, termination=Termination.MAX_ITERATIONS)
+
+
+def _verdict(previous: Iterate, current: Iterate, *, scale: float, tolerance: float, waited: int) -> Termination | None:
+    change = float(np.linalg.norm(current.X - previous.X) / (np.linalg.norm(current.X) or 1.0))
+    if change <= tolerance or current.misfit <= ROUND_OFF * scale:
+        return Termination.CONVERGED
+    if waited < PATIENCE:
+        return None
+    return Termination.CONVERGED if change <= tolerance**0.5 else Termination.STAGNATED

@@ -1,0 +1,176 @@
+"""Dataclasses to plain data (what JSON can hold) and back, by their annotations."""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from .errors import ConfigError
+
+__all__ = ["from_plain", "mapping", "member", "to_plain"]
+
+T = TypeVar("T")
+DAMAGED = "the file is damaged or of another program, write it again"
+
+
+def to_plain(value: object) -> Any:
+    """Return `value` as dicts, lists, strings, numbers and None; numbers that are not finite become None.
+
+    Parameters
+    ----------
+    value : a dataclass, mapping, sequence, array, scalar or None, nested to any depth.
+    """
+    if isinstance(value, np.ndarray):
+        return _plain_array(value)
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): to_plain(entry) for key, entry in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [to_plain(entry) for entry in value]
+    return value
+
+
+def _plain_array(values: np.ndarray[Any, Any]) -> list[Any]:
+    plain = values.astype(object)
+    plain[~np.isfinite(values)] = None
+    entries: list[Any] = plain.tolist()
+    return entries
+
+
+def from_plain(kind: type[T], value: object, *, where: str) -> T:
+    """Return `value` as `kind`, the inverse of `to_plain`; unknown keys are ignored, null in place of a number is NaN.
+
+    Parameters
+    ----------
+    kind : a dataclass, or any annotation its fields use (float, tuple, Mapping, Literal, optional, array).
+    value : plain data.
+    where : file and key, for messages.
+
+    Raises
+    ------
+    ConfigError : a key is missing, or a value is of another kind.
+    """
+    read: T = _read(kind, value, where)
+    return read
+
+
+def mapping(value: object, *, where: str) -> Mapping[str, Any]:
+    """Return `value`, which must be a mapping.
+
+    Raises
+    ------
+    ConfigError : it is something else.
+    """
+    return value if isinstance(value, Mapping) else _fail("a mapping", value, where)
+
+
+def member(document: object, path: str, *, where: str) -> Any:
+    """Return the value at a dotted `path` of nested mappings.
+
+    Raises
+    ------
+    ConfigError : a key is missing, or a value on the way is no mapping.
+    """
+    value: Any = document
+    for key in path.split("."):
+        if key not in mapping(value, where=where):
+            raise ConfigError(f"{where}: no key '{key}'; {DAMAGED}")
+        value, where = value[key], _below(where, key)
+    return value
+
+
+def _below(where: str, key: str) -> str:
+    return f"{where}.{key}" if ": " in where else f"{where}: {key}"
+
+
+def _read(kind: Any, value: Any, where: str) -> Any:
+    origin = get_origin(kind)
+    if kind is Any:
+        return value
+    if origin in (Union, types.UnionType):
+        return None if value is None else _read(_not_none(kind), value, where)
+    if origin is Literal:
+        return value if value in get_args(kind) else _fail(" or ".join(map(repr, get_args(kind))), value, where)
+    if origin is tuple:
+        return _read_tuple(kind, value, where)
+    if origin is Mapping:
+        entry = get_args(kind)[1]
+        return {key: _read(entry, plain, _below(where, key)) for key, plain in mapping(value, where=where).items()}
+    if origin is np.ndarray:
+        return _read_array(value, where)
+    return _read_dataclass(kind, value, where) if is_dataclass(kind) else _read_scalar(kind, value, where)
+
+
+def _not_none(kind: Any) -> Any:
+    return next(entry for entry in get_args(kind) if entry is not types.NoneType)
+
+
+def _read_tuple(kind: Any, value: Any, where: str) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise _wrong("a list", value, where)
+    kinds = get_args(kind)
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(value)
+    if len(kinds) != len(value):
+        raise _wrong(f"{len(kinds)} entries", value, where)
+    return tuple(
+        _read(entry, plain, f"{where}[{i}]") for i, (entry, plain) in enumerate(zip(kinds, value, strict=True))
+    )
+
+
+def _read_array(value: Any, where: str) -> np.ndarray[Any, Any]:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise _wrong("a list of numbers", value, where) from None
+    if array.ndim != 1:
+        raise _wrong("a list of numbers", value, where)
+    array.setflags(write=False)
+    return array
+
+
+def _read_dataclass(kind: Any, value: Any, where: str) -> Any:
+    hints = _hints(kind)
+    given = mapping(value, where=where)
+    names = [field.name for field in fields(kind) if _required(field) or field.name in given]
+    return kind(**{name: _read(hints[name], member(given, name, where=where), _below(where, name)) for name in names})
+
+
+def _required(field: Field[Any]) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _read_scalar(kind: type, value: Any, where: str) -> Any:
+    if kind is float and value is None:
+        return math.nan
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is kind:
+        return value
+    return _fail({float: "a number", int: "an integer", bool: "true or false", str: "a text"}[kind], value, where)
+
+
+def _fail(expected: str, value: Any, where: str) -> Any:
+    raise _wrong(expected, value, where)
+
+
+def _wrong(expected: str, value: object, where: str) -> ConfigError:
+    shown = repr(value)
+    shown = shown if len(shown) <= 40 else shown[:37] + "..."
+    return ConfigError(f"{where}: not {expected}, got {shown}; {DAMAGED}")

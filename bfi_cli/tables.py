@@ -1,0 +1,79 @@
+"""The answer of an analysis as tables on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from . import rows
+from .result import IdentifyResult
+from .wording import shortened, verdict
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+__all__ = ["MAX_CANDIDATES", "print_identify"]
+
+MAX_CANDIDATES = 24
+NAME_LETTERS = 32
+
+
+def print_identify(console: Console, result: IdentifyResult) -> None:
+    """Print the verdict, the faults, the dictionary, the model and the notes to `console`, at most as wide as it is.
+
+    A dictionary of more than `MAX_CANDIDATES` entries is cut to the declared ones and the first of the others.
+    """
+    from rich.text import Text
+
+    colour = {"fault": "bold red", "no_fault": "bold green", "not_identifiable": "bold yellow"}[result.decision]
+    console.print(Text(verdict(result), style=colour))
+    if result.faults:
+        _print_faults(console, result)
+    if result.candidates:
+        _print_candidates(console, result)
+    _print_facts(console, result)
+
+
+def _print_faults(console: Console, result: IdentifyResult) -> None:
+    heads = ("fault", "channel", "from", "magnitude", "95 % interval", "physical value")
+    body = [(row[0], *row[2:6], row[7]) for row in rows.fault_rows(result)]
+    console.print(_table(heads, body, folded=(0, 1, 2)))
+
+
+def _print_candidates(console: Console, result: IdentifyResult) -> None:
+    heads = ("", "dictionary", "magnitude", "sd", "min. detectable", "note")
+    listed = rows.candidate_rows(result)
+    shown = sorted(listed, key=lambda entry: not entry[0])[:MAX_CANDIDATES]
+    body = [("*" if active else "", row[0], *row[2:]) for active, row in shown]
+    console.print(_table(heads, body, folded=(1, 5)))
+    if len(listed) > len(shown):
+        console.print(f"   and {len(listed) - len(shown)} more; all are in --json and --out\n", highlight=False)
+
+
+def _print_facts(console: Console, result: IdentifyResult) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    facts = [*rows.summary_rows(result)[:2], *rows.model_rows(result), *rows.truth_rows(result)]
+    for channel, noise, vaf, whiteness, _, alarms in rows.residual_rows(result):
+        facts.append((f"Residual of {channel}", f"SD {noise}, VAF {vaf}, whiteness {whiteness}"))
+        facts.append((f"Plain 5-sigma test, {channel}", alarms))
+    facts += [("Note", note) for note in result.notes]
+    grid = Table.grid(padding=(0, 2))
+    for name, value in facts:
+        grid.add_row(Text(shortened(name, NAME_LETTERS), style="dim"), Text(value))
+    console.print(grid)
+
+
+def _table(heads: Sequence[str], body: Iterable[Sequence[str]], *, folded: Sequence[int]) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, head in enumerate(heads):
+        table.add_column(head, overflow="fold", no_wrap=i not in folded)
+    for row in body:
+        table.add_row(*map(Text, row))
+    return table

@@ -1,0 +1,145 @@
+"""YAML with the core rules of version 1.2: `1e-3` is a number, `no` and `12:30:00` are text, a key stands once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar, NoReturn
+
+import yaml
+
+from .errors import BfiError, ConfigError
+
+__all__ = ["load_yaml", "read_text"]
+
+NULL = re.compile(r"(?:~|null|Null|NULL|)\Z")
+BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z")
+INT = re.compile(r"(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)\Z")
+FLOAT = re.compile(
+    r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"
+)
+TAG = "tag:yaml.org,2002:"
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's reader with its own (version 1.1) scalar rules and constructors removed."""
+
+    yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012
+    yaml_constructors: ClassVar[dict[Any, Any]] = {}
+
+
+def _refuse(node: yaml.Node, problem: str) -> NoReturn:
+    raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+
+
+def _unknown_tag(loader: _Loader, node: yaml.Node) -> NoReturn:
+    _refuse(node, f"unknown tag '{node.tag.removeprefix(TAG)}'; write the value without a tag")
+
+
+def _scalar(pattern: re.Pattern[str], kind: str, convert: Callable[[str], object]) -> None:
+    def construct(loader: _Loader, node: yaml.ScalarNode) -> object:
+        text = loader.construct_scalar(node)
+        try:
+            if pattern.match(text):
+                return convert(text)
+        except ValueError:
+            pass
+        _refuse(node, f"'{text:.40}' is not of type {kind}")
+
+    _Loader.add_implicit_resolver(f"{TAG}{kind}", pattern, None)
+    _Loader.add_constructor(f"{TAG}{kind}", construct)
+
+
+def _integer(text: str) -> int:
+    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+
+
+def _real(text: str) -> float:
+    return float(text.replace(".", "") if text[-1] in "fFnN" else text)
+
+
+def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
+    if not isinstance(node, yaml.MappingNode):
+        _refuse(node, "not a mapping")
+    result: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        if not isinstance(key, str | int | float | bool | None):
+            _refuse(key_node, "a key must be a plain word")
+        if key in result:
+            _refuse(key_node, f"key '{key}' stands twice; keep one")
+        result[key] = loader.construct_object(value_node, deep=True)
+    return result
+
+
+def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
+    return str(loader.construct_scalar(node))
+
+
+def _sequence(loader: _Loader, node: yaml.Node) -> list[Any]:
+    if not isinstance(node, yaml.SequenceNode):
+        _refuse(node, "not a list")
+    return [loader.construct_object(child, deep=True) for child in node.value]
+
+
+for _pattern, _kind, _convert in (
+    (NULL, "null", lambda text: None),
+    (BOOL, "bool", lambda text: text.lower() == "true"),
+    (INT, "int", _integer),
+    (FLOAT, "float", _real),
+):
+    _scalar(_pattern, _kind, _convert)
+_Loader.add_constructor(f"{TAG}str", _text)
+_Loader.add_constructor(f"{TAG}map", _mapping)
+_Loader.add_constructor(f"{TAG}seq", _sequence)
+_Loader.add_constructor(None, _unknown_tag)
+
+
+def load_yaml(source: str | Path, *, where: str | None = None, error: type[BfiError] = ConfigError) -> Any:
+    """Return the one document of a YAML 1.2 file (a `Path`) or text (a `str`).
+
+    Parameters
+    ----------
+    source : a path is read as UTF-8; text is parsed as it stands.
+    where : what messages call the source; default the path, or "yaml".
+    error : the class to raise.
+
+    Raises
+    ------
+    error : the file cannot be read or is not YAML; one line with file, line and column.
+    """
+    name = where or (str(source) if isinstance(source, Path) else "yaml")
+    text = read_text(source, error=error) if isinstance(source, Path) else source
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as fault:
+        raise error(f"{name}: {_place(fault)}") from None
+    except yaml.reader.ReaderError as fault:
+        line = text.count("\n", 0, fault.position) + 1
+        column = fault.position - text.rfind("\n", 0, fault.position)
+        raise error(f"{name}: line {line}, column {column}: a character YAML does not allow; remove it") from None
+    except RecursionError:
+        raise error(f"{name}: nested too deeply; flatten the document") from None
+
+
+def read_text(path: Path, *, error: type[BfiError]) -> str:
+    """Return the text of a UTF-8 file.
+
+    Raises
+    ------
+    error : it does not exist, cannot be read, or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise error(f"{path}: byte {fault.start} is not UTF-8 text; save the file as UTF-8") from None
+    except (OSError, ValueError) as fault:
+        reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
+        raise error(f"{path}: cannot be read, {reason.lower()}; check the path") from None
+
+
+def _place(fault: yaml.MarkedYAMLError) -> str:
+    mark = fault.problem_mark or fault.context_mark
+    problem = " ".join(f"{fault.problem or fault.context or 'not YAML'}".split())
+    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}" if mark else problem

@@ -1,0 +1,105 @@
+"""`bfi info` on small real files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from bfi_cli.channels import STANDARD
+
+T = np.arange(0.0, 60.0, 0.1)
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "flight.h5"
+    tas = 90.0 + 3.0 * np.sin(2 * np.pi * T / 20.0) + 0.1 * np.random.default_rng(0).normal(size=T.size)
+    with h5py.File(path, "w") as file:
+        file["time"] = T
+        file["vtas"] = tas[(np.arange(T.size) // 10) * 10] * 3600 / 1852
+        file["vtas"].attrs["units"] = "kt"
+        file["de"] = 0.02 * np.sign(np.sin(2 * np.pi * T / 5.0))
+        file["de"].attrs["units"] = "rad"
+        file["aoa"] = np.where(T < 1.0, np.nan, 0.1)
+        file.attrs["segments"] = '[{"label": "phugoid [1]", "t_start": 10, "t_end": 50, "note": ""}]'
+    return path
+
+
+def test_the_document_of_the_contract(bfi, log: Path):
+    outcome = bfi("info", log)
+    document = json.loads(outcome.stdout)
+    assert (outcome.code, outcome.stderr) == (0, "")
+    assert (document["kind"], document["schema"]) == ("info", 1)
+    assert (document["rate_hz"], document["gaps"], document["log"]["n_samples"]) == (10.0, [], 600)
+    channels = {channel["name"]: channel for channel in document["channels"]}
+    assert set(channels["tas"]) >= {"name", "unit", "source", "n_nan", "held_fraction", "quantum", "min", "max"}
+    assert channels["tas"]["unit"] == "m/s"
+    assert channels["tas"]["source"] == "vtas"
+    assert channels["tas"]["held_fraction"] == pytest.approx(0.9, abs=0.01)
+    assert channels["aoa"]["n_nan"] == 10
+    assert document["windows"][0]["channel"] == "elevator"
+    assert document["segments"] == [{"label": "phugoid [1]", "start_s": 10, "stop_s": 50, "note": ""}]
+    assert document["notes"] == [
+        "no unit is stated for aoa (rad); these are taken, another one is stated with --unit NAME=UNIT"
+    ]
+    assert document["provenance"]["command"] == f"bfi info {log}"
+    assert len(document["provenance"]["log_sha256"]) == 64
+
+
+def test_absent_is_null_and_never_nan(bfi, log: Path):
+    text = bfi("info", log, "--json").stdout
+    assert "NaN" not in text
+    assert json.loads(text)["channels"][0]["quantum"] is None
+
+
+def test_a_terminal_gets_tables(bfi, log: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "dumb")
+    outcome = bfi("info", log)
+    assert outcome.code == 0
+    for text in ("600 samples at 10 Hz", "vtas", "90 %, 1 Hz", "windows to analyse", "phugoid [1]", "note: no unit"):
+        assert text in outcome.stdout
+    assert json.loads(bfi("info", log, "--json").stdout)["kind"] == "info"
+
+
+def test_a_window_a_unit_and_a_channel(bfi, log: Path):
+    outcome = bfi("info", log, "--from", 10, "--to", 20, "--unit", "vtas=m/s", "--channel", "pitch=aoa")
+    document = json.loads(outcome.stdout)
+    assert document["log"]["n_samples"] == 100
+    channels = {channel["name"]: channel for channel in document["channels"]}
+    assert channels["tas"]["max"] > 150.0
+    assert channels["pitch"]["source"] == "aoa"
+    assert set(channels) <= set(STANDARD)
+
+
+@pytest.mark.parametrize(
+    ("argv", "code", "message"),
+    [
+        (["absent.h5"], 3, "absent.h5: no such file; give the path of a log"),
+        (["LOG", "--group", "x"], 3, "no group 'x'"),
+        (["LOG", "--unit", "tas"], 2, "expected NAME=UNIT, got 'tas'"),
+        (["LOG", "--channel", "tas=a", "--channel", "tas=b"], 2, "'tas' is given twice"),
+        (["LOG", "--unit", "tas=knotz"], 3, "unknown unit 'knotz'; did you mean 'knot'?"),
+        (["LOG", "--from", "100"], 3, "no samples between 100 s"),
+        ([], 2, "LOG"),
+    ],
+)
+def test_what_the_user_can_mend_is_one_line(bfi, log: Path, argv: list[str], code: int, message: str):
+    outcome = bfi("info", *(str(log) if word == "LOG" else word for word in argv))
+    assert outcome.code == code
+    assert outcome.stdout == ""
+    assert message in outcome.stderr
+    assert outcome.stderr.count("\n") == 1
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["citation_20180312_f1.h5", "sim_ae4320_de3211_1.h5", "de3211_1.mat"])
+def test_recorded_flights(bfi, flights: Path, name: str):
+    document = json.loads(bfi("info", flights / name).stdout)
+    assert document["windows"]
+    assert document["uniform"]

@@ -1,0 +1,45 @@
+"""Fixtures that more than one test file uses."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from bfi_cli.commands import _run
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a command line returned and printed."""
+
+    code: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def bfi(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    """Run the command line in this process: `bfi("info", path)`."""
+
+    def run(*argv: object) -> Outcome:
+        words = [str(word) for word in argv]
+        monkeypatch.setattr("sys.argv", ["bfi", *words])
+        capsys.readouterr()
+        code = _run(words)
+        printed = capsys.readouterr()
+        return Outcome(code, printed.out, printed.err)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def flights() -> Path:
+    """Return the folder of recorded flights that lies beside the repository."""
+    folder = Path(__file__).resolve().parents[2] / "shared" / "flights"
+    if not folder.is_dir() and os.environ.get("CI") != "true":
+        pytest.skip(f"the recorded flights are not at {folder}")
+    return folder

@@ -1,0 +1,38 @@
+"""The four answers an identification can give, made by hand, and their figures, drawn once."""
+
+import made_results
+import pytest
+
+from bfi_cli.plots import FIGURES, to_svg
+
+MAKERS = {
+    "fault": made_results.fault_result,
+    "two-outputs": made_results.two_output_result,
+    "no-fault": made_results.no_fault_result,
+    "not-identifiable": made_results.not_identifiable_result,
+}
+
+
+@pytest.fixture(params=MAKERS, scope="session")
+def result(request):
+    return MAKERS[request.param]()
+
+
+@pytest.fixture(params=["fault", "two-outputs", "not-identifiable"], scope="session")
+def drawn(request):
+    return MAKERS[request.param]()
+
+
+@pytest.fixture(scope="session")
+def figures(drawn):
+    return {name: draw(drawn) for name, draw in FIGURES.items()}
+
+
+@pytest.fixture(scope="session")
+def vectors(figures):
+    return {name: to_svg(figure) for name, figure in figures.items()}
+
+
+@pytest.fixture(scope="session")
+def provenance():
+    return made_results.PROVENANCE

@@ -1,0 +1,99 @@
+"""The report: one file that fetches nothing, escapes everything and says what was found."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+from made_results import fault_result, no_fault_result, not_identifiable_result, two_output_result
+
+from bfi_cli.plots import FIGURES, to_svg
+from bfi_cli.report import render_report
+
+VOID = {"meta", "img", "wbr"}
+
+
+class Page(HTMLParser):
+    """Collects tags, attributes and text, and insists that every tag is closed in turn."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.tags, self.links, self.text, self.open = [], [], "", []
+        self.feed(html)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [value for key, value in attrs if key in ("src", "href", "data", "action", "srcset")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.text += data.replace("\u00a0", " ")
+
+
+def report(result, provenance, figures=None):
+    return render_report(result, provenance, figures or {"outputs": b"<svg/>"})
+
+
+def test_refers_to_nothing_outside_itself(drawn, provenance, vectors):
+    html = report(drawn, provenance, vectors)
+    page = Page(html)
+    assert not re.search(r"https?://|//[a-z]|@import|url\(", html.replace("data:image/svg+xml", ""))
+    assert len(page.links) == len(FIGURES)
+    assert all(link.startswith("data:image/svg+xml;base64,") for link in page.links)
+    assert "script" not in page.tags
+
+
+@pytest.mark.parametrize("hostile", ["<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "&lt;b&gt;"])
+def test_names_out_of_a_file_are_escaped(hostile, provenance):
+    made = fault_result(channel=hostile)
+    estimate = replace(made.faults[0], name=hostile, unit=hostile)
+    candidates = tuple(replace(candidate, name=hostile, note=hostile) for candidate in made.candidates)
+    log = replace(made.log, path=hostile)
+    made = replace(made, faults=(estimate,), candidates=candidates, log=log, notes=(hostile,))
+    page = Page(report(made, replace(provenance, command=hostile)))
+    assert "script" not in page.tags
+    assert page.tags.count("img") == 1
+    assert page.text.count(hostile) >= 6
+
+
+def test_size_does_not_grow_with_the_log(provenance):
+    made = fault_result(n_samples=50_000)
+    html = report(made, provenance, {name: to_svg(draw(made)) for name, draw in FIGURES.items()})
+    assert len(html.encode()) < 3_000_000
+
+
+def test_says_what_was_found_and_how_sure(provenance):
+    text = Page(report(fault_result(), provenance)).text
+    assert "Fault: a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s." in text
+    for part in ("3.989 to 4.017", "0.033 m/s", "99.998 %", "left out: it starts at 40 s", "4, first at 13.8 s"):
+        assert part in text
+
+
+def test_shows_where_the_numbers_come_from(result, provenance):
+    text = Page(report(result, provenance)).text
+    for part in (provenance.log_sha256, provenance.dictionary_sha256, provenance.command, provenance.date, "scipy"):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("made", "known"), [(fault_result(), True), (two_output_result(), False), (not_identifiable_result(), False)]
+)
+def test_truth_is_shown_where_it_is_known(made, known, provenance):
+    assert ("Against the injected truth" in Page(report(made, provenance)).text) is known
+
+
+def test_no_fault_has_no_fault_table(provenance):
+    html = report(no_fault_result(), provenance)
+    assert "Physical value" not in html
+    assert "No fault found" in html
+
+
+def test_prints_on_a4(provenance):
+    assert "size: A4" in report(fault_result(), provenance)

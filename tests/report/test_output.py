@@ -1,0 +1,99 @@
+"""The files of `--out`: all of them, whole, and an old result only replaced by a whole new one."""
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import pytest
+from made_results import fault_result
+
+from bfi_cli.documents import identify_from_document
+from bfi_cli.errors import ConfigError
+from bfi_cli.output import identify_files, replace_files, write_results
+
+FIGURES = ("outputs", "fault", "magnitudes", "residuals", "orders")
+NAMES = {
+    *("result.json", "report.html", "faults.csv", "candidates.csv", "orders.csv", "series.csv"),
+    *(f"{name}.{ending}" for name in FIGURES for ending in ("png", "svg")),
+}
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def table(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def stored(provenance, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stored") / "a" / "b"
+    written = write_results(fault_result(), provenance, folder)
+    assert written[-1].name == "result.json"
+    return folder
+
+
+def test_all_files_are_written_and_nothing_else(stored):
+    assert set(contents(stored)) == NAMES
+
+
+def test_a_stored_result_draws_the_same_files(stored):
+    document = json.loads((stored / "result.json").read_text("utf-8"))
+    assert identify_files(*identify_from_document(document)) == contents(stored)
+
+
+def test_tables_hold_the_numbers(stored):
+    (fault,) = table(stored / "faults.csv")
+    assert (float(fault["magnitude"]), float(fault["ci95_low"]), fault["offset_s"]) == (4.003, 3.989, "")
+    assert [row["active"] for row in table(stored / "candidates.csv")] == ["true"] + 4 * ["false"]
+    series = table(stored / "series.csv")
+    assert [float(row["tas_measured [m/s]"]) for row in series] == fault_result().outputs[0].measured.tolist()
+    assert series[0]["tas_predicted [m/s]"] == "", "absent is an empty cell, never nan"
+
+
+def test_an_interrupted_write_leaves_the_old_result(tmp_path, monkeypatch):
+    replace_files({"a": b"old", "b": b"old"}, tmp_path)
+    write = Path.write_bytes
+
+    def interrupted(path, content):
+        if path.name == "b":
+            write(path, content[:1])
+            raise KeyboardInterrupt
+        return write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        replace_files({"a": b"new", "b": b"new"}, tmp_path)
+    assert contents(tmp_path) == {"a": b"old", "b": b"old"}
+
+
+def test_an_interruption_while_moving_leaves_the_whole_new_result(tmp_path, monkeypatch):
+    old = {"a": b"old", "b": b"old", "c": b"old"}
+    replace_files(old, tmp_path)
+    move, moved = os.replace, []
+
+    def interrupted(source, target):
+        move(source, target)
+        moved.append(target)
+        if len(moved) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        replace_files(dict.fromkeys(old, b"new"), tmp_path)
+    assert contents(tmp_path) == dict.fromkeys(old, b"new")
+
+
+def test_other_files_of_the_folder_are_left_alone(tmp_path):
+    (tmp_path / "mine.txt").write_bytes(b"mine")
+    replace_files({"a": b"new"}, tmp_path)
+    assert contents(tmp_path) == {"a": b"new", "mine.txt": b"mine"}
+
+
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(ConfigError, match=r"out: file exists; give another --out$"):
+        replace_files({"a": b""}, tmp_path / "out")

@@ -1,0 +1,161 @@
+"""Figures: every axis says what it shows and in which unit, no spike is lost, the same result gives the same bytes."""
+
+import io
+import re
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from made_results import fault_result, no_fault_result, two_output_result
+from matplotlib.image import imread
+
+from bfi_cli.plots import (
+    FIGURES,
+    plot_fault,
+    plot_magnitudes,
+    plot_orders,
+    plot_outputs,
+    plot_residuals,
+    to_png,
+    to_svg,
+)
+from bfi_cli.plots.envelope import thinned
+from bfi_cli.plots.magnitudes import MAX_ROWS, shown_candidates
+
+UNIT = re.compile(r"\[.+\]$")
+CATEGORIES = "dictionary entry"
+
+
+def panels(figure):
+    return [axes for axes in figure.axes if axes.axison]
+
+
+def line(axes, label):
+    return next(entry for entry in axes.lines if entry.get_label() == label)
+
+
+def test_every_axis_has_a_label_with_its_unit(figures):
+    for figure in figures.values():
+        for axes in panels(figure):
+            assert axes.get_ylabel() == CATEGORIES or UNIT.search(axes.get_ylabel())
+            if axes.xaxis.get_tick_params()["labelbottom"]:
+                assert UNIT.search(axes.get_xlabel())
+
+
+def test_nothing_is_cut_at_the_edge_of_the_paper(figures):
+    for name, figure in figures.items():
+        pixels = imread(io.BytesIO(to_png(figure)))[..., :3]
+        edges = (pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:])
+        assert all(np.all(edge == 1.0) for edge in edges), name
+
+
+@pytest.mark.parametrize("draw", FIGURES.values())
+def test_the_same_result_gives_the_same_bytes(draw):
+    assert to_svg(draw(fault_result())) == to_svg(draw(fault_result()))
+
+
+def test_svg_is_whole_and_fetches_nothing(vectors):
+    for svg in vectors.values():
+        root = ElementTree.fromstring(svg)
+        links = [value for node in root.iter() for key, value in node.attrib.items() if key.endswith("href")]
+        assert root.tag.endswith("svg")
+        assert all(link.startswith("#") for link in links)
+
+
+def test_figures_do_not_depend_on_the_users_settings():
+    import matplotlib as mpl
+
+    expected = to_svg(plot_outputs(fault_result()))
+    with mpl.rc_context({"font.size": 30.0, "axes.facecolor": "red", "svg.fonttype": "none"}):
+        assert to_svg(plot_outputs(fault_result())) == expected
+
+
+def test_drawing_leaves_no_global_state():
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    to_png(plot_residuals(fault_result()))
+    assert dict(mpl.rcParams) == before
+
+
+def test_one_row_of_panels_per_output():
+    made = two_output_result()
+    assert len(plot_outputs(made).axes) == 2 + 1
+    assert len(plot_fault(made).axes) == 2
+    assert len(plot_residuals(made).axes) == 2 * 3
+
+
+def test_the_lines_are_the_signals_of_the_result():
+    made = fault_result()
+    series = made.outputs[0]
+    axes = plot_outputs(made).axes[0]
+    np.testing.assert_array_equal(line(axes, "measured").get_ydata(), series.measured)
+    np.testing.assert_array_equal(line(axes, "corrected for the fault").get_ydata(), series.corrected)
+    np.testing.assert_array_equal(line(plot_fault(made).axes[0], "injected").get_ydata(), series.true_fault)
+
+
+def test_an_unknown_truth_is_not_drawn():
+    labels = plot_fault(two_output_result()).axes[0].get_legend_handles_labels()[1]
+    assert "injected" not in labels
+    assert "reconstructed" in labels
+
+
+def test_alarm_marks_stand_at_the_alarms():
+    made = fault_result()
+    (marks,) = plot_residuals(made).axes[0].collections
+    np.testing.assert_allclose(marks.get_offsets()[:, 0], made.residuals[0].plain_alarms_s)
+
+
+def test_the_chosen_order_is_ringed_at_the_least_criterion():
+    ring = line(plot_orders(fault_result()).axes[0], "chosen")
+    assert (list(ring.get_xdata()), list(ring.get_ydata())) == ([4], [0.0])
+
+
+def test_magnitudes_are_drawn_in_units_of_the_minimal_detectable():
+    made = fault_result()
+    drawn = [float(bar.lines[0].get_xdata()[0]) for bar in plot_magnitudes(made).axes[0].containers]
+    expected = [one.magnitude / one.minimal_detectable for one in made.candidates if one.magnitude is not None]
+    np.testing.assert_allclose(drawn, expected)
+
+
+def test_a_large_dictionary_keeps_what_was_declared():
+    made = fault_result()
+    quiet = [replace(made.candidates[1], name=f"drift_{i}") for i in range(300)]
+    many = replace(made, candidates=(*quiet, made.candidates[0]))
+    shown = shown_candidates(many)
+    assert len(shown) == MAX_ROWS
+    assert shown[-1] is made.candidates[0]
+    to_png(plot_magnitudes(many))
+
+
+def test_names_are_never_read_as_mathematics():
+    made = fault_result(channel="a$b_{$\\frac<&")
+    for draw in FIGURES.values():
+        ElementTree.fromstring(to_svg(draw(made)))
+
+
+def test_noise_free_residuals_are_drawn():
+    made = no_fault_result()
+    zero = np.zeros_like(made.time_s)
+    series = replace(made.outputs[0], prediction_error=zero, plain_residual=zero)
+    exact = replace(made, outputs=(series,), residuals=(replace(made.residuals[0], plain_sd=0.0),))
+    to_png(plot_residuals(exact))
+
+
+@given(
+    x=arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
+    max_points=st.integers(4, 100),
+)
+@settings(max_examples=60, deadline=None)
+def test_thinning_keeps_ends_and_extremes(x, max_points):
+    kept = thinned(x, max_points=max_points)
+    assert np.all(np.diff(kept) > 0)
+    assert (kept[0], kept[-1]) == (0, x.size - 1)
+    assert kept.size <= max(max_points + 4, min(x.size, max_points))
+    if not np.isnan(x).all():
+        assert np.nanmin(x[kept]) == np.nanmin(x)
+        assert np.nanmax(x[kept]) == np.nanmax(x)

@@ -1,0 +1,50 @@
+"""The tables on a terminal."""
+
+import io
+from dataclasses import replace
+
+import pytest
+from made_results import fault_result, two_output_result
+from rich.console import Console
+
+from bfi_cli.tables import MAX_CANDIDATES, print_identify
+from bfi_cli.wording import verdict
+
+
+def printed(result, width=80):
+    file = io.StringIO()
+    print_identify(Console(file=file, width=width, color_system=None), result)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_no_line_is_wider_than_the_terminal(result, width):
+    assert max(map(len, printed(result, width).splitlines())) <= width
+
+
+def test_the_verdict_comes_first_and_the_notes_are_there(result):
+    text = " ".join(printed(result, 400).split())
+    assert text.startswith(verdict(result))
+    assert all(note in text for note in result.notes)
+
+
+def test_numbers_are_never_cut_at_80_columns():
+    text = printed(two_output_result())
+    assert text.count("3.989 to 4.017") == 2
+    assert text.count("0.033 m/s") == 2
+
+
+def test_names_are_not_markup():
+    made = fault_result(channel="[bold]tas[/bold]:warning:")
+    made = replace(made, notes=("[link=x]see[/link]",))
+    text = printed(made, 200)
+    assert "[bold]tas[/bold]:warning:" in text
+    assert "[link=x]see[/link]" in text
+
+
+def test_a_large_dictionary_is_cut_but_counted():
+    made = fault_result()
+    quiet = tuple(replace(made.candidates[1], name=f"drift_{i}") for i in range(300))
+    text = printed(replace(made, candidates=(*quiet, made.candidates[0])))
+    assert f"and {301 - MAX_CANDIDATES} more" in text
+    assert "*   bias_13.8" in text

@@ -1,0 +1,99 @@
+"""Numbers and sentences as the reader sees them."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_results import fault_result, no_fault_result, not_identifiable_result, two_output_result
+
+from bfi_cli.faults import Fault
+from bfi_cli.wording import axis_label, describe, interval, number, quantity, shortened, verdict
+
+
+@given(value=st.floats(-1e6, 1e6), spread=st.floats(1e-6, 1e4))
+@settings(max_examples=100, deadline=None)
+def test_rounding_never_moves_a_number_by_more_than_its_spread(value, spread):
+    assert abs(float(number(value, spread=spread)) - value) <= 0.5001 * spread + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "text"),
+    [
+        (4.003, 0.014, "4.00"),
+        (4.003, None, "4.003"),
+        (-0.0004, 0.02, "0.00"),
+        (12345.6, 300.0, "12346"),
+        (None, 0.1, "-"),
+        (math.nan, 0.1, "-"),
+        (math.inf, None, "-"),
+        (1.0, math.inf, "1"),
+        (2.5e-9, 1e-10, "2.5e-09"),
+    ],
+)
+def test_number(value, spread, text):
+    assert number(value, spread=spread) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(0.0333, "m/s", "0.033 m/s"), (0.67, "", "0.67"), (1234.5, "Pa", "1234 Pa"), (math.inf, "m/s", "-")],
+)
+def test_quantity(value, unit, text):
+    assert quantity(value, unit) == text
+
+
+def test_interval_of_the_unknown_is_absent():
+    assert interval((math.nan, math.nan)) == "-"
+    assert interval((3.989, 4.017)) == "3.99 to 4.02"
+
+
+@given(text=st.text(max_size=60), width=st.integers(3, 30))
+@settings(max_examples=60, deadline=None)
+def test_shortened_fits_on_one_line(text, width):
+    assert len(shortened(text, width)) <= width
+    assert shortened(text, width).isprintable()
+
+
+def test_a_unit_nobody_stated_is_not_invented():
+    assert axis_label("tas", "") == "tas [unit not stated]"
+
+
+def test_verdict_names_size_interval_place_and_time():
+    assert verdict(fault_result()) == "Fault: a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s."
+
+
+def test_verdict_lists_several_faults():
+    text = verdict(two_output_result())
+    assert text.startswith("2 faults: a bias of ")
+    assert "on tas from 113.8 s to 125 s; a 1.15 Hz sine of 4.00 m/s" in text
+
+
+def test_verdict_without_a_fault_says_what_would_have_been_seen():
+    made = no_fault_result()
+    one = replace(made, candidates=made.candidates[:1])
+    assert verdict(one) == (
+        "No fault of the dictionary is present; a bias_13.8 larger than 0.033 m/s would have been found (90 % power)."
+    )
+    assert "1 more in the table" in verdict(made)
+
+
+def test_verdict_where_the_log_cannot_tell():
+    assert verdict(not_identifiable_result()) == (
+        "This log cannot tell: flight.csv: 'elevator' hardly moves (range 0.0004 rad); "
+        "the dynamics cannot be told from a drift."
+    )
+
+
+def test_a_drift_is_told_by_its_physical_rate():
+    estimate = replace(
+        fault_result().faults[0],
+        fault=Fault(shape="drift", channel="tas", slope=-0.23, onset_s=7.93),
+        magnitude=4.0,
+        unit="",
+        ci95=(3.6, 4.4),
+        physical_value=-0.92,
+        physical_unit="m/s^2",
+    )
+    assert describe(estimate) == "a drift of -0.92 m/s^2 (95 % interval -1.01 to -0.83) on tas from 7.93 s"

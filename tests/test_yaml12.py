@@ -1,0 +1,117 @@
+"""The core rules of YAML 1.2, as two tables, and JSON as the part of YAML whose meaning is beyond doubt."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bfi_cli.errors import ConfigError, DictionaryError
+from bfi_cli.yaml12 import load_yaml
+
+TEXT = st.text(
+    st.characters(exclude_categories=["Cc", "Cs", "Cn", "Co", "Zl", "Zp"], exclude_characters="\ufeff"), max_size=20
+)
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | TEXT,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXT, inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(JSON)
+def test_json_is_yaml(data):
+    read = load_yaml(json.dumps(data, ensure_ascii=False))
+    assert read == data
+    assert json.dumps(read) == json.dumps(data)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *[(word, None) for word in ("", "~", "null", "Null", "NULL")],
+        *[(word, True) for word in ("true", "True", "TRUE")],
+        *[(word, False) for word in ("false", "False", "FALSE")],
+        *[(word, word) for word in ("yes", "no", "on", "off", "y", "n", "Yes", "NO", "tRue", "nULL")],
+        *[("0", 0), ("12", 12), ("-3", -3), ("+4", 4), ("012", 12), ("0o17", 15), ("0x1F", 31), ("0x1f", 31)],
+        *[("1e-3", 0.001), ("1E3", 1000.0), ("1.", 1.0), (".5", 0.5), ("-.5e+2", -50.0), ("6.02e23", 6.02e23)],
+        *[(".inf", math.inf), ("-.Inf", -math.inf), ("+.INF", math.inf)],
+        *[
+            (word, word)
+            for word in ("12:30:00", "190:20:30.15", "1_000", "0b101", "-0x1", "2024-01-31", "1e", "e3", "+")
+        ],
+        *[(word, word) for word in ("=", "<<", ".", "0o8", "inf", "nan")],
+        *[("'1'", "1"), ('"no"', "no"), ("!!str 5", "5"), ("!!float 1", 1.0), ("!!int 3", 3)],
+        ("<<: {a: 1}", {"<<": {"a": 1}}),
+        ("{a: &x 1, b: *x}", {"a": 1, "b": 1}),
+    ],
+)
+def test_scalars(text, value):
+    read = load_yaml(text)
+    assert read == value
+    assert type(read) is type(value)
+
+
+def test_not_a_number_is_a_number():
+    assert all(math.isnan(load_yaml(word)) for word in (".nan", ".NaN", ".NAN"))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("a: 1\nb:\n  c: 2\n  c: 3", "line 4, column 3: key 'c' stands twice; keep one"),
+        ("a: [1", "line 1, column 6: expected ',' or ']'"),
+        ("a: b: c", "line 1, column 5: mapping values are not allowed here"),
+        ("a: 1\n\tb: 2", "line 2, column 1: found character"),
+        ("a\n---\nb", "line 2, column 1: but found another document"),
+        ("&a [*a]", "line 1, column 1: found unconstructable recursive node"),
+        ("*a", "line 1, column 1: found undefined alias 'a'"),
+        ("{[1]: 2}", "line 1, column 2: a key must be a plain word"),
+        ("a: !!int abc", "line 1, column 4: 'abc' is not of type int"),
+        ("a: !!python/name:os.system x", "line 1, column 4: unknown tag 'python/name:os.system'"),
+        ("!!timestamp x", "unknown tag 'timestamp'"),
+        ("!!seq x", "not a list"),
+        ("!!map x", "not a mapping"),
+        ("9" * 5000, "is not of type int"),
+        ("a: 1\nb: \x07", "line 2, column 4: a character YAML does not allow"),
+        ("[" * 1200, "nested too deeply"),
+    ],
+)
+def test_texts_that_are_refused(text, complaint):
+    with pytest.raises(ConfigError) as refusal:
+        load_yaml(text, where="my.yaml")
+    assert str(refusal.value).startswith("my.yaml: ")
+    assert complaint in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def complaint_about(text):
+    """Return the complaint about a text, "" where it is YAML; any other exception fails the test."""
+    try:
+        load_yaml(text)
+    except ConfigError as refusal:
+        return str(refusal)
+    return ""
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(st.sampled_from("ab1 :-[]{},&*!?|>'\"%#\n\t.~<"), max_size=30) | st.text(max_size=20))
+def test_any_text_is_data_or_one_line_of_complaint(text):
+    assert "\n" not in complaint_about(text)
+
+
+def test_files(tmp_path):
+    file = tmp_path / "a.yaml"
+    file.write_bytes("\ufeffa: 1e-3 # µ".encode())
+    assert load_yaml(file) == {"a": 0.001}
+    file.write_bytes(b"a: \xff")
+    with pytest.raises(DictionaryError, match=r"a\.yaml: byte 3 is not UTF-8 text"):
+        load_yaml(file, error=DictionaryError)
+    for path, complaint in [
+        (tmp_path / "none.yaml", "none.yaml: cannot be read, no such file"),
+        (tmp_path, "directory"),
+    ]:
+        with pytest.raises(ConfigError, match=complaint):
+            load_yaml(path)

@@ -24,6 +24,7 @@ SAMPLES_WANTED = 600
 FEWEST_SAMPLES = 100
 SAMPLES_PER_CYCLE = 4.0
 EMPTY_BAND = 1e-3
+TIE = 1e-6
 EXACT = 1e-8
 EXACT_ORDER = 4
 EXACT_SAMPLES = 5000
@@ -101,22 +102,18 @@ def choose_factor(record: Record, faults: Sequence[Fault]) -> Choice:
         return Choice(factor=1, reason="the log's own rate, where a VARX explains the record to round-off")
     duration = len(record.time_s) / record.rate_hz
     rate = float(np.clip(SAMPLES_WANTED / duration, SLOWEST_HZ, FASTEST_HZ))
-    reason = f"{_rate(rate)} suits rigid-body dynamics in a window of {duration:.3g} s"
+    reason = f"{rate:.3g} Hz suits rigid-body dynamics in a window of {duration:.3g} s"
+    factor = int(np.floor(record.rate_hz / rate + TIE))
     empty = _empty_from(record)
     if empty is not None and empty < rate:
-        rate, reason = empty, f"the log carries nothing above {empty:.2g} Hz (low-passed by its recorder)"
-    needed = SAMPLES_PER_CYCLE * max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
-    if needed > rate:
-        rate, reason = needed, f"{needed / SAMPLES_PER_CYCLE:g} Hz is the fastest oscillation of the dictionary"
-    largest = max(1, len(record.time_s) // FEWEST_SAMPLES)
-    factor = int(np.clip(np.floor(record.rate_hz / rate + 1e-6), 1, largest))
-    if factor == 1:
-        return Choice(factor=1, reason=f"the log's own rate; {reason}")
-    return Choice(factor=factor, reason=reason)
-
-
-def _rate(rate_hz: float) -> str:
-    return f"{rate_hz:.3g} Hz"
+        reason = f"the log carries next to nothing above {empty:.2g} Hz, as if low-passed by its recorder"
+        factor = int(np.ceil(record.rate_hz / empty - TIE))
+    fastest = max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
+    if factor * SAMPLES_PER_CYCLE * fastest > record.rate_hz * (1 + TIE):
+        reason = f"{fastest:g} Hz is the fastest oscillation of the dictionary"
+        factor = int(np.floor(record.rate_hz / (SAMPLES_PER_CYCLE * fastest) + TIE))
+    factor = int(np.clip(factor, 1, max(1, len(record.time_s) // FEWEST_SAMPLES)))
+    return Choice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
 
 
 def is_exact(record: Record) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 __all__ = ["readable_variables"]
 
 MATRIX, COMPRESSED = 14, 15
-INT8, INT32, UINT32 = 1, 5, 6
+INT8, INT32, UINT32, UTF8 = 1, 5, 6, 16
 SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
 TEXT = {1: 1, 2: 1, 4: 2, 16: 1, 17: 2, 18: 4}
 CELL, STRUCT, CHAR = 1, 2, 4
@@ -84,7 +84,8 @@ def _array(data: memoryview, order: str, *, depth: int) -> tuple[str, bool]:
     if depth > DEEPEST or len(parts) < 3:
         raise ValueError("an array lacks its flags, size or name")
     flags, size, name, *body = parts
-    if (flags.kind, len(flags.data)) != (UINT32, 8) or size.kind != INT32 or name.kind != INT8 or len(size.data) % 4:
+    kinds_fit = flags.kind == UINT32 and size.kind in (INT32, UINT32) and name.kind in (INT8, UTF8)
+    if not kinds_fit or len(flags.data) != 8 or len(size.data) % 4:
         raise ValueError("the head of an array is damaged")
     word = struct.unpack_from(f"{order}I", flags.data)[0]
     shape = np.frombuffer(size.data, f"{order}i4").tolist()
@@ -101,9 +102,9 @@ def _body(kind: int, body: list[_Element], count: int, order: str, *, depth: int
         if body or count:
             _check_text(body)
     elif kind == STRUCT:
-        _check_nested(body[2:], count * _n_fields(body, order), order, depth=depth)
+        return _check_nested(body[2:], count * _n_fields(body, order), order, depth=depth)
     elif kind == CELL:
-        _check_nested(body, count, order, depth=depth)
+        return _check_nested(body, count, order, depth=depth)
     else:
         return False
     return True
@@ -125,15 +126,14 @@ def _check_text(body: list[_Element]) -> None:
 def _n_fields(body: list[_Element], order: str) -> int:
     if len(body) < 2 or (body[0].kind, len(body[0].data)) != (INT32, 4) or body[1].kind != INT8:
         raise ValueError("the fields of a struct are damaged")
-    length = struct.unpack_from(f"{order}i", body[0].data)[0]
+    length = int(struct.unpack_from(f"{order}i", body[0].data)[0])
     if length < 1 or len(body[1].data) % length:
         raise ValueError("the field names of a struct are damaged")
     return len(body[1].data) // length
 
 
-def _check_nested(body: list[_Element], count: int, order: str, *, depth: int) -> None:
+def _check_nested(body: list[_Element], count: int, order: str, *, depth: int) -> bool:
     if len(body) != count or any(part.kind != MATRIX for part in body):
         raise ValueError(f"{count} arrays should be nested, got {len(body)}")
-    for part in body:
-        if len(part.data) and not _array(part.data, order, depth=depth + 1)[1]:
-            raise ValueError("an array of a class without signals is nested in another")
+    known = [_array(part.data, order, depth=depth + 1)[1] for part in body if len(part.data)]
+    return all(known)

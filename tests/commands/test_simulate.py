@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -99,28 +98,24 @@ def test_the_document_of_the_contract_goes_to_stdout(out: Path, capsys: pytest.C
     assert document["provenance"]["seed"] == 5
 
 
-@pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Make stdout a terminal; yields the end to read from."""
-    screen, keyboard = os.openpty()
-    with open(keyboard, "w") as stdout:
-        monkeypatch.setattr(sys, "stdout", stdout)
-        yield screen
-        monkeypatch.undo()
+def on_a_terminal(*arguments: str) -> str:
+    """Run the command with a terminal as stdout and return what it shows."""
+    screen, tty = os.openpty()
+    with open(tty, "w") as stdout, contextlib.redirect_stdout(stdout):
+        assert _run(list(arguments)) == 0
+    shown = os.read(screen, 4096).decode()
     os.close(screen)
+    return shown
 
 
-def test_a_terminal_gets_one_line(out: Path, terminal: int):
-    simulate(out, *SHORT)
-    sys.stdout.flush()
+def test_a_terminal_gets_one_line(out: Path):
     channels = "elevator [rad], tas [m/s], aoa [rad], pitch [rad], pitch_rate [rad/s]"
-    assert os.read(terminal, 4096).decode() == f"{out}: 150 samples at 50 Hz: {channels}\r\n"
+    shown = on_a_terminal("simulate", "citation", "-o", str(out), *SHORT)
+    assert shown == f"{out}: 150 samples at 50 Hz: {channels}\r\n"
 
 
-def test_a_terminal_gets_the_document_with_json(out: Path, terminal: int):
-    simulate(out, *SHORT, "--json")
-    sys.stdout.flush()
-    assert json.loads(os.read(terminal, 4096).decode())["kind"] == "simulate"
+def test_a_terminal_gets_the_document_with_json(out: Path):
+    assert json.loads(on_a_terminal("simulate", "citation", "-o", str(out), *SHORT, "--json"))["kind"] == "simulate"
 
 
 def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFixture[str]):

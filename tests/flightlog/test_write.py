@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from made_logs import made_log, write_text
 
 from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
-from bfi_cli.flightlog import inject, read_log, write_log
+from bfi_cli.flightlog import inject, inspect_log, read_log, write_log
 from bfi_cli.flightlog.record import FlightLog, Segment
+from bfi_cli.serialize import to_json
 
 UNITS = {"tas": "m/s", "aoa": "rad", "tat": "K", "mach": "1", "wobble x": "", "left/right": "Pa", "time2": "s"}
 NUMBERS = st.floats(allow_infinity=True, allow_nan=True)
@@ -55,6 +57,16 @@ def test_round_trip_is_exact(log: FlightLog, suffix: str, tmp_path_factory: pyte
         assert back.truth.faults == log.truth.faults
         for clean, was in zip(back.truth.clean.values(), log.truth.clean.values(), strict=True):
             np.testing.assert_array_equal(clean, was)
+
+
+@settings(max_examples=60)
+@given(log=logs())
+def test_any_log_can_be_inspected_and_its_report_is_json(log: FlightLog):
+    report = json.loads(to_json({"report": inspect_log(log)}))["report"]
+    assert [channel["name"] for channel in report["channels"]] == list(log.channels)
+    assert sum(channel["n_nan"] for channel in report["channels"]) == sum(
+        int(np.count_nonzero(~np.isfinite(channel.values))) for channel in log.channels.values()
+    )
 
 
 @pytest.mark.parametrize("name", ["out.xlsx", "out", "absent/out.h5", "absent/out.csv"])

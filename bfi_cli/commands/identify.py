@@ -1,0 +1,122 @@
+"""`bfi identify`: which faults of a dictionary are in a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import ConfigError
+from .options import channel_options, json_option, log_argument, window_options
+
+if TYPE_CHECKING:
+    from ..config import Config
+    from ..result import IdentifyResult
+
+__all__ = ["command"]
+
+NO_ANSWER = 4
+FAULT_DECLARED = 10
+
+
+@click.command("identify")
+@log_argument
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
+@click.option("-d", "--dictionary", metavar="FILE", help="YAML dictionary of the faults to look for.")
+@click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
+@click.option("--output", "outputs", multiple=True, metavar="NAME", help="An output; repeatable.  [default: tas]")
+@window_options
+@channel_options
+@click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
+@click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
+@click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
+@click.option("--method", help="ml (maximum likelihood) or risro (as published).  [default: ml]")
+@click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
+@click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
+@click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
+@json_option
+@click.pass_context
+def command(context: click.Context, log: str, config_path: str | None, **options: Any) -> None:
+    """Say which faults of a dictionary are in LOG, how large they are and how sure that is."""
+    from ..documents import identify_document
+    from ..flightlog import read_log
+    from ..identify import identify
+    from ..provenance import provenance
+
+    config = _config(config_path, options)
+    dictionary = config.load_dictionary()
+    if dictionary is None:
+        raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
+    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    result = identify(flight, dictionary, config)
+    origin = provenance(
+        log_sha256=flight.sha256,
+        config_sha256=config.sha256,
+        dictionary_sha256=dictionary.sha256,
+        seed=config.seed,
+    )
+    if options["out"] is not None:
+        from ..output import write_results
+
+        write_results(result, origin, options["out"])
+    _show(result, identify_document(result, origin), as_json=options["as_json"])
+    context.exit(_exit_code(result, config))
+
+
+def _config(path: str | None, options: dict[str, Any]) -> Config:
+    from ..config import Config, load_config, merge
+
+    config = load_config(path) if path is not None else Config()
+    return merge(
+        config,
+        {
+            "inputs": list(options["inputs"]) or None,
+            "outputs": list(options["outputs"]) or None,
+            "channels": {**config.channels, **options["channel_map"]} if options["channel_map"] else None,
+            "units": {**config.units, **options["unit_map"]} if options["unit_map"] else None,
+            "window.from_s": options["from_s"],
+            "window.to_s": options["to_s"],
+            "conditioning.rate_hz": _number_or_word(options["rate"]),
+            "model.order": _number_or_word(options["order"]),
+            "model.feedthrough": options["feedthrough"],
+            "method": options["method"],
+            "dictionary": options["dictionary"],
+            "seed": options["seed"],
+            "strict": options["strict"],
+            "fail_on": options["fail_on"],
+        },
+    )
+
+
+def _number_or_word(text: str | None) -> int | float | str | None:
+    if text is None:
+        return None
+    for number in (int, float):
+        try:
+            return number(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _exit_code(result: IdentifyResult, config: Config) -> int:
+    if config.strict and result.decision == "not_identifiable":
+        return NO_ANSWER
+    if config.fail_on == "fault" and result.decision == "fault":
+        return FAULT_DECLARED
+    return 0
+
+
+def _show(result: IdentifyResult, document: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        from ..serialize import to_json
+
+        click.echo(to_json(document))
+        return
+    from rich.console import Console
+
+    from ..tables import print_identify
+
+    print_identify(Console(), result)

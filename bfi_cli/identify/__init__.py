@@ -1,0 +1,5 @@
+"""Which faults of a dictionary are in a log, how large, how sure (METHOD sections 3 and 4)."""
+
+from .answer import identify
+
+__all__ = ["identify"]

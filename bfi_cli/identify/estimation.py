@@ -1,0 +1,196 @@
+"""The maximum-likelihood answer: support and order chosen together, magnitudes with honest variances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ..kernels.bilinear import Fit, fit_magnitudes
+from ..kernels.covariance import Unfolded, covariance, single_additions, unfold
+from ..kernels.selection import Penalty, Scored, Search, search_order
+from ..kernels.whiteness import effective_rows
+from .study import Study
+
+__all__ = ["Answer", "Magnitudes", "choose", "magnitudes", "magnitudes_of"]
+
+FloatArray = NDArray[np.float64]
+
+FALSE_ALARM = 0.01
+POWER = 0.9
+CLOSE = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Answer:
+    """The chosen support: its fit at every order, and everything else that was visited.
+
+    Attributes
+    ----------
+    best : the fit at the best order.
+    fits : of the same support at each order, with their criteria.
+    searches : what was visited, by order.
+    penalty : the criterion.
+    unfolded : `best` over the rows.
+    """
+
+    best: Scored
+    fits: tuple[Scored, ...]
+    searches: tuple[Search, ...]
+    penalty: Penalty
+    unfolded: Unfolded
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Magnitudes:
+    """Of every live atom in SI: the estimate if active, else what adding it alone would give (NaN where unseen).
+
+    Attributes
+    ----------
+    value, variance : (n_live,).
+    minimal_detectable : (n_live,) found with 90 % power at 1 % false alarms shared by the dictionary.
+    covariance : (n_active, n_active) of the support.
+    degrees : of freedom of the intervals.
+    """
+
+    value: FloatArray
+    variance: FloatArray
+    minimal_detectable: FloatArray
+    covariance: FloatArray
+    degrees: float
+
+
+def choose(
+    study: Study, *, evidence: float, extended: bool, max_active: int | None, exclude: frozenset[int] = frozenset()
+) -> Answer:
+    """Search supports at every order on common rows and take the best.
+
+    Parameters
+    ----------
+    study : the scaled record.
+    evidence, extended : see `Penalty`.
+    max_active : largest support; None for no limit.
+    exclude : live atoms that must stay inactive.
+    """
+    candidates = [j for j in range(len(study.live)) if j not in exclude]
+    penalty = Penalty(
+        n_rows=study.n_rows,
+        n_effective=float(study.n_rows),
+        n_candidates=len(study.live),
+        evidence=evidence,
+        extended=extended,
+    )
+    searches = tuple(
+        search_order(study.problem(order), candidates, penalty, max_active=max_active) for order in study.orders
+    )
+    best = _best(searches)
+    unfolded = unfold(study.layout, best.fit)
+    penalty = replace(penalty, n_effective=max(effective_rows(unfolded.error), 2.0 * best.fit.n_parameters))
+    if penalty.n_effective < study.n_rows:
+        searches = tuple(_rescored(search, penalty) for search in searches)
+        best = _best(searches)
+        unfolded = unfold(study.layout, best.fit)
+    fits = tuple(_at(study, search, best.fit, penalty) for search in searches)
+    return Answer(best=best, fits=fits, searches=searches, penalty=penalty, unfolded=unfolded)
+
+
+def _best(searches: Sequence[Search]) -> Scored:
+    return min((search.best for search in searches), key=lambda scored: scored.criterion)
+
+
+def _rescored(search: Search, penalty: Penalty) -> Search:
+    visited = tuple(replace(scored, criterion=penalty.criterion(scored.fit)) for scored in search.visited)
+    return replace(search, visited=visited)
+
+
+def _at(study: Study, search: Search, fit: Fit, penalty: Penalty) -> Scored:
+    known = search.of(fit.atoms)
+    if known is not None:
+        return known
+    found = fit_magnitudes(study.problem(search.order), fit.atoms, fit.z)
+    return Scored(criterion=penalty.criterion(found), fit=found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Averaged:
+    value: FloatArray
+    variance: FloatArray
+    covariance: FloatArray
+
+
+def magnitudes(study: Study, answer: Answer, coarse: Study | None) -> Magnitudes:
+    """Return the magnitudes with variances that admit what a single model does not know about itself.
+
+    On top of the covariance at the best order: the spread between orders, weighted by their criteria, and the part of
+    the change at half the rate (`coarse`, None where that is not feasible) that sampling does not explain.
+    """
+    at = _averaged(study, answer.fits)
+    variance = at.variance.copy()
+    if coarse is not None:
+        active = list(answer.best.fit.atoms)
+        start = at.value[active] / coarse.magnitude_unit[active]
+        fits = [fit_magnitudes(coarse.problem(order), active, start) for order in coarse.orders]
+        penalty = replace(answer.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
+        other = _averaged(coarse, [Scored(criterion=penalty.criterion(fit), fit=fit) for fit in fits])
+        change = (other.value - at.value) ** 2
+        variance += np.nan_to_num(np.maximum(change - variance, 0.0))
+    degrees = max(answer.penalty.n_effective - answer.best.fit.n_parameters, 2.0)
+    wider = np.sqrt(variance / np.where(at.variance > 0, at.variance, 1.0))[list(answer.best.fit.atoms)]
+    return Magnitudes(
+        value=at.value,
+        variance=variance,
+        minimal_detectable=_detectable_deviations(answer.penalty) * np.sqrt(variance),
+        covariance=at.covariance * np.outer(wider, wider),
+        degrees=degrees,
+    )
+
+
+def magnitudes_of(study: Study, scored: Scored, penalty: Penalty) -> Magnitudes:
+    """Return the magnitudes of one fit, nothing averaged."""
+    at = _averaged(study, [scored])
+    return Magnitudes(
+        value=at.value,
+        variance=at.variance,
+        minimal_detectable=_detectable_deviations(penalty) * np.sqrt(at.variance),
+        covariance=at.covariance,
+        degrees=max(study.n_rows - scored.fit.n_parameters, 2.0),
+    )
+
+
+def _detectable_deviations(penalty: Penalty) -> float:
+    """How many standard deviations a magnitude needs: the stricter of the false-alarm rate and the criterion, + power."""
+    tail = float(stats.norm.isf(FALSE_ALARM / (2.0 * max(penalty.n_candidates, 1))))
+    criterion = float(np.sqrt(max(penalty.per_parameter + penalty.per_atom, 0.0)))
+    return max(tail, criterion) + float(stats.norm.isf(1.0 - POWER))
+
+
+def _averaged(study: Study, fits: Sequence[Scored]) -> _Averaged:
+    """The best order's magnitudes with the spread of the others around them."""
+    criteria = np.array([scored.criterion for scored in fits])
+    weights = np.exp(-0.5 * (criteria - criteria.min()))
+    best = int(np.argmin(criteria))
+    keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
+    layers = {n: _one(study, fits[n].fit) for n in keep}
+    value, _, cov = layers[best]
+    total = sum(weights[n] for n in keep)
+    variance = sum((weights[n] * (layers[n][1] + (layers[n][0] - value) ** 2) for n in keep), np.zeros(len(value)))
+    variance /= total
+    active = list(fits[best].fit.atoms)
+    own = np.diag(cov)
+    wider = np.sqrt(variance[active] / np.where(own > 0.0, own, 1.0))
+    return _Averaged(value=value, variance=variance, covariance=cov * np.outer(wider, wider))
+
+
+def _one(study: Study, fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Magnitudes and variances of all live atoms at one fit, and the covariance of the support, in SI."""
+    unfolded = unfold(study.layout, fit)
+    single = single_additions(fit, unfolded)
+    scaled = covariance(fit, unfolded)
+    value, variance = single.magnitude.copy(), single.variance.copy()
+    active = list(fit.atoms)
+    value[active], variance[active] = fit.z, np.diag(scaled)
+    unit = study.magnitude_unit
+    return value * unit, variance * unit**2, scaled * np.outer(unit[active], unit[active])

@@ -1,0 +1,170 @@
+"""From a log, a dictionary and a configuration to the record an analysis works on, or to the line that says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..conditioning import Choice, Conditioned, Record, choose_factor, condition
+from ..config import Config
+from ..dictionary import Dictionary, dead_reason, signals
+from ..errors import DictionaryError, ExcitationError, LogError
+from ..faults import Fault
+from ..flightlog import FlightLog, require_usable, resample
+from ..flightlog.quality import hold_of
+from ..flightlog.timing import is_uniform
+from ..kernels.decimation import WHITE, Lowpass
+from .study import left_out
+
+__all__ = ["Intake", "lowpass_of", "take_in"]
+
+FloatArray = NDArray[np.float64]
+
+STILL_ANGLE = 5e-4
+STILL_RELATIVE = 1e-6
+SAME = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Intake:
+    """The window, conditioned, and which dictionary entries can be looked for in it.
+
+    Attributes
+    ----------
+    log : the window, at the rate before conditioning.
+    faults : every dictionary entry, times on the log's axis; names : their names.
+    reasons : why an entry is left out, by index; live : the others.
+    record : at the log's own rate; conditioned : as analysed; choice : of the rate.
+    window_start_s : what `phase_reference: window` counts from.
+    native_rate_hz : of the log as it was read.
+    """
+
+    log: FlightLog
+    faults: tuple[Fault, ...]
+    names: tuple[str, ...]
+    reasons: Mapping[int, str]
+    live: tuple[int, ...]
+    record: Record
+    conditioned: Conditioned
+    choice: Choice
+    window_start_s: float
+    native_rate_hz: float
+
+
+def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
+    """Cut, check and condition a log.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be analysed.
+    DictionaryError : no entry of the dictionary can be seen in the window.
+    """
+    part = log.window(config.window.from_s, config.window.to_s)
+    window_start_s = float(part.time_s[0])
+    native_rate_hz = part.rate_hz
+    part = _at_usable_rate(log, part, config)
+    _require_movement(part, config)
+    faults = dictionary.resolved(window_start_s)
+    names = tuple(fault.name or fault.shape for fault in faults)
+    stop_s = float(part.time_s[-1]) + 1.0 / part.rate_hz
+    reasons = {
+        j: reason
+        for j, fault in enumerate(faults)
+        if (reason := dead_reason(fault, window_start_s, stop_s, outputs=config.outputs)) is not None
+    }
+    record = _record(part, config, faults, reasons, window_start_s)
+    wanted = [faults[j] for j in range(len(faults)) if j not in reasons]
+    choice = _choice(record, wanted, config.conditioning.rate_hz)
+    conditioned = condition(record, choice.factor, lowpass_of(config))
+    reasons |= left_out(conditioned, names, [j for j in range(len(faults)) if j not in reasons])
+    live = tuple(j for j in range(len(faults)) if j not in reasons)
+    if not live:
+        first = reasons[min(reasons)] if reasons else "it has no entry; add one"
+        raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
+    return Intake(
+        log=part,
+        faults=faults,
+        names=names,
+        reasons=reasons,
+        live=live,
+        record=record,
+        conditioned=conditioned,
+        choice=choice,
+        window_start_s=window_start_s,
+        native_rate_hz=native_rate_hz,
+    )
+
+
+def lowpass_of(config: Config) -> Lowpass:
+    """Return the filter of a configuration."""
+    return Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=config.conditioning.filter)
+
+
+def _at_usable_rate(log: FlightLog, part: FlightLog, config: Config) -> FlightLog:
+    """Return the window as it is, or resampled where the rate asked for cannot be reached by decimation."""
+    names = [*config.inputs, *config.outputs]
+    rate = config.conditioning.rate_hz
+    require_usable(part, names, resampling=isinstance(rate, float))
+    if not isinstance(rate, float):
+        return part
+    ratio = part.rate_hz / rate
+    whole = ratio > 1.0 - SAME and abs(ratio - round(ratio)) < SAME * ratio
+    if whole and is_uniform(part.time_s) and not any(hold_of(part, part.channel(n).values) for n in names):
+        return part
+    resampled = resample(log, rate, from_s=config.window.from_s, to_s=config.window.to_s)
+    require_usable(resampled, names)
+    return resampled
+
+
+def _require_movement(log: FlightLog, config: Config) -> None:
+    still = [name for name in config.inputs if _is_still(log, name)]
+    if len(still) == len(config.inputs):
+        channel = log.channel(still[0])
+        moved = float(np.ptp(channel.values))
+        raise ExcitationError(
+            f"{log.path}: '{still[0]}' does not move (range {moved:.4g} {channel.unit}); without excitation the dynamics "
+            "cannot be told from a drift; choose a window with a manoeuvre"
+        )
+    for name in config.outputs:
+        values = log.channel(name).values
+        if np.ptp(values) <= STILL_RELATIVE * np.max(np.abs(values)):
+            raise LogError(
+                f"{log.path}: output '{name}' does not change (stays at {values[0]:.6g}); choose another --output or window"
+            )
+
+
+def _is_still(log: FlightLog, name: str) -> bool:
+    channel = log.channel(name)
+    moved = float(np.ptp(channel.values))
+    if channel.unit == "rad":
+        return moved < STILL_ANGLE
+    return moved <= STILL_RELATIVE * float(np.max(np.abs(channel.values)))
+
+
+def _record(
+    log: FlightLog, config: Config, faults: Sequence[Fault], reasons: Mapping[int, str], window_start_s: float
+) -> Record:
+    theta = np.zeros((log.n_samples, len(config.outputs), len(faults)))
+    seen = [j for j in range(len(faults)) if j not in reasons]
+    theta[:, :, seen] = signals(
+        [faults[j] for j in seen], log.time_s, list(config.outputs), window_start_s=window_start_s
+    )
+    return Record(
+        path=log.path,
+        rate_hz=log.rate_hz,
+        time_s=log.time_s,
+        u=log.signals(config.inputs),
+        y=log.signals(config.outputs),
+        theta=theta,
+    )
+
+
+def _choice(record: Record, faults: Sequence[Fault], rate_hz: float | str) -> Choice:
+    if rate_hz == "auto":
+        return choose_factor(record, faults)
+    if isinstance(rate_hz, float):
+        return Choice(factor=max(1, round(record.rate_hz / rate_hz)), reason="asked for")
+    return Choice(factor=1, reason="the log's own rate, as asked for")

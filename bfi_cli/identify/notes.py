@@ -1,0 +1,108 @@
+"""What the reader must know beside the numbers: ambiguity, blindness, near misses, how the rate was chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.selection import Scored
+from ..result import ResidualSummary
+from .estimation import Answer, Magnitudes
+from .intake import Intake
+from .study import Study
+
+__all__ = ["blind", "near_miss_note", "notes_of", "rate_note", "rivals"]
+
+FloatArray = NDArray[np.float64]
+
+STRONG = 6.0
+WHITE_P = 1e-3
+ILL_CONDITIONED = 1e8
+MOST_NAMED = 5
+
+
+def rate_note(intake: Intake) -> str:
+    """Say which rate was used and why."""
+    return f"analysed at {intake.conditioned.rate_hz:.4g} Hz: {intake.choice.reason}"
+
+
+def blind(study: Study, magnitudes: Magnitudes) -> tuple[bool, ...]:
+    """Say of each live atom whether only a fault larger than the output's whole movement could be seen."""
+    conditioned = study.conditioned
+    answers = []
+    for n, j in enumerate(study.live):
+        theta = conditioned.theta[:, :, j]
+        output = int(np.argmax(np.max(np.abs(theta), axis=0)))
+        smallest = magnitudes.minimal_detectable[n] * float(np.ptp(theta[:, output]))
+        answers.append(not np.isfinite(smallest) or smallest > float(np.ptp(conditioned.y[:, output])))
+    return tuple(answers)
+
+
+def rivals(answer: Answer, evidence: float = STRONG) -> list[Scored]:
+    """Return the other supports of the same size that explain the log nearly as well, best first."""
+    best = answer.best
+    by_support: dict[tuple[int, ...], Scored] = {}
+    for search in answer.searches:
+        for scored in search.visited:
+            known = by_support.get(scored.fit.atoms)
+            if known is None or scored.criterion < known.criterion:
+                by_support[scored.fit.atoms] = scored
+    size = len(best.fit.atoms)
+    close = [
+        scored
+        for atoms, scored in by_support.items()
+        if atoms != best.fit.atoms and len(atoms) == size and scored.criterion - best.criterion < evidence
+    ]
+    return sorted(close, key=lambda scored: scored.criterion)
+
+
+def near_miss_note(names: Sequence[str], answer: Answer) -> str | None:
+    """Name the best support that was turned down only because its evidence was not strong."""
+    best, evidence = answer.best, answer.penalty.evidence
+    above = [
+        scored
+        for search in answer.searches
+        for scored in search.visited
+        if set(scored.fit.atoms) > set(best.fit.atoms) and len(scored.fit.atoms) == len(best.fit.atoms) + 1
+    ]
+    if not above or evidence <= 0.0:
+        return None
+    nearest = min(above, key=lambda scored: scored.criterion)
+    shown = evidence - (nearest.criterion - best.criterion)
+    if shown <= evidence / 2.0:
+        return None
+    (atom,) = set(nearest.fit.atoms) - set(best.fit.atoms)
+    return f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:g} needed)"
+
+
+def notes_of(
+    intake: Intake, study: Study, magnitudes: Magnitudes, residuals: Sequence[ResidualSummary], condition_number: float
+) -> list[str]:
+    """Return the notes that hold for any method."""
+    notes = [rate_note(intake)]
+    names = [intake.names[j] for j in study.live]
+    unseen = [name for name, hidden in zip(names, blind(study, magnitudes), strict=True) if hidden]
+    if unseen:
+        notes.append(
+            f"{_listed(unseen)}: only a fault larger than the output's whole movement would be seen in this window"
+        )
+    notes += [reason for _, reason in sorted(intake.reasons.items())]
+    if condition_number > ILL_CONDITIONED:
+        notes.append(
+            f"the regressors are nearly dependent (condition number {condition_number:.1e}): little excitation, or a rate "
+            "far above the dynamics"
+        )
+    notes += [
+        f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): "
+        "the intervals may be too narrow"
+        for each in residuals
+        if each.ljung_box_p < WHITE_P
+    ]
+    return notes
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in names[:MOST_NAMED])
+    return shown if len(names) <= MOST_NAMED else f"{shown} and {len(names) - MOST_NAMED} more"

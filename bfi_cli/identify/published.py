@@ -1,0 +1,102 @@
+"""The published method: RISRO on the whole dictionary, a fault being a magnitude above a share of the largest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import Config
+from ..errors import ConfigError
+from ..kernels.bilinear import fit_magnitudes
+from ..kernels.lagged import restrict
+from ..kernels.risro_varx import VarxSolution, risro_varx
+from ..kernels.selection import Penalty, Scored
+from ..kernels.sparsity import SparseStage
+from ..kernels.termination import Settings
+from .study import Study
+
+__all__ = ["THRESHOLD", "Published", "published"]
+
+FloatArray = NDArray[np.float64]
+
+THRESHOLD = 1e-3
+ZERO = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Published:
+    """What RISRO found.
+
+    Attributes
+    ----------
+    solution : of the best order.
+    z : (n_live,) magnitudes in SI.
+    active : live atoms with |z| / norm(z) above the threshold (section 5-1 of the thesis).
+    whole : the likelihood's fit on all atoms at RISRO's solution, for variances.
+    scored : fit on the active atoms per order.
+    """
+
+    solution: VarxSolution
+    z: FloatArray
+    active: tuple[int, ...]
+    whole: Scored
+    scored: tuple[Scored, ...]
+    penalty: Penalty
+
+
+def published(study: Study, config: Config) -> Published:
+    """Run RISRO at every order, keep the order with the best criterion.
+
+    Raises
+    ------
+    ConfigError : several outputs; the published form has one.
+    """
+    if study.layout.y.shape[1] > 1:
+        raise ConfigError(
+            f"--method risro: works on one output, got {study.layout.y.shape[1]}; give one --output, or --method ml"
+        )
+    runs = {order: _solve(study, order, config) for order in study.orders}
+    n_live = len(study.live)
+    penalty = Penalty(
+        n_rows=study.n_rows, n_effective=float(study.n_rows), n_candidates=n_live, evidence=config.selection.evidence
+    )
+    costs = {order: _criterion(study, order, runs[order], penalty) for order in study.orders}
+    order = min(costs, key=lambda key: costs[key])
+    solution = runs[order]
+    z = solution.z * study.magnitude_unit
+    largest = float(np.linalg.norm(z))
+    threshold = THRESHOLD if config.selection.threshold is None else config.selection.threshold
+    above = (np.abs(z) > threshold * largest) & (np.abs(solution.z) > ZERO)
+    active = tuple(int(j) for j in np.flatnonzero(above))
+    whole = fit_magnitudes(study.problem(order), range(n_live), solution.z, max_iterations=1)
+    scored = []
+    for each in study.orders:
+        fit = fit_magnitudes(study.problem(each), active, runs[each].z[list(active)])
+        scored.append(Scored(criterion=penalty.criterion(fit), fit=fit))
+    return Published(
+        solution=solution,
+        z=z,
+        active=active,
+        whole=Scored(criterion=costs[order], fit=whole),
+        scored=tuple(scored),
+        penalty=penalty,
+    )
+
+
+def _solve(study: Study, order: int, config: Config) -> VarxSolution:
+    rules = config.risro
+    stage = None
+    if rules.sparsity != "none":
+        stage = SparseStage(kind=rules.sparsity, alpha=rules.alpha, r=rules.r, p0=rules.p0, updates=rules.updates)
+    settings = Settings(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
+    return risro_varx(
+        restrict(study.data, order=order), settings=settings, sparse=stage, as_published=rules.as_published
+    )
+
+
+def _criterion(study: Study, order: int, solution: VarxSolution, penalty: Penalty) -> float:
+    variance = solution.misfit**2 / study.n_rows + study.floor**2
+    n_parameters = study.problem(order).n_predictor + len(study.live)
+    return penalty.n_effective * float(np.log(variance)) + n_parameters * penalty.per_parameter

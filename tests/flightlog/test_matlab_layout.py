@@ -1,0 +1,59 @@
+"""The check before MATLAB v5 files are parsed: what scipy writes passes, what contradicts itself does not."""
+
+from __future__ import annotations
+
+import io
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import savemat
+from scipy.sparse import csc_array
+
+from bfi_cli.flightlog.matlab_layout import readable_variables
+
+LEAVES = st.one_of(
+    st.floats(),
+    st.text("abc xyz", max_size=5),
+    st.lists(st.integers(0, 255), max_size=6).map(lambda x: np.array(x, dtype=np.uint8)),
+    st.lists(st.floats(), max_size=6).map(np.array),
+    st.just(np.ones((2, 3), dtype=complex)),
+)
+NAMES = st.text("abcdef", min_size=1, max_size=8)
+VALUES = st.recursive(LEAVES, lambda inner: st.dictionaries(NAMES, inner, min_size=1, max_size=3), max_leaves=6)
+
+
+def saved(variables: dict[str, Any], *, compressed: bool = False) -> bytes:
+    file = io.BytesIO()
+    savemat(file, variables, do_compression=compressed)
+    return file.getvalue()
+
+
+@settings(max_examples=60)
+@given(variables=st.dictionaries(NAMES, VALUES, min_size=1, max_size=4), compressed=st.booleans())
+def test_what_is_saved_passes(variables: dict[str, Any], compressed: bool):
+    assert readable_variables(saved(variables, compressed=compressed)) == dict.fromkeys(variables, True)
+
+
+def test_classes_without_signals_are_told_apart():
+    file = saved({"tas": np.ones(3), "matrix": csc_array(np.eye(3)), "inside": {"matrix": csc_array(np.eye(2))}})
+    assert readable_variables(file) == {"tas": True, "matrix": False, "inside": False}
+
+
+@settings(max_examples=60)
+@given(cut=st.integers(1, 200), compressed=st.booleans())
+def test_a_truncated_file_does_not_pass(cut: int, compressed: bool):
+    file = saved({"tas": np.arange(50.0)}, compressed=compressed)
+    with pytest.raises(ValueError, match=r"bytes|cut off|damaged|lacks"):
+        readable_variables(file[:-cut])
+
+
+def test_a_size_that_the_data_do_not_have_does_not_pass():
+    file = saved({"tas": np.arange(50.0)[None, :]})
+    shape = struct.pack("<ii", 1, 50)
+    assert file.count(shape) == 1
+    with pytest.raises(ValueError, match="an array of 5000 numbers has 400 bytes"):
+        readable_variables(file.replace(shape, struct.pack("<ii", 1, 5000)))

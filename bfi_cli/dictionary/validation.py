@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
+import textwrap
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StrictInt, ValidationError
@@ -40,9 +44,12 @@ WRONG_KIND = {
 
 
 class Rules(BaseModel):
-    """A part of a document: unknown keys are errors, values cannot be changed, docstrings are the editor's help."""
+    """A part of a document: unknown keys are errors, values cannot be changed, attribute docstrings are the editor's help.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, validate_default=False)
+    The docstrings are read when a schema is written, not at import, where they would cost a tenth of every command.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=False)
 
 
 def validated(
@@ -67,10 +74,41 @@ def validated(
 def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
     """Return the JSON schema of a document, with the dialect that editors look for and readable names of its parts."""
     schema = model.model_json_schema()
+    for part in _parts(model):
+        described = schema if part is model else schema["$defs"][part.__name__]
+        for key, description in _attribute_docstrings(part).items():
+            described["properties"][key]["description"] = description
     text = json.dumps(schema)
     for name, part in schema["$defs"].items():
         text = text.replace(f'"{name}": {{', f'"{part["title"]}": {{').replace(f'/{name}"', f'/{part["title"]}"')
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **json.loads(text), "title": title}
+
+
+def _parts(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Walk a document's model and all models below it."""
+    found, pending = set(), [model]
+    while pending:
+        part = pending.pop()
+        if part not in found:
+            found.add(part)
+            yield part
+            pending += [below for key in part.model_fields for below in _models(part, key)]
+
+
+def _attribute_docstrings(part: type[BaseModel]) -> dict[str, str]:
+    """Return the string that follows each attribute in the source of a model and its bases."""
+    described: dict[str, str] = {}
+    for owner in reversed(part.__mro__):
+        if not issubclass(owner, Rules) or owner.__pydantic_generic_metadata__["args"]:
+            continue
+        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        assert isinstance(definition, ast.ClassDef)
+        for statement, after in pairwise(definition.body):
+            if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+                match after:
+                    case ast.Expr(value=ast.Constant(value=str(text))):
+                        described[statement.target.id] = inspect.cleandoc(text)
+    return described
 
 
 def _follows_from_another(details: ErrorDetails) -> bool:

@@ -90,8 +90,8 @@ class FlightLog:
 
     @property
     def rate_hz(self) -> float:
-        """Sampling rate from the median time step."""
-        return 1.0 / float(np.median(np.diff(self.time_s)))
+        """Sampling rate from the median time step, free of the time axis's rounding."""
+        return float(f"{1.0 / float(np.median(np.diff(self.time_s))):.10g}")
 
     def channel(self, name: str) -> Channel:
         """Return a channel by its standard name, or by its name in the file.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ..conditioning import condition, is_exact
 from ..config import Config
@@ -170,7 +170,7 @@ def _doubtful(answer: Answer, estimates: Magnitudes) -> int | None:
 
 
 def _quantile(estimates: Magnitudes) -> float:
-    return float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, estimates.degrees))
+    return float(special.stdtrit(estimates.degrees, 0.5 + CONFIDENCE / 2.0))
 
 
 def _plain(answer: Answer) -> Scored:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.covariance import Unfolded, covariance, single_additions, unfold
@@ -162,9 +162,9 @@ def magnitudes_of(study: Study, scored: Scored, penalty: Penalty) -> Magnitudes:
 
 def _detectable_deviations(penalty: Penalty) -> float:
     """How many standard deviations a magnitude needs: the stricter of the false-alarm rate and the criterion, + power."""
-    tail = float(stats.norm.isf(FALSE_ALARM / (2.0 * max(penalty.n_candidates, 1))))
+    tail = -float(special.ndtri(FALSE_ALARM / (2.0 * max(penalty.n_candidates, 1))))
     criterion = float(np.sqrt(max(penalty.per_parameter + penalty.per_atom, 0.0)))
-    return max(tail, criterion) + float(stats.norm.isf(1.0 - POWER))
+    return max(tail, criterion) + float(special.ndtri(POWER))
 
 
 def _averaged(study: Study, fits: Sequence[Scored]) -> _Averaged:

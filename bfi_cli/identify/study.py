@@ -104,9 +104,7 @@ def floor_of(conditioned: Conditioned) -> float:
     return ROUND_OFF if conditioned.factor == 1 else LEFTOVER
 
 
-def feasible_orders(
-    path: str, n_samples: int, wanted: int | Sequence[int], widths: tuple[int, int]
-) -> tuple[int, ...]:
+def feasible_orders(path: str, n_samples: int, wanted: int | Sequence[int], widths: tuple[int, int]) -> tuple[int, ...]:
     """Return the orders the window has rows for.
 
     Parameters

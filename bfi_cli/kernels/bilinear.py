@@ -99,9 +99,7 @@ def bilinear(data: Compressed, order: int, *, floor: float = 0.0) -> Bilinear:
     y = np.empty((n, order + 1, columns.n_outputs))
     y[:, 0] = rest[:, columns.y]
     y[:, 1:] = rest[:, columns.y_lags].reshape(n, order, columns.n_outputs)
-    return Bilinear(
-        theta=theta, y=y, signals=columns.signals, n_rows=data.n_rows, n_base=columns.n_base, floor=floor
-    )
+    return Bilinear(theta=theta, y=y, signals=columns.signals, n_rows=data.n_rows, n_base=columns.n_base, floor=floor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

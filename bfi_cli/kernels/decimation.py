@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 __all__ = ["SHARP", "WHITE", "Lowpass", "decimate", "lost_samples", "lowpass_taps"]
 
@@ -46,10 +45,12 @@ def lowpass_taps(factor: int, lowpass: Lowpass = SHARP) -> FloatArray:
         raise ValueError(f"factor must be at least 1, got {factor}")
     if factor == 1:
         return np.ones(1)
-    n_taps = 2 * lowpass.half_width * factor + 1
-    taps = signal.firwin(n_taps, lowpass.cutoff / factor, window=("kaiser", KAISER_BETA))
+    half = lowpass.half_width * factor
+    taps = np.sinc(np.arange(-half, half + 1) * lowpass.cutoff / factor) * np.kaiser(2 * half + 1, KAISER_BETA)
     if lowpass.kind == "causal":
-        taps = signal.minimum_phase(taps, half=False)
+        from scipy.signal import minimum_phase  # half a second of imports that the default does not need
+
+        taps = minimum_phase(taps, half=False)
     return np.asarray(taps / taps.sum(), dtype=np.float64)
 
 

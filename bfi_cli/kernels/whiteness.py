@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 __all__ = ["autocorrelation", "effective_rows", "exceedances", "ljung_box", "robust_sd"]
 
@@ -24,7 +24,7 @@ def ljung_box(e: FloatArray, n_lags: int, n_fitted: int) -> float:
     """Return the p-value of the Ljung-Box whiteness test (Ljung and Box 1978), `n_fitted` lags having been fitted."""
     n, r = len(e), autocorrelation(e, n_lags)
     statistic = n * (n + 2) * float(np.sum(r**2 / (n - np.arange(1, n_lags + 1))))
-    return float(stats.chi2.sf(statistic, max(n_lags - n_fitted, 1)))
+    return float(special.chdtrc(max(n_lags - n_fitted, 1), statistic))
 
 
 def effective_rows(e: FloatArray) -> float:
@@ -44,7 +44,7 @@ def effective_rows(e: FloatArray) -> float:
 
 def robust_sd(e: FloatArray) -> float:
     """Standard deviation from the median absolute deviation, so that a step does not hide itself."""
-    return float(np.median(np.abs(e - np.median(e))) / stats.norm.ppf(0.75))
+    return float(np.median(np.abs(e - np.median(e))) / special.ndtri(0.75))
 
 
 def exceedances(e: FloatArray, sigmas: float = 5.0) -> NDArray[np.intp]:

@@ -74,8 +74,9 @@ def validated(
 def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
     """Return the JSON schema of a document, with the dialect that editors look for and readable names of its parts."""
     schema = model.model_json_schema()
+    by_title = {part["title"]: part for part in schema["$defs"].values()}
     for part in _parts(model):
-        described = schema if part is model else schema["$defs"][part.__name__]
+        described = schema if part is model else by_title[part.__name__]
         for key, description in _attribute_docstrings(part).items():
             described["properties"][key]["description"] = description
     text = json.dumps(schema)

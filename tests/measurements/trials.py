@@ -1,0 +1,86 @@
+"""Trials on one record: faults of known magnitude added, the answer of the default method counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from bfi_cli.config import Config
+from bfi_cli.dictionary import Dictionary
+from bfi_cli.faults import unit_signal
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.identify import identify
+from bfi_cli.result import IdentifyResult
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What went in: seed, true magnitudes by atom name, measurement noise in m/s."""
+
+    seed: int
+    noise: float
+    truth: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came out."""
+
+    trial: Trial
+    decision: str
+    found: dict[str, tuple[float, float, float]]
+
+    @property
+    def isolated(self) -> bool:
+        return set(self.found) == set(self.trial.truth)
+
+
+def draw(dictionary: Dictionary, n_active: int, seed: int, noise: float) -> Trial:
+    """Draw active atoms and integer magnitudes 1 to 10."""
+    rng = np.random.default_rng([n_active, seed])
+    names = [atom.name for atom in dictionary.atoms]
+    active = rng.choice(len(names), n_active, replace=False)
+    return Trial(seed, noise, {str(names[j]): float(rng.integers(1, 11)) for j in sorted(active)})
+
+
+def with_faults(log: FlightLog, dictionary: Dictionary, trial: Trial, output: str = "tas") -> FlightLog:
+    """Return the log with the trial's faults and noise on one output."""
+    start = float(log.time_s[0])
+    values = log.channel(output).values.copy()
+    for atom in dictionary.resolved(start):
+        if atom.name in trial.truth:
+            values += trial.truth[atom.name] * unit_signal(atom, log.time_s, window_start_s=start)
+    values += trial.noise * np.random.default_rng([9, trial.seed]).standard_normal(len(values))
+    channels = dict(log.channels)
+    channels[output] = replace(log.channel(output), values=frozen_array(values))
+    return replace(log, channels=channels)
+
+
+def run(trial: Trial, *, log: FlightLog, dictionary: Dictionary, config: Config) -> Outcome:
+    """Identify one trial."""
+    with threadpool_limits(1):
+        result: IdentifyResult = identify(with_faults(log, dictionary, trial), dictionary, config)
+    found = {fault.name: (fault.magnitude, *fault.ci95) for fault in result.faults}
+    return Outcome(trial, result.decision, found)
+
+
+def run_all(trials: Iterable[Trial], log: FlightLog, dictionary: Dictionary, config: Config) -> list[Outcome]:
+    """Identify all trials on two processes."""
+    job: Callable[[Trial], Outcome] = partial(run, log=log, dictionary=dictionary, config=config)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(job, trials, chunksize=10))
+
+
+def worst_relative_error(outcome: Outcome) -> float:
+    """Largest relative magnitude error of the atoms that are really active."""
+    return max((abs(outcome.found[name][0] / z - 1.0) for name, z in outcome.trial.truth.items()), default=0.0)

@@ -1,3 +1,83 @@
-"""Blind fault identification of air-data sensors."""
+"""Blind fault identification of air-data sensors, from one flight log.
+
+The model
+---------
+Measured output ``y = y_true + f``, fault ``f(k) = theta(k) z``, and for the fault-corrected output ``yf = y - f`` a VARX
+in predictor form of order s::
+
+    yf(k) = c + sum_i B_i u(k-i) + sum_i K_i yf(k-i) + e(k),    i = 1..s (B also 0 with feedthrough)
+
+Symbols
+-------
+y        outputs, (n_samples, n_outputs)
+u        inputs, (n_samples, n_inputs)
+theta    dictionary signals, (n_samples, n_outputs, n_atoms); an atom is one entry of the dictionary
+z        magnitudes, (n_atoms,)
+B, K     predictor Markov parameters; K[i - 1] multiplies yf(k - i)
+order    the number of lags s
+
+Conventions
+-----------
+Time is axis 0. SI units and radians everywhere; another unit is in the name (``rate_hz``). ``onset_s`` and ``offset_s``
+are seconds on the log's own time axis. Elevator positive is trailing edge down. Sensor faults add to the measurement.
+
+Words: *identification* of a model is ``fit_`` or ``estimate_``, ``identify_`` is for faults only; *isolation* is which
+fault, *detection* whether and when. ``prediction_error`` belongs to a model, ``residual`` to a fault indicator.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .config import Config, load_config, merge
+    from .dictionary import Dictionary, load_dictionary
+    from .errors import BfiError, ConfigError, DictionaryError, ExcitationError, LogError
+    from .faults import Fault
+    from .flightlog import FlightLog, inject, inspect_log, read_log, resample, write_log
+    from .identify import identify
+    from .result import IdentifyResult
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "BfiError",
+    "Config",
+    "ConfigError",
+    "Dictionary",
+    "DictionaryError",
+    "ExcitationError",
+    "Fault",
+    "FlightLog",
+    "IdentifyResult",
+    "LogError",
+    "__version__",
+    "identify",
+    "inject",
+    "inspect_log",
+    "load_config",
+    "load_dictionary",
+    "merge",
+    "read_log",
+    "resample",
+    "write_log",
+]
+
+_HOME = {
+    "config": ("Config", "load_config", "merge"),
+    "dictionary": ("Dictionary", "load_dictionary"),
+    "errors": ("BfiError", "ConfigError", "DictionaryError", "ExcitationError", "LogError"),
+    "faults": ("Fault",),
+    "flightlog": ("FlightLog", "inject", "inspect_log", "read_log", "resample", "write_log"),
+    "identify": ("identify",),
+    "result": ("IdentifyResult",),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used, so that `bfi --help` imports none of them."""
+    for module, names in _HOME.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

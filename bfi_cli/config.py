@@ -118,8 +118,8 @@ class Selection(Rules):
     """How the active faults are told from the others."""
 
     criterion: Literal["ebic", "bic"] = "ebic"
-    evidence: Annotated[Number, Field(ge=0)] = 6.0
-    """How far a fault must lower the criterion; twice the log Bayes factor, 6 is strong evidence (Kass and Raftery)."""
+    evidence: Annotated[Number, Field(ge=0)] = 4.6
+    """How far a fault must lower the criterion; twice the log Bayes factor, 4.6 is ten to one, strong (Jeffreys)."""
     max_active: Natural | None = None
     """At most so many faults; default no limit."""
     threshold: Annotated[Positive, Field(lt=1)] | None = None

@@ -283,7 +283,7 @@ def _value_problem(key: str, value: object) -> str | None:
 
 def did_you_mean(word: object, known: Sequence[str]) -> str:
     """Return "; did you mean 'onset_s'?", or "; known: ..." where nothing is close."""
-    close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6) if isinstance(word, str) else []
     return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
 
 

@@ -146,5 +146,5 @@ def _plain(unit: str) -> str:
 
 
 def _hint(unit: str) -> str:
-    close = difflib.get_close_matches(_plain(unit), BY_SPELLING, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(_plain(unit), BY_SPELLING, n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"

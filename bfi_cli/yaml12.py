@@ -142,4 +142,5 @@ def read_text(path: Path, *, error: type[BfiError]) -> str:
 def _place(fault: yaml.MarkedYAMLError) -> str:
     mark = fault.problem_mark or fault.context_mark
     problem = " ".join(f"{fault.problem or fault.context or 'not YAML'}".split())
+    problem += "" if ";" in problem else "; mend the YAML"
     return f"line {mark.line + 1}, column {mark.column + 1}: {problem}" if mark else problem

@@ -27,7 +27,7 @@ model: {order: auto, orders: [2, 4, 6, 8, 12], feedthrough: null}
 method: ml
 risro:
   {as_published: false, max_iterations: 50, tolerance: 1e-10, sparsity: none, alpha: 1.0, r: 10.0, p0: 1.0, updates: 1}
-selection: {criterion: ebic, evidence: 6.0, max_active: null, threshold: null}
+selection: {criterion: ebic, evidence: 4.6, max_active: null, threshold: null}
 dictionary: null
 start_time: {shapes: [bias, drift, sine], false_alarm: 0.01, calibration: null, ends: false, frequency_hz: null}
 seed: 0

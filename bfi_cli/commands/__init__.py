@@ -1,19 +1,24 @@
-"""The `bfi` command: one lazily loaded click command per file; errors are printed and turned into exit codes here only."""
+"""The `bfi` command: a lazily loaded click command per file; errors become a line and an exit code here only."""
 
 from __future__ import annotations
 
+import contextlib
+import difflib
 import importlib
+import os
+import re
 import sys
 import tempfile
 import traceback
-from pathlib import Path
+import warnings
+from collections.abc import Iterable, Sequence
 
 import click
 
 from .. import __version__
 from ..errors import BfiError
 
-__all__ = ["cli", "main"]
+__all__ = ["COMMANDS", "cli", "main"]
 
 COMMANDS = {
     "info": "Channels, units, rate, gaps, held samples, excitation of a log.",
@@ -24,6 +29,16 @@ COMMANDS = {
     "identify": "Which faults of a dictionary are present, how large, how sure.",
     "report": "Draw the report of a stored result.",
 }
+USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130
+
+# What click says of a value, as a pattern, and as this program says it.
+VALUES = (
+    (r"(?P<got>.+) is not a valid (?:integer|integer range)", "not a whole number, got {got}; give one like 4"),
+    (r"(?P<got>.+) is not a valid (?:float|float range)", "not a number, got {got}; give one like 12.5"),
+    (r"(?P<got>\S+) is not in the range x>=(?P<low>\S+)", "too small, got {got}; give {low} or more"),
+    (r"(?P<got>.+) is not in the range (?P<range>.+)", "out of range, got {got}; give a number of {range}"),
+    (r"(?P<got>.+) is not one of (?P<known>.+)", "not one of the choices, got {got}; known: {known}"),
+)
 
 
 class LazyGroup(click.Group):
@@ -39,52 +54,123 @@ class LazyGroup(click.Group):
         command: click.Command = module.command
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            hint = _did_you_mean(args[0], COMMANDS) or f"known: {', '.join(COMMANDS)}"
+            raise click.UsageError(f"unknown command '{args[0]}'; {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands, in the order of the work"):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=LazyGroup,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(__version__, prog_name="bfi")
-def cli() -> None:
+@click.pass_context
+def cli(context: click.Context) -> None:
     """Blind fault identification: which air-data fault hit an aircraft, when, how large and how sure, from one log."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help(), err=True)
+        context.exit(USAGE)
 
 
 def main(argv: list[str] | None = None) -> None:
     """Run the command line and exit with a code of the contract (never 1, never a traceback)."""
+    if "_BFI_COMPLETE" in os.environ:
+        cli(prog_name="bfi")
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     sys.exit(_run(argv))
 
 
-def _run(argv: list[str] | None) -> int:
+def _run(argv: Sequence[str] | None) -> int:
+    """Run one command line and return its exit code; nothing escapes but what ends the interpreter."""
     try:
-        outcome = cli.main(args=argv, standalone_mode=False)
-        return outcome if isinstance(outcome, int) else 0
+        with cli.make_context("bfi", list(sys.argv[1:] if argv is None else argv)) as context:
+            cli.invoke(context)
+        sys.stdout.flush()
     except click.exceptions.Exit as stop:
         return stop.exit_code
     except click.ClickException as error:
-        return _complain(f"bfi: {_one_line(error.format_message())}", 2)
+        return _complain(_usage(error), USAGE)
     except BfiError as error:
-        return _complain(_one_line(str(error)), error.exit_code)
+        return _complain(str(error), error.exit_code)
     except (KeyboardInterrupt, click.Abort):
-        return _complain("bfi: interrupted", 130)
+        return _complain("bfi: interrupted", INTERRUPTED)
     except BrokenPipeError:
-        sys.stderr.close()
+        _close_output()
         return 0
+    except MemoryError:
+        return _complain("bfi: out of memory; choose a shorter window or a lower --rate", LOG)
     except Exception as error:
-        return _complain(_crash(error), 70)
+        return _complain(_crash(error), DEFECT)
+    return 0
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
+def _usage(error: click.ClickException) -> str:
+    """Return what click says of a command line in the words of this program."""
+    context = getattr(error, "ctx", None)
+    program = context.command_path if context else "bfi"
+    text = error.message.strip().rstrip(".")
+    match error:
+        case click.NoSuchOption(option_name=name):
+            known = [option for one in context.command.params for option in one.opts] if context else []
+            return f"{program}: unknown option '{name}'; {_did_you_mean(name, known) or f'see {program} --help'}"
+        case click.MissingParameter(param=click.Option(opts=options, metavar=example)):
+            return f"{program}: {options[-1]} is missing; give {options[-1]} {example or 'a value'}"
+        case click.MissingParameter(param=click.Parameter() as argument):
+            return f"{program}: {argument.make_metavar(context)} is missing; see {program} --help"
+        case click.BadOptionUsage(option_name=name):
+            takes_none = "take a value" in text
+            return f"{name}: takes no value; write {name}" if takes_none else f"{name}: no value; write {name} VALUE"
+        case click.BadParameter(param=click.Parameter(opts=options)):
+            return f"{options[-1]}: {_value(text)}"
+    what = text[:1].lower() + text[1:]
+    return f"{program}: {what}" if ";" in what else f"{program}: {what}; see {program} --help"
+
+
+def _value(text: str) -> str:
+    for pattern, sentence in VALUES:
+        if found := re.fullmatch(pattern, text):
+            return sentence.format(**found.groupdict())
+    return text
+
+
+def _did_you_mean(word: str, known: Iterable[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1)
+    return f"did you mean '{close[0]}'?" if close else ""
 
 
 def _complain(message: str, code: int) -> int:
-    click.echo(message, err=True)
+    try:
+        click.echo(" ".join(message.split()), err=True)
+    except BrokenPipeError:
+        _close_output()
     return code
 
 
+def _close_output() -> None:
+    """Send what is left to nowhere, so that the interpreter's last flush cannot fail on the closed pipe."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):  # a stream without a file number has no pipe
+            os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
 def _crash(error: Exception) -> str:
-    with tempfile.NamedTemporaryFile("w", prefix="bfi-crash-", suffix=".txt", delete=False) as file:
-        file.write(f"bfi {__version__}\n{' '.join(sys.argv)}\n")
-        traceback.print_exception(error, file=file)
-    return f"bfi: a defect of ours, {_one_line(repr(error))}; please report it with {Path(file.name)}"
+    what = f"bfi: a defect of ours, {error!r}"
+    try:
+        with tempfile.NamedTemporaryFile("w", prefix="bfi-crash-", suffix=".txt", delete=False) as file:
+            file.write(f"bfi {__version__}\n{' '.join(sys.argv)}\n")
+            traceback.print_exception(error, file=file)
+    except OSError as full:
+        return f"{what}; please report it (no crash file, {full.strerror})"
+    return f"{what}; please report it with {file.name}"

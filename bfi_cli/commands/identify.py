@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from .options import channel_options, json_option, log_argument, window_options
+from .options import channel_options, configured, json_option, log_argument, tell, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -61,31 +61,25 @@ def command(context: click.Context, log: str, config_path: str | None, **options
         from ..output import write_results
 
         write_results(result, origin, options["out"])
+        tell(f"wrote {options['out'] / 'report.html'}")
     _show(result, identify_document(result, origin), as_json=options["as_json"])
     context.exit(_exit_code(result, config))
 
 
 def _config(path: str | None, options: dict[str, Any]) -> Config:
-    from ..config import Config, load_config, merge
-
-    config = load_config(path) if path is not None else Config()
-    return merge(
-        config,
+    return configured(
+        path,
         {
-            "inputs": list(options["inputs"]) or None,
-            "outputs": list(options["outputs"]) or None,
-            "channels": {**config.channels, **options["channel_map"]} if options["channel_map"] else None,
-            "units": {**config.units, **options["unit_map"]} if options["unit_map"] else None,
+            "inputs": options["inputs"] or None,
+            "outputs": options["outputs"] or None,
+            "channels": options["channel_map"],
+            "units": options["unit_map"],
             "window.from_s": options["from_s"],
             "window.to_s": options["to_s"],
             "conditioning.rate_hz": _number_or_word(options["rate"]),
             "model.order": _number_or_word(options["order"]),
+            **{place: options[place] for place in ("method", "dictionary", "seed", "strict", "fail_on")},
             "model.feedthrough": options["feedthrough"],
-            "method": options["method"],
-            "dictionary": options["dictionary"],
-            "seed": options["seed"],
-            "strict": options["strict"],
-            "fail_on": options["fail_on"],
         },
     )
 

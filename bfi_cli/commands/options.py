@@ -1,16 +1,41 @@
-"""Options that several commands share, as decorators."""
+"""Options that several commands share, as decorators, and what they make of a configuration."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 
-__all__ = ["channel_options", "json_option", "log_argument", "window_options"]
+from ..errors import ConfigError
+
+if TYPE_CHECKING:
+    from ..config import Config
+
+__all__ = ["channel_options", "configured", "json_option", "log_argument", "tell", "window_options"]
 
 Command = Callable[..., Any]
+
+# Where a value of the command line stands in the configuration, and the option that gives it.
+PLACES = {
+    "inputs": "--input",
+    "outputs": "--output",
+    "channels": "--channel",
+    "units": "--unit",
+    "window.from_s": "--from",
+    "window.to_s": "--to",
+    "conditioning.rate_hz": "--rate",
+    "window": "--from/--to",
+    "model.order": "--order",
+    "model.feedthrough": "--feedthrough",
+    "method": "--method",
+    "dictionary": "--dictionary",
+    "seed": "--seed",
+    "strict": "--strict",
+    "fail_on": "--fail-on",
+}
+MAPS = ("channels", "units")
 
 
 def log_argument(command: Command) -> Command:
@@ -27,7 +52,7 @@ def channel_options(command: Command) -> Command:
             "unit_map",
             multiple=True,
             metavar="NAME=UNIT",
-            callback=_pairs,
+            callback=_pairs("tas=kt"),
             help="The unit of a channel that states none, such as tas=kt; repeatable.",
         ),
         click.option(
@@ -35,7 +60,7 @@ def channel_options(command: Command) -> Command:
             "channel_map",
             multiple=True,
             metavar="STD=NAME",
-            callback=_pairs,
+            callback=_pairs("tas=my_airspeed"),
             help="Take the channel NAME of the file as STD, such as tas=my_airspeed; repeatable.",
         ),
     ):
@@ -62,13 +87,58 @@ def json_option(command: Command) -> Command:
     )(command)
 
 
-def _pairs(_context: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
-    pairs: dict[str, str] = {}
-    for value in values:
-        key, sign, right = (part.strip() for part in value.partition("="))
-        if not (key and sign and right):
-            raise click.BadParameter(f"expected {option.metavar}, got '{value}'", param=option)
-        if key in pairs:
-            raise click.BadParameter(f"'{key}' is given twice, as '{pairs[key]}' and '{right}'", param=option)
-        pairs[key] = right
-    return pairs
+def tell(sentence: str) -> None:
+    """Print a note for the person at the terminal to stderr; silent where stderr is none."""
+    if sys.stderr.isatty():
+        click.echo(sentence, err=True)
+
+
+def configured(path: str | None, given: Mapping[str, Any]) -> Config:
+    """Return the configuration of a file (the defaults where there is none) with the command line's values in it.
+
+    Parameters
+    ----------
+    given : value by its place in the configuration, one of `PLACES`; None where the option was not given. The
+        channels and units given are added to those of the file.
+
+    Raises
+    ------
+    ConfigError : everything that is wrong, in one line; values of the command line by the option they came with.
+    """
+    from ..config import Config, load_config, merge
+
+    config = load_config(path) if path is not None else Config()
+    maps = {place: {**getattr(config, place), **given[place]} for place in MAPS if given.get(place)}
+    try:
+        return merge(config, {**given, **dict.fromkeys(MAPS), **maps})
+    except ConfigError as error:
+        raise ConfigError(_by_option(str(error))) from None
+
+
+def _by_option(complaints: str) -> str:
+    """Return complaints about places of the configuration with the options in their stead."""
+    _, _, text = complaints.partition(": ")
+    return " | ".join(map(_renamed, text.split(" | ")))
+
+
+def _renamed(complaint: str) -> str:
+    place, colon, what = complaint.partition(": ")
+    option = PLACES.get(place.partition("[")[0])
+    return f"{option}: {what}" if colon and option else f"command line: {complaint}"
+
+
+def _pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
+    def read(_context: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+        pairs: dict[str, str] = {}
+        for value in values:
+            key, sign, right = (part.strip() for part in value.partition("="))
+            if not (key and sign and right):
+                write = f"write {option.opts[0]} {example}"
+                raise click.BadParameter(f"expected {option.metavar}, got '{value}'; {write}", param=option)
+            if key in pairs:
+                twice = f"'{key}' is given twice, as '{pairs[key]}' and '{right}'; keep one"
+                raise click.BadParameter(twice, param=option)
+            pairs[key] = right
+        return pairs
+
+    return read

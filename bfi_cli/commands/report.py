@@ -13,6 +13,7 @@ import click
 from ..documents import identify_from_document
 from ..errors import ConfigError
 from ..result import IdentifyResult
+from .options import tell
 
 __all__ = ["command"]
 
@@ -31,7 +32,7 @@ def command(result: Path, out: Path | None, as_json: bool) -> None:
     found, provenance = identify_from_document(document, where=str(result))
     directory = out if out is not None else result.parent
     write_results(found, provenance, directory)
-    click.echo(f"wrote {directory / 'report.html'}", err=True)
+    tell(f"wrote {directory / 'report.html'}")
     _show(document, found, as_json=as_json)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..channels import STANDARD, NameMatch, match_name
-from ..errors import LogError
+from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
 from .raw import RawColumn, RawLog
 from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
@@ -36,6 +36,7 @@ def assemble(
 
     Raises
     ------
+    ConfigError : a unit of `unit_map` that is unknown or of another quantity.
     LogError : a mapped column that does not exist, an unknown unit, no time, time not increasing, lengths that differ.
     """
     columns = {column.source: column for column in raw.columns}
@@ -75,6 +76,20 @@ def _check_maps(
     for name in unit_map:
         if name not in names:
             raise LogError(f"{path}: --unit {name}={unit_map[name]}: no channel '{name}'; the log has: {has}")
+        _check_unit(name, unit_map[name])
+
+
+def _check_unit(name: str, unit: str) -> None:
+    """Check the unit the user gives to a channel, by its name in the file or its standard name."""
+    where = f"--unit {name}={unit}"
+    try:
+        _, si = to_si(0.0, unit, where=where)
+    except LogError as error:
+        raise ConfigError(str(error)) from None
+    match = match_name(name)
+    if match is not None and not _fits(match.name, unit):
+        expected = STANDARD[match.name].unit
+        raise ConfigError(f"{where}: '{match.name}' is in {expected}, got a unit of {si}; give one like {expected}")
 
 
 def _by_precedence(

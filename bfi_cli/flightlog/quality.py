@@ -16,6 +16,8 @@ from .timing import gap_starts, is_uniform, position, time_jitter, uneven_step
 
 __all__ = ["ChannelReport", "LogReport", "hold_of", "inspect_log", "require_usable"]
 
+LARGEST = 1e30
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelReport:
@@ -120,7 +122,7 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
 
     Raises
     ------
-    LogError : a channel is missing, holds NaN, repeats its values, or the time step is not uniform.
+    LogError : a channel is missing, holds NaN or absurd values, repeats its values, or the time step is not uniform.
     """
     channels = [log.channel(name) for name in names]
     for channel in channels:
@@ -133,6 +135,12 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
 
 
 def _require_finite(log: FlightLog, channel: Channel) -> None:
+    huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST))
+    if huge.size:
+        raise LogError(
+            f"{log.path}: '{channel.name}' is no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), got "
+            f"{channel.values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
+        )
     bad = np.flatnonzero(~np.isfinite(channel.values))
     if bad.size:
         raise LogError(

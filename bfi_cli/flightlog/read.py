@@ -41,6 +41,7 @@ def read_log(
 
     Raises
     ------
+    ConfigError : a unit of `unit_map` that is unknown or of another quantity.
     LogError : the file cannot be read, or has no usable time axis, or channels of different length.
     """
     name = str(path)
@@ -56,7 +57,7 @@ def _digest(path: str) -> str:
     except IsADirectoryError:
         raise LogError(f"{path}: is a directory; give a log file in it") from None
     except FileNotFoundError:
-        raise LogError(f"{path}: no such file; give the path of a log") from None
+        raise LogError(f"{path or repr(path)}: no such file; give the path of a log") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{path!r}: cannot be read, {reason.lower()}; give the path of a log") from None
@@ -80,6 +81,8 @@ def _read(path: str, group: str | None) -> RawLog:
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
+    if group is not None:
+        raise LogError(f"{path}: no group '{group}', a CSV log has none; leave out --group")
     from .text import read_csv
 
     return read_csv(path)

@@ -10,7 +10,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import LogError
+from ..errors import ConfigError, LogError
 from .holds import Hold
 from .quality import hold_of
 from .record import FlightLog, FloatArray, frozen_array
@@ -41,7 +41,8 @@ def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_
 
     Raises
     ------
-    LogError : a gap of more than a few samples, a rate that is not positive or above the log's, too few samples.
+    ConfigError : a rate that is not positive.
+    LogError : a gap of more than a few samples, a rate above the log's, too few samples.
     """
     _check_rate(log, rate_hz)
     margin = MARGIN_PERIODS / rate_hz
@@ -60,7 +61,10 @@ def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_
 
 def _check_rate(log: FlightLog, rate_hz: float) -> None:
     if not (math.isfinite(rate_hz) and rate_hz > 0.0):
-        raise LogError(f"{log.path}: the rate must be positive, got {rate_hz:g} Hz; give another --rate")
+        raise ConfigError(f"--rate: must be a positive number, got {rate_hz:g} Hz; give one like {log.rate_hz:.4g}")
+    span = float(log.time_s[-1] - log.time_s[0])
+    if rate_hz * span < 1.0:
+        raise LogError(f"{log.path}: {span:.4g} s long, nothing is left of it at {rate_hz:g} Hz; give a higher --rate")
     tolerance = SAME_RATE if is_uniform(log.time_s) else UNEVEN_RATE
     if rate_hz > log.rate_hz * (1.0 + tolerance):
         raise LogError(

@@ -26,9 +26,10 @@ from ..result import (
     ModelSummary,
     SolverSummary,
 )
-from .estimation import Answer, Magnitudes, choose, magnitudes, magnitudes_of
+from .elsewhere import overdispersion
+from .estimation import Answer, Magnitudes, choose, deviance, magnitudes, magnitudes_of, without
 from .intake import Intake, lowpass_of, take_in
-from .notes import blind, near_miss_note, notes_of, rivals
+from .notes import STRONG, blind, near_miss_note, notes_of, rivals
 from .published import published
 from .series import Reconstruction, against_truth, output_series, residuals, true_faults
 from .study import Study, feasible_orders, floor_of, prepare
@@ -112,33 +113,28 @@ def _coarse(intake: Intake, study: Study, config: Config) -> Study | None:
 
 
 def _likelihood(intake: Intake, study: Study, config: Config) -> _Found:
-    """Choose support and order; a fault whose interval holds zero is not declared."""
+    """Choose support and order; decline what does not stand out, and what another order or rate would not confirm."""
     coarse = _coarse(intake, study, config)
     names = [intake.names[j] for j in study.live]
-    excluded: frozenset[int] = frozenset()
+    answer = choose(
+        study,
+        evidence=config.selection.evidence,
+        extended=config.selection.criterion == "ebic",
+        max_active=config.selection.max_active,
+    )
+    dispersion = overdispersion(intake, study, answer.best.fit, lowpass_of(config))
+    estimates = magnitudes(study, answer, coarse, dispersion)
     notes: list[str] = []
-    while True:
-        answer = choose(
-            study,
-            evidence=config.selection.evidence,
-            extended=config.selection.criterion == "ebic",
-            max_active=config.selection.max_active,
-            exclude=excluded,
-        )
-        estimates = magnitudes(study, answer, coarse)
-        doubtful = _doubtful(answer, estimates)
-        if doubtful is None:
-            break
-        excluded |= {doubtful}
-        notes.append(
-            f"'{names[doubtful]}' is not declared: its magnitude changes with the order and rate of the model by as much "
-            "as its size"
-        )
+    while (declined := _declined(study, answer, estimates, dispersion)) is not None:
+        atom, reason = declined
+        notes.append(f"'{names[atom]}' is not declared: {reason}")
+        answer = without(study, answer, atom)
+        estimates = magnitudes(study, answer, coarse, dispersion)
     for rival in rivals(answer)[:1]:
         here = _names(names, answer.best.fit.atoms)
         notes.append(
             f"{_names(names, rival.fit.atoms)} would explain the log nearly as well as {here} "
-            f"(criterion {rival.criterion - answer.best.criterion:.1f} worse, 6 would be strong evidence)"
+            f"(criterion {rival.criterion - answer.best.criterion:.1f} worse, {STRONG:.1f} would be strong evidence)"
         )
     near = near_miss_note(names, answer)
     fit = answer.best.fit
@@ -159,14 +155,25 @@ def _likelihood(intake: Intake, study: Study, config: Config) -> _Found:
     )
 
 
-def _doubtful(answer: Answer, estimates: Magnitudes) -> int | None:
-    """Return the active atom whose interval holds zero by the widest margin, None where none does."""
+def _declined(study: Study, answer: Answer, estimates: Magnitudes, dispersion: FloatArray) -> tuple[int, str] | None:
+    """Return the least certain active atom that must not be declared and why, None where all may be."""
     atoms = list(answer.best.fit.atoms)
     if not atoms:
         return None
+    needed = answer.penalty.per_parameter + answer.penalty.per_atom
+    margins = [deviance(study, answer, atom) / (needed * dispersion[atom]) for atom in atoms]
+    if min(margins) < 1.0:
+        atom = atoms[int(np.argmin(margins))]
+        return (
+            atom,
+            f"the same shape at other onsets of this window stands out {np.sqrt(dispersion[atom]):.1f} times as much as noise would",
+        )
     ratio = np.abs(estimates.value[atoms]) / np.sqrt(estimates.variance[atoms])
-    worst = int(np.argmin(ratio))
-    return atoms[worst] if ratio[worst] < _quantile(estimates) else None
+    if np.min(ratio) < _quantile(estimates):
+        return atoms[
+            int(np.argmin(ratio))
+        ], "its magnitude changes with order and rate of the model by as much as its size"
+    return None
 
 
 def _quantile(estimates: Magnitudes) -> float:

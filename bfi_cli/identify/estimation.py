@@ -15,13 +15,14 @@ from ..kernels.selection import Penalty, Scored, Search, search_order
 from ..kernels.whiteness import effective_rows
 from .study import Study
 
-__all__ = ["Answer", "Magnitudes", "choose", "magnitudes", "magnitudes_of"]
+__all__ = ["Answer", "Magnitudes", "choose", "deviance", "magnitudes", "magnitudes_of", "without"]
 
 FloatArray = NDArray[np.float64]
 
 FALSE_ALARM = 0.01
 POWER = 0.9
 CLOSE = 20.0
+RATE_WEIGHT = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,9 +64,7 @@ class Magnitudes:
     degrees: float
 
 
-def choose(
-    study: Study, *, evidence: float, extended: bool, max_active: int | None, exclude: frozenset[int] = frozenset()
-) -> Answer:
+def choose(study: Study, *, evidence: float, extended: bool, max_active: int | None) -> Answer:
     """Search supports at every order on common rows and take the best.
 
     Parameters
@@ -73,9 +72,8 @@ def choose(
     study : the scaled record.
     evidence, extended : see `Penalty`.
     max_active : largest support; None for no limit.
-    exclude : live atoms that must stay inactive.
     """
-    candidates = [j for j in range(len(study.live)) if j not in exclude]
+    candidates = range(len(study.live))
     penalty = Penalty(
         n_rows=study.n_rows,
         n_effective=float(study.n_rows),
@@ -86,19 +84,40 @@ def choose(
     searches = tuple(
         search_order(study.problem(order), candidates, penalty, max_active=max_active) for order in study.orders
     )
-    best = _best(searches)
-    unfolded = unfold(study.layout, best.fit)
-    penalty = replace(penalty, n_effective=max(effective_rows(unfolded.error), 2.0 * best.fit.n_parameters))
-    if penalty.n_effective < study.n_rows:
-        searches = tuple(_rescored(search, penalty) for search in searches)
-        best = _best(searches)
-        unfolded = unfold(study.layout, best.fit)
-    fits = tuple(_at(study, search, best.fit, penalty) for search in searches)
-    return Answer(best=best, fits=fits, searches=searches, penalty=penalty, unfolded=unfolded)
+    answer = _answer(study, searches, penalty)
+    effective = max(effective_rows(answer.unfolded.error), 2.0 * answer.best.fit.n_parameters)
+    if effective >= study.n_rows:
+        return answer
+    penalty = replace(penalty, n_effective=effective)
+    return _answer(study, tuple(_rescored(search, penalty) for search in searches), penalty)
 
 
-def _best(searches: Sequence[Search]) -> Scored:
-    return min((search.best for search in searches), key=lambda scored: scored.criterion)
+def without(study: Study, answer: Answer, atom: int) -> Answer:
+    """Return the best answer among the supports visited that leave an atom out."""
+    searches = tuple(
+        replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
+        for search in answer.searches
+    )
+    return _answer(study, searches, answer.penalty)
+
+
+def deviance(study: Study, answer: Answer, atom: int) -> float:
+    """Return how much more likely the log is with an active atom than without: twice the log ratio, orders chosen."""
+    kept = [n for n, other in enumerate(answer.best.fit.atoms) if other != atom]
+    smaller = replace(answer.best.fit, atoms=tuple(answer.best.fit.atoms[n] for n in kept), z=answer.best.fit.z[kept])
+    rest = min(_at(study, search, smaller, answer.penalty).criterion for search in answer.searches)
+    return rest - answer.best.criterion + answer.penalty.per_parameter + answer.penalty.per_atom
+
+
+def _answer(study: Study, searches: tuple[Search, ...], penalty: Penalty) -> Answer:
+    best = min((search.best for search in searches), key=lambda scored: scored.criterion)
+    return Answer(
+        best=best,
+        fits=tuple(_at(study, search, best.fit, penalty) for search in searches),
+        searches=searches,
+        penalty=penalty,
+        unfolded=unfold(study.layout, best.fit),
+    )
 
 
 def _rescored(search: Search, penalty: Penalty) -> Search:
@@ -121,22 +140,28 @@ class _Averaged:
     covariance: FloatArray
 
 
-def magnitudes(study: Study, answer: Answer, coarse: Study | None) -> Magnitudes:
+def magnitudes(study: Study, answer: Answer, coarse: Study | None, overdispersion: FloatArray) -> Magnitudes:
     """Return the magnitudes with variances that admit what a single model does not know about itself.
 
-    On top of the covariance at the best order: the spread between orders, weighted by their criteria, and the part of
-    the change at half the rate (`coarse`, None where that is not feasible) that sampling does not explain.
+    The covariance at the best order is multiplied by the overdispersion; added are the spread between orders, weighted
+    by their criteria, and that between this rate and half of it, as far as sampling does not explain it.
+
+    Parameters
+    ----------
+    coarse : the study at half the rate, None where that is not feasible.
+    overdispersion : (n_live,) see `elsewhere`.
     """
-    at = _averaged(study, answer.fits)
+    at = _averaged(study, answer.fits, overdispersion)
     variance = at.variance.copy()
     if coarse is not None:
         active = list(answer.best.fit.atoms)
         start = at.value[active] / coarse.magnitude_unit[active]
         fits = [fit_magnitudes(coarse.problem(order), active, start) for order in coarse.orders]
         penalty = replace(answer.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
-        other = _averaged(coarse, [Scored(criterion=penalty.criterion(fit), fit=fit) for fit in fits])
-        change = (other.value - at.value) ** 2
-        variance += np.nan_to_num(np.maximum(change - variance, 0.0))
+        scored = [Scored(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
+        other = _averaged(coarse, scored, overdispersion)
+        excess = (other.value - at.value) ** 2 - np.maximum(at.variance, other.variance)
+        variance += RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
     degrees = max(answer.penalty.n_effective - answer.best.fit.n_parameters, 2.0)
     wider = np.sqrt(variance / np.where(at.variance > 0, at.variance, 1.0))[list(answer.best.fit.atoms)]
     return Magnitudes(
@@ -150,7 +175,7 @@ def magnitudes(study: Study, answer: Answer, coarse: Study | None) -> Magnitudes
 
 def magnitudes_of(study: Study, scored: Scored, penalty: Penalty) -> Magnitudes:
     """Return the magnitudes of one fit, nothing averaged."""
-    at = _averaged(study, [scored])
+    at = _averaged(study, [scored], np.ones(len(study.live)))
     return Magnitudes(
         value=at.value,
         variance=at.variance,
@@ -161,19 +186,19 @@ def magnitudes_of(study: Study, scored: Scored, penalty: Penalty) -> Magnitudes:
 
 
 def _detectable_deviations(penalty: Penalty) -> float:
-    """How many standard deviations a magnitude needs: the stricter of the false-alarm rate and the criterion, + power."""
+    """How many standard deviations a magnitude needs, by the stricter of false-alarm rate and criterion, and power."""
     tail = -float(special.ndtri(FALSE_ALARM / (2.0 * max(penalty.n_candidates, 1))))
     criterion = float(np.sqrt(max(penalty.per_parameter + penalty.per_atom, 0.0)))
     return max(tail, criterion) + float(special.ndtri(POWER))
 
 
-def _averaged(study: Study, fits: Sequence[Scored]) -> _Averaged:
+def _averaged(study: Study, fits: Sequence[Scored], overdispersion: FloatArray) -> _Averaged:
     """The best order's magnitudes with the spread of the others around them."""
     criteria = np.array([scored.criterion for scored in fits])
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     best = int(np.argmin(criteria))
     keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
-    layers = {n: _one(study, fits[n].fit) for n in keep}
+    layers = {n: _one(study, fits[n].fit, overdispersion) for n in keep}
     value, _, cov = layers[best]
     total = sum(weights[n] for n in keep)
     variance = sum((weights[n] * (layers[n][1] + (layers[n][0] - value) ** 2) for n in keep), np.zeros(len(value)))
@@ -184,7 +209,7 @@ def _averaged(study: Study, fits: Sequence[Scored]) -> _Averaged:
     return _Averaged(value=value, variance=variance, covariance=cov * np.outer(wider, wider))
 
 
-def _one(study: Study, fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _one(study: Study, fit: Fit, overdispersion: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Magnitudes and variances of all live atoms at one fit, and the covariance of the support, in SI."""
     unfolded = unfold(study.layout, fit)
     single = single_additions(fit, unfolded)
@@ -193,4 +218,5 @@ def _one(study: Study, fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
     active = list(fit.atoms)
     value[active], variance[active] = fit.z, np.diag(scaled)
     unit = study.magnitude_unit
-    return value * unit, variance * unit**2, scaled * np.outer(unit[active], unit[active])
+    wider = np.sqrt(overdispersion[active]) * unit[active]
+    return value * unit, variance * overdispersion * unit**2, scaled * np.outer(wider, wider)

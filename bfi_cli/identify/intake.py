@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 
 STILL_ANGLE = 5e-4
 STILL_RELATIVE = 1e-6
+SMALLEST = 1e-30
 SAME = 1e-3
 
 
@@ -40,6 +41,7 @@ class Intake:
     record : at the log's own rate; conditioned : as analysed; choice : of the rate.
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
+    outputs : names of the outputs.
     """
 
     log: FlightLog
@@ -52,6 +54,7 @@ class Intake:
     choice: Choice
     window_start_s: float
     native_rate_hz: float
+    outputs: tuple[str, ...]
 
 
 def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
@@ -95,6 +98,7 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
         choice=choice,
         window_start_s=window_start_s,
         native_rate_hz=native_rate_hz,
+        outputs=config.outputs,
     )
 
 
@@ -125,14 +129,15 @@ def _require_movement(log: FlightLog, config: Config) -> None:
         channel = log.channel(still[0])
         moved = float(np.ptp(channel.values))
         raise ExcitationError(
-            f"{log.path}: '{still[0]}' does not move (range {moved:.4g} {channel.unit}); without excitation the dynamics "
-            "cannot be told from a drift; choose a window with a manoeuvre"
+            f"{log.path}: '{still[0]}' does not move (range {moved:.4g} {channel.unit}); without excitation the "
+            "dynamics cannot be told from a drift; choose a window with a manoeuvre"
         )
     for name in config.outputs:
         values = log.channel(name).values
-        if np.ptp(values) <= STILL_RELATIVE * np.max(np.abs(values)):
+        if np.ptp(values) <= max(STILL_RELATIVE * np.max(np.abs(values)), SMALLEST):
             raise LogError(
-                f"{log.path}: output '{name}' does not change (stays at {values[0]:.6g}); choose another --output or window"
+                f"{log.path}: output '{name}' does not change (stays at {values[0]:.6g}); "
+                "choose another --output or window"
             )
 
 
@@ -141,7 +146,7 @@ def _is_still(log: FlightLog, name: str) -> bool:
     moved = float(np.ptp(channel.values))
     if channel.unit == "rad":
         return moved < STILL_ANGLE
-    return moved <= STILL_RELATIVE * float(np.max(np.abs(channel.values)))
+    return moved <= max(STILL_RELATIVE * float(np.max(np.abs(channel.values))), SMALLEST)
 
 
 def _record(

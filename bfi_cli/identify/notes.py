@@ -13,11 +13,11 @@ from .estimation import Answer, Magnitudes
 from .intake import Intake
 from .study import Study
 
-__all__ = ["blind", "near_miss_note", "notes_of", "rate_note", "rivals"]
+__all__ = ["STRONG", "blind", "near_miss_note", "notes_of", "rate_note", "rivals"]
 
 FloatArray = NDArray[np.float64]
 
-STRONG = 6.0
+STRONG = 4.6
 WHITE_P = 1e-3
 ILL_CONDITIONED = 1e8
 MOST_NAMED = 5
@@ -74,7 +74,9 @@ def near_miss_note(names: Sequence[str], answer: Answer) -> str | None:
     if shown <= evidence / 2.0:
         return None
     (atom,) = set(nearest.fit.atoms) - set(best.fit.atoms)
-    return f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:g} needed)"
+    return (
+        f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:.1f} needed)"
+    )
 
 
 def notes_of(

@@ -155,7 +155,9 @@ def left_out(conditioned: Conditioned, names: Sequence[str], indices: Sequence[i
         if size == 0.0:
             reasons[j] = f"'{names[j]}' is zero in the window; move its onset or widen the window"
         elif float(np.max(np.ptp(conditioned.theta[:, :, j], axis=0))) <= STILL * float(np.max(np.abs(signal))):
-            reasons[j] = f"'{names[j]}' does not change in the window: the model's constant absorbs it"
+            reasons[j] = (
+                f"'{names[j]}' does not change in the window, as the model's constant does; move its onset inside"
+            )
         else:
             rest = signal - basis @ (basis.T @ signal)
             rest -= basis @ (basis.T @ rest)

@@ -78,9 +78,10 @@ def decimate(x: FloatArray, factor: int, lowpass: Lowpass = SHARP) -> FloatArray
     x = np.asarray(x, dtype=np.float64)
     if factor == 1:
         return x.copy()
+    n_taps = 2 * lowpass.half_width * factor + 1
+    if x.shape[0] < n_taps:
+        raise ValueError(f"{x.shape[0]} samples are fewer than the {n_taps} taps of the decimation by {factor}")
     taps = lowpass_taps(factor, lowpass)
-    if x.shape[0] < taps.size:
-        raise ValueError(f"{x.shape[0]} samples are fewer than the {taps.size} taps of the decimation by {factor}")
     flat = np.ascontiguousarray(x.reshape(x.shape[0], -1))
     n_rows = (x.shape[0] - taps.size) // factor + 1
     windows = np.lib.stride_tricks.sliding_window_view(flat, taps.size, axis=0)[::factor]

@@ -1,7 +1,7 @@
 """Support and order chosen together by an extended Bayesian information criterion (METHOD section 3).
 
 Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on the scale of twice the log Bayes factor
-(Kass and Raftery 1995: 6 is strong evidence).
+(Jeffreys 1961: ten to one, or 4.6, is strong evidence).
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def test_a_window_a_unit_and_a_channel(bfi, log: Path):
         (["LOG", "--group", "x"], 3, "no group 'x'"),
         (["LOG", "--unit", "tas"], 2, "expected NAME=UNIT, got 'tas'"),
         (["LOG", "--channel", "tas=a", "--channel", "tas=b"], 2, "'tas' is given twice"),
-        (["LOG", "--unit", "tas=knotz"], 3, "unknown unit 'knotz'; did you mean 'knot'?"),
+        (["LOG", "--unit", "tas=knotz"], 2, "--unit tas=knotz: unknown unit 'knotz'; did you mean 'knot'?"),
         (["LOG", "--from", "100"], 3, "no samples between 100 s"),
         ([], 2, "LOG"),
     ],

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from made_logs import write_hdf5, write_text
 from scipy.io import savemat
 
-from bfi_cli.errors import LogError
+from bfi_cli.errors import BfiError, LogError
 from bfi_cli.flightlog.read import read_log
 
 TIME = np.arange(5) / 10.0
@@ -247,10 +247,11 @@ def test_what_is_no_log_is_one_line(write, message: str, tmp_path: Path):
         ({"group": "one", "channel_map": {"cas": "x"}}, "the log has: tas, time"),
         ({"group": "one", "unit_map": {"foo": "kt"}}, "--unit foo=kt: no channel 'foo'"),
         ({"group": "one", "unit_map": {"tas": "knotz"}}, "did you mean 'knot'?"),
+        ({"group": "one", "unit_map": {"tas": "deg"}}, "--unit tas=deg: 'tas' is in m/s, got a unit of rad"),
     ],
 )
 def test_options_that_do_not_fit_the_file(options, message: str, tmp_path: Path):
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(BfiError) as caught:
         read_log(several_groups(tmp_path), **options)
     assert message in str(caught.value)
 

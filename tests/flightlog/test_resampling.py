@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_logs import made_log
 
-from bfi_cli.errors import LogError
+from bfi_cli.errors import BfiError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log, require_usable, resample
 from bfi_cli.flightlog.timing import is_uniform
@@ -137,14 +137,15 @@ def test_nan_stays_where_the_filter_sees_it(rate: float):
     [
         (np.delete(np.arange(T.size), slice(2000, 2100)), 10.0, "gap of 2.02 s from 46.98 s to 49 s; choose a window"),
         (np.arange(T.size), 60.0, "recorded at 50 Hz, it cannot be resampled to 60 Hz; give --rate 50 or less"),
-        (np.arange(T.size), 0.0, "the rate must be positive, got 0 Hz"),
-        (np.arange(T.size), np.nan, "the rate must be positive, got nan Hz"),
+        (np.arange(T.size), 0.0, "--rate: must be a positive number, got 0 Hz"),
+        (np.arange(T.size), np.nan, "--rate: must be a positive number, got nan Hz"),
+        (np.arange(T.size), 0.005, "120 s long, nothing is left of it at 0.005 Hz; give a higher --rate"),
         (np.arange(T.size), 0.1, "6000 samples are fewer than the 8001 taps"),
         (np.arange(100), 7.0, "100 samples are fewer than the filter of the resampling by 7/50 needs"),
     ],
 )
 def test_what_cannot_be_resampled_is_one_line(keep: np.ndarray, rate: float, message: str):
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(BfiError) as caught:
         resample(made_log(T[keep], tas=smooth(T[keep])), rate)
     assert message in str(caught.value)
 

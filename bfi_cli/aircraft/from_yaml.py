@@ -1,0 +1,119 @@
+"""Any linear aircraft model from a YAML file: names, matrices, trim; in SI and radians."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from ..channels import STANDARD
+from ..dictionary.validation import Number, Positive, Rules, Text, validated
+from ..errors import ConfigError
+from ..yaml12 import load_yaml
+from .linear import LinearModel
+
+__all__ = ["ModelDocument", "load_model"]
+
+FloatArray = NDArray[np.float64]
+Names = Annotated[tuple[Text, ...], Field(min_length=1)]
+Row = tuple[Number, ...]
+Matrix = Annotated[tuple[Row, ...], Field(min_length=1)]
+
+
+class ModelDocument(Rules):
+    """Deviations from a trimmed flight: dx/dt = A x + B u, y = C x + D u."""
+
+    name: Text
+    title: str = ""
+    source: str = ""
+    airspeed_m_s: Positive
+    """True airspeed of the trimmed flight."""
+    states: Names
+    inputs: Names
+    outputs: Names | None = None
+    """Default the states."""
+    units: Mapping[str, Text] = {}
+    """Of names that are no standard channels; the standard channels are in their SI unit."""
+    trim: Mapping[str, Number] = {}
+    """Value of a state, input or output in the trimmed flight; 0 where it is not given."""
+    A: Matrix
+    B: Matrix
+    C: Matrix | None = None
+    """Default a row per output that picks the state of that name."""
+    D: Matrix | None = None
+    """Default zero."""
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The outputs, whether written down or not."""
+        return self.outputs or self.states
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> ModelDocument:
+        for key in ("states", "inputs", "measured"):
+            if len(set(getattr(self, key))) < len(getattr(self, key)):
+                raise ValueError(f"{key.replace('measured', 'outputs')}: a name stands twice; keep one")
+        n_x, n_u, n_y = len(self.states), len(self.inputs), len(self.measured)
+        for key, shape in {"A": (n_x, n_x), "B": (n_x, n_u), "C": (n_y, n_x), "D": (n_y, n_u)}.items():
+            _require_shape(key, getattr(self, key), shape)
+        hidden = [name for name in self.measured if name not in self.states]
+        if self.C is None and hidden:
+            raise ValueError(f"C: missing, and output '{hidden[0]}' is no state; add C")
+        self._require_names()
+        return self
+
+    def _require_names(self) -> None:
+        names = dict.fromkeys((*self.states, *self.inputs, *self.measured))
+        for key in ("units", "trim"):
+            for name in getattr(self, key):
+                if name not in names:
+                    raise ValueError(f"{key}: '{name}' is no state, input or output; use one of {', '.join(names)}")
+        for name in names:
+            given, standard = self.units.get(name), STANDARD.get(name)
+            if given is None and standard is None:
+                raise ValueError(f"units: '{name}' is no standard channel; add its unit")
+            if standard is not None and given not in (None, standard.unit):
+                raise ValueError(
+                    f"units: '{name}' is in {standard.unit} in a model, got '{given}'; convert the matrices"
+                )
+
+
+def load_model(path: str | Path) -> LinearModel:
+    """Return the model of a YAML file.
+
+    Raises
+    ------
+    ConfigError : the file cannot be read, or everything that is wrong with it, in one line.
+    """
+    document = validated(ModelDocument, load_yaml(Path(path)), where=str(path), error=ConfigError)
+    states, outputs = document.states, document.measured
+    selection = np.array([[float(state == output) for state in states] for output in outputs])
+    names = dict.fromkeys((*states, *document.inputs, *outputs))
+    return LinearModel(
+        name=document.name,
+        title=document.title or document.name,
+        A=np.array(document.A),
+        B=np.array(document.B),
+        C=selection if document.C is None else np.array(document.C),
+        D=np.zeros((len(outputs), len(document.inputs))) if document.D is None else np.array(document.D),
+        states=states,
+        inputs=document.inputs,
+        outputs=outputs,
+        units={name: document.units.get(name) or STANDARD[name].unit for name in names},
+        trim=dict(document.trim),
+        airspeed_m_s=document.airspeed_m_s,
+        source=document.source or str(path),
+    )
+
+
+def _require_shape(key: str, rows: tuple[Row, ...] | None, shape: tuple[int, int]) -> None:
+    if rows is not None and [len(row) for row in rows] != [shape[1]] * shape[0]:
+        widths = sorted({len(row) for row in rows})
+        raise ValueError(
+            f"{key}: the names ask for {shape[0]} rows of {shape[1]}, got {len(rows)} of "
+            f"{' or '.join(map(str, widths))}; write one list per row"
+        )

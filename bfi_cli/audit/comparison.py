@@ -1,0 +1,121 @@
+"""How alike the live atoms are, which of them the model can absorb, and what to say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..flightlog.record import frozen_array
+from ..kernels.coherence import Dependence, dependence, homogeneous_order, mutual_coherence
+from .result import Signatures
+
+__all__ = ["absorbed", "advised", "compare", "most_like", "own_channel", "pairs", "sentences"]
+
+FloatArray = NDArray[np.float64]
+
+NEARLY_ALIKE = 0.99
+NEARLY_DEPENDENT = 100.0
+TAKES_PART = 0.2
+LARGEST_ORDER = 6
+MOST_NAMED = 5
+
+
+def own_channel(theta: FloatArray) -> FloatArray:
+    """Return (n_samples, n_atoms): of (n_samples, n_outputs, n_atoms) each atom on the output it moves most."""
+    outputs = np.argmax(np.max(np.abs(theta), axis=0), axis=0)
+    return np.asarray(np.take_along_axis(theta, outputs[None, None, :], axis=1)[:, 0, :])
+
+
+def compare(
+    names: Sequence[str], time_s: FloatArray, values: FloatArray, G: FloatArray
+) -> tuple[Signatures, Dependence]:
+    """Return the signatures with their coherence, and how dependent those that leave something are.
+
+    Parameters
+    ----------
+    names : (n_live,).
+    time_s : (n_rows,); values : (n_rows, n_live), see `Signatures`.
+    G : (n, n_live) columns whose inner products count.
+    """
+    seen = np.any(G != 0.0, axis=0)
+    found = dependence(G[:, seen])
+    signatures = Signatures(
+        names=tuple(names),
+        time_s=frozen_array(time_s),
+        values=frozen_array(values),
+        coherence=frozen_array(mutual_coherence(G)),
+        rank=found.rank,
+        condition_number=found.condition_number,
+    )
+    return signatures, found
+
+
+def most_like(signatures: Signatures, j: int) -> tuple[str | None, float | None]:
+    """Return the atom most coherent with the j-th, and the coherence; None where there is no other."""
+    row = np.array(signatures.coherence[j])
+    row[j] = np.nan
+    if not np.any(row == row):
+        return None, None
+    other = int(np.nanargmax(row))
+    return signatures.names[other], float(row[other])
+
+
+def pairs(signatures: Signatures, *, at_least: float = 0.0) -> list[tuple[str, str, float]]:
+    """Return pairs of atoms and their coherence, most coherent first."""
+    rows, columns = np.triu_indices(len(signatures.names), k=1)
+    values = signatures.coherence[rows, columns]
+    order = [n for n in np.argsort(-values, kind="stable") if values[n] >= at_least]
+    return [(signatures.names[rows[n]], signatures.names[columns[n]], float(values[n])) for n in order]
+
+
+def sentences(signatures: Signatures, found: Dependence) -> list[str]:
+    """Warn of pairs that are nearly alike, and of a combination that leaves next to nothing."""
+    alike = pairs(signatures, at_least=NEARLY_ALIKE)
+    said = [
+        f"'{a}' and '{b}' can hardly be told apart (coherence {value:.4f}): drop one, or move an onset"
+        for a, b, value in alike[:MOST_NAMED]
+    ]
+    if len(alike) > MOST_NAMED:
+        said.append(f"{len(alike) - MOST_NAMED} more pairs have a coherence of {NEARLY_ALIKE} or more")
+    if found.condition_number > NEARLY_DEPENDENT:
+        seen = [name for name, c in zip(signatures.names, np.diag(signatures.coherence), strict=True) if c == c]
+        share = np.abs(found.weakest) / np.max(np.abs(found.weakest))
+        part = [f"'{seen[j]}'" for j in np.argsort(-share, kind="stable")[:MOST_NAMED] if share[j] >= TAKES_PART]
+        said.append(
+            f"a combination of {', '.join(part)} leaves next to no trace (condition number "
+            f"{found.condition_number:.3g}): their magnitudes cannot be told apart together; drop some"
+        )
+    return said
+
+
+def absorbed(name: str, signal: FloatArray, *, largest_model: int, n_outputs: int) -> str | None:
+    """Say that the model can take an atom for the aircraft's own motion, None where its onset or end prevents that.
+
+    Parameters
+    ----------
+    signal : (n_samples,) the atom over the rows the model is fitted on; a transient in earlier samples is little proof.
+    largest_model : the largest order an analysis would try.
+    n_outputs : of the model.
+    """
+    order = homogeneous_order(signal, min(LARGEST_ORDER, largest_model - 1))
+    if not order:
+        return None
+    limit = f"n + {order}" if n_outputs == 1 else f"(n + {order})/{n_outputs}"
+    return (
+        f"'{name}' obeys an equation of order {order} over the whole window, so the model can absorb it: it needs its "
+        f"onset or end inside the window, or an order below {limit} (n states of the aircraft, longitudinally 4)"
+    )
+
+
+def advised(reasons: Mapping[int, str], values: FloatArray) -> dict[int, str]:
+    """Return why atoms are left out with what to do about it, where the reason does not say.
+
+    Parameters
+    ----------
+    reasons : sentence by atom.
+    values : (n_samples, n_atoms) of all atoms.
+    """
+    advice = {0: "", 1: "; give it an onset or an end inside the window", None: "; drop one of them, or move an onset"}
+    return {j: reason + advice[homogeneous_order(values[:, j], 1)] for j, reason in reasons.items()}

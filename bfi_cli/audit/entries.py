@@ -1,0 +1,129 @@
+"""The dictionary's entries with what is said of each: the same layout with and without a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import Config
+from ..faults import Fault, magnitude_unit, physical
+from .comparison import absorbed, most_like
+from .definition import Span, oddities, same_definition
+from .result import AuditedAtom, Signatures
+
+__all__ = ["Limits", "Listing", "entries", "largest_order", "reasons_of", "remarks_of"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Listing:
+    """All entries and what is known of each.
+
+    Attributes
+    ----------
+    faults, names, units : (n_atoms,) with the unit of each fault's channel.
+    reasons : why an entry is left out; remarks : what is odd about one that is live; by index.
+    """
+
+    faults: tuple[Fault, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    reasons: Mapping[int, str]
+    remarks: Mapping[int, Sequence[str]]
+
+    @property
+    def live(self) -> tuple[int, ...]:
+        return tuple(j for j in range(len(self.faults)) if j not in self.reasons)
+
+    @property
+    def said(self) -> list[str]:
+        """All reasons and remarks, in the order of the dictionary."""
+        by_atom = {j: [reason] for j, reason in self.reasons.items()} | dict(self.remarks)
+        return [sentence for j in sorted(by_atom) for sentence in by_atom[j]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Limits:
+    """Of the live atoms on a log, (n_live,): what can be detected (NaN where nothing is seen) and what is visible.
+
+    Attributes
+    ----------
+    minimal_detectable : magnitudes; peak : the most each moves its output at magnitude 1.
+    visible : see `AuditedAtom`.
+    """
+
+    minimal_detectable: FloatArray
+    peak: FloatArray
+    visible: FloatArray
+
+
+def reasons_of(faults: Sequence[Fault], names: Sequence[str], reasons: Mapping[int, str]) -> dict[int, str]:
+    """Return the reasons, those of an entry whose twin by definition is live in words of the definition."""
+    twins = {j: i for j, i in same_definition(faults).items() if j in reasons and i not in reasons}
+    worded = {j: f"'{names[j]}' is defined as '{names[i]}' is; drop one of them" for j, i in twins.items()}
+    return {**reasons, **worded}
+
+
+def largest_order(config: Config) -> int:
+    """Return the largest order an analysis with this configuration tries."""
+    return config.model.order if isinstance(config.model.order, int) else max(config.model.orders)
+
+
+def remarks_of(
+    faults: Mapping[int, Fault], span: Span, values: FloatArray | None, *, largest_model: int, n_outputs: int
+) -> dict[int, list[str]]:
+    """Return what is odd about each live fault, by index; faults with nothing odd have no entry.
+
+    Parameters
+    ----------
+    faults : the live ones, by index.
+    span : the window.
+    values : (n_samples, n_live) on their own channels; None where there are too many to look at.
+    largest_model, n_outputs : see `absorbed`.
+    """
+    remarks: dict[int, list[str]] = {}
+    for n, (j, fault) in enumerate(faults.items()):
+        said = list(oddities(fault, span))
+        if values is not None:
+            name = fault.name or fault.shape
+            taken = absorbed(name, values[:, n], largest_model=largest_model, n_outputs=n_outputs)
+            said += [taken] if taken else []
+        if said:
+            remarks[j] = said
+    return remarks
+
+
+def entries(listing: Listing, signatures: Signatures | None, limits: Limits | None) -> tuple[AuditedAtom, ...]:
+    """Return one entry per fault of the dictionary, in its order."""
+    place = {j: n for n, j in enumerate(listing.live)}
+    return tuple(_entry(listing, j, place.get(j), (signatures, limits)) for j in range(len(listing.faults)))
+
+
+def _entry(listing: Listing, j: int, n: int | None, found: tuple[Signatures | None, Limits | None]) -> AuditedAtom:
+    signatures, limits = found
+    fault, unit = listing.faults[j], listing.units[j]
+    z = None if limits is None or n is None else _finite(limits.minimal_detectable[n])
+    other, coherence = (None, None) if signatures is None or n is None else most_like(signatures, n)
+    said = [listing.reasons[j]] if n is None else listing.remarks.get(j, ())
+    return AuditedAtom(
+        name=listing.names[j],
+        fault=fault,
+        live=n is not None,
+        note="; ".join(said) or None,
+        unit=magnitude_unit(fault, unit),
+        channel_unit=unit,
+        minimal_detectable=z,
+        minimal_physical=None if z is None else physical(fault, z, unit),
+        minimal_peak=None if z is None or limits is None else z * float(limits.peak[n]),
+        visible=None if limits is None or n is None else float(limits.visible[n]),
+        most_coherent_with=other,
+        coherence=coherence,
+    )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,112 @@
+"""What an audit found: plain frozen data that renders to tables, JSON, CSV and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..faults import Fault
+
+__all__ = ["Audit", "AuditModel", "AuditedAtom", "Signatures"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditedAtom:
+    """One dictionary entry.
+
+    Attributes
+    ----------
+    fault : its times on the axis of the window.
+    live : it can be looked for in the window.
+    note : what is wrong with it and what to do, None where nothing is.
+    unit : of its magnitude; channel_unit : of its channel; "" where not known, or a pure number.
+    minimal_detectable : magnitude declared with 90 % power if it is the only fault; None without a log, or unseen.
+    minimal_physical : (value, unit) of that magnitude; minimal_peak : the most it moves the output in the window.
+    visible : norm of its filtered signature off the regressors over that before; None without a log.
+    most_coherent_with : the live atom most like it; coherence : with that one.
+    """
+
+    name: str
+    fault: Fault
+    live: bool
+    note: str | None
+    unit: str
+    channel_unit: str
+    minimal_detectable: float | None
+    minimal_physical: tuple[float, str] | None
+    minimal_peak: float | None
+    visible: float | None
+    most_coherent_with: str | None
+    coherence: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Signatures:
+    """What the live atoms leave to be seen: on a log filtered by its predictor and off its regressors, else as defined.
+
+    Attributes
+    ----------
+    names : (n_live,).
+    time_s : (n_rows,); values : (n_rows, n_live), each on its own channel.
+    coherence : (n_live, n_live), NaN where an atom leaves nothing.
+    rank, condition_number : of those that leave something, each scaled to norm 1.
+    """
+
+    names: tuple[str, ...]
+    time_s: FloatArray
+    values: FloatArray
+    coherence: FloatArray
+    rank: int
+    condition_number: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditModel:
+    """The predictor of the log without fault terms; `noise_sd` of its prediction error by output."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    order: int
+    feedthrough: bool
+    noise_sd: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Audit:
+    """The whole answer of `bfi dictionary`.
+
+    Attributes
+    ----------
+    path : of the dictionary; relative_to : what its times count from.
+    start_s, stop_s, rate_hz, n_samples : of the signals compared; why : how window and rate came about.
+    log_path, native_rate_hz, model : None without a log.
+    fastest_hz : the highest frequency of the dictionary; rate_needed_hz : four samples of its cycle.
+    signatures : None where there are too many to compare.
+    """
+
+    path: str
+    relative_to: Literal["window", "log"]
+    start_s: float
+    stop_s: float
+    rate_hz: float
+    n_samples: int
+    why: str
+    log_path: str | None
+    native_rate_hz: float | None
+    model: AuditModel | None
+    fastest_hz: float | None
+    rate_needed_hz: float | None
+    atoms: tuple[AuditedAtom, ...]
+    signatures: Signatures | None
+    notes: tuple[str, ...]
+
+    @property
+    def live(self) -> tuple[AuditedAtom, ...]:
+        """The atoms that can be looked for, in the order of `signatures`."""
+        return tuple(atom for atom in self.atoms if atom.live)

@@ -1,0 +1,120 @@
+"""`bfi dictionary`: audit of a fault dictionary, by itself or on a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import channel_options, json_option, window_options
+
+if TYPE_CHECKING:
+    from ..audit import Audit
+    from ..config import Config
+    from ..result import Provenance
+
+__all__ = ["command"]
+
+OF_A_LOG = {
+    "inputs": "--input",
+    "outputs": "--output",
+    "order": "--order",
+    "channel_map": "--channel",
+    "unit_map": "--unit",
+    "group": "--group",
+}
+
+
+@click.command("dictionary")
+@click.argument("file", metavar="FILE", type=click.Path())
+@click.argument("log", metavar="[LOG]", type=click.Path(), required=False)
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
+@click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
+@click.option("--output", "outputs", multiple=True, metavar="NAME", help="An output; repeatable.  [default: tas]")
+@window_options
+@click.option("--duration", "duration_s", type=float, metavar="S", help="Length of the window; only without a LOG.")
+@channel_options
+@click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
+@click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, figure and tables.")
+@json_option
+def command(file: str, log: str | None, config_path: str | None, **options: Any) -> None:
+    """Say what the faults of the dictionary FILE are, which are alike, and on a LOG how large each must be to be found."""
+    from ..audit_table import audit_document, print_audit
+    from ..dictionary import load_dictionary
+    from ..provenance import provenance
+
+    config = _config(config_path, log, options)
+    dictionary = load_dictionary(file)
+    audit, log_sha256 = _audited(dictionary, log, config, options)
+    origin = provenance(
+        log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
+    )
+    if options["out"] is not None:
+        from ..output import replace_files
+
+        replace_files(_files(audit, origin), options["out"])
+    if options["as_json"]:
+        from ..serialize import to_json
+
+        click.echo(to_json(audit_document(audit, origin)))
+        return
+    from rich.console import Console
+
+    print_audit(Console(highlight=False), audit)
+
+
+def _audited(dictionary: Any, log: str | None, config: Config, options: dict[str, Any]) -> tuple[Audit, str]:
+    from ..audit import audit, audit_on_log
+
+    if log is None:
+        return audit(dictionary, config, duration_s=options["duration_s"]), ""
+    from ..flightlog import read_log
+
+    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    return audit_on_log(flight, dictionary, config), flight.sha256
+
+
+def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Config:
+    from ..config import Config, load_config, merge
+
+    if log is None:
+        for key, option in OF_A_LOG.items():
+            if options[key]:
+                raise click.UsageError(f"{option} is about a log; give one after the dictionary")
+    elif options["duration_s"] is not None:
+        raise click.UsageError("--duration is for an audit without a log; give --from and --to")
+    config = load_config(path) if path is not None else Config()
+    overrides = {
+        "inputs": list(options["inputs"]) or None,
+        "outputs": list(options["outputs"]) or None,
+        "channels": {**config.channels, **options["channel_map"]} if options["channel_map"] else None,
+        "units": {**config.units, **options["unit_map"]} if options["unit_map"] else None,
+        "window.from_s": options["from_s"],
+        "window.to_s": options["to_s"],
+        "conditioning.rate_hz": _scalar("--rate", options["rate"]),
+        "model.order": _scalar("--order", options["order"]),
+    }
+    return merge(config, overrides)
+
+
+def _scalar(option: str, text: str | None) -> Any:
+    """Return what the same text means in the configuration file."""
+    from ..errors import ConfigError
+    from ..yaml12 import load_yaml
+
+    return None if text is None else load_yaml(text, where=option, error=ConfigError)
+
+
+def _files(audit: Audit, origin: Provenance) -> dict[str, bytes]:
+    from ..audit_table import audit_document, audit_tables
+    from ..plots.audit import plot_audit
+    from ..plots.style import to_png, to_svg
+    from ..serialize import to_json
+
+    files = {name: text.encode() for name, text in audit_tables(audit).items()}
+    if audit.signatures is not None:
+        figure = plot_audit(audit)
+        files |= {"audit.svg": to_svg(figure), "audit.png": to_png(figure)}
+    return {**files, "result.json": to_json(audit_document(audit, origin)).encode() + b"\n"}

@@ -1,0 +1,227 @@
+"""Double-model adaptive estimation: the benchmark of the thesis, for a fault of one sensor and a known aircraft model.
+
+Two Kalman filters run on the log, one of the aircraft as it is and one that estimates a fault of the sensor too. Their
+likelihoods say whether there is a fault; the second one says how large it is at every sample, whatever its shape. A
+fault so slow that the aircraft could have moved like that is put down to the aircraft (figure 5-6 of the thesis).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .aircraft import Discretisation, LinearModel, discretise
+from .errors import ConfigError
+from .faults import did_you_mean
+from .flightlog import FlightLog, require_usable
+from .flightlog.record import frozen_array
+from .kernels.kalman import Gaussian, StateSpace
+from .kernels.multimodel import FAULT, Reset, double_model, state_and_fault
+
+__all__ = ["DmaeResult", "DmaeSettings", "dmae"]
+
+FloatArray = NDArray[np.float64]
+Variances = float | Sequence[float]
+Reference = Literal["trim", "start"]
+
+START_S = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DmaeSettings:
+    """What the filters assume; the defaults are those of the thesis's figures 5-5 and 5-6.
+
+    Attributes
+    ----------
+    process_variance : Q of one sample, one number or one per state, in the states' units squared.
+    measurement_variance : R, one number or one per measured output.
+    fault_variance : process noise of the fault per sample; 0 for a fault that is constant between restarts.
+    adaptive_window : samples over which the process noise of the fault follows its innovations; None for not at all.
+    initial_variance : of the state at the first sample, one number or one per state.
+    prior_fault : probability of a fault before the first sample.
+    floor : neither probability falls below it.
+    reset_value, reset_variance : of the fault, where the filter with it restarts.
+    discretisation : of the model.
+    """
+
+    process_variance: Variances = 4e-6
+    measurement_variance: Variances = 0.01
+    fault_variance: float = 0.0
+    adaptive_window: int | None = None
+    initial_variance: Variances = 0.01
+    prior_fault: float = 0.05
+    floor: float = 0.001
+    reset_value: float = 1e-3
+    reset_variance: float = 100.0
+    discretisation: Discretisation = "zoh"
+
+    def __post_init__(self) -> None:
+        rules = {
+            "process_variance": (np.min(self.process_variance) >= 0, "must not be negative"),
+            "measurement_variance": (np.min(self.measurement_variance) > 0, "must be positive"),
+            "fault_variance": (self.fault_variance >= 0, "must not be negative"),
+            "adaptive_window": (self.adaptive_window is None or self.adaptive_window >= 1, "must be at least 1 sample"),
+            "initial_variance": (np.min(self.initial_variance) >= 0, "must not be negative"),
+            "prior_fault": (0 < self.prior_fault < 1, "must lie between 0 and 1"),
+            "floor": (0 < self.floor < 0.5, "must lie between 0 and 0.5"),
+            "reset_variance": (self.reset_variance > 0, "must be positive"),
+        }
+        for key, (kept, rule) in rules.items():
+            if not kept:
+                raise ConfigError(f"dmae: {key}: {rule}, got {getattr(self, key)}; change it")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DmaeResult:
+    """State and fault of every sample, the two hypotheses mixed by their probabilities; row k knows samples 0 to k.
+
+    Attributes
+    ----------
+    time_s : (n_samples,) of the log.
+    channel, unit : the sensor that may be faulty.
+    measured : (n_samples,) the log's channel.
+    fault, fault_sd : (n_samples,) the fault, exactly zero under the hypothesis of none; the floor of that one's
+        probability alone makes an sd of sqrt(floor) times the fault.
+    fault_if_any : (n_samples,) the fault as the filter with a fault sees it, whatever its probability.
+    probability : (n_samples,) of a fault.
+    states : names of the columns of `state` and `state_sd`, (n_samples, n_x), absolute values.
+    outputs : names of the measured outputs, the columns of `estimate` (n_samples, n_y), free of the fault.
+    innovation, innovation_sd : (n_samples, 2, n_y), of the filter without and of that with a fault.
+    onset_s : of the first sample at which a fault is more probable than not; None where there is none.
+    """
+
+    time_s: FloatArray
+    channel: str
+    unit: str
+    measured: FloatArray
+    fault: FloatArray
+    fault_sd: FloatArray
+    fault_if_any: FloatArray
+    probability: FloatArray
+    states: tuple[str, ...]
+    state: FloatArray
+    state_sd: FloatArray
+    outputs: tuple[str, ...]
+    estimate: FloatArray
+    innovation: FloatArray
+    innovation_sd: FloatArray
+    onset_s: float | None
+
+
+def dmae(
+    log: FlightLog,
+    model: LinearModel,
+    *,
+    channel: str = "tas",
+    measured: Sequence[str] | None = None,
+    reference: Reference = "trim",
+    settings: DmaeSettings | None = None,
+) -> DmaeResult:
+    """Estimate the fault of one sensor over a log.
+
+    Parameters
+    ----------
+    log : at a uniform rate, with the model's inputs and the measured outputs, absolute values.
+    model : of the aircraft, see `bfi_cli.aircraft`; the log's rate discretises it.
+    channel : the sensor that may be faulty, an output of the model.
+    measured : the outputs the filters see; by default `channel` alone, as in the thesis.
+    reference : what the model's deviations count from: its own trim, or the mean of the log's first second ("start";
+        for a log that was not flown at the model's trim).
+    settings : of the filters.
+
+    Raises
+    ------
+    ConfigError : the model has no such output, or the settings do not fit it.
+    LogError : the log cannot be used.
+
+    Notes
+    -----
+    Algorithm 1 of the thesis, equations 2-10 and 5-4. With a single measured output only the model tells motion from
+    fault, so the split rests on the process noise: what is slow enough for it becomes motion.
+    """
+    settings, measured = settings or DmaeSettings(), tuple(measured or (channel,))
+    _check(log, model, channel, measured)
+    origin = _origin(log, model, measured, reference)
+    y = log.signals(measured) - [origin[name] for name in measured]
+    u = log.signals(model.inputs) - [origin[name] for name in model.inputs]
+    n_x = len(model.states)
+    system = _system(model, log.rate_hz, measured, settings)
+    run = double_model(
+        system,
+        y,
+        u,
+        channel=measured.index(channel),
+        initial=Gaussian(mean=np.zeros(n_x), covariance=_diagonal("initial_variance", settings.initial_variance, n_x)),
+        prior_fault=settings.prior_fault,
+        floor=settings.floor,
+        reset=Reset(value=settings.reset_value, variance=settings.reset_variance),
+        fault_variance=settings.fault_variance,
+        window=settings.adaptive_window,
+    )
+    both = state_and_fault(run)
+    sd = np.sqrt(np.diagonal(both.covariance, axis1=1, axis2=2))
+    estimate = both.mean[:, :-1] @ system.C.T + u @ system.D.T
+    probability = run.probability[:, FAULT]
+    return DmaeResult(
+        time_s=log.time_s,
+        channel=channel,
+        unit=log.channel(channel).unit,
+        measured=log.channel(channel).values,
+        fault=frozen_array(both.mean[:, -1]),
+        fault_sd=frozen_array(sd[:, -1]),
+        fault_if_any=frozen_array(run.filters[FAULT].mean[:, -1]),
+        probability=frozen_array(probability),
+        states=model.states,
+        state=frozen_array(both.mean[:, :-1] + [origin[name] for name in model.states]),
+        state_sd=frozen_array(sd[:, :-1]),
+        outputs=measured,
+        estimate=frozen_array(estimate + [origin[name] for name in measured]),
+        innovation=frozen_array(np.stack([one.innovation for one in run.filters], axis=1)),
+        innovation_sd=frozen_array(np.stack([_sd(one.innovation_covariance) for one in run.filters], axis=1)),
+        onset_s=float(log.time_s[np.argmax(probability > 0.5)]) if np.any(probability > 0.5) else None,
+    )
+
+
+def _check(log: FlightLog, model: LinearModel, channel: str, measured: tuple[str, ...]) -> None:
+    for name in (channel, *measured):
+        if name not in model.outputs:
+            raise ConfigError(f"dmae: model '{model.name}' has no output '{name}'{did_you_mean(name, model.outputs)}")
+    if channel not in measured or len(set(measured)) < len(measured):
+        raise ConfigError(
+            f"dmae: measured: must name every output once, and '{channel}' among them, got {', '.join(measured)}; "
+            "change it"
+        )
+    require_usable(log, [*model.inputs, *measured])
+
+
+def _origin(log: FlightLog, model: LinearModel, measured: tuple[str, ...], reference: Reference) -> Mapping[str, float]:
+    """Return what the deviations of every state, input and output count from."""
+    names = (*model.states, *model.inputs, *measured)
+    origin = {name: model.trim.get(name, 0.0) for name in names}
+    if reference == "start":
+        first = log.time_s < log.time_s[0] + START_S
+        origin |= {name: float(log.channel(name).values[first].mean()) for name in (*model.inputs, *measured)}
+    return origin
+
+
+def _system(model: LinearModel, rate_hz: float, measured: tuple[str, ...], settings: DmaeSettings) -> StateSpace:
+    A, B, C, D = discretise(model, rate_hz=rate_hz, rule=settings.discretisation)
+    rows = [model.outputs.index(name) for name in measured]
+    Q = _diagonal("process_variance", settings.process_variance, len(A))
+    R = _diagonal("measurement_variance", settings.measurement_variance, len(rows))
+    return StateSpace(A=A, B=B, C=C[rows], D=D[rows], Q=Q, R=R)
+
+
+def _diagonal(key: str, variances: Variances, n: int) -> FloatArray:
+    values = np.atleast_1d(np.asarray(variances, dtype=np.float64))
+    if values.shape not in ((1,), (n,)):
+        raise ConfigError(f"dmae: {key}: must be one number or {n}, got {values.size}; change it")
+    return np.diag(np.broadcast_to(values, n))
+
+
+def _sd(covariance: FloatArray) -> FloatArray:
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

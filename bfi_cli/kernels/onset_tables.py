@@ -1,0 +1,225 @@
+"""One factorisation of a record, and the inner products of it with a signature at every onset (METHOD section 5).
+
+Regressors that no fault of the scanned channel touches (constant, inputs, lags of the other outputs) are the base Q0;
+the outputs at lag 0 and the scanned channel's lags, off the base, are Q1 R1. A signature at onset tau has lag i where
+the shape, started at tau + i, is: one table row per sample serves all lags and onsets.
+
+Lags are taken as differences: with D = 1 - q, q the delay, the columns are 1 at lag s, D at lag s - 1, D^2 at lags
+s - 2 .. 0. This spans the same space, lag 0 stays the only column with the current sample, and bias and drift become
+one ramp, one step and exact impulses, so that nothing cancels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import lapack, qr
+
+from .lagged import lagged
+
+__all__ = ["Scan", "Tables", "correlations", "prepare_scan", "tabulate"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+RANK_TOLERANCE = 1e-11
+FLOOR = 1e-8
+SPARSE = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scan:
+    """A record made ready for any shape and onset.
+
+    Attributes
+    ----------
+    Q : (n_base + m, n_samples) rows of [Q0 Q1]', zero in the first s samples; m = s + n_outputs.
+    W : (s + 1, m) rows of R1^-1 that belong to the scanned channel, lags s .. 0 in differences.
+    n_base : rank of the base.
+    order : s; n_outputs : of the record; degree : highest difference of the lag columns.
+    rss0 : without a fault: the residual sum of squares, for several outputs the determinant of the residuals' products.
+    """
+
+    Q: FloatArray
+    W: FloatArray
+    n_base: int
+    order: int
+    n_outputs: int
+    degree: int
+    rss0: float
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of the record."""
+        return int(self.Q.shape[1])
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the regression."""
+        return self.n_samples - self.order
+
+    @property
+    def degrees(self) -> list[int]:
+        """The difference taken by each column, lags s .. 0."""
+        return [min(j, self.degree) for j in range(self.order + 1)]
+
+
+def prepare_scan(
+    u: FloatArray,
+    y: FloatArray,
+    *,
+    order: int,
+    feedthrough: bool = True,
+    channel: int = 0,
+    floor: float | None = None,
+    annihilate: bool = True,
+) -> Scan:
+    """Factorise a record for scanning faults in one of its outputs.
+
+    Parameters
+    ----------
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs).
+    order : the number of lags s, at least 1.
+    feedthrough : inputs act in the same sample too.
+    channel : the output that may be faulty.
+    floor : standard deviation of a white noise the outputs are taken to carry besides their own, in the units of y;
+        by default 1e-8 of each output's rms off the base. Without any, noise-free data divide zero by zero.
+    annihilate : difference the lags.
+
+    Raises
+    ------
+    ValueError : shapes disagree, a value is not finite, or there are fewer rows than regressors.
+    """
+    u, y = np.asarray(u, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    _check(u, y, order, channel)
+    y = y - y.mean(axis=0)
+    others = np.delete(y, channel, axis=1)
+    degree = min(2, order) if annihilate else 0
+    past = [lagged(u, range(0 if feedthrough else 1, order + 1)), lagged(others, range(1, order + 1), first=order)]
+    Q0 = _basis(np.hstack([np.ones((len(y) - order, 1)), *past]))
+    now = (lagged(others, [0], first=order), lagged(y[:, [channel]], range(order, -1, -1)))
+    Q1, R1 = _orthonormal(Q0, now, degree, floor)
+    m = order + y.shape[1]
+    Q = np.zeros((Q0.shape[1] + m, len(y)))
+    Q[: -m or None, order:], Q[-m:, order:] = Q0.T, Q1.T
+    inverse = np.asarray(lapack.dtrtri(R1)[0])
+    own = np.r_[:order, m - 1]
+    last = np.diag(R1)[order:]
+    return Scan(
+        Q=Q,
+        W=inverse[own],
+        n_base=Q0.shape[1],
+        order=order,
+        n_outputs=y.shape[1],
+        degree=degree,
+        rss0=float(np.prod(last**2)),
+    )
+
+
+def _check(u: FloatArray, y: FloatArray, order: int, channel: int) -> None:
+    if u.ndim != 2 or y.ndim != 2 or len(u) != len(y):
+        raise ValueError(f"u and y must be (n_samples, n_channels) of equal length, got {u.shape} and {y.shape}")
+    if not (np.isfinite(u).all() and np.isfinite(y).all()):
+        raise ValueError("u and y must be finite, got NaN or infinite values; repair or cut them first")
+    if not 0 <= channel < y.shape[1]:
+        raise ValueError(f"channel must lie in 0..{y.shape[1] - 1}, got {channel}")
+    unknowns = 1 + (order + 1) * (u.shape[1] + y.shape[1])
+    if order < 1 or len(y) - order <= unknowns:
+        raise ValueError(f"order must be at least 1 with more rows than regressors, got {order} for {len(y)} samples")
+
+
+def _basis(X: FloatArray) -> FloatArray:
+    """Orthonormal basis of X, whose first column is ones; directions lost in rounding are left out."""
+    X = X.copy()
+    X[:, 1:] -= X[:, 1:].mean(axis=0)
+    norms = np.linalg.norm(X, axis=0)
+    X = X[:, norms > 0.0] / norms[norms > 0.0]
+    Q, R, _ = qr(X, mode="economic", pivoting=True, overwrite_a=True, check_finite=False)
+    diagonal = np.abs(np.diag(R))
+    return np.asarray(Q[:, diagonal > RANK_TOLERANCE * diagonal[0]])
+
+
+def _orthonormal(
+    Q0: FloatArray, now: tuple[FloatArray, FloatArray], degree: int, floor: float | None
+) -> tuple[FloatArray, FloatArray]:
+    """Q1 and R1 of [lags s..1 | other outputs | lag 0], differenced and off Q0, with rows for the floor below."""
+    others, own = now
+    s = own.shape[1] - 1
+    stacked = np.hstack([others, own])
+    flat = stacked - Q0 @ (Q0.T @ stacked)
+    rms = np.sqrt(np.mean(flat**2, axis=0)) if floor is None else np.full(flat.shape[1], floor / FLOOR)
+    noise = np.diag(FLOOR * np.sqrt(len(flat)) * np.maximum(rms, np.finfo(float).tiny ** 0.25))
+    columns = np.vstack([stacked, noise])
+    columns[:, others.shape[1] :] = _differenced(columns[:, others.shape[1] :], degree)
+    columns = columns[:, np.r_[others.shape[1] : others.shape[1] + s, : others.shape[1], -1]]
+    top = columns[: len(flat)]
+    for _ in range(2):
+        top -= Q0 @ (Q0.T @ top)
+    Q, R = np.linalg.qr(columns)
+    return Q[: len(flat)], R
+
+
+def _differenced(columns: FloatArray, degree: int) -> FloatArray:
+    """Replace the columns, lags s .. 0, by 1 at lag s, D at lag s - 1, ... D^degree at the others."""
+    columns = columns.copy()
+    for d in range(degree):
+        columns[:, d + 1 :] = columns[:, d + 1 :] - columns[:, d:-1]
+    return columns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tables:
+    """Inner products of a shape with a record and with itself, by start sample.
+
+    Attributes
+    ----------
+    P : per difference 0..degree, (n_base + m, n_samples): [Q0 Q1]' times the shape started at each sample.
+    G : by the differences (a, b) of two lags and the samples d the second starts before the first, (n_samples,): their
+        inner product off the base, at the first's start. None where nobody asked.
+    """
+
+    P: tuple[FloatArray, ...]
+    G: dict[tuple[int, int, int], FloatArray]
+
+
+def tabulate(scan: Scan, h: FloatArray) -> Tables:
+    """Return the tables of a shape h (n_samples,) that lasts to the end of the record."""
+    n, degrees, n_base = scan.n_samples, scan.degrees, scan.n_base
+    P = correlations(scan, h)
+    shapes = [np.diff(h, n=d, prepend=np.zeros(d)) if d else h for d in range(scan.degree + 1)]
+    G: dict[tuple[int, int, int], FloatArray] = {}
+    for i, a in enumerate(degrees):
+        for j, b in enumerate(degrees[i:], i):
+            d = j - i
+            if (a, b, d) not in G:
+                table = np.zeros(n)
+                table[d:] = np.cumsum(shapes[a][: n - d] * shapes[b][d:])[::-1]
+                table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
+                G[a, b, d] = table
+    return Tables(P=P, G=G)
+
+
+def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
+    """Return `Tables.P` of a shape h (n_samples,)."""
+    sharpest = np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree)) if scan.degree else h
+    P = [_correlate(scan.Q, sharpest)]
+    for _ in range(scan.degree):
+        P.append(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1])
+    return tuple(P[::-1])
+
+
+def _correlate(Q: FloatArray, h: FloatArray) -> FloatArray:
+    """Sum over k of Q[:, k] h(k - start) for all starts; sparse shapes by shifts, others by FFT."""
+    n = Q.shape[1]
+    at = np.flatnonzero(h)
+    if len(at) <= SPARSE:
+        P = np.zeros_like(Q)
+        for k in at:
+            P[:, : n - k] += h[k] * Q[:, k:]
+        return P
+    size = next_fast_len(2 * n, real=True)
+    spectrum = rfft(Q, size, axis=1)
+    return np.asarray(irfft(spectrum * np.conj(rfft(h, size)), size, axis=1)[:, :n])

@@ -1,0 +1,179 @@
+"""The command line as a whole: exit codes, which stream carries what, interruptions, defects, closed pipes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bfi_cli import __version__, flightlog
+from bfi_cli.commands import COMMANDS
+
+ROOT = Path(__file__).parents[2]
+LOG = ROOT / "data" / "citation_bias.h5"
+CLEAN = ROOT / "data" / "citation_clean.h5"
+FAULTS = ROOT / "configs" / "thesis_dictionary.yaml"
+
+
+def on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make stdout and stderr terminals of 120 columns."""
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "dumb")
+
+
+def fails(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    def read_log(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(flightlog, "read_log", read_log)
+
+
+def python(*argv: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *map(str, argv)], capture_output=True, text=True, cwd=ROOT, check=False)
+
+
+def test_version(bfi: Callable):
+    outcome = bfi("--version")
+    assert (outcome.code, outcome.stdout, outcome.stderr) == (0, f"bfi, version {__version__}\n", "")
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help_lists_every_command_in_the_order_of_the_work(bfi: Callable, flag: str):
+    outcome = bfi(flag)
+    places = [outcome.stdout.index(f"\n  {name} ") for name in COMMANDS]
+    assert (outcome.code, outcome.stderr) == (0, "")
+    assert places == sorted(places)
+
+
+def test_no_command_is_a_usage_error_that_shows_the_help(bfi: Callable):
+    outcome = bfi()
+    assert (outcome.code, outcome.stdout) == (2, "")
+    assert outcome.stderr == bfi("--help").stdout
+
+
+def test_the_package_runs_as_a_module():
+    done = python("-m", "bfi_cli", "--version")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"bfi, version {__version__}\n", "")
+
+
+def test_a_pipe_gets_json_and_nothing_else(bfi: Callable, tmp_path: Path):
+    outcome = bfi("identify", LOG, "-d", FAULTS, "--out", tmp_path / "out")
+    assert (outcome.code, outcome.stderr) == (0, "")
+    assert json.loads(outcome.stdout)["kind"] == "identify"
+
+
+def test_a_terminal_gets_tables_on_stdout_and_notes_on_stderr(
+    bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    on_a_terminal(monkeypatch)
+    outcome = bfi("identify", LOG, "-d", FAULTS, "--out", tmp_path / "out")
+    assert outcome.code == 0
+    assert outcome.stdout.startswith("Fault: a bias of 4.00 m/s")
+    assert "bias_13.8" in outcome.stdout
+    assert outcome.stderr == f"wrote {tmp_path / 'out' / 'report.html'}\n"
+
+
+@pytest.mark.parametrize("line", [("info", LOG), ("identify", LOG, "-d", FAULTS)], ids=["info", "identify"])
+def test_json_on_a_terminal(bfi: Callable, line: tuple[object, ...], monkeypatch: pytest.MonkeyPatch):
+    on_a_terminal(monkeypatch)
+    assert not bfi(*line).stdout.startswith("{")
+    assert json.loads(bfi(*line, "--json").stdout)["kind"] == line[0]
+
+
+@pytest.mark.parametrize(
+    ("log", "options", "code"),
+    [
+        (LOG, [], 0),
+        (LOG, ["--fail-on", "fault"], 10),
+        (CLEAN, ["--fail-on", "fault"], 0),
+        (CLEAN, ["--strict"], 0),
+        (LOG, ["--strict", "--fail-on", "fault"], 10),
+    ],
+)
+def test_exit_codes_of_an_answer(bfi: Callable, log: Path, options: list[str], code: int):
+    outcome = bfi("identify", log, "-d", FAULTS, *options)
+    assert (outcome.code, outcome.stderr) == (code, "")
+    assert json.loads(outcome.stdout)["decision"] == ("fault" if log == LOG else "no_fault")
+
+
+@pytest.fixture
+def unanswerable(tmp_path: Path) -> list[object]:
+    """Return the words for a question the log cannot answer: a drift over all of it, or the aircraft?"""
+    path = tmp_path / "whole.yaml"
+    path.write_text("atoms:\n  - {shape: drift, onset_s: 0}\n")
+    return [CLEAN, "-d", path]
+
+
+def test_no_trustworthy_answer_is_an_exit_code_with_strict_only(bfi: Callable, unanswerable: list[object]):
+    plain, strict = bfi("identify", *unanswerable), bfi("identify", *unanswerable, "--strict")
+    assert json.loads(plain.stdout)["decision"] == "not_identifiable"
+    assert (plain.code, strict.code) == (0, 4)
+    assert any("the data cannot answer" in note for note in json.loads(strict.stdout)["notes"])
+
+
+def test_a_defect_of_ours_is_one_line_and_a_crash_file(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    fails(monkeypatch, ZeroDivisionError("on\npurpose"))
+    outcome = bfi("identify", LOG, "-d", FAULTS)
+    (crash,) = tmp_path.glob("bfi-crash-*.txt")
+    assert (outcome.code, outcome.stdout) == (70, "")
+    assert outcome.stderr == (
+        f"bfi: a defect of ours, ZeroDivisionError('on\\npurpose'); please report it with {crash}\n"
+    )
+    text = crash.read_text()
+    assert text.startswith(f"bfi {__version__}\nbfi identify {LOG} -d {FAULTS}\nTraceback")
+    assert "ZeroDivisionError: on" in text
+
+
+def test_a_defect_is_one_line_where_no_crash_file_can_be_written(
+    bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "absent"))
+    fails(monkeypatch, ZeroDivisionError())
+    outcome = bfi("identify", LOG, "-d", FAULTS)
+    assert outcome.code == 70
+    assert outcome.stderr == (
+        "bfi: a defect of ours, ZeroDivisionError(); please report it (no crash file, No such file or directory)\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (KeyboardInterrupt(), 130, "bfi: interrupted\n"),
+        (MemoryError(), 3, "bfi: out of memory; choose a shorter window or a lower --rate\n"),
+        (BrokenPipeError(), 0, ""),
+    ],
+)
+def test_what_ends_a_run_from_outside(
+    bfi: Callable, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, line: str
+):
+    fails(monkeypatch, error)
+    outcome = bfi("identify", LOG, "-d", FAULTS)
+    assert (outcome.code, outcome.stdout, outcome.stderr) == (code, "", line)
+
+
+def test_an_interruption_leaves_the_old_results(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    line = ("identify", LOG, "-d", FAULTS, "--out", tmp_path)
+    assert bfi(*line).code == 0
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    fails(monkeypatch, KeyboardInterrupt())
+    assert bfi(*line).code == 130
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("words", [["identify", LOG, "-d", FAULTS, "--json"], ["info", LOG], ["--help"]])
+def test_a_closed_pipe_is_quiet(words: list[object]):
+    program = [sys.executable, "-m", "bfi_cli", *map(str, words)]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0

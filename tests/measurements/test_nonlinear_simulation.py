@@ -1,0 +1,87 @@
+"""Isolation and coverage on a nonlinear Citation simulation, measurement noise added, default settings."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trials import CONFIGS, Outcome, draw, run_all
+
+from bfi_cli.config import Config, merge
+from bfi_cli.dictionary import load_dictionary
+from bfi_cli.flightlog import FlightLog, read_log
+
+pytestmark = [pytest.mark.slow, pytest.mark.realdata]
+
+DICTIONARY = load_dictionary(CONFIGS / "thesis_dictionary.yaml")
+SEEDS = range(100)
+SIZES = (1, 2, 4)
+NOISES = {0.01: 0.95, 0.05: 0.90}
+
+
+@pytest.fixture(scope="module")
+def log(flights: Path) -> FlightLog:
+    return read_log(flights / "de3211_1.mat").window(19.0, 50.7)
+
+
+@pytest.fixture(scope="module")
+def outcomes(log: FlightLog) -> list[Outcome]:
+    trials = [draw(DICTIONARY, n, seed, noise) for noise in NOISES for n in SIZES for seed in SEEDS]
+    return run_all(trials, log, DICTIONARY, Config())
+
+
+def rate(outcomes: list[Outcome]) -> float:
+    return float(np.mean([outcome.isolated for outcome in outcomes]))
+
+
+def test_isolation(outcomes: list[Outcome]) -> None:
+    for noise, wanted in NOISES.items():
+        here = [outcome for outcome in outcomes if outcome.trial.noise == noise]
+        by_size = {n: rate([outcome for outcome in here if len(outcome.trial.truth) == n]) for n in SIZES}
+        print(f"\nnoise {noise} m/s: isolated {rate(here):.1%} of {len(here)}, by number active {by_size}")
+        for outcome in here:
+            if not outcome.isolated:
+                print(f"  seed {outcome.trial.seed}: {outcome.trial.truth} -> {outcome.found}")
+        assert rate(here) >= wanted
+
+
+def test_coverage_of_the_intervals(outcomes: list[Outcome]) -> None:
+    covered: dict[str, list[bool]] = defaultdict(list)
+    for outcome in outcomes:
+        for name, z in outcome.trial.truth.items():
+            if name in outcome.found:
+                _, low, high = outcome.found[name]
+                covered[name].append(low <= z <= high)
+    shares = {name: (float(np.mean(hits)), len(hits)) for name, hits in covered.items()}
+    everything = [hit for hits in covered.values() for hit in hits]
+    print(f"\n95 % intervals cover {np.mean(everything):.1%} of {len(everything)} active atoms; by atom {shares}")
+    worst = min(shares, key=lambda name: shares[name][0])
+    print(f"worst atom: {worst}, {shares[worst][0]:.1%}")
+    assert 0.90 <= np.mean(everything) <= 0.99
+    assert shares[worst][0] >= 0.80
+
+
+def test_fault_free(log: FlightLog) -> None:
+    outcomes = run_all([draw(DICTIONARY, 0, seed, noise) for noise in NOISES for seed in SEEDS], log, DICTIONARY, Config())
+    for noise in NOISES:
+        here = [outcome for outcome in outcomes if outcome.trial.noise == noise]
+        share = np.mean([outcome.decision == "no_fault" for outcome in here])
+        print(f"\nnoise {noise} m/s, no fault: {share:.1%} of {len(here)} say so")
+        for outcome in here:
+            if outcome.decision != "no_fault":
+                print(f"  seed {outcome.trial.seed}: {outcome.decision} {outcome.found}")
+        assert share >= 0.97
+
+
+def test_the_rule_of_the_thesis_beside_it(log: FlightLog) -> None:
+    """No bar: printed, so that the default's numbers have something to stand beside."""
+    published = merge(Config(), {"method": "risro", "model.order": 4, "conditioning.rate_hz": "none"})
+    decimated = merge(Config(), {"method": "risro", "model.order": 4, "conditioning.rate_hz": 10.0})
+    for noise in NOISES:
+        trials = [draw(DICTIONARY, n, seed, noise) for n in (0, *SIZES) for seed in range(25)]
+        for name, config in {"100 Hz": published, "10 Hz": decimated}.items():
+            outcomes = run_all(trials, log, DICTIONARY, config)
+            print(f"\nthesis rule, {name}, noise {noise} m/s: isolated {rate(outcomes):.1%} of {len(outcomes)}")
+            assert len(outcomes) == len(trials)

@@ -1,0 +1,314 @@
+"""What a user can get wrong: the exit code of the contract, one line that says where, what and what to do, no files."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
+from bfi_cli.flightlog import write_log
+
+T = time_axis(duration_s=60.0, rate_hz=10.0)
+FLIGHT = simulate(
+    MODELS["citation"],
+    manoeuvre("multisine", T, step_s=1.0),
+    rng=np.random.default_rng(0),
+    rate_hz=10.0,
+    noise_sd={"tas": 0.01},
+)
+TAS = FLIGHT.channel("tas").values
+ELEVATOR = FLIGHT.channel("elevator").values
+FAULTS = "atoms:\n  - {shape: bias, onset_s: 0.5}\n  - {shape: bias, onset_s: 20}\n  - {shape: drift, onset_s: 30}\n"
+
+# where: what; what to do. A "must" says both.
+LINE = re.compile(r"\S.*: (?:.*[^;]; [^;].*|.*\bmust .+, got .+)\n")
+NOT_OURS = re.compile(r"\b(?:invalid|please|traceback|usage|error)\b", re.IGNORECASE)
+
+
+def csv(time_s: np.ndarray = T, elevator: np.ndarray = ELEVATOR, tas: np.ndarray = TAS) -> str:
+    rows = zip(time_s.tolist(), elevator.tolist(), tas.tolist(), strict=True)
+    return "time [s],elevator [rad],tas [m/s]\n" + "".join(f"{t!r},{u!r},{y!r}\n" for t, u, y in rows)
+
+
+def altered(values: np.ndarray, at: int, value: float) -> np.ndarray:
+    return np.where(np.arange(values.size) == at, value, values)
+
+
+LOGS: dict[str, tuple[str, str]] = {
+    "empty.csv": ("", "empty.csv: the file is empty; copy"),
+    "comments.csv": ("# a\n# b\n", "comments.csv: no header line"),
+    "header.csv": ("time,elevator,tas\n", "header.csv: 0 samples below the header"),
+    "one_sample.csv": ("time,elevator,tas\n0,0,90\n", "one_sample.csv: 1 samples below the header"),
+    "no_header.csv": ("0,0,90\n1,0,90\n2,0,90\n", "no_header.csv: no header, line 1 holds numbers"),
+    "text.csv": ("time,elevator,tas\n0,0,90\n1,0,fast\n", "text.csv: line 3, column 'tas': not a number, got 'fast'"),
+    "ragged.csv": ("time,elevator,tas\n0,0,90\n1,0\n", "ragged.csv: line 3 has 2 values"),
+    "twice.csv": ("time,tas,tas\n0,1,2\n1,1,2\n", "columns 2 and 3 are both named 'tas'"),
+    "no_time.csv": ("elevator,tas\n0,90\n1,91\n", "no_time.csv: no time"),
+    "prose.csv": ("flight of the day\nit rained\n", "prose.csv: 1 samples below the header"),
+    "unit.csv": (
+        "time,elevator,tas [furlong]\n0,0,1\n1,0,1\n",
+        "unit.csv: 'tas': unknown unit 'furlong'; give an SI unit",
+    ),
+    "no_input.csv": (
+        csv().replace("elevator", "spoiler"),
+        "no channel 'elevator'; the log has: spoiler, tas; map one with",
+    ),
+    "no_output.csv": (csv().replace("tas", "ias_x"), "no channel 'tas'; the log has: elevator, ias_x; map one with"),
+    "nan.csv": (csv(tas=altered(TAS, 7, np.nan)), "'tas' is not a number at sample 7 (0.7 s), 1 of 600 samples in all"),
+    "nan_input.csv": (csv(elevator=altered(ELEVATOR, 9, np.nan)), "'elevator' is not a number at sample 9 (0.9 s)"),
+    "infinite.csv": (csv(tas=altered(TAS, 7, np.inf)), "'tas' is not a number at sample 7"),
+    "huge.csv": (csv(tas=altered(TAS, 7, -1e300)), "'tas' is no measurement at sample 7 (0.7 s), got -1e+300 m/s"),
+    "all_huge.csv": (csv(tas=1e305 * TAS), "'tas' is no measurement at sample 0 (0 s)"),
+    "tiny.csv": (csv(tas=1e-300 * (TAS - 90.0)), "output 'tas' does not change"),
+    "uneven.csv": (
+        csv(time_s=T + 0.34 * (T >= 30.0)),
+        "time step is not uniform: 0.44 s at sample 300, 0.1 s elsewhere",
+    ),
+    "back.csv": (csv(time_s=altered(T, 5, 0.3)), "'time' does not increase at sample 5 (0.3 s after 0.4 s"),
+    "time_nan.csv": (csv(time_s=altered(T, 5, np.nan)), "'time' is not a number at sample 5"),
+    "held.csv": (
+        csv(tas=TAS[10 * (np.arange(T.size) // 10)]),
+        "'tas' repeats its value 90 % of the time (held samples",
+    ),
+    "still_input.csv": (
+        csv(elevator=np.full(T.size, 0.01)),
+        "'elevator' does not move (range 0 rad); without excitation",
+    ),
+    "still_output.csv": (csv(tas=np.full(T.size, 99.0)), "output 'tas' does not change (stays at 99); choose another"),
+    "short.csv": (csv(T[:12], ELEVATOR[:12], TAS[:12]), "of the window; "),
+    "pdf.csv": ("%PDF-1.4 \0\1\2", "neither HDF5, MATLAB v5 or v7.3, nor text; convert it"),
+    "spreadsheet.csv": ("PK\3\4 and so on", "a zip archive or spreadsheet cannot be read; convert it"),
+    "truncated.h5": ("(written by the fixture)", "damaged or truncated HDF5 file"),
+    "no_signals.h5": ("(written by the fixture)", "no_signals.h5: "),
+    "absent.csv": ("(not written)", "absent.csv: no such file; give the path of a log"),
+    "folder": ("(a folder)", "folder: is a directory; give a log file in it"),
+}
+
+CONFIGS = {
+    "outputz: [tas]": "c.yaml: outputz: unknown key; did you mean 'outputs'?",
+    "model: {ordr: 4}": "c.yaml: model.ordr: unknown key; did you mean 'order'?",
+    "seed: abc": "c.yaml: seed: must be a whole number, got 'abc'",
+    "seed: -1": "c.yaml: seed: must be greater than or equal to 0, got -1",
+    "strict: no": "c.yaml: strict: must be true or false, got 'no'",
+    "strict: yes": "c.yaml: strict: must be true or false, got 'yes'",
+    "inputs: elevator": "c.yaml: inputs: must be a list, got 'elevator'",
+    "outputs: []": "c.yaml: outputs: must not be empty, got []",
+    "outputs: [elevator]": "c.yaml: 'elevator' is both an input and an output; keep one",
+    "outputs: [tas, tas]": "c.yaml: outputs: a value stands twice",
+    "method: rizro": "c.yaml: method: not one of the choices, got 'rizro'; did you mean 'risro'?",
+    "model: {order: 2.5}": "c.yaml: model.order: must be a whole number, got 2.5",
+    "model: 4": "c.yaml: model: must be a mapping of key: value, got 4",
+    "window: {from_s: 12:30:00}": "c.yaml: window.from_s: must be a number, got '12:30:00'",
+    "window: {from_s: 5, to_s: 5}": "c.yaml: window: to_s must be after from_s (5 s), got 5 s",
+    "conditioning: {rate_hz: .nan}": "c.yaml: conditioning.rate_hz: must be a finite number, got nan",
+    "units: {tas: furlong}": "unknown unit 'furlong'; give an SI unit",
+    "units: {tas: deg}": "'tas' is in m/s, got a unit of rad",
+    "dictionary: {atoms: []}": "no faults; add atoms or grids",
+    "- a": "c.yaml: must be a mapping of key: value, got ['a']",
+    "seed: 1\nseed: 2": "key 'seed' stands twice; keep one",
+    "a: [": "c.yaml: line 2, column 1: expected the node content, but found '<stream end>'; mend",
+    "a: !!python/object:os.system x": "unknown tag",
+}
+
+DICTIONARIES = {
+    "": "d.yaml: must be a mapping of key: value, got null",
+    "atoms: []": "d.yaml: no faults; add atoms or grids",
+    "atom: []": "d.yaml: atom: unknown key; did you mean 'atoms'?",
+    "atoms:\n- {shape: bias, onset: 3}": "d.yaml: atoms[0].onset: unknown key; did you mean 'onset_s'?",
+    "atoms:\n- {shape: bais, onset_s: 3}": "d.yaml: atoms[0].shape: unknown shape, got 'bais'; did you mean 'bias'?",
+    "atoms:\n- {shape: sine, onset_s: 3}": "d.yaml: atoms[0].frequency_hz: missing; add it",
+    "atoms:\n- {shape: sine, frequency_hz: 0}": "d.yaml: atoms[0].frequency_hz: must be greater than 0, got 0",
+    "atoms:\n- {shape: bias, onset_s: no}": "d.yaml: atoms[0].onset_s: must be a number, got 'no'",
+    "atoms:\n- {shape: bias, onset_s: 3, offset_s: 2}": "d.yaml: atoms[0]: offset_s must be after onset_s",
+    "atoms:\n- {shape: samples, file: none.csv}": "d.yaml: atoms[0].file: no such file, got 'none.csv'; give a CSV",
+    "grids:\n- {shape: bias, onset_s: {start: 5, stop: 2, step: 1}}": "stop must not be before start (5), got 2",
+    "grids:\n- {shape: bias, onset_s: {start: 0, stop: 9, step: 1e-9}}": "more than 10000 values; give a larger step",
+    "atoms:\n- {shape: bias, onset_s: 300}": "no live atom: 'bias_tas_300' starts at 300 s, after the window ends",
+    "atoms:\n- {shape: bias, onset_s: -9, offset_s: -5}": "'bias_tas_-9' ends at -5 s, before the window starts (0 s)",
+    "atoms:\n- {shape: bias, onset_s: 0}": "no live atom: 'bias_tas_0' does not change in the window",
+    "atoms:\n- {shape: bias, channel: aoa, onset_s: 5}": "'bias_aoa_5' acts on 'aoa', which is no output (tas)",
+}
+
+OPTIONS = {
+    "--output aoa": (3, "no channel 'aoa'; the log has: elevator, tas; map one with --channel aoa=NAME"),
+    "--input rudder": (3, "no channel 'rudder'; the log has: elevator, tas; map one with --channel rudder=NAME"),
+    "--output elevator": (2, "'elevator' is both an input and an output; keep one"),
+    "--output tas --output tas": (2, "--output: a value stands twice, got ['tas', 'tas']; keep one"),
+    "--method risro --output tas --output elevator --input spoiler": (3, "no channel 'spoiler'"),
+    "--order 1000": (3, "order 1000 needs more than the 600 samples of the window; give --order "),
+    "--order 0": (2, "--order: must be greater than or equal to 1, got 0"),
+    "--order 2.5": (2, "--order: must be a whole number, got 2.5"),
+    "--order banana": (2, "--order: not a number or one of the choices, got 'banana'; known: auto"),
+    "--order": (2, "--order: no value; write --order VALUE"),
+    "--strict=yes": (2, "--strict: takes no value; write --strict"),
+    "--from 1000": (3, "no samples between 1000 s and inf s, the log runs from 0 s to 59.9 s; change --from/--to"),
+    "--from 20 --to 5": (2, "--from/--to: to_s must be after from_s (20 s), got 5 s"),
+    "--from abc": (2, "--from: not a number, got 'abc'; give one like 12.5"),
+    "--from nan": (2, "--from: must be a finite number, got nan"),
+    "--from 19.5 --to 20.5": (3, "order 2 needs more than the 10 samples of the window; "),
+    "--rate 100": (3, "recorded at 10 Hz, it cannot be resampled to 100 Hz; give --rate 10 or less"),
+    "--rate 1e-9": (3, "give a higher --rate or a longer window"),
+    "--rate -1": (2, "--rate: must be greater than 0, got -1"),
+    "--rate banana": (2, "--rate: not a number or one of the choices, got 'banana'; known: none, auto"),
+    "--rate inf": (2, "--rate: must be a finite number, got inf"),
+    "--method rizro": (2, "--method: not one of the choices, got 'rizro'; did you mean 'risro'?"),
+    "--fail-on faul": (2, "--fail-on: not one of the choices, got 'faul'; did you mean 'fault'?"),
+    "--seed x": (2, "--seed: not a whole number, got 'x'; give one like 4"),
+    "--seed -1": (2, "--seed: must be greater than or equal to 0, got -1"),
+    "--unit tas=furlong": (2, "--unit tas=furlong: unknown unit 'furlong'; give an SI unit"),
+    "--unit tas=knotz": (2, "--unit tas=knotz: unknown unit 'knotz'; did you mean 'knot'?"),
+    "--unit tas=deg": (2, "--unit tas=deg: 'tas' is in m/s, got a unit of rad; give one like m/s"),
+    "--unit flap=deg": (3, "--unit flap=deg: no channel 'flap'; the log has: elevator, tas, time"),
+    "--unit tas": (2, "--unit: expected NAME=UNIT, got 'tas'; write --unit tas=kt"),
+    "--channel tas": (2, "--channel: expected STD=NAME, got 'tas'; write --channel tas=my_airspeed"),
+    "--channel tas=tsa": (3, "--channel tas=tsa: no channel 'tsa'; did you mean 'tas'?"),
+    "--channel tas=a --channel tas=b": (2, "--channel: 'tas' is given twice, as 'a' and 'b'; keep one"),
+    "--group one": (3, "good.csv: no group 'one', a CSV log has none; leave out --group"),
+    "--metod ml": (2, "bfi identify: unknown option '--metod'; did you mean '--method'?"),
+    "--xyzzy": (2, "bfi identify: unknown option '--xyzzy'; see bfi identify --help"),
+    "-x": (2, "bfi identify: unknown option '-x'; see bfi identify --help"),
+    "second.csv": (2, "bfi identify: got unexpected extra argument (second.csv); see bfi identify --help"),
+    "-c absent.yaml": (2, "absent.yaml: cannot be read, no such file or directory; check the path"),
+    "-c folder": (2, "folder: cannot be read, is a directory; check the path"),
+    "-c binary.yaml": (2, "binary.yaml: byte 0 is not UTF-8 text; save the file as UTF-8"),
+    "-d absent.yaml": (2, "absent.yaml: cannot be read, no such file or directory; check the path"),
+    "-d folder": (2, "folder: cannot be read, is a directory; check the path"),
+    "-d good.csv": (2, "good.csv: must be a mapping of key: value, got 'time [s],elevator [rad],tas [m/s]"),
+    "--out in_the_way": (2, "in_the_way: file exists; give another --out"),
+    "--out in_the_way/deeper": (2, "in_the_way/deeper: not a directory; give another --out"),
+}
+
+COMMANDS = {
+    "identfy good.csv": (2, "bfi: unknown command 'identfy'; did you mean 'identify'?"),
+    "xyzzy": (2, "bfi: unknown command 'xyzzy'; known: info, convert, "),
+    "--versoin": (2, "bfi: unknown option '--versoin'; did you mean '--version'?"),
+    "identify": (2, "bfi identify: LOG is missing; see bfi identify --help"),
+    "identify good.csv": (2, "--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml"),
+    "identify two.h5 --method risro --output tas --output aoa -d good.yaml": (2, "--method risro: works on one output"),
+    "identify two.h5 --group x -d good.yaml": (3, "two.h5: no group 'x'"),
+    "info absent.csv": (3, "absent.csv: no such file; give the path of a log"),
+    "info ''": (3, "'': no such file; give the path of a log"),
+    "info good.csv --from 100": (3, "good.csv: no samples between 100 s"),
+    "convert good.csv": (2, "bfi convert: --output is missing; give --output OUT"),
+    "convert good.csv -o new.h5 --rate 100": (3, "recorded at 10 Hz, it cannot be resampled to 100 Hz; give --rate 10"),
+    "convert good.csv -o new.h5 --rate -1": (2, "--rate: must be a positive number, got -1 Hz; give one like 10"),
+    "convert good.csv -o new.h5 --rate 1e-9": (3, "nothing is left of it at 1e-09 Hz; give a higher --rate"),
+    "convert good.csv -o new.h5 --rate fast": (2, "--rate: not a number, got 'fast'; give one like 12.5"),
+    "convert good.csv -o new.txt": (2, "new.txt: no format with the suffix '.txt'; name the file .h5 or .csv"),
+    "convert good.csv -o folder": (2, "folder: no format with the suffix ''; name the file .h5 or .csv"),
+    "convert good.csv -o nowhere/new.h5": (2, "nowhere/new.h5: cannot be written, no such file or directory; give"),
+    "convert good.csv -o in_the_way/new.h5": (2, "in_the_way/new.h5: cannot be written, not a directory; give"),
+    "convert good.csv -o folder.csv": (2, "folder.csv: cannot be written, is a directory; give another path"),
+    "convert truncated.h5 -o new.csv": (3, "truncated.h5: damaged or truncated HDF5 file"),
+    "inject good.csv -o new.h5": (2, "bfi inject: --fault is missing; give --fault SPEC"),
+    "inject good.csv -o new.h5 --fault bais,onset_s=3": (2, "shape: unknown shape, got 'bais'; did you mean 'bias'?"),
+    "inject good.csv -o new.h5 --fault ''": (2, "shape: unknown shape, got ''; known: bias, drift"),
+    "inject good.csv -o new.h5 --fault =": (2, "shape: unknown shape, got null; known: bias, drift"),
+    "inject good.csv -o new.h5 --fault sine,onset_s=3": (2, "frequency_hz: missing; a sine needs it"),
+    "inject good.csv -o new.h5 --fault bias,onset=3": (2, "onset: unknown key; did you mean 'onset_s'?"),
+    "inject good.csv -o new.h5 --fault bias,3": (2, "expected key=value, got '3'; separate the keys by commas"),
+    "inject good.csv -o new.h5 --fault bias,magnitude=x": (2, "magnitude: must be a finite number, got 'x'"),
+    "inject good.csv -o new.h5 --fault bias,magnitude=inf": (2, "magnitude: must be a finite number, got inf"),
+    "inject good.csv -o new.h5 --fault bias,channel=aoa": (3, "good.csv: no channel 'aoa'; the log has: elevator, tas"),
+    "inject good.csv -o new.h5 --fault bias,onset_s=1000": (2, "never active in the log, got magnitude 1 from 1000 s"),
+    "simulate citatoin -o new.h5": (2, "simulate: no such model, got 'citatoin'; did you mean 'citation'?"),
+    "simulate b52 -o new.h5": (2, "simulate: no such model, got 'b52'; known: citation, "),
+    "simulate citation -o new.h5 --rate -1": (2, "a log has 2 to 10,000,000 samples, got 31.72 s at -1 Hz; change"),
+    "simulate citation -o new.h5 --duration 1e12": (2, "a log has 2 to 10,000,000 samples, got 1e+12 s at 100 Hz"),
+    "simulate citation -o new.h5 --seed -1": (2, "--seed: too small, got -1; give 0 or more"),
+    "simulate citation -o new.h5 --discretisation euler": (2, "not one of the choices, got 'euler'; known: 'zoh'"),
+    "simulate citation -o new.h5 --noise tas": (2, "--noise: expected NAME=SD, got 'tas'; write --noise tas=0.01"),
+    "report absent.json": (2, "absent.json: no such file or directory; give the result.json of bfi identify --out"),
+    "report folder": (2, "folder: is a directory; give the result.json of bfi identify --out"),
+    "report good.csv": (2, "good.csv: not JSON"),
+    "report two.h5": (2, "two.h5: not a text file; give the result.json"),
+    "report other.json": (2, "other.json: not a result of this program, it has no 'kind'; give the result.json"),
+    "report damaged.json": (2, "damaged.json: no key 'faults'; the file is damaged or of another program"),
+}
+
+ROWS = (
+    *((f"identify {name} -d good.yaml", "", 3, fragment) for name, (_, fragment) in LOGS.items()),
+    *(("identify good.csv -d good.yaml -c c.yaml", text, 2, fragment) for text, fragment in CONFIGS.items()),
+    *(("identify good.csv -d d.yaml", text, 2, fragment) for text, fragment in DICTIONARIES.items()),
+    *((f"identify good.csv -d good.yaml {options}", "", *expected) for options, expected in OPTIONS.items()),
+    *((line, "", *expected) for line, expected in COMMANDS.items()),
+)
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of good and bad files."""
+    folder = tmp_path_factory.mktemp("desk")
+    for name, (content, _) in LOGS.items():
+        if name.endswith(".csv") and name != "absent.csv":
+            (folder / name).write_text(content)
+    (folder / "folder").mkdir()
+    (folder / "folder.csv").mkdir()
+    (folder / "good.csv").write_text(csv())
+    (folder / "good.yaml").write_text(FAULTS)
+    (folder / "in_the_way").write_text("a file")
+    (folder / "other.json").write_text("{}")
+    (folder / "damaged.json").write_text('{"kind": "identify", "schema": 1}')
+    (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")
+    write_log(FLIGHT, folder / "two.h5")
+    (folder / "truncated.h5").write_bytes((folder / "two.h5").read_bytes()[:20_000])
+    with h5py.File(folder / "no_signals.h5", "w") as file:
+        file.attrs["comment"] = "nothing was recorded"
+    return folder
+
+
+def contents(folder: Path) -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(("line", "document", "code", "fragment"), ROWS, ids=[f"{row[0]} {row[1]}" for row in ROWS])
+def test_one_line_says_where_what_and_what_to_do(
+    bfi: Callable, desk: Path, monkeypatch: pytest.MonkeyPatch, line: str, document: str, code: int, fragment: str
+):
+    monkeypatch.chdir(desk)
+    for name in ("c.yaml", "d.yaml"):
+        Path(name).write_text(document + "\n")
+    argv = shlex.split(line)
+    if argv[0] == "identify" and "--out" not in argv:
+        argv[2:2] = ["--out", "new"]
+    before = contents(desk)
+    outcome = bfi(*argv)
+    assert (outcome.code, outcome.stdout) == (code, "")
+    assert fragment in outcome.stderr
+    assert LINE.fullmatch(outcome.stderr)
+    assert not NOT_OURS.search(outcome.stderr.replace(fragment, ""))
+    assert contents(desk) == before
+    assert not (desk / "new").exists()
+
+
+@pytest.mark.parametrize("text", ["risro: {tolerance: 1e-3}", "window: {from_s: 1e0}", "strict: false", "", "{}"])
+def test_what_yaml_may_say(bfi: Callable, desk: Path, monkeypatch: pytest.MonkeyPatch, text: str):
+    monkeypatch.chdir(desk)
+    Path("fine.yaml").write_text(text)
+    outcome = bfi("identify", "good.csv", "-d", "good.yaml", "-c", "fine.yaml")
+    assert (outcome.code, outcome.stderr) == (0, "")
+
+
+def test_dead_duplicate_and_constant_faults_are_notes_while_one_is_live(bfi: Callable, desk: Path, tmp_path: Path):
+    path = tmp_path / "mixed.yaml"
+    onsets = {"live": 20, "again": 20, "late": 300, "constant": 0}
+    path.write_text("atoms:\n" + "".join(f"- {{name: {k}, shape: bias, onset_s: {v}}}\n" for k, v in onsets.items()))
+    outcome = bfi("identify", desk / "good.csv", "-d", path)
+    document = json.loads(outcome.stdout)
+    notes = {candidate["name"]: candidate["note"] for candidate in document["candidates"]}
+    assert outcome.code == 0
+    assert notes["live"] is None
+    for name, said in {
+        "again": "the same signal as 'live'",
+        "late": "after the window ends",
+        "constant": "not change",
+    }.items():
+        assert said in notes[name]
+        assert any(notes[name] in note for note in document["notes"])

@@ -1,0 +1,75 @@
+"""Every command and every snippet of the README does what it says."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bfi_cli.config import load_config  # noqa: F401  the snippet's imports are lazy, pydantic's warnings are not
+from bfi_cli.dictionary import load_dictionary
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text("utf-8")
+
+
+def block(marker: str) -> str:
+    found = re.search(rf"<!-- {marker} -->\n```sh\n(.*?)```", README, re.DOTALL)
+    assert found, f"README.md has no block {marker}"
+    return found.group(1)
+
+
+def snippet(language: str) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", README, re.DOTALL)
+    assert found
+    return found.group(1)
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Stand in a folder that has what the README's commands read."""
+    for name in ("data", "configs"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_main_job_finds_the_injected_bias(bfi: Callable[..., object], checkout: Path) -> None:
+    words = shlex.split(block("main-job").rsplit("&&", 1)[1])
+    assert words.pop(0) == "bfi"
+    outcome = bfi(*words)
+    assert outcome.code == 0, outcome.stderr
+    (fault,) = json.loads(outcome.stdout)["faults"]
+    assert fault["name"] == "bias_13.8"
+    assert fault["ci95"][0] <= 4.0 <= fault["ci95"][1]
+    assert (checkout / "result" / "report.html").is_file()
+
+
+def test_tour(bfi: Callable[..., object], checkout: Path) -> None:
+    for line in block("tour").splitlines():
+        words = shlex.split(line)
+        assert words.pop(0) == "bfi"
+        outcome = bfi(*words)
+        assert outcome.code == 0, f"{line}: {outcome.stderr}"
+
+
+def test_dictionary_of_the_readme_is_one(tmp_path: Path) -> None:
+    path = tmp_path / "dictionary.yaml"
+    path.write_text(snippet("yaml"))
+    assert len(load_dictionary(path).atoms) == 3 + 2 * 9
+
+
+def test_python_snippet(checkout: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(snippet("python"), "README.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("bias_13.8 4.00")
+
+
+def test_ci_reads_the_same_blocks() -> None:
+    script = (ROOT / ".ci" / "run").read_text()
+    assert "readme_command tests" in script
+    assert "readme_command main-job" in script
+    assert "pip install" in block("tests")

@@ -2,8 +2,8 @@
 
 The model
 ---------
-Measured output ``y = y_true + f``, fault ``f(k) = theta(k) z``, and for the fault-corrected output ``yf = y - f`` a VARX
-in predictor form of order s::
+Measured output ``y = y_true + f``, fault ``f(k) = theta(k) z``, and for the fault-corrected output ``yf = y - f`` a
+VARX in predictor form of order s::
 
     yf(k) = c + sum_i B_i u(k-i) + sum_i K_i yf(k-i) + e(k),    i = 1..s (B also 0 with feedthrough)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .audit import Audit, AuditedAtom
@@ -23,8 +23,9 @@ __all__ = ["AUDIT_SCHEMA", "audit_document", "audit_tables", "print_audit"]
 AUDIT_SCHEMA = 1
 MATRIX_ATOMS = 12
 MOST_ROWS = 40
+MOST_NOTES = 8
 MOST_PAIRS = 5
-NAME_LETTERS, LIKE_LETTERS, MATRIX_LETTERS = 20, 16, 14
+NAME_LETTERS, CHANNEL_LETTERS, MATRIX_LETTERS = 30, 10, 14
 KEY_WORDS = {
     "slope": "slope {:g}",
     "frequency_hz": "{:g} Hz",
@@ -59,7 +60,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
         "coherence": None
         if signatures is None
         else {"atoms": signatures.names, "of": _compared_what(audit), "matrix": signatures.coherence},
-        "notes": audit.notes,
+        "notes": audit.all_notes,
         "provenance": provenance,
     }
     plain: dict[str, Any] = to_plain(document)
@@ -127,7 +128,13 @@ def print_audit(console: Console, audit: Audit) -> None:
         console.print(f"   and {len(audit.atoms) - MOST_ROWS} more; all are in --json and --out", highlight=False)
     if audit.signatures is not None and len(audit.signatures.names) > 1:
         console.print(_coherence_table(audit))
-    for note in audit.notes:
+    noted = [atom.note for atom in audit.atoms if atom.note is not None]
+    cut = (
+        [f"{len(noted) - MOST_NOTES} more faults have a note; all are in --json and --out"]
+        if noted[MOST_NOTES:]
+        else []
+    )
+    for note in (*noted[:MOST_NOTES], *cut, *audit.notes):
         console.print(Text(f"note: {note}"))
 
 
@@ -151,29 +158,29 @@ def _facts(audit: Audit) -> list[tuple[str, str]]:
 
 def _atoms_table(audit: Audit) -> Table:
     channels = len({atom.fault.channel for atom in audit.atoms}) > 1
-    heads = ["name", *(["channel"] if channels else []), "time [s]"]
-    heads += ["shape", "most like"] if audit.model is None else ["min. detectable", "physical", "most like"]
-    body = [_atom_row(atom, audit, channels=channels) for atom in audit.atoms[:MOST_ROWS]]
+    heads = ["", "name", *(["channel"] if channels else []), "time [s]"]
+    heads += ["shape" if audit.model is None else "min. detectable", "most like"]
+    place = {atom.name: j for j, atom in enumerate(audit.atoms, 1)}
+    body = []
+    for j, atom in enumerate(audit.atoms[:MOST_ROWS], 1):
+        until = "" if atom.fault.offset_s is None else f" to {atom.fault.offset_s:.6g}"
+        row = [str(j), shortened(atom.name, NAME_LETTERS), f"{atom.fault.onset_s:.6g}{until}"]
+        row += [_shape(atom.fault) if audit.model is None else _smallest(atom), _likeness(atom, place)]
+        body.append([*row[:2], *([shortened(atom.fault.channel, CHANNEL_LETTERS)] if channels else []), *row[2:]])
     return _table("faults", heads, body)
 
 
-def _atom_row(atom: AuditedAtom, audit: Audit, *, channels: bool) -> list[str]:
-    until = "" if atom.fault.offset_s is None else f" to {atom.fault.offset_s:.6g}"
-    row = [shortened(atom.name, NAME_LETTERS), *([shortened(atom.fault.channel, 10)] if channels else [])]
-    row.append(f"{atom.fault.onset_s:.6g}{until}")
-    if audit.model is None:
-        row.append(_shape(atom.fault))
-    elif atom.live:
-        row.append(quantity(atom.minimal_detectable, atom.unit))
-        row.append("-" if atom.minimal_physical is None else quantity(*atom.minimal_physical))
-    else:
-        row += ["left out", ""]
-    like = (
-        "-"
-        if atom.coherence is None
-        else f"{atom.coherence:.3f} {shortened(atom.most_coherent_with or '', LIKE_LETTERS)}"
-    )
-    return [*row, like if atom.live else "left out" if audit.model is None else ""]
+def _smallest(atom: AuditedAtom) -> str:
+    if atom.minimal_physical is None:
+        return "-" if atom.live else ""
+    size, meaning = quantity(atom.minimal_detectable, atom.unit), quantity(*atom.minimal_physical)
+    return size if size == meaning else f"{size} ({meaning})"
+
+
+def _likeness(atom: AuditedAtom, place: Mapping[str, int]) -> str:
+    if not atom.live:
+        return "left out"
+    return "-" if atom.most_coherent_with is None else f"{atom.coherence:.3f} with {place[atom.most_coherent_with]}"
 
 
 def _shape(fault: Fault) -> str:
@@ -189,12 +196,13 @@ def _coherence_table(audit: Audit) -> Table:
     if n > MATRIX_ATOMS:
         rows = [[f"{value:.3f}", shortened(a, 30), shortened(b, 30)] for a, b, value in pairs(signatures)[:MOST_PAIRS]]
         return _table(f"highest {title}", ["", "", ""], rows)
+    numbers = [str(j) for j, atom in enumerate(audit.atoms, 1) if atom.live]
     body = [
-        [f"{j + 1}", shortened(names[j], MATRIX_LETTERS), *(_short(signatures.coherence[j, i]) for i in range(j + 1))]
+        [numbers[j], shortened(names[j], MATRIX_LETTERS), *(_short(signatures.coherence[j, i]) for i in range(j + 1))]
         for j in range(n)
     ]
     padded = [row + [""] * (n + 2 - len(row)) for row in body]
-    return _table(title, ["", "", *(str(j + 1) for j in range(n))], padded, padding=(0, 1, 0, 0))
+    return _table(title, ["", "", *numbers], padded, padding=(0, 1, 0, 0))
 
 
 def _short(value: float) -> str:

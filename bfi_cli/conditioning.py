@@ -36,7 +36,8 @@ class Record:
     Attributes
     ----------
     path : of the log, for messages.
-    time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms).
+    time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
+    theta : (n_samples, n_outputs, n_atoms).
     """
 
     path: str
@@ -158,4 +159,4 @@ def _spectrum(x: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     segments = np.lib.stride_tricks.sliding_window_view(x, n)[:: max(1, n // 2)]
     centred = segments - segments.mean(axis=1, keepdims=True)
     power = np.mean(np.abs(np.fft.rfft(centred * np.hanning(n), axis=1)) ** 2, axis=0)
-    return np.fft.rfftfreq(n, 1.0 / rate_hz), power
+    return np.asarray(np.fft.rfftfreq(n, 1.0 / rate_hz)), np.asarray(power)

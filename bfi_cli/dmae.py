@@ -20,7 +20,7 @@ from .faults import did_you_mean
 from .flightlog import FlightLog, require_usable
 from .flightlog.record import frozen_array
 from .kernels.kalman import Gaussian, StateSpace
-from .kernels.multimodel import FAULT, Reset, double_model, state_and_fault
+from .kernels.multimodel import FAULT, BankRun, Reset, double_model, state_and_fault
 
 __all__ = ["DmaeResult", "DmaeSettings", "dmae"]
 
@@ -41,6 +41,7 @@ class DmaeSettings:
     measurement_variance : R, one number or one per measured output.
     fault_variance : process noise of the fault per sample; 0 for a fault that is constant between restarts.
     adaptive_window : samples over which the process noise of the fault follows its innovations; None for not at all.
+        With 20 slow sinusoids are followed too, at the price of an offset that wanders with every large step.
     initial_variance : of the state at the first sample, one number or one per state.
     prior_fault : probability of a fault before the first sample.
     floor : neither probability falls below it.
@@ -61,14 +62,15 @@ class DmaeSettings:
 
     def __post_init__(self) -> None:
         rules = {
-            "process_variance": (np.min(self.process_variance) >= 0, "must not be negative"),
-            "measurement_variance": (np.min(self.measurement_variance) > 0, "must be positive"),
-            "fault_variance": (self.fault_variance >= 0, "must not be negative"),
+            "process_variance": (_least(self.process_variance) >= 0, "must be finite and not negative"),
+            "measurement_variance": (_least(self.measurement_variance) > 0, "must be finite and positive"),
+            "fault_variance": (_least(self.fault_variance) >= 0, "must be finite and not negative"),
             "adaptive_window": (self.adaptive_window is None or self.adaptive_window >= 1, "must be at least 1 sample"),
-            "initial_variance": (np.min(self.initial_variance) >= 0, "must not be negative"),
+            "initial_variance": (_least(self.initial_variance) >= 0, "must be finite and not negative"),
             "prior_fault": (0 < self.prior_fault < 1, "must lie between 0 and 1"),
             "floor": (0 < self.floor < 0.5, "must lie between 0 and 0.5"),
-            "reset_variance": (self.reset_variance > 0, "must be positive"),
+            "reset_value": (np.isfinite(self.reset_value), "must be finite"),
+            "reset_variance": (_least(self.reset_variance) > 0, "must be finite and positive"),
         }
         for key, (kept, rule) in rules.items():
             if not kept:
@@ -150,18 +152,8 @@ def dmae(
     u = log.signals(model.inputs) - [origin[name] for name in model.inputs]
     n_x = len(model.states)
     system = _system(model, log.rate_hz, measured, settings)
-    run = double_model(
-        system,
-        y,
-        u,
-        channel=measured.index(channel),
-        initial=Gaussian(mean=np.zeros(n_x), covariance=_diagonal("initial_variance", settings.initial_variance, n_x)),
-        prior_fault=settings.prior_fault,
-        floor=settings.floor,
-        reset=Reset(value=settings.reset_value, variance=settings.reset_variance),
-        fault_variance=settings.fault_variance,
-        window=settings.adaptive_window,
-    )
+    initial = Gaussian(mean=np.zeros(n_x), covariance=_diagonal("initial_variance", settings.initial_variance, n_x))
+    run = _run(system, y, u, channel=measured.index(channel), initial=initial, settings=settings)
     both = state_and_fault(run)
     sd = np.sqrt(np.diagonal(both.covariance, axis1=1, axis2=2))
     estimate = both.mean[:, :-1] @ system.C.T + u @ system.D.T
@@ -184,6 +176,26 @@ def dmae(
         innovation_sd=frozen_array(np.stack([_sd(one.innovation_covariance) for one in run.filters], axis=1)),
         onset_s=float(log.time_s[np.argmax(probability > 0.5)]) if np.any(probability > 0.5) else None,
     )
+
+
+def _run(
+    system: StateSpace, y: FloatArray, u: FloatArray, *, channel: int, initial: Gaussian, settings: DmaeSettings
+) -> BankRun:
+    try:
+        return double_model(
+            system,
+            y,
+            u,
+            channel=channel,
+            initial=initial,
+            prior_fault=settings.prior_fault,
+            floor=settings.floor,
+            reset=Reset(value=settings.reset_value, variance=settings.reset_variance),
+            fault_variance=settings.fault_variance,
+            window=settings.adaptive_window,
+        )
+    except ValueError as problem:
+        raise ConfigError(f"dmae: {problem}; bring the variances of the settings closer together") from None
 
 
 def _check(log: FlightLog, model: LinearModel, channel: str, measured: tuple[str, ...]) -> None:
@@ -221,6 +233,12 @@ def _diagonal(key: str, variances: Variances, n: int) -> FloatArray:
     if values.shape not in ((1,), (n,)):
         raise ConfigError(f"dmae: {key}: must be one number or {n}, got {values.size}; change it")
     return np.diag(np.broadcast_to(values, n))
+
+
+def _least(variances: Variances) -> float:
+    """Return the least of the variances, NaN where one is not finite or there is none."""
+    values = np.atleast_1d(np.asarray(variances, dtype=np.float64))
+    return float(values.min()) if values.size and np.isfinite(values).all() else float("nan")
 
 
 def _sd(covariance: FloatArray) -> FloatArray:

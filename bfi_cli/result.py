@@ -71,7 +71,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelSummary:
-    """The VARX behind the answer; `orders` and `criterion` are the order selection curve (no fault, and best support)."""
+    """The VARX behind the answer; `orders` and `criterion_...` are the order selection curve."""
 
     order: int
     rate_hz: float

@@ -90,7 +90,7 @@ def sentences(signatures: Signatures, found: Dependence) -> list[str]:
     return said
 
 
-def absorbed(name: str, signal: FloatArray, *, largest_model: int, n_outputs: int) -> str | None:
+def absorbed(name: str, signal: FloatArray, *, largest_model: int, n_outputs: int, when: str) -> str | None:
     """Say that the model can take an atom for the aircraft's own motion, None where its onset or end prevents that.
 
     Parameters
@@ -98,24 +98,25 @@ def absorbed(name: str, signal: FloatArray, *, largest_model: int, n_outputs: in
     signal : (n_samples,) the atom over the rows the model is fitted on; a transient in earlier samples is little proof.
     largest_model : the largest order an analysis would try.
     n_outputs : of the model.
+    when : what `signal` extends over, for the sentence.
     """
     order = homogeneous_order(signal, min(LARGEST_ORDER, largest_model - 1))
     if not order:
         return None
     limit = f"n + {order}" if n_outputs == 1 else f"(n + {order})/{n_outputs}"
     return (
-        f"'{name}' obeys an equation of order {order} over the whole window, so the model can absorb it: it needs its "
-        f"onset or end inside the window, or an order below {limit} (n states of the aircraft, longitudinally 4)"
+        f"'{name}' obeys an equation of order {order} {when}, so the model can absorb it: it needs its onset or end "
+        f"inside the window, or an order below {limit} (n states of the aircraft, longitudinally 4)"
     )
 
 
 def advised(reasons: Mapping[int, str], values: FloatArray) -> dict[int, str]:
-    """Return why atoms are left out with what to do about it, where the reason does not say.
+    """Return why atoms are left out; of those that are, or combine, others, also what to do about it.
 
     Parameters
     ----------
     reasons : sentence by atom.
     values : (n_samples, n_atoms) of all atoms.
     """
-    advice = {0: "", 1: "; give it an onset or an end inside the window", None: "; drop one of them, or move an onset"}
-    return {j: reason + advice[homogeneous_order(values[:, j], 1)] for j, reason in reasons.items()}
+    changing = {j for j in reasons if homogeneous_order(values[:, j], 1) is None}
+    return {j: f"{reason}; drop one, or move an onset" if j in changing else reason for j, reason in reasons.items()}

@@ -9,7 +9,16 @@ from ..channels import STANDARD
 from ..conditioning import SAMPLES_PER_CYCLE
 from ..faults import Fault, did_you_mean
 
-__all__ = ["Span", "fastest_hz", "oddities", "same_definition", "span_of", "unit_of", "unknown_channels"]
+__all__ = [
+    "Span",
+    "fastest_hz",
+    "oddities",
+    "same_definition",
+    "span_of",
+    "starts_in_lags",
+    "unit_of",
+    "unknown_channels",
+]
 
 MARGIN_S = 10.0
 CYCLES = 3.0
@@ -87,10 +96,13 @@ def _against_the_rate(fault: Fault, span: Span, rate_hz: float) -> Iterator[str]
     for word, seconds in (("settles", fault.time_constant_s), ("ends its ramp", fault.duration_s)):
         if seconds is not None and seconds * rate_hz < 1.0:
             yield f"{name} {word} within a sample at {rate_hz:.4g} Hz and looks like a bias; give a higher --rate"
-    early_s = (fault.onset_s - span.start_s) * rate_hz
-    if span.lags is not None and 0.0 < early_s < span.lags:
-        early = f"starts within the first {span.lags} samples, which the model's lags use up"
-        yield f"{name} {early}; start the window earlier"
+
+
+def starts_in_lags(fault: Fault, span: Span) -> bool:
+    """Say whether a fault starts after the window does, but before the first row of the model."""
+    if span.lags is None or span.rate_hz is None:
+        return False
+    return 0.0 < (fault.onset_s - span.start_s) * span.rate_hz < span.lags
 
 
 def unknown_channels(faults: Sequence[Fault]) -> list[str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..faults import Fault, magnitude_unit, physical
 from .comparison import absorbed, most_like
-from .definition import Span, oddities, same_definition
+from .definition import Span, oddities, same_definition, starts_in_lags
 from .result import AuditedAtom, Signatures
 
 __all__ = ["Limits", "Listing", "entries", "largest_order", "reasons_of", "remarks_of"]
@@ -38,12 +38,6 @@ class Listing:
     @property
     def live(self) -> tuple[int, ...]:
         return tuple(j for j in range(len(self.faults)) if j not in self.reasons)
-
-    @property
-    def said(self) -> list[str]:
-        """All reasons and remarks, in the order of the dictionary."""
-        by_atom = {j: [reason] for j, reason in self.reasons.items()} | dict(self.remarks)
-        return [sentence for j in sorted(by_atom) for sentence in by_atom[j]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,11 +81,16 @@ def remarks_of(
     """
     remarks: dict[int, list[str]] = {}
     for n, (j, fault) in enumerate(faults.items()):
-        said = list(oddities(fault, span))
+        said, name = list(oddities(fault, span)), fault.name or fault.shape
+        lost = f"the first {span.lags} samples, which the model's lags use up"
+        early, taken = starts_in_lags(fault, span), None
         if values is not None:
-            name = fault.name or fault.shape
-            taken = absorbed(name, values[:, n], largest_model=largest_model, n_outputs=n_outputs)
-            said += [taken] if taken else []
+            when = f"after {lost}" if early else "over the whole window"
+            taken = absorbed(name, values[:, n], largest_model=largest_model, n_outputs=n_outputs, when=when)
+        if taken is not None:
+            said.append(taken)
+        elif early:
+            said.append(f"'{name}' starts within {lost}; start the window earlier")
         if said:
             remarks[j] = said
     return remarks

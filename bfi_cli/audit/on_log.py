@@ -27,6 +27,7 @@ __all__ = ["audit_on_log"]
 
 FALSE_ALARM = 0.01
 POWER = 0.9
+CLEANED = "the faults injected into the log are taken out of it: this is an audit of the log before they were injected"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,7 +48,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
 
     Parameters
     ----------
-    log : best without a fault; in SI units, see `bfi_cli.flightlog.read_log`.
+    log : in SI units, see `bfi_cli.flightlog.read_log`; faults injected into it are taken out, others are in the way.
     dictionary : see `bfi_cli.dictionary.load_dictionary`.
     config : see `bfi_cli.config.Config`.
 
@@ -56,7 +57,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
-    intake = take_in(log, dictionary, config)
+    intake = take_in(_clean(log), dictionary, config)
     predicted = _predicted(intake, config)
     listing = _listing(intake, predicted)
     limits = _limits(intake, predicted)
@@ -83,12 +84,19 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
         atoms=entries(listing, signatures, limits),
         signatures=signatures,
         notes=(
-            *listing.said,
             *_unseen([name for name, visible in zip(names, seen, strict=True) if not visible]),
             *sentences(signatures, found),
             *_about_the_log(intake, predicted, config.outputs),
+            *([CLEANED] if log.truth is not None and log.truth.clean else []),
         ),
     )
+
+
+def _clean(log: FlightLog) -> FlightLog:
+    """Return the log with the clean signals it carries in place of those with injected faults."""
+    clean = {} if log.truth is None else log.truth.clean
+    restored = [replace(log.channel(name), values=values) for name, values in clean.items()]
+    return replace(log, channels={**log.channels, **{channel.name: channel for channel in restored}}, truth=None)
 
 
 def _predicted(intake: Intake, config: Config) -> _Predicted:
@@ -127,9 +135,9 @@ def _listing(intake: Intake, predicted: _Predicted) -> Listing:
         start_s=intake.window_start_s,
         stop_s=float(intake.log.time_s[-1]) + 1.0 / intake.log.rate_hz,
         rate_hz=conditioned.rate_hz,
-        lags=predicted.fit.order,
+        lags=study.layout.first,
     )
-    values = own_channel(conditioned.theta[:, :, list(intake.live)])
+    values = own_channel(conditioned.theta[study.layout.first :, :, list(intake.live)])
     n_outputs = conditioned.y.shape[1]
     remarks = remarks_of(live, span, values, largest_model=max(study.orders), n_outputs=n_outputs)
     units = tuple(_unit(intake.log, fault.channel) for fault in intake.faults)
@@ -188,7 +196,7 @@ def _about_the_log(intake: Intake, predicted: _Predicted, outputs: Sequence[str]
                 f" and {beyond.size - 1} more samples" if beyond.size > 1 else ""
             )
             said.append(
-                f"'{name}' jumps away from its prediction {where}: if that is a fault, the minimal detectable magnitudes "
-                "are too large; audit on a log or window without one"
+                f"'{name}' jumps away from its prediction {where}: if that is a fault, the minimal detectable "
+                "magnitudes are too large; audit on a log or window without one"
             )
     return said

@@ -88,6 +88,7 @@ class Audit:
     log_path, native_rate_hz, model : None without a log.
     fastest_hz : the highest frequency of the dictionary; rate_needed_hz : four samples of its cycle.
     signatures : None where there are too many to compare.
+    notes : on the dictionary as a whole and on the log; those on single atoms are with them.
     """
 
     path: str
@@ -110,3 +111,8 @@ class Audit:
     def live(self) -> tuple[AuditedAtom, ...]:
         """The atoms that can be looked for, in the order of `signatures`."""
         return tuple(atom for atom in self.atoms if atom.live)
+
+    @property
+    def all_notes(self) -> tuple[str, ...]:
+        """The notes on single atoms, then the others."""
+        return (*(atom.note for atom in self.atoms if atom.note is not None), *self.notes)

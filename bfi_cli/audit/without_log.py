@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +20,8 @@ from .result import Audit, Signatures
 __all__ = ["audit"]
 
 SAMPLES = 2000
+FINE_HZ = 100.0
+FINE_VALUES = 2_000_000
 DRAWN_PER_CYCLE = 8.0
 MOST_ATOMS = 1000
 MOST_VALUES = 20_000_000
@@ -43,7 +44,7 @@ def audit(dictionary: Dictionary, config: Config, *, duration_s: float | None = 
     span, why = _span(dictionary, config, duration_s)
     faults = dictionary.resolved(span.start_s)
     fastest = fastest_hz(faults)
-    rate_hz = span.rate_hz or max(SAMPLES / (span.stop_s - span.start_s), DRAWN_PER_CYCLE * (fastest or 0.0))
+    rate_hz = span.rate_hz or _fine_rate_hz(span.stop_s - span.start_s, len(faults), fastest or 0.0)
     n_samples = max(2, round((span.stop_s - span.start_s) * rate_hz))
     few = len(faults) <= MOST_ATOMS and n_samples * len(faults) <= MOST_VALUES
     sampled = _sampled(faults, span.start_s + np.arange(n_samples) / rate_hz, rate_hz) if few else None
@@ -64,7 +65,7 @@ def audit(dictionary: Dictionary, config: Config, *, duration_s: float | None = 
         rate_needed_hz=None if fastest is None else SAMPLES_PER_CYCLE * fastest,
         atoms=entries(listing, signatures, None),
         signatures=signatures,
-        notes=(*listing.said, *unknown_channels(faults), *warnings),
+        notes=(*unknown_channels(faults), *warnings),
     )
 
 
@@ -74,7 +75,7 @@ def _span(dictionary: Dictionary, config: Config, duration_s: float | None) -> t
     if duration_s is not None and to_s is not None:
         raise ConfigError(f"--duration: the window ends at {to_s:g} s already; keep --duration or --to")
     if duration_s is not None and not 0.0 < duration_s < np.inf:
-        raise ConfigError(f"--duration: must be a length in seconds, got {duration_s:g}")
+        raise ConfigError(f"--duration: must be more than 0 s, got {duration_s:g}; give the length of a window")
     shown = span_of(dictionary.resolved(from_s or 0.0), from_s, from_zero=dictionary.relative_to == "window")
     stop_s, why = shown.stop_s, "until every fault has shown its shape; another length is --duration S"
     if duration_s is not None:
@@ -86,6 +87,12 @@ def _span(dictionary: Dictionary, config: Config, duration_s: float | None) -> t
             f"--to: the window starts at {shown.start_s:g} s, got {stop_s:g}; give a later --to, or --from"
         )
     return Span(start_s=shown.start_s, stop_s=stop_s, rate_hz=None if isinstance(asked, str) else float(asked)), why
+
+
+def _fine_rate_hz(duration_s: float, n_atoms: int, fastest_hz: float) -> float:
+    """Return a rate that draws every shape, and that of a common recorder where that is not too much work."""
+    affordable = min(FINE_HZ, FINE_VALUES / (duration_s * n_atoms))
+    return max(SAMPLES / duration_s, DRAWN_PER_CYCLE * fastest_hz, affordable)
 
 
 def _sampled(
@@ -123,7 +130,7 @@ def _compared(listing: Listing, sampled: Conditioned | None) -> tuple[Signatures
     if sampled is None:
         return None, [
             f"{len(listing.faults)} faults over this window are too many signals to compare; "
-            "give a shorter --duration, or larger steps in the grids"
+            "give a shorter --duration, a lower --rate, or larger steps in the grids"
         ]
     theta = sampled.theta[:, :, list(listing.live)]
     names = [listing.names[j] for j in listing.live]

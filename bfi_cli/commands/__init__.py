@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import errno
 import importlib
 import os
 import re
@@ -12,6 +13,7 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Iterable, Sequence
+from typing import TextIO
 
 import click
 
@@ -105,11 +107,14 @@ def _run(argv: Sequence[str] | None) -> int:
     except (KeyboardInterrupt, click.Abort):
         return _complain("bfi: interrupted", INTERRUPTED)
     except BrokenPipeError:
-        _close_output()
+        _close_output(sys.stdout, sys.stderr)
         return 0
     except MemoryError:
         return _complain("bfi: out of memory; choose a shorter window or a lower --rate", LOG)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            _close_output(sys.stdout)
+            return _complain("bfi: no space left on the device; free some, or write elsewhere", USAGE)
         return _complain(_crash(error), DEFECT)
     return 0
 
@@ -125,8 +130,8 @@ def _usage(error: click.ClickException) -> str:
             return f"{program}: unknown option '{name}'; {_did_you_mean(name, known) or f'see {program} --help'}"
         case click.MissingParameter(param=click.Option(opts=options, metavar=example)):
             return f"{program}: {options[-1]} is missing; give {options[-1]} {example or 'a value'}"
-        case click.MissingParameter(param=click.Parameter() as argument):
-            return f"{program}: {argument.make_metavar(context)} is missing; see {program} --help"
+        case click.MissingParameter(param=click.Argument() as argument):
+            return f"{program}: {argument.human_readable_name} is missing; see {program} --help"
         case click.BadOptionUsage(option_name=name):
             takes_none = "take a value" in text
             return f"{name}: takes no value; write {name}" if takes_none else f"{name}: no value; write {name} VALUE"
@@ -152,14 +157,14 @@ def _complain(message: str, code: int) -> int:
     try:
         click.echo(" ".join(message.split()), err=True)
     except BrokenPipeError:
-        _close_output()
+        _close_output(sys.stdout, sys.stderr)
     return code
 
 
-def _close_output() -> None:
-    """Send what is left to nowhere, so that the interpreter's last flush cannot fail on the closed pipe."""
+def _close_output(*streams: TextIO) -> None:
+    """Send what is left in the streams to nowhere, so that the interpreter's last flush of them cannot fail."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (sys.stdout, sys.stderr):
+    for stream in streams:
         with contextlib.suppress(OSError):  # a stream without a file number has no pipe
             os.dup2(nowhere, stream.fileno())
     os.close(nowhere)

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, json_option, window_options
+from .options import channel_options, configured, json_option, tell, window_options
 
 if TYPE_CHECKING:
     from ..audit import Audit
     from ..config import Config
+    from ..dictionary import Dictionary
     from ..result import Provenance
 
 __all__ = ["command"]
@@ -40,7 +41,7 @@ OF_A_LOG = {
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, figure and tables.")
 @json_option
 def command(file: str, log: str | None, config_path: str | None, **options: Any) -> None:
-    """Say what the faults of the dictionary FILE are, which are alike, and on a LOG how large each must be to be found."""
+    """Say what the faults of the dictionary FILE are, which are alike, and on a LOG how large each must be."""
     from ..audit_table import audit_document, print_audit
     from ..dictionary import load_dictionary
     from ..provenance import provenance
@@ -54,7 +55,8 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
     if options["out"] is not None:
         from ..output import replace_files
 
-        replace_files(_files(audit, origin), options["out"])
+        written = replace_files(_files(audit, origin), options["out"])
+        tell(f"wrote {written[-1]}")
     if options["as_json"]:
         from ..serialize import to_json
 
@@ -65,7 +67,7 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
     print_audit(Console(highlight=False), audit)
 
 
-def _audited(dictionary: Any, log: str | None, config: Config, options: dict[str, Any]) -> tuple[Audit, str]:
+def _audited(dictionary: Dictionary, log: str | None, config: Config, options: dict[str, Any]) -> tuple[Audit, str]:
     from ..audit import audit, audit_on_log
 
     if log is None:
@@ -77,26 +79,25 @@ def _audited(dictionary: Any, log: str | None, config: Config, options: dict[str
 
 
 def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Config:
-    from ..config import Config, load_config, merge
-
     if log is None:
         for key, option in OF_A_LOG.items():
             if options[key]:
                 raise click.UsageError(f"{option} is about a log; give one after the dictionary")
     elif options["duration_s"] is not None:
         raise click.UsageError("--duration is for an audit without a log; give --from and --to")
-    config = load_config(path) if path is not None else Config()
-    overrides = {
-        "inputs": list(options["inputs"]) or None,
-        "outputs": list(options["outputs"]) or None,
-        "channels": {**config.channels, **options["channel_map"]} if options["channel_map"] else None,
-        "units": {**config.units, **options["unit_map"]} if options["unit_map"] else None,
-        "window.from_s": options["from_s"],
-        "window.to_s": options["to_s"],
-        "conditioning.rate_hz": _scalar("--rate", options["rate"]),
-        "model.order": _scalar("--order", options["order"]),
-    }
-    return merge(config, overrides)
+    return configured(
+        path,
+        {
+            "inputs": list(options["inputs"]) or None,
+            "outputs": list(options["outputs"]) or None,
+            "channels": options["channel_map"],
+            "units": options["unit_map"],
+            "window.from_s": options["from_s"],
+            "window.to_s": options["to_s"],
+            "conditioning.rate_hz": _scalar("--rate", options["rate"]),
+            "model.order": _scalar("--order", options["order"]),
+        },
+    )
 
 
 def _scalar(option: str, text: str | None) -> Any:

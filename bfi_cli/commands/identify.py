@@ -38,7 +38,7 @@ FAULT_DECLARED = 10
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
 @json_option
 @click.pass_context
-def command(context: click.Context, log: str, config_path: str | None, **options: Any) -> None:
+def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say which faults of a dictionary are in LOG, how large they are and how sure that is."""
     from ..documents import identify_document
     from ..flightlog import read_log

@@ -44,7 +44,7 @@ WRONG_KIND = {
 
 
 class Rules(BaseModel):
-    """A part of a document: unknown keys are errors, values cannot be changed, attribute docstrings are the editor's help.
+    """A part of a document: unknown keys are errors, values cannot change, attribute docstrings are the editor's help.
 
     The docstrings are read when a schema is written, not at import, where they would cost a tenth of every command.
     """

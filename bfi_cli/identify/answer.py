@@ -166,7 +166,8 @@ def _declined(study: Study, answer: Answer, estimates: Magnitudes, dispersion: F
         atom = atoms[int(np.argmin(margins))]
         return (
             atom,
-            f"the same shape at other onsets of this window stands out {np.sqrt(dispersion[atom]):.1f} times as much as noise would",
+            "the same shape stands out nearly as much at other onsets of this window "
+            f"({np.sqrt(dispersion[atom]):.1f} times what white noise would do)",
         )
     ratio = np.abs(estimates.value[atoms]) / np.sqrt(estimates.variance[atoms])
     if np.min(ratio) < _quantile(estimates):
@@ -296,8 +297,8 @@ def _decision(study: Study, found: _Found) -> tuple[Decision, list[str]]:
         return "fault", []
     if all(blind(study, found.magnitudes)):
         return "not_identifiable", [
-            "the data cannot answer: in this window no fault of the dictionary smaller than the output's whole movement "
-            "would leave a trace that the dynamics do not explain; choose a window with the onset inside and a manoeuvre"
+            "the data cannot answer: in this window no fault of the dictionary smaller than the output's movement "
+            "leaves a trace that the dynamics do not explain; choose a window with the onset and a manoeuvre inside"
         ]
     return "no_fault", []
 

@@ -28,7 +28,7 @@ INSIDE = (0.1, 0.9)
 
 
 def overdispersion(intake: Intake, study: Study, fit: Fit, lowpass: Lowpass) -> FloatArray:
-    """Return (n_live,) factors, at least 1, by which the variance of each atom's magnitude exceeds that of white errors.
+    """Return (n_live,) factors, at least 1: how much the variance of a magnitude exceeds that of white errors.
 
     Parameters
     ----------

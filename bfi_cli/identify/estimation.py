@@ -11,7 +11,7 @@ from scipy import special
 
 from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.covariance import Unfolded, covariance, single_additions, unfold
-from ..kernels.selection import Penalty, Scored, Search, search_order
+from ..kernels.selection import Penalty, Scored, Search, search_orders
 from ..kernels.whiteness import effective_rows
 from .study import Study
 
@@ -81,9 +81,8 @@ def choose(study: Study, *, evidence: float, extended: bool, max_active: int | N
         evidence=evidence,
         extended=extended,
     )
-    searches = tuple(
-        search_order(study.problem(order), candidates, penalty, max_active=max_active) for order in study.orders
-    )
+    problems = [study.problem(order) for order in study.orders]
+    searches = search_orders(problems, candidates, penalty, max_active=max_active)
     answer = _answer(study, searches, penalty)
     effective = max(effective_rows(answer.unfolded.error), 2.0 * answer.best.fit.n_parameters)
     if effective >= study.n_rows:
@@ -102,11 +101,12 @@ def without(study: Study, answer: Answer, atom: int) -> Answer:
 
 
 def deviance(study: Study, answer: Answer, atom: int) -> float:
-    """Return how much more likely the log is with an active atom than without: twice the log ratio, orders chosen."""
-    kept = [n for n, other in enumerate(answer.best.fit.atoms) if other != atom]
-    smaller = replace(answer.best.fit, atoms=tuple(answer.best.fit.atoms[n] for n in kept), z=answer.best.fit.z[kept])
-    rest = min(_at(study, search, smaller, answer.penalty).criterion for search in answer.searches)
-    return rest - answer.best.criterion + answer.penalty.per_parameter + answer.penalty.per_atom
+    """Return twice the log likelihood ratio of the log with an active atom and without, at the chosen order."""
+    best = answer.best.fit
+    kept = [n for n, other in enumerate(best.atoms) if other != atom]
+    smaller = replace(best, atoms=tuple(best.atoms[n] for n in kept), z=best.z[kept])
+    (search,) = (search for search in answer.searches if search.order == best.order)
+    return answer.penalty.n_effective * (_at(study, search, smaller, answer.penalty).fit.log_det - best.log_det)
 
 
 def _answer(study: Study, searches: tuple[Search, ...], penalty: Penalty) -> Answer:

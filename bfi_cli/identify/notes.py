@@ -93,8 +93,8 @@ def notes_of(
     notes += [reason for _, reason in sorted(intake.reasons.items())]
     if condition_number > ILL_CONDITIONED:
         notes.append(
-            f"the regressors are nearly dependent (condition number {condition_number:.1e}): little excitation, or a rate "
-            "far above the dynamics"
+            f"the regressors are nearly dependent (condition number {condition_number:.1e}): little excitation, "
+            "or a rate far above the dynamics"
         )
     notes += [
         f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): "

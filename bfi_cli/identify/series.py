@@ -1,4 +1,4 @@
-"""The answer along time: signals, residuals, the plain 5-sigma test, and how all this compares with an injected truth."""
+"""The answer along time: signals, residuals, the plain 5-sigma test, and the comparison with an injected truth."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _vaf(output: OutputSeries) -> float | None:
 
 
 def _matched(intake: Intake, truth: Truth) -> list[tuple[int | None, float, str]]:
-    """Match each injected fault with the dictionary entry of the same signal: (entry or None, magnitude in its terms, name)."""
+    """Return (dictionary entry of the same signal or None, magnitude in its terms, name) of each injected fault."""
     time_s = intake.record.time_s
     found: list[tuple[int | None, float, str]] = []
     for fault in truth.faults:

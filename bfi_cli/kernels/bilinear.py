@@ -1,8 +1,9 @@
-"""Structured maximum likelihood of magnitudes and predictor, by variable projection on compressed data (METHOD section 3).
+"""Structured maximum likelihood of magnitudes and predictor, by variable projection on compressed data.
 
-With ``yf = y - theta z`` the predictor ``yf(k) = c + sum B_i u(k-i) + sum K_i yf(k-i) + e(k)`` is linear in (c, B, K) for
-given z. For the current z these are solved for; the derivative of the prediction error with respect to z_j is minus the
-filtered signature ``g_j(k) = theta_j(k) - sum K_i theta_j(k-i)`` off the regressors, whitened by the residual covariance.
+With ``yf = y - theta z`` the predictor ``yf(k) = c + sum B_i u(k-i) + sum K_i yf(k-i) + e(k)`` is linear in (c, B, K)
+for given z. For the current z these are solved for; the derivative of the prediction error with respect to z_j is minus
+the filtered signature ``g_j(k) = theta_j(k) - sum K_i theta_j(k-i)`` off the regressors, whitened by the residual
+covariance. Golub and Pereyra (1973) for variable projection.
 """
 
 from __future__ import annotations
@@ -177,7 +178,7 @@ def relaxed(problem: Bilinear, atoms: Sequence[int], z: FloatArray, extra: int) 
     own, place = _support(problem, (extra,))
     n = len(corrected)
     regressors = np.hstack([corrected[:, 1:].reshape(n, -1), own.reshape(n, -1)])
-    Q, R, K = _regress(regressors, corrected[:, 0])
+    Q, _, K = _regress(regressors, corrected[:, 0])
     error = corrected[:, 0] - Q @ (Q.T @ corrected[:, 0])
     _, log_det = _root(error, problem)
     now = K[problem.order * problem.n_outputs :][: own.shape[2]]
@@ -221,7 +222,7 @@ def _root(error: FloatArray, problem: Bilinear) -> tuple[FloatArray, float]:
     """Triangular root of the floored residual covariance, and log det of that covariance."""
     floor = max(problem.floor, np.finfo(float).tiny ** 0.25)
     stacked = np.vstack([error / np.sqrt(problem.n_rows), floor * np.eye(problem.n_outputs)])
-    root = np.linalg.qr(stacked, mode="r")
+    root = np.asarray(np.linalg.qr(stacked, mode="r"), dtype=np.float64)
     return root, 2.0 * float(np.sum(np.log(np.abs(np.diag(root)))))
 
 

@@ -90,7 +90,8 @@ def homogeneous_order(x: FloatArray, max_order: int) -> int | None:
     """Return the order of the linear difference equation that `x` obeys without input over all its samples.
 
     0 for zero, 1 for a constant, 2 for a ramp and for a sinusoid; orders of independent signals add. It is one less
-    than the number of lagged copies of `x` that are the first to be linearly dependent.
+    than the number of lagged copies of `x` that are the first to be linearly dependent. Initial values are free: a
+    signal that starts m samples late obeys an equation of order m more.
 
     Parameters
     ----------

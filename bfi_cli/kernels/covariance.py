@@ -1,4 +1,4 @@
-"""How sure the magnitudes are: one fit laid out over its rows, its scores, and a covariance that admits serial correlation."""
+"""How sure the magnitudes are: a fit laid out over its rows, and a covariance that admits serial correlation."""
 
 from __future__ import annotations
 

@@ -86,4 +86,4 @@ def decimate(x: FloatArray, factor: int, lowpass: Lowpass = SHARP) -> FloatArray
     n_rows = (x.shape[0] - taps.size) // factor + 1
     windows = np.lib.stride_tricks.sliding_window_view(flat, taps.size, axis=0)[::factor]
     out = np.einsum("rct,t->rc", windows, taps[::-1], optimize=False)
-    return out.reshape((n_rows, *x.shape[1:]))
+    return np.asarray(out.reshape((n_rows, *x.shape[1:])))

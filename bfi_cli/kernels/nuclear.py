@@ -55,7 +55,7 @@ def nuclear_least_squares(
     A : (n, p1, p2) covariates, A(X)_k = <A_k, X>.
     y : (n,).
     penalty : positive; X is zero from `largest_penalty` on.
-    max_iterations, tolerance : limit of the steps, and the `gap` to stop at.
+    max_iterations, tolerance : limit of the steps, and the `gap` to stop at; round-off allows about 1e-12 at best.
 
     Raises
     ------

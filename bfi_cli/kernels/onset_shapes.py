@@ -82,6 +82,4 @@ def sampled(samples: FloatArray, *, settled: int | None = None) -> Waveform:
     last = int(changes[-1]) + 1 if changes.size else 0
     n = len(samples)
     weights = np.full((1, n + 1), samples[-1])
-    return Waveform(
-        samples=samples, unit=1.0, tails=np.ones((1, n)), weights=weights, shortest=max(settled or last, 1)
-    )
+    return Waveform(samples=samples, unit=1.0, tails=np.ones((1, n)), weights=weights, shortest=max(settled or last, 1))

@@ -20,7 +20,7 @@ from scipy.linalg import lapack, qr
 
 from .lagged import lagged
 
-__all__ = ["Scan", "Tables", "correlations", "prepare_scan", "tabulate"]
+__all__ = ["Scan", "Tables", "correlations", "differenced", "prepare_scan", "tabulate"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -41,6 +41,7 @@ class Scan:
     n_base : rank of the base.
     order : s; n_outputs : of the record; degree : highest difference of the lag columns.
     rss0 : without a fault: the residual sum of squares, for several outputs the determinant of the residuals' products.
+    span : peak to peak of the scanned channel.
     """
 
     Q: FloatArray
@@ -50,6 +51,7 @@ class Scan:
     n_outputs: int
     degree: int
     rss0: float
+    span: float
 
     @property
     def n_samples(self) -> int:
@@ -75,7 +77,6 @@ def prepare_scan(
     feedthrough: bool = True,
     channel: int = 0,
     floor: float | None = None,
-    annihilate: bool = True,
 ) -> Scan:
     """Factorise a record for scanning faults in one of its outputs.
 
@@ -87,7 +88,6 @@ def prepare_scan(
     channel : the output that may be faulty.
     floor : standard deviation of a white noise the outputs are taken to carry besides their own, in the units of y;
         by default 1e-8 of each output's rms off the base. Without any, noise-free data divide zero by zero.
-    annihilate : difference the lags.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def prepare_scan(
     _check(u, y, order, channel)
     y = y - y.mean(axis=0)
     others = np.delete(y, channel, axis=1)
-    degree = min(2, order) if annihilate else 0
+    degree = min(2, order)
     past = [lagged(u, range(0 if feedthrough else 1, order + 1)), lagged(others, range(1, order + 1), first=order)]
     Q0 = _basis(np.hstack([np.ones((len(y) - order, 1)), *past]))
     now = (lagged(others, [0], first=order), lagged(y[:, [channel]], range(order, -1, -1)))
@@ -116,6 +116,7 @@ def prepare_scan(
         n_outputs=y.shape[1],
         degree=degree,
         rss0=float(np.prod(last**2)),
+        span=float(np.ptp(y[:, channel])),
     )
 
 
@@ -153,7 +154,7 @@ def _orthonormal(
     rms = np.sqrt(np.mean(flat**2, axis=0)) if floor is None else np.full(flat.shape[1], floor / FLOOR)
     noise = np.diag(FLOOR * np.sqrt(len(flat)) * np.maximum(rms, np.finfo(float).tiny ** 0.25))
     columns = np.vstack([stacked, noise])
-    columns[:, others.shape[1] :] = _differenced(columns[:, others.shape[1] :], degree)
+    columns[:, others.shape[1] :] = differenced(columns[:, others.shape[1] :].T, degree).T
     columns = columns[:, np.r_[others.shape[1] : others.shape[1] + s, : others.shape[1], -1]]
     top = columns[: len(flat)]
     for _ in range(2):
@@ -162,12 +163,12 @@ def _orthonormal(
     return Q[: len(flat)], R
 
 
-def _differenced(columns: FloatArray, degree: int) -> FloatArray:
-    """Replace the columns, lags s .. 0, by 1 at lag s, D at lag s - 1, ... D^degree at the others."""
-    columns = columns.copy()
+def differenced(rows: FloatArray, degree: int) -> FloatArray:
+    """Replace rows of lags s .. 0 by 1 at lag s, D at lag s - 1, ... D^degree at the others, D the first difference."""
+    rows = rows.copy()
     for d in range(degree):
-        columns[:, d + 1 :] = columns[:, d + 1 :] - columns[:, d:-1]
-    return columns
+        rows[d + 1 :] = rows[d + 1 :] - rows[d:-1]
+    return rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -189,7 +190,7 @@ def tabulate(scan: Scan, h: FloatArray) -> Tables:
     """Return the tables of a shape h (n_samples,) that lasts to the end of the record."""
     n, degrees, n_base = scan.n_samples, scan.degrees, scan.n_base
     P = correlations(scan, h)
-    shapes = [np.diff(h, n=d, prepend=np.zeros(d)) if d else h for d in range(scan.degree + 1)]
+    shapes = [np.diff(h, n=d, prepend=np.zeros(d)) for d in range(scan.degree + 1)]
     G: dict[tuple[int, int, int], FloatArray] = {}
     for i, a in enumerate(degrees):
         for j, b in enumerate(degrees[i:], i):
@@ -204,7 +205,7 @@ def tabulate(scan: Scan, h: FloatArray) -> Tables:
 
 def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
     """Return `Tables.P` of a shape h (n_samples,)."""
-    sharpest = np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree)) if scan.degree else h
+    sharpest = np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree))
     P = [_correlate(scan.Q, sharpest)]
     for _ in range(scan.degree):
         P.append(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1])

@@ -10,10 +10,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .bilinear import Bilinear, Fit, fit_magnitudes, relaxed
 
-__all__ = ["Penalty", "Scored", "Search", "search_order"]
+__all__ = ["Penalty", "Scored", "Search", "search_orders"]
+
+FloatArray = NDArray[np.float64]
 
 BACKWARD_LIMIT = 24
 PATIENCE = 2
@@ -79,26 +82,39 @@ class Search:
         return next((scored for scored in self.visited if scored.fit.atoms == wanted), None)
 
 
-def search_order(
-    problem: Bilinear, candidates: Sequence[int], penalty: Penalty, *, max_active: int | None = None
-) -> Search:
-    """Search supports at one order: forward from none, backward from all (of a small dictionary) and from the best.
+def search_orders(
+    problems: Sequence[Bilinear], candidates: Sequence[int], penalty: Penalty, *, max_active: int | None = None
+) -> tuple[Search, ...]:
+    """Search supports at every order: forward from none, backward from all (of a small dictionary) and from the best.
+
+    Each order then starts again from the best answers of the others: a model with lags to spare can absorb an
+    oscillation, and what it settles at from zero may be a poor local maximum that a tighter model does not have.
 
     Parameters
     ----------
-    problem : of one order.
+    problems : one per order, on the same rows.
     candidates : live atoms.
     penalty : the criterion.
     max_active : largest support; None for all candidates.
     """
-    visits = _Visits(problem, penalty)
-    room = _room(problem, penalty.n_rows)
+    every = [_Visits(problem, penalty) for problem in problems]
+    for visits in every:
+        _explore(visits, candidates, max_active)
+    leaders = [visits.search().best.fit for visits in every]
+    for visits, own in zip(every, leaders, strict=True):
+        for leader in leaders:
+            if leader is not own and leader.atoms:
+                _backward(visits, visits.visit(leader.atoms, [leader.z]))
+    return tuple(visits.search() for visits in every)
+
+
+def _explore(visits: _Visits, candidates: Sequence[int], max_active: int | None) -> None:
+    room = _room(visits.problem, visits.penalty.n_rows)
     limit = min(len(candidates) if max_active is None else max_active, len(candidates), room)
     forward = _forward(visits, candidates, limit)
     if limit == len(candidates) <= BACKWARD_LIMIT:
         _backward(visits, visits.full(tuple(candidates)))
     _backward(visits, forward)
-    return Search(order=problem.order, visited=tuple(visits.scored.values()))
 
 
 def _room(problem: Bilinear, n_rows: int) -> int:
@@ -114,7 +130,11 @@ class _Visits:
         self.penalty = penalty
         self.scored: dict[tuple[int, ...], Scored] = {}
 
-    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float]]) -> Scored:
+    def search(self) -> Search:
+        """Return what was visited."""
+        return Search(order=self.problem.order, visited=tuple(self.scored.values()))
+
+    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> Scored:
         """Fit a support (ascending) from several starts."""
         for start in starts:
             fit = fit_magnitudes(self.problem, atoms, np.asarray(start, dtype=np.float64))

@@ -1,0 +1,158 @@
+"""A sine of unknown frequency, phase 0 at its onset (METHOD section 5, step 8).
+
+The statistic's peak over the frequency is about 1 / duration wide, so a grid of half of that over the record misses
+none. The grid is screened at one magnitude per onset; the best few peaks are then refined by halving the grid's step,
+all onsets at each frequency, so that frequency and onset are found jointly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .onset_ends import Limits, Pair, Span, climb, pair_limits, peaks, span_at
+from .onset_pairs import EndTables, screen_pairs, tabulate_ends
+from .onset_profile import screen
+from .onset_scan import ENDING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from .onset_shapes import sine
+from .onset_tables import Scan, tabulate
+
+__all__ = ["Tuned", "TunedSpan", "scan_frequency", "scan_frequency_ends"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+STEP = 0.5
+PEAKS = 4
+HALVINGS = 6
+ONSETS_PER_PERIOD = 6
+ENDS = 10
+FINALISTS = 48
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tuned:
+    """A scan at the best frequency.
+
+    Attributes
+    ----------
+    frequency : cycles per sample.
+    profile : over the onset at that frequency.
+    frequencies, statistic : (n_frequencies,) the coarse grid and the screened statistic on it, a lower bound.
+    """
+
+    frequency: float
+    profile: Profile
+    frequencies: FloatArray
+    statistic: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TunedSpan:
+    """A start and an end at the best frequency; fields as in `Tuned`."""
+
+    frequency: float
+    span: Span
+    frequencies: FloatArray
+    statistic: FloatArray
+
+
+def scan_frequency(scan: Scan, band: tuple[float, float], *, onsets: IntArray | None = None) -> Tuned:
+    """Return the scan of a sine that lasts to the end of the record, at the frequency where its statistic is largest.
+
+    Parameters
+    ----------
+    scan : from `prepare_scan`.
+    band : lowest and highest frequency, cycles per sample, within 0..0.5.
+    onsets : samples to consider; the default of `scan_shape` if None.
+    """
+    onsets = default_onsets(scan) if onsets is None else onsets
+    grid = _grid(scan, band)
+
+    def screened(frequency: float, among: IntArray) -> FloatArray:
+        waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+        tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - among)
+        found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, among[b]), bound[b]))
+        return -scan.n_rows * found.F
+
+    def profiled(frequency: float, among: IntArray) -> Profile:
+        return scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), among)
+
+    def best(frequency: float) -> float:
+        among = onsets[np.argsort(-screened(frequency, onsets))[:FINALISTS]]
+        return float(profiled(frequency, among).statistic.max())
+
+    statistic = np.array([screened(f, onsets[:: _stride(f)]).max() for f in grid])
+    found = max(_refined(best, grid[k], grid) for k in peaks(statistic, PEAKS))
+    return Tuned(frequency=found[1], profile=profiled(found[1], onsets), frequencies=grid, statistic=statistic)
+
+
+def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = 2.0) -> TunedSpan:
+    """Return the best frequency, start and end of a sine.
+
+    Parameters
+    ----------
+    scan : from `prepare_scan`.
+    band : lowest and highest frequency, cycles per sample, within 0..0.5.
+    min_cycles : periods between start and end, at least.
+
+    Raises
+    ------
+    ValueError : the band is empty, or the record too short for that many periods of its lowest frequency.
+    """
+    grid = _grid(scan, band)
+
+    def prepared(frequency: float) -> tuple[EndTables, Limits]:
+        waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+        shortest = max(int(np.ceil(min_cycles / frequency)), ENDING * scan.order)
+        return tabulate_ends(scan, waveform), pair_limits(scan, waveform, shortest)
+
+    def coarse(frequency: float) -> tuple[float, Pair]:
+        tables, limits = prepared(frequency)
+        starts = np.arange(limits.first, limits.last - limits.shortest + 1, _stride(frequency))
+        ends = np.linspace(limits.first + limits.shortest, limits.last, ENDS).astype(np.intp)
+        pairs = limits.pairs(starts, ends)
+        statistic = screen_pairs(scan, tables, pairs)
+        best = int(np.argmax(statistic))
+        return float(statistic[best]), (int(pairs[0, best]), int(pairs[1, best]))
+
+    rough = [coarse(f) for f in grid]
+    statistic = np.array([value for value, _ in rough])
+
+    def climbed(frequency: float, begin: Pair) -> tuple[float, Pair]:
+        tables, limits = prepared(frequency)
+        return climb(scan, tables, limits=limits, begin=[begin])
+
+    tops = []
+    for k in peaks(statistic, PEAKS):
+        value, frequency = _refined(lambda f, begin=rough[k][1]: climbed(f, begin)[0], grid[k], grid)
+        tops.append((value, frequency, rough[k][1]))
+    _, frequency, begin = max(tops)
+    tables, limits = prepared(frequency)
+    span = span_at(scan, tables, limits=limits, pair=climbed(frequency, begin)[1])
+    return TunedSpan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
+
+
+def _grid(scan: Scan, band: tuple[float, float]) -> FloatArray:
+    low, high = band
+    if not 0.0 < low <= high <= 0.5:
+        raise ValueError(f"the band must lie within 0..0.5 cycles per sample, got {low:g}..{high:g}")
+    return np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / STEP)))
+
+
+def _stride(frequency: float) -> int:
+    return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
+
+
+def _refined(statistic: Callable[[float], float], frequency: float, grid: FloatArray) -> tuple[float, float]:
+    """Return the best statistic and its frequency by steps of half the last size, within the grid's band."""
+    frequency, step = float(frequency), float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
+    value = statistic(frequency)
+    for _ in range(HALVINGS):
+        step /= 2.0
+        beside = [f for f in (frequency - step, frequency + step) if grid[0] <= f <= grid[-1]]
+        value, frequency = max([(value, frequency), *((statistic(f), f) for f in beside)])
+    return value, frequency

@@ -1,0 +1,170 @@
+"""The search over supports: it finds what a brute-force search finds, and the truth in noise."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from made_varx import dictionary, made, wave
+from scipy import stats
+
+from bfi_cli.kernels.bilinear import bilinear, fit_magnitudes, relaxed
+from bfi_cli.kernels.lagged import compress
+from bfi_cli.kernels.selection import Penalty, Search, search_orders
+
+ORDER = 2
+FLOOR = 1e-10
+Z = np.array([1.0, 0.0, -2.0, 0.0, 1.5])
+
+
+def problem_of(seed: int, z=Z, *, n: int = 250, n_y: int = 1, noise_sd: float = 0.1):
+    rng = np.random.default_rng(seed)
+    u, y = made(rng, order=ORDER, n_y=n_y).fly(n, rng, noise_sd=noise_sd)
+    theta = dictionary(n, n_y=n_y, n_atoms=len(z))
+    return bilinear(compress(u, y + theta @ np.array(z), theta, order=ORDER), ORDER, floor=FLOOR)
+
+
+def penalty_of(problem, n_candidates: int, *, evidence: float = 6.0, n_effective: float | None = None) -> Penalty:
+    n = problem.n_rows
+    return Penalty(n_rows=n, n_effective=n_effective or n, n_candidates=n_candidates, evidence=evidence)
+
+
+def search_order(problem, candidates, penalty, **limits) -> Search:
+    (search,) = search_orders([problem], candidates, penalty, **limits)
+    return search
+
+
+def start_of(problem, atoms) -> np.ndarray:
+    return np.array([relaxed(problem, (), np.zeros(0), atom)[1] for atom in atoms])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_first_addition_is_the_best_of_all_single_ones(seed):
+    """The relaxed fit is a true bound there, so what it spares cannot have been better."""
+    problem = problem_of(seed, noise_sd=0.5)
+    search = search_order(problem, range(5), penalty_of(problem, 5), max_active=1)
+    fits = [
+        fit_magnitudes(problem, (atom,), start)
+        for atom in range(5)
+        for start in (np.zeros(1), start_of(problem, (atom,)))
+    ]
+    best = min(fits, key=lambda fit: fit.log_det)
+    assert min(scored.fit.log_det for scored in search.visited) == pytest.approx(best.log_det, abs=1e-9)
+    assert search.of(best.atoms) is not None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_answer_is_that_of_trying_every_support(seed):
+    problem = problem_of(seed)
+    penalty = penalty_of(problem, 5)
+    every = [support for size in range(6) for support in combinations(range(5), size)]
+    brute = min(
+        penalty.criterion(fit_magnitudes(problem, support, start))
+        for support in every
+        for start in (np.zeros(len(support)), Z[list(support)])
+    )
+    assert search_order(problem, range(5), penalty).best.criterion == pytest.approx(brute, abs=1e-4)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+def test_the_true_support_is_found_in_noise(n_y):
+    """Faults of ten and more deviations each; missing one in fifty supports would still be within the bound."""
+    found = []
+    for seed in range(20):
+        problem = problem_of(seed, n_y=n_y, noise_sd=0.05)
+        found.append(search_order(problem, range(5), penalty_of(problem, 5)).best.fit.atoms == (0, 2, 4))
+    assert sum(found) >= stats.binom.ppf(1e-4, 20, 0.95)
+
+
+def test_fault_free_records_stay_fault_free():
+    """An atom must lower the criterion by log n + 2 log 5 + 6 = 14.7: chi-square of one has 1.2e-4 beyond, five atoms."""
+    alarms = []
+    for seed in range(40):
+        problem = problem_of(seed, np.zeros(5))
+        alarms.append(search_order(problem, range(5), penalty_of(problem, 5)).best.fit.atoms != ())
+    assert sum(alarms) <= stats.binom.isf(1e-4, 40, 5 * stats.chi2.sf(14.7, 1))
+
+
+def test_more_evidence_asked_for_never_brings_more_faults():
+    problem = problem_of(3, [0.3, 0.1, -0.2, 0.05, 0.4], noise_sd=0.3)
+    sizes = [
+        len(search_order(problem, range(5), penalty_of(problem, 5, evidence=evidence)).best.fit.atoms)
+        for evidence in (0.0, 6.0, 20.0, 60.0, 1e4)
+    ]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] > sizes[-1] == 0
+
+
+def test_the_criterion_is_the_sum_of_its_parts():
+    problem = problem_of(0)
+    fit = fit_magnitudes(problem, (0, 2))
+    n = 100.0
+    for extended, per_atom in ((True, 6.0 + 2 * np.log(5)), (False, 6.0)):
+        penalty = Penalty(n_rows=problem.n_rows, n_effective=n, n_candidates=5, evidence=6.0, extended=extended)
+        assert penalty.criterion(fit) == pytest.approx(n * fit.log_det + fit.n_parameters * np.log(n) + 2 * per_atom)
+        assert penalty.per_atom == pytest.approx(per_atom)
+
+
+@pytest.mark.parametrize("limit", [0, 1, 2, 5, 99])
+def test_no_support_is_larger_than_asked_for(limit):
+    problem = problem_of(1)
+    search = search_order(problem, range(5), penalty_of(problem, 5), max_active=limit)
+    assert max(len(scored.fit.atoms) for scored in search.visited) <= limit
+    assert len(search.best.fit.atoms) == min(limit, 3)
+
+
+def test_no_candidates():
+    problem = problem_of(2)
+    search = search_order(problem, [], penalty_of(problem, 0))
+    assert [scored.fit.atoms for scored in search.visited] == [()]
+    assert search.best.fit.z.shape == (0,)
+
+
+def test_candidates_left_out_are_never_visited():
+    problem = problem_of(2)
+    search = search_order(problem, [1, 3, 4], penalty_of(problem, 5))
+    assert {atom for scored in search.visited for atom in scored.fit.atoms} <= {1, 3, 4}
+    assert 4 in search.best.fit.atoms
+
+
+def test_visits_are_of_distinct_supports_and_can_be_looked_up():
+    problem = problem_of(4)
+    search = search_order(problem, range(5), penalty_of(problem, 5))
+    supports = [scored.fit.atoms for scored in search.visited]
+    assert len(set(supports)) == len(supports)
+    assert all(list(support) == sorted(support) for support in supports)
+    assert search.of((4, 0, 2)) is search.of([0, 2, 4]) is search.best
+    assert search.of((0, 1, 2, 3, 4)) is not None
+    assert search_order(problem, range(5), penalty_of(problem, 5), max_active=1).of((0, 1, 2)) is None
+
+
+def test_more_atoms_than_rows():
+    """The support stays within what the rows can carry, and the answer is finite."""
+    rng = np.random.default_rng(5)
+    n, n_atoms = 24, 30
+    u, y = made(rng, order=1).fly(n, rng, noise_sd=0.1)
+    theta = np.zeros((n, 1, n_atoms))
+    for j in range(n_atoms):
+        theta[:, 0, j] = wave(n, 4 + j // 2, "step" if j % 2 else "wave")
+    y = y + 5.0 * theta[:, :, 11]
+    problem = bilinear(compress(u, y, theta, order=1), 1, floor=FLOOR)
+    search = search_order(problem, range(n_atoms), penalty_of(problem, n_atoms))
+    assert 11 in search.best.fit.atoms
+    assert np.isfinite([scored.criterion for scored in search.visited]).all()
+    assert max(len(scored.fit.atoms) for scored in search.visited) < n - 4
+
+
+def test_permuting_the_candidates_changes_nothing():
+    problem = problem_of(6)
+    one, other = (search_order(problem, order, penalty_of(problem, 5)).best for order in (range(5), [4, 2, 0, 3, 1]))
+    assert one.fit.atoms == other.fit.atoms
+    np.testing.assert_allclose(one.fit.z, other.fit.z, rtol=1e-5)
+
+
+def test_fewer_effective_rows_make_a_fault_harder_to_declare():
+    problem = problem_of(7, [0.0, 0.0, 0.8, 0.0, 0.0], noise_sd=0.3)
+    whole = search_order(problem, range(5), penalty_of(problem, 5, evidence=0.0))
+    few = search_order(problem, range(5), penalty_of(problem, 5, evidence=0.0, n_effective=20.0))
+    assert len(few.best.fit.atoms) <= len(whole.best.fit.atoms)
+    assert len(whole.best.fit.atoms) > 0

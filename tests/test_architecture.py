@@ -1,0 +1,226 @@
+"""The shape of the house: imports point down, each library has one place, files and functions stay small."""
+
+from __future__ import annotations
+
+import ast
+import graphlib
+import importlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import click
+import pytest
+
+from bfi_cli.commands import COMMANDS, cli
+
+PACKAGE = Path(__file__).parents[1] / "bfi_cli"
+
+# From the ground up. A module imports what stands on lower floors, and its own package; neighbours know nothing of
+# each other. The longest name counts: what several analyses share is below them, wherever its file lies.
+FLOORS = (
+    ("errors", "kernels"),
+    ("units", "faults", "yaml12", "plain"),
+    ("channels", "result", "serialize", "dictionary"),
+    ("flightlog", "conditioning", "config", "provenance", "wording", "documents"),
+    ("aircraft", "calibration", "rows", "identify.study"),
+    ("identify.intake",),
+    ("airdata", "audit", "detect", "diagnosability", "dmae", "fir", "identify", "monitor", "onset"),
+    ("engine",),
+    ("compare", "montecarlo", "reproduce"),
+    ("audit_table", "plots", "report", "tables"),
+    ("output",),
+    ("commands",),
+    ("__main__",),
+)
+FLOOR = {unit: floor for floor, units in enumerate(FLOORS) for unit in units}
+HOME = {
+    "click": "commands",
+    "matplotlib": "plots",
+    "dask": "engine",
+    "distributed": "engine",
+    "h5py": "flightlog",
+    "jinja2": "report",
+    "yaml": "yaml12",
+}
+SLOW = ("dask", "distributed", "h5py", "jinja2", "matplotlib", "rich")
+VAGUE = {"utils", "util", "helpers", "helper", "common", "base", "core", "misc"}
+LONGEST_FILE, LONGEST_BODY = 300, 45
+
+FILES = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in sorted(PACKAGE.rglob("*.py"))}
+MODULES = {name.removesuffix(".__init__"): path for name, path in FILES.items() if name != "__init__"}
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def imports(path: Path) -> Iterator[tuple[str, ast.stmt]]:
+    """Yield the modules a file imports, those of this package as ".name"."""
+    package = path.relative_to(PACKAGE).parent.parts
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield node.module or "", node
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) + 1 - node.level]
+            for alias in node.names:
+                parts = (*above, *(node.module or "").split("."), alias.name)
+                yield "." + inner(".".join(filter(None, parts))), node
+
+
+def inner(name: str) -> str:
+    """Return the module of a dotted name: itself, or what it is a name in; "" for the package's own names."""
+    while name and name not in MODULES:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def unit(name: str) -> str:
+    """Return the entry of `FLOORS` a module belongs to."""
+    while name and name not in FLOOR:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def functions(path: Path) -> Iterator[ast.FunctionDef]:
+    yield from (node for node in ast.walk(tree(path)) if isinstance(node, ast.FunctionDef))
+
+
+def test_every_module_has_a_floor():
+    assert [name for name in MODULES if not unit(name)] == []
+
+
+def test_imports_point_down():
+    wrong = {
+        f"{name} -> {target[1:]}"
+        for name, path in MODULES.items()
+        for target, _ in imports(path)
+        if target.startswith(".") and target != "." and unit(name) != unit(target[1:])
+        if FLOOR[unit(target[1:])] >= FLOOR[unit(name)]
+    }
+    assert wrong == set()
+
+
+def test_nothing_is_imported_by_its_absolute_name():
+    absolute = [name for name, path in FILES.items() for target, _ in imports(path) if target.startswith("bfi_cli")]
+    assert absolute == []
+
+
+def test_no_module_imports_itself_in_a_circle():
+    graph = {name: {t[1:] for t, _ in imports(path) if t.startswith(".")} - {name} for name, path in MODULES.items()}
+    assert list(graphlib.TopologicalSorter(graph).static_order())
+
+
+def test_kernels_import_numpy_scipy_and_each_other():
+    allowed = {*sys.stdlib_module_names, "numpy", "scipy", ".kernels"}
+    wrong = {
+        f"{name} -> {target}"
+        for name, path in MODULES.items()
+        if unit(name) == "kernels"
+        for target, _ in imports(path)
+        if (f".{unit(target[1:])}" if target.startswith(".") else target.partition(".")[0]) not in allowed
+    }
+    assert wrong == set()
+
+
+def test_kernels_raise_value_errors_only():
+    wrong = [
+        f"{name}:{node.lineno}"
+        for name, path in MODULES.items()
+        if unit(name) == "kernels"
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)
+        if ast.unparse(node.exc.func) not in ("ValueError", "np.linalg.LinAlgError")
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(("library", "home"), HOME.items())
+def test_a_library_has_one_place(library: str, home: str):
+    importers = {
+        unit(name)
+        for name, path in MODULES.items()
+        for target, _ in imports(path)
+        if target.partition(".")[0] == library
+    }
+    assert importers <= {home}
+
+
+def test_what_takes_long_to_import_is_imported_where_it_is_used():
+    """Inside functions; names for annotations stand under TYPE_CHECKING."""
+    wrong = [
+        f"{name}: {target}"
+        for name, path in MODULES.items()
+        for target, node in imports(path)
+        if node in tree(path).body and target.partition(".")[0] in SLOW
+    ]
+    assert wrong == []
+
+
+HELP = """
+import json, sys
+before = set(sys.modules)
+from bfi_cli.commands import _run
+code = _run(["--help"])
+print(json.dumps([code, sorted(set(sys.modules) - before)]), file=sys.stderr)
+"""
+
+
+def test_help_imports_click_and_little_of_this_package():
+    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, cwd=PACKAGE.parent, check=True)
+    code, loaded = json.loads(done.stderr)
+    tops = {name.partition(".")[0] for name in loaded}
+    assert code == 0
+    assert tops - sys.stdlib_module_names <= {"bfi_cli", "click", "colorama"}
+    assert {name for name in loaded if name.startswith("bfi_cli")} == {"bfi_cli", "bfi_cli.commands", "bfi_cli.errors"}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_has_a_module_and_a_help(name: str):
+    assert f"commands.{name.replace('-', '_')}" in MODULES
+    with click.Context(cli) as context:
+        command = cli.get_command(context, name)
+    assert command is not None
+    assert command.name == name
+    assert command.help
+    for option in command.params:
+        assert isinstance(option, click.Argument) or option.help or option.type.name == "choice", option.name
+
+
+def test_no_module_has_a_vague_name():
+    assert [name for name in MODULES if VAGUE & set(name.split("."))] == []
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_and_functions_are_small(name: str):
+    lines = FILES[name].read_text(encoding="utf-8").count("\n")
+    assert lines <= LONGEST_FILE
+    long = {f.name: size for f in functions(FILES[name]) if (size := body_lines(f)) > LONGEST_BODY}
+    assert long == {}
+
+
+def body_lines(function: ast.FunctionDef) -> int:
+    """Return how many lines the body takes, its docstring left out."""
+    body = function.body[1:] if ast.get_docstring(function) is not None else function.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_what_is_public_is_described(name: str):
+    module = tree(FILES[name])
+    assert ast.get_docstring(module)
+    definitions = [node for node in module.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    public = [node for node in definitions if not node.name.startswith("_")]
+    assert [node.name for node in public if not ast.get_docstring(node)] == []
+
+
+@pytest.mark.parametrize("name", sorted(MODULES))
+def test_what_a_module_offers_exists(name: str):
+    module = importlib.import_module(f"bfi_cli.{name}")
+    assert [offered for offered in getattr(module, "__all__", ()) if not hasattr(module, offered)] == []

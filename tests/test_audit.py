@@ -1,0 +1,315 @@
+"""The audit of a dictionary: what it must be equal to, what it must not depend on, and what it says of bad entries."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from bfi_cli.audit import audit, audit_on_log
+from bfi_cli.audit.definition import Span, oddities, same_definition, span_of
+from bfi_cli.config import Config, merge
+from bfi_cli.dictionary import load_dictionary
+from bfi_cli.errors import ConfigError, DictionaryError
+from bfi_cli.faults import Fault, unit_signal
+from bfi_cli.flightlog import Channel, FlightLog, read_log
+from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.identify.estimation import magnitudes_of
+from bfi_cli.identify.intake import take_in
+from bfi_cli.identify.study import floor_of, prepare
+from bfi_cli.kernels.bilinear import fit_magnitudes
+from bfi_cli.kernels.covariance import unfold
+from bfi_cli.kernels.selection import Penalty, Scored
+from bfi_cli.kernels.whiteness import effective_rows
+
+ROOT = Path(__file__).parent.parent
+THESIS = ROOT / "configs" / "thesis_dictionary.yaml"
+WHOLE = {"shape": "sine", "frequency_hz": 0.5, "name": "whole"}
+ORDER_4 = merge(Config(), {"model.order": 4})
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return read_log(ROOT / "data" / "citation_clean.h5")
+
+
+@pytest.fixture(scope="module")
+def on_clean(clean):
+    return audit_on_log(clean, load_dictionary(THESIS), ORDER_4)
+
+
+def dictionary(*atoms, **keys):
+    return load_dictionary({"relative_to": "window", "atoms": list(atoms), **keys}, where="d.yaml")
+
+
+def atom(found, name):
+    return next(entry for entry in found.atoms if entry.name == name)
+
+
+def test_the_limits_are_those_of_an_identification_with_the_same_model(clean, on_clean):
+    intake = take_in(clean, load_dictionary(THESIS), ORDER_4)
+    study = prepare(intake.conditioned, intake.live, orders=(4,), feedthrough=True, floor=floor_of(intake.conditioned))
+    fit = fit_magnitudes(study.problem(4), ())
+    rows = effective_rows(unfold(study.layout, fit).error)
+    penalty = Penalty(
+        n_rows=study.n_rows, n_effective=min(rows, study.n_rows), n_candidates=7, evidence=Config().selection.evidence
+    )
+    expected = magnitudes_of(study, Scored(criterion=0.0, fit=fit), penalty).minimal_detectable
+    np.testing.assert_allclose([entry.minimal_detectable for entry in on_clean.atoms], expected, rtol=1e-6)
+
+
+def test_the_coherence_is_that_of_the_predictor_written_out(clean, on_clean):
+    intake = take_in(clean, load_dictionary(THESIS), ORDER_4)
+    u, y, theta = intake.conditioned.u, intake.conditioned.y[:, 0], intake.conditioned.theta[:, 0, :]
+    past = [y[4 - i : len(y) - i] for i in range(1, 5)]
+    X = np.column_stack([np.ones(len(y) - 4), *past, *(u[4 - i : len(y) - i, 0] for i in range(5))])
+    K = np.linalg.lstsq(X - X.mean(axis=0), y[4:] - y[4:].mean(), rcond=None)[0][1:5]
+    g = theta[4:] - sum(K[i - 1] * theta[4 - i : len(y) - i] for i in range(1, 5))
+    Q = np.linalg.qr(X / np.linalg.norm(X, axis=0))[0]
+    g -= Q @ (Q.T @ g)
+    g /= np.linalg.norm(g, axis=0)
+    np.testing.assert_allclose(on_clean.signatures.coherence, np.abs(g.T @ g), atol=1e-5)
+
+
+def test_coherence_is_symmetric_with_a_unit_diagonal(on_clean):
+    coherence = on_clean.signatures.coherence
+    np.testing.assert_array_equal(coherence, coherence.T)
+    np.testing.assert_array_equal(np.diag(coherence), 1.0)
+    for n, entry in enumerate(on_clean.live):
+        assert entry.coherence == np.max(np.delete(coherence[n], n))
+
+
+def test_a_slope_changes_the_magnitude_and_nothing_that_is_measured(clean):
+    drift = {"shape": "drift", "onset_s": 8}
+    found = audit_on_log(clean, dictionary({**drift, "name": "a", "slope": 0.25}), ORDER_4).atoms[0]
+    other = audit_on_log(clean, dictionary({**drift, "name": "a"}), ORDER_4).atoms[0]
+    assert found.minimal_detectable == pytest.approx(4.0 * other.minimal_detectable, rel=1e-9)
+    assert (found.unit, other.unit) == ("", "m/s^2")
+    assert found.minimal_physical == (pytest.approx(other.minimal_detectable, rel=1e-9), "m/s^2")
+    assert found.minimal_peak == pytest.approx(other.minimal_peak, rel=1e-9)
+
+
+def test_the_unit_of_the_output_scales_the_limits(clean):
+    tas = clean.channel("tas")
+    scaled = replace(clean, channels={**clean.channels, "tas": replace(tas, values=1000.0 * tas.values)})
+    entries = dictionary({"shape": "bias", "onset_s": 12}, {"shape": "drift", "onset_s": 9})
+    before, after = (audit_on_log(log, entries, ORDER_4) for log in (clean, scaled))
+    for a, b in zip(before.atoms, after.atoms, strict=True):
+        assert b.minimal_detectable == pytest.approx(1000.0 * a.minimal_detectable, rel=1e-6)
+    np.testing.assert_allclose(after.signatures.coherence, before.signatures.coherence, atol=1e-6)
+
+
+def test_faults_injected_into_the_log_do_not_matter(on_clean):
+    found = audit_on_log(read_log(ROOT / "data" / "citation_bias.h5"), load_dictionary(THESIS), ORDER_4)
+    for entry, expected in zip(found.atoms, on_clean.atoms, strict=True):
+        assert entry.minimal_detectable == pytest.approx(expected.minimal_detectable, rel=1e-6)
+    assert any("injected" in note for note in found.notes)
+    assert not any("injected" in note for note in on_clean.notes)
+
+
+def test_a_fault_that_nobody_knows_of_is_suspected(on_clean):
+    found = audit_on_log(read_log(ROOT / "data" / "citation_bias.csv"), load_dictionary(THESIS), ORDER_4)
+    assert any(note.startswith("'tas' jumps away from its prediction at 13.7 s") for note in found.notes)
+    assert atom(found, "bias_13.8").minimal_detectable > 3.0 * atom(on_clean, "bias_13.8").minimal_detectable
+
+
+def test_two_outputs_share_the_dictionary_but_not_the_signatures(clean):
+    config = merge(ORDER_4, {"outputs": ["tas", "pitch"]})
+    bias = {"shape": "bias", "onset_s": 12}
+    found = audit_on_log(clean, dictionary({**bias, "name": "v"}, {**bias, "name": "p", "channel": "pitch"}), config)
+    assert [entry.unit for entry in found.atoms] == ["m/s", "rad"]
+    assert set(found.model.noise_sd) == {"tas", "pitch"}
+    assert 0.0 <= found.signatures.coherence[0, 1] < 1.0
+
+
+def second_order_log():
+    rng, u = np.random.default_rng(0), np.sign(np.sin(0.05 * np.arange(400)))
+    y = np.zeros(400)
+    for k in range(2, 400):
+        y[k] = 1.6 * y[k - 1] - 0.7 * y[k - 2] + 0.1 * u[k - 1] + 0.01 * rng.normal()
+    channels = {
+        "elevator": Channel(name="elevator", values=frozen_array(u), unit="rad", source="elevator"),
+        "tas": Channel(name="tas", values=frozen_array(y), unit="m/s", source="tas"),
+    }
+    return FlightLog(path="made.h5", time_s=frozen_array(np.arange(400) / 10.0), channels=channels)
+
+
+def test_an_atom_whose_onset_the_lags_swallow_is_seen_nowhere():
+    entries = dictionary({"shape": "bias", "onset_s": 0.45, "name": "early"}, {"shape": "bias", "onset_s": 15})
+    config = merge(Config(), {"model.orders": [2, 12], "conditioning.rate_hz": "none"})
+    found = audit_on_log(second_order_log(), entries, config)
+    early = found.atoms[0]
+    assert found.model.order == 2
+    assert (early.live, early.minimal_detectable, early.coherence) == (True, None, None)
+    assert "obeys an equation of order 1 after the first 12 samples, which the model's lags use up" in early.note
+    assert np.isnan(found.signatures.coherence[0]).all()
+    assert any(note.startswith("'early' leaves nothing") for note in found.notes)
+    assert (found.signatures.rank, found.signatures.condition_number) == (1, pytest.approx(1.0))
+
+
+def test_a_late_atom_is_limited_by_its_prediction_error_alone():
+    """A step through 1 - 1.6 q + 0.7 q^2 leaves 1, -0.6, 0.1, 0.1, ...; the constant takes half of the tail."""
+    entries = dictionary({"shape": "bias", "onset_s": 20, "name": "step"})
+    config = merge(Config(), {"model.order": 2, "conditioning.rate_hz": "none"})
+    found = audit_on_log(second_order_log(), entries, config)
+    g_norm = np.sqrt(1.0 + 0.36 + 198 * 0.05**2)
+    deviations = np.sqrt(np.log(398) + 6.0) + stats.norm.isf(0.1)
+    assert found.atoms[0].minimal_detectable == pytest.approx(deviations * 0.01 / g_norm, rel=0.25)
+
+
+def test_an_onset_within_the_lags_of_a_fault_that_ends_is_said():
+    entries = dictionary({"shape": "bias", "onset_s": 0.45, "offset_s": 20, "name": "early"})
+    config = merge(Config(), {"model.orders": [2, 12], "conditioning.rate_hz": "none"})
+    (early,) = audit_on_log(second_order_log(), entries, config).atoms
+    assert early.note == (
+        "'early' starts within the first 12 samples, which the model's lags use up; start the window earlier"
+    )
+
+
+@pytest.mark.parametrize("with_log", [True, False])
+def test_only_what_acts_over_the_whole_window_can_be_absorbed(clean, with_log):
+    entries = dictionary(
+        WHOLE,
+        {**WHOLE, "name": "begins", "onset_s": 12},
+        {**WHOLE, "name": "ends", "shape": "cosine", "offset_s": 20},
+        {"shape": "drift", "name": "ramp", "onset_s": 0},
+    )
+    found = audit_on_log(clean, entries, Config()) if with_log else audit(entries, Config())
+    notes = {entry.name: entry.note or "" for entry in found.atoms}
+    assert "obeys an equation of order 2" in notes["whole"]
+    assert "obeys an equation of order 2" in notes["ramp"]
+    assert "order below n + 2" in notes["whole"]
+    assert (notes["begins"], notes["ends"]) == ("", "")
+
+
+def test_a_model_too_small_to_absorb_is_not_warned_of(clean):
+    found = audit_on_log(clean, dictionary(WHOLE), merge(Config(), {"model.order": 2}))
+    assert found.atoms[0].note is None
+
+
+def test_entries_left_out_are_named_with_what_to_do(clean):
+    entries = dictionary(
+        {"shape": "bias", "onset_s": 10, "name": "first"},
+        {"shape": "bias", "onset_s": 10, "name": "again", "magnitude": 3},
+        {"shape": "sine", "frequency_hz": 0.2, "phase_rad": 0.5, "onset_s": 5, "name": "sine"},
+        {"shape": "cosine", "frequency_hz": 0.2, "phase_rad": 0.5 - np.pi / 2, "onset_s": 5, "name": "same signal"},
+        {"shape": "bias", "onset_s": 500, "name": "late"},
+        {"shape": "bias", "name": "always"},
+        {"shape": "bias", "onset_s": 10, "channel": "aoa", "name": "elsewhere"},
+    )
+    found = audit_on_log(clean, entries, ORDER_4)
+    assert [entry.live for entry in found.atoms] == [True, False, True, False, False, False, False]
+    notes = {entry.name: entry.note for entry in found.atoms}
+    assert notes["again"] == "'again' is defined as 'first' is; drop one of them"
+    assert "same signal as 'sine'" in notes["same signal"]
+    assert "drop one, or move an onset" in notes["same signal"]
+    assert "move its onset" in notes["late"]
+    assert "does not change in the window" in notes["always"]
+    assert "--output aoa" in notes["elsewhere"]
+    assert found.all_notes[:5] == tuple(note for note in notes.values() if note)
+
+
+def test_neighbours_are_warned_of():
+    near = [{"shape": "bias", "onset_s": onset, "name": f"at {onset}"} for onset in (10, 10.01, 40)]
+    found = audit(dictionary(*near), Config(), duration_s=60)
+    assert any("'at 10' and 'at 10.01' can hardly be told apart" in note for note in found.notes)
+    assert found.atoms[0].most_coherent_with == "at 10.01"
+    assert found.atoms[0].coherence > 0.99
+
+
+def test_many_neighbours_are_counted_and_their_combination_is_named():
+    grid = {"shape": "bias", "onset_s": {"start": 10, "stop": 10.1, "step": 0.01}}
+    found = audit(load_dictionary({"relative_to": "window", "grids": [grid]}), Config(), duration_s=60)
+    assert sum("can hardly be told apart" in note for note in found.notes) == 5
+    assert any("more pairs have a coherence of 0.99 or more" in note for note in found.notes)
+    assert any(note.startswith("a combination of 'bias_tas_10") for note in found.notes)
+
+
+def test_the_signals_compared_without_a_log_are_those_defined():
+    found = audit(load_dictionary(THESIS), Config(), duration_s=30.0)
+    for n, entry in enumerate(found.live):
+        expected = unit_signal(entry.fault, found.signatures.time_s, window_start_s=0.0)
+        np.testing.assert_array_equal(found.signatures.values[:, n], expected)
+    assert (found.fastest_hz, found.rate_needed_hz, found.signatures.rank) == (2.25, 9.0, 7)
+    assert found.model is None
+    assert all(entry.minimal_detectable is None for entry in found.atoms)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(
+        st.builds(
+            Fault,
+            shape=st.just("lagged_bias"),
+            time_constant_s=st.floats(0.1, 20.0),
+            onset_s=st.floats(0.0, 5000.0),
+        ),
+        min_size=1,
+        max_size=5,
+    ),
+    st.booleans(),
+)
+def test_the_default_window_shows_every_fault_and_nothing_looks_odd_in_it(faults, from_zero):
+    span = span_of(faults, None, from_zero=from_zero)
+    assert all(span.start_s <= fault.onset_s < span.stop_s for fault in faults)
+    assert not any(list(oddities(fault, span)) for fault in faults)
+
+
+def test_a_window_stated_on_the_command_line_is_kept():
+    entries = load_dictionary({"atoms": [{"shape": "bias", "onset_s": 2431}]})
+    assert audit(entries, Config()).start_s == 2421.0
+    found = audit(entries, merge(Config(), {"window.from_s": 2400.0}), duration_s=50.0)
+    assert (found.start_s, found.stop_s) == (2400.0, 2450.0)
+
+
+def test_too_many_signals_are_listed_and_not_compared():
+    found = audit(load_dictionary(THESIS), Config(), duration_s=1e9)
+    assert found.signatures is None
+    assert len(found.live) == 7
+    assert any("too many signals to compare" in note for note in found.notes)
+
+
+def test_a_name_or_a_magnitude_makes_no_other_fault():
+    a = Fault(shape="bias", onset_s=3.0, name="a")
+    faults = [a, replace(a, name="b", magnitude=2.0), replace(a, name="c", onset_s=4.0), replace(a, name="d")]
+    assert same_definition(faults) == {1: 0, 3: 0}
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (Fault(shape="sine", frequency_hz=0.01, onset_s=10), "only 0.2 of a cycle"),
+        (Fault(shape="sine", frequency_hz=3.0), "only 3.3 samples per cycle at 10 Hz; give --rate 12 or more"),
+        (Fault(shape="lagged_bias", time_constant_s=30.0, onset_s=10), "settles in 30 s but shows for 20 s"),
+        (Fault(shape="lagged_bias", time_constant_s=0.05, onset_s=10), "settles within a sample at 10 Hz"),
+        (Fault(shape="ramp_hold", duration_s=25.0, onset_s=10), "never holds in the window"),
+    ],
+)
+def test_what_looks_like_something_else_is_said(fault, sentence):
+    (said,) = oddities(fault, Span(start_s=0.0, stop_s=30.0, rate_hz=10.0, lags=4))
+    assert sentence in said
+    assert ";" in said
+
+
+def test_an_unknown_channel_is_guessed():
+    found = audit(dictionary({"shape": "bias", "onset_s": 3, "channel": "altitud"}), Config())
+    assert found.notes[0] == "'altitud' is no standard channel name; did you mean 'altitude'?"
+
+
+@pytest.mark.parametrize(
+    ("window", "duration_s", "error", "sentence"),
+    [
+        ({}, 5.0, DictionaryError, "no live atom: 'late' starts at 10 s, after the window ends (5 s)"),
+        ({}, -1.0, ConfigError, "--duration: must be more than 0 s, got -1"),
+        ({"window.to_s": 20.0}, 5.0, ConfigError, "keep --duration or --to"),
+        ({"window.to_s": -3.0}, None, ConfigError, "--to: the window starts at 0 s, got -3"),
+    ],
+)
+def test_a_window_that_cannot_be_is_refused(window, duration_s, error, sentence):
+    late = dictionary({"shape": "bias", "onset_s": 10, "name": "late"})
+    with pytest.raises(error) as refusal:
+        audit(late, merge(Config(), window), duration_s=duration_s)
+    assert sentence in str(refusal.value)

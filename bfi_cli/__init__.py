@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .errors import BfiError, ConfigError, DictionaryError, ExcitationError, LogError
     from .faults import Fault
     from .flightlog import FlightLog, inject, inspect_log, read_log, resample, write_log
-    from .identify import identify
+    from .identify import identify_faults
     from .result import IdentifyResult
 
 __version__ = "0.1.0"
@@ -53,7 +53,7 @@ __all__ = [
     "IdentifyResult",
     "LogError",
     "__version__",
-    "identify",
+    "identify_faults",
     "inject",
     "inspect_log",
     "load_config",
@@ -70,7 +70,7 @@ _HOME = {
     "errors": ("BfiError", "ConfigError", "DictionaryError", "ExcitationError", "LogError"),
     "faults": ("Fault",),
     "flightlog": ("FlightLog", "inject", "inspect_log", "read_log", "resample", "write_log"),
-    "identify": ("identify",),
+    "identify": ("identify_faults",),
     "result": ("IdentifyResult",),
 }
 

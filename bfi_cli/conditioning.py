@@ -90,15 +90,16 @@ def condition(record: Record, factor: int, lowpass: Lowpass = WHITE) -> Conditio
     )
 
 
-def choose_factor(record: Record, faults: Sequence[Fault]) -> Choice:
+def choose_factor(record: Record, faults: Sequence[Fault], *, exact: bool) -> Choice:
     """Choose a rate for rigid-body dynamics, the window's length and the dictionary's bandwidth (METHOD section 4).
 
     Parameters
     ----------
-    record : the window; its dictionary serves to recognise an exact (noise-free) record.
+    record : the window.
     faults : the dictionary.
+    exact : see `is_exact`; decimation would only add a remainder to a record without noise.
     """
-    if is_exact(record):
+    if exact:
         return Choice(factor=1, reason="the log's own rate, where a VARX explains the record to round-off")
     duration = len(record.time_s) / record.rate_hz
     rate = float(np.clip(SAMPLES_WANTED / duration, SLOWEST_HZ, FASTEST_HZ))

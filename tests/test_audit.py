@@ -18,12 +18,12 @@ from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.identify.estimation import magnitudes_of
-from bfi_cli.identify.intake import take_in
-from bfi_cli.identify.study import floor_of, prepare
 from bfi_cli.kernels.bilinear import fit_magnitudes
 from bfi_cli.kernels.covariance import unfold
 from bfi_cli.kernels.selection import Penalty, Scored
 from bfi_cli.kernels.whiteness import effective_rows
+from bfi_cli.study.intake import take_in
+from bfi_cli.study.scaled import floor_of, prepare
 
 ROOT = Path(__file__).parent.parent
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"

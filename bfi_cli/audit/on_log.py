@@ -11,13 +11,12 @@ from ..conditioning import SAMPLES_PER_CYCLE, is_exact
 from ..config import Config
 from ..dictionary import Dictionary
 from ..flightlog import FlightLog
-from ..identify.intake import Intake, take_in
-from ..identify.study import Study, feasible_orders, floor_of, prepare
 from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.coherence import detectable_deviations, whitened
 from ..kernels.covariance import Unfolded, single_additions, unfold
 from ..kernels.selection import Penalty
 from ..kernels.whiteness import effective_rows, exceedances
+from ..study import Intake, Study, study_of, take_in
 from .comparison import advised, compare, own_channel, sentences
 from .definition import Span, fastest_hz, unit_of
 from .entries import Limits, Listing, entries, reasons_of, remarks_of
@@ -100,17 +99,8 @@ def _clean(log: FlightLog) -> FlightLog:
 
 
 def _predicted(intake: Intake, config: Config) -> _Predicted:
-    conditioned, model = intake.conditioned, config.model
-    wanted = model.order if isinstance(model.order, int) else model.orders
-    widths = (len(config.inputs), len(config.outputs))
-    study = prepare(
-        conditioned,
-        (),
-        orders=feasible_orders(intake.log.path, len(conditioned.time_s), wanted, widths),
-        feedthrough=config.method == "ml" if model.feedthrough is None else model.feedthrough,
-        floor=floor_of(conditioned),
-        centred=config.conditioning.detrend == "constant",
-    )
+    conditioned = intake.conditioned
+    study = study_of(intake.log.path, conditioned, (), config)
     penalty = Penalty(
         n_rows=study.n_rows,
         n_effective=float(study.n_rows),

@@ -11,7 +11,7 @@ from ..config import Config
 from ..dictionary import Dictionary, dead_reason, signals
 from ..errors import ConfigError, DictionaryError
 from ..faults import Fault
-from ..identify.study import left_out
+from ..study import left_out
 from .comparison import advised, compare, own_channel, sentences
 from .definition import Span, fastest_hz, span_of, unit_of, unknown_channels
 from .entries import Listing, entries, largest_order, reasons_of, remarks_of

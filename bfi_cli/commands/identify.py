@@ -42,7 +42,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     """Say which faults of a dictionary are in LOG, how large they are and how sure that is."""
     from ..documents import identify_document
     from ..flightlog import read_log
-    from ..identify import identify
+    from ..identify import identify_faults
     from ..provenance import provenance
 
     config = _config(config_path, options)
@@ -50,7 +50,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     if dictionary is None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
-    result = identify(flight, dictionary, config)
+    result = identify_faults(flight, dictionary, config)
     origin = provenance(
         log_sha256=flight.sha256,
         config_sha256=config.sha256,

@@ -16,8 +16,7 @@ from ..faults import Fault, unit_signal
 from ..kernels.bilinear import Fit
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import Lowpass, decimate
-from .intake import Intake
-from .study import Study
+from ..study import Intake, Study
 
 __all__ = ["overdispersion"]
 

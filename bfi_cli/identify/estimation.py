@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from ..kernels.bilinear import Fit, fit_magnitudes
+from ..kernels.coherence import detectable_deviations
 from ..kernels.covariance import Unfolded, covariance, single_additions, unfold
 from ..kernels.selection import Penalty, Scored, Search, search_orders
 from ..kernels.whiteness import effective_rows
-from .study import Study
+from ..study import Study
 
 __all__ = ["Answer", "Magnitudes", "choose", "deviance", "magnitudes", "magnitudes_of", "without"]
 
@@ -167,7 +167,7 @@ def magnitudes(study: Study, answer: Answer, coarse: Study | None, overdispersio
     return Magnitudes(
         value=at.value,
         variance=variance,
-        minimal_detectable=_detectable_deviations(answer.penalty) * np.sqrt(variance),
+        minimal_detectable=_deviations(answer.penalty) * np.sqrt(variance),
         covariance=at.covariance * np.outer(wider, wider),
         degrees=degrees,
     )
@@ -179,17 +179,15 @@ def magnitudes_of(study: Study, scored: Scored, penalty: Penalty) -> Magnitudes:
     return Magnitudes(
         value=at.value,
         variance=at.variance,
-        minimal_detectable=_detectable_deviations(penalty) * np.sqrt(at.variance),
+        minimal_detectable=_deviations(penalty) * np.sqrt(at.variance),
         covariance=at.covariance,
         degrees=max(study.n_rows - scored.fit.n_parameters, 2.0),
     )
 
 
-def _detectable_deviations(penalty: Penalty) -> float:
-    """How many standard deviations a magnitude needs, by the stricter of false-alarm rate and criterion, and power."""
-    tail = -float(special.ndtri(FALSE_ALARM / (2.0 * max(penalty.n_candidates, 1))))
-    criterion = float(np.sqrt(max(penalty.per_parameter + penalty.per_atom, 0.0)))
-    return max(tail, criterion) + float(special.ndtri(POWER))
+def _deviations(penalty: Penalty) -> float:
+    charge = penalty.per_parameter + penalty.per_atom
+    return detectable_deviations(penalty.n_candidates, charge=charge, false_alarm=FALSE_ALARM, power=POWER)
 
 
 def _averaged(study: Study, fits: Sequence[Scored], overdispersion: FloatArray) -> _Averaged:

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from ..kernels.selection import Scored
 from ..result import ResidualSummary
+from ..study import Intake, Study
 from .estimation import Answer, Magnitudes
-from .intake import Intake
-from .study import Study
 
-__all__ = ["STRONG", "blind", "near_miss_note", "notes_of", "rate_note", "rivals"]
+__all__ = ["STRONG", "blind", "near_miss_note", "notes_of", "rate_note", "rivals", "slow_note"]
 
 FloatArray = NDArray[np.float64]
 
@@ -21,6 +20,8 @@ STRONG = 4.6
 WHITE_P = 1e-3
 ILL_CONDITIONED = 1e8
 MOST_NAMED = 5
+SLOW_SHAPES = ("drift", "lagged_bias", "ramp_hold", "samples")
+SLOW_CYCLES = 10.0
 
 
 def rate_note(intake: Intake) -> str:
@@ -35,7 +36,7 @@ def blind(study: Study, magnitudes: Magnitudes) -> tuple[bool, ...]:
     for n, j in enumerate(study.live):
         theta = conditioned.theta[:, :, j]
         output = int(np.argmax(np.max(np.abs(theta), axis=0)))
-        smallest = magnitudes.minimal_detectable[n] * float(np.ptp(theta[:, output]))
+        smallest = magnitudes.minimal_detectable[n] * float(np.max(np.abs(theta[:, output])))
         answers.append(not np.isfinite(smallest) or smallest > float(np.ptp(conditioned.y[:, output])))
     return tuple(answers)
 
@@ -103,6 +104,23 @@ def notes_of(
         if each.ljung_box_p < WHITE_P
     ]
     return notes
+
+
+def slow_note(intake: Intake, entries: Sequence[int]) -> str | None:
+    """Warn of declared faults that an input missing from the list would imitate."""
+    duration = len(intake.record.time_s) / intake.record.rate_hz
+    slow = [
+        intake.names[j]
+        for j in entries
+        if (fault := intake.faults[j]).shape in SLOW_SHAPES
+        or (fault.frequency_hz is not None and fault.frequency_hz * duration < SLOW_CYCLES)
+    ]
+    if not slow:
+        return None
+    return (
+        f"{_listed(slow)}: a change of thrust, configuration or wind that is not among the inputs can look like a slow "
+        "fault; add inputs that explain it (--input)"
+    )
 
 
 def _listed(names: Sequence[str]) -> str:

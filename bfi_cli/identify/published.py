@@ -15,9 +15,12 @@ from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.selection import Penalty, Scored
 from ..kernels.sparsity import SparseStage
 from ..kernels.termination import Settings
-from .study import Study
+from ..result import SolverSummary
+from ..study import Study
+from .estimation import Magnitudes, choose, magnitudes_of
+from .found import Found
 
-__all__ = ["THRESHOLD", "Published", "published"]
+__all__ = ["THRESHOLD", "by_published"]
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +29,7 @@ ZERO = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Published:
+class _Published:
     """What RISRO found.
 
     Attributes
@@ -46,7 +49,7 @@ class Published:
     penalty: Penalty
 
 
-def published(study: Study, config: Config) -> Published:
+def _run(study: Study, config: Config) -> _Published:
     """Run RISRO at every order, keep the order with the best criterion.
 
     Raises
@@ -75,7 +78,7 @@ def published(study: Study, config: Config) -> Published:
     for each in study.orders:
         fit = fit_magnitudes(study.problem(each), active, runs[each].z[list(active)])
         scored.append(Scored(criterion=penalty.criterion(fit), fit=fit))
-    return Published(
+    return _Published(
         solution=solution,
         z=z,
         active=active,
@@ -100,3 +103,47 @@ def _criterion(study: Study, order: int, solution: VarxSolution, penalty: Penalt
     variance = solution.misfit**2 / study.n_rows + study.floor**2
     n_parameters = study.problem(order).n_predictor + len(study.live)
     return penalty.n_effective * float(np.log(variance)) + n_parameters * penalty.per_parameter
+
+
+def by_published(study: Study, config: Config) -> Found:
+    """Identify by RISRO and the thesis's rule; variances from the likelihood at its solution.
+
+    Raises
+    ------
+    ConfigError : several outputs.
+    """
+    run = _run(study, config)
+    best = min(run.scored, key=lambda scored: scored.criterion)
+    whole = magnitudes_of(study, run.whole, run.penalty)
+    active = list(run.active)
+    value = whole.value.copy()
+    value[:] = run.z
+    estimates = Magnitudes(
+        value=value,
+        variance=whole.variance,
+        minimal_detectable=whole.minimal_detectable,
+        covariance=whole.covariance[np.ix_(active, active)],
+        degrees=whole.degrees,
+    )
+    notes = ["the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"]
+    if config.risro.as_published and abs(run.solution.corner - 1.0) > 0.01:
+        notes.append(
+            f"the published algorithm leaves the corner of its matrix free; it ended at {run.solution.corner:.3g} "
+            "instead of 1, so its magnitudes are not those of a faulty sensor"
+        )
+    plain = choose(study, evidence=0.0, extended=True, max_active=0).best
+    return Found(
+        scored=best,
+        plain=plain,
+        magnitudes=estimates,
+        orders=(),
+        criterion_no_fault=(),
+        criterion_best=(),
+        solver=SolverSummary(
+            method="risro",
+            termination=run.solution.termination.value,
+            iterations=run.solution.iterations,
+            condition_number=run.solution.condition_number,
+        ),
+        notes=tuple(notes),
+    )

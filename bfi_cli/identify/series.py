@@ -14,8 +14,7 @@ from ..kernels.covariance import Unfolded
 from ..kernels.decimation import Lowpass, decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..result import AgainstTruth, OutputSeries, ResidualSummary
-from .intake import Intake
-from .study import Study
+from ..study import Intake, Study
 
 __all__ = ["Reconstruction", "against_truth", "output_series", "residuals", "true_faults"]
 
@@ -118,12 +117,15 @@ def against_truth(
         return None
     matched = _matched(intake, truth)
     active = {study.live[j]: float(z) for j, z in zip(found.atoms, found.z, strict=True)}
-    wanted = {j: z for j, z, _ in matched if j is not None}
+    wanted: dict[int, float] = {}
+    for j, z, _ in matched:
+        if j is not None:
+            wanted[j] = wanted.get(j, 0.0) + z
     missed = [intake.names[j] for j in wanted if j not in active]
     missed += [name for j, _, name in matched if j is None]
     extra = tuple(intake.names[j] for j in active if j not in wanted)
     error = None
-    if wanted and len(wanted) == len(matched):
+    if any(wanted.values()) and all(j is not None for j, _, _ in matched):
         everywhere = sorted(set(wanted) | set(active))
         difference = [active.get(j, 0.0) - wanted.get(j, 0.0) for j in everywhere]
         error = float(np.linalg.norm(difference) / np.linalg.norm(list(wanted.values())))

@@ -17,7 +17,7 @@ from .onset_scan import ENDING, STARTING, Profile
 from .onset_shapes import Waveform
 from .onset_tables import Scan
 
-__all__ = ["Limits", "Pair", "Span", "climb", "pair_limits", "peaks", "scan_ends", "span_at"]
+__all__ = ["Limits", "Pair", "Span", "climb", "pair_limits", "peaks", "scan_ends", "span_at", "spread"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -108,20 +108,31 @@ def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None
     return span_at(scan, tables, limits=limits, pair=pair)
 
 
-def climb(scan: Scan, tables: EndTables, *, limits: Limits, begin: list[Pair]) -> tuple[float, Pair]:
-    """Return the best statistic, and its pair, that alternate sweeps reach from any of the pairs to begin with."""
+def climb(
+    scan: Scan,
+    tables: EndTables,
+    *,
+    limits: Limits,
+    begin: list[Pair],
+    finalists: int = FINALISTS,
+    rounds: int = ROUNDS,
+) -> tuple[float, Pair]:
+    """Return the best statistic, and its pair, that alternate sweeps reach from any of the pairs to begin with.
+
+    Each sweep is screened and then exact for some finalists; without finalists the statistic is a lower bound.
+    """
     sweeps: dict[tuple[str, int], tuple[float, Pair]] = {}
 
     def sweep(kind: str, at: int) -> tuple[float, Pair]:
         if (kind, at) not in sweeps:
             pairs = limits.ends(at) if kind == "ends" else limits.starts(at)
-            sweeps[kind, at] = _best(scan, tables, pairs)
+            sweeps[kind, at] = _best(scan, tables, pairs, finalists)
         return sweeps[kind, at]
 
     tops = []
     for pair in begin:
         reached = -np.inf
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             _, pair = sweep("ends", pair[0])
             statistic, pair = sweep("starts", pair[1])
             if statistic <= reached:
@@ -155,12 +166,14 @@ def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair) -> Spa
     )
 
 
-def _best(scan: Scan, tables: EndTables, pairs: IntArray) -> tuple[float, Pair]:
-    """Return statistic and pair of the best of pairs (2, n): screened, then exact for the finalists."""
-    finalists = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs))[:FINALISTS]]
-    exact = scan_pairs(scan, tables, finalists)
-    start, end = finalists[:, exact.best]
-    return float(exact.statistic[exact.best]), (int(start), int(end))
+def _best(scan: Scan, tables: EndTables, pairs: IntArray, finalists: int) -> tuple[float, Pair]:
+    """Return statistic and pair of the best of pairs (2, n)."""
+    statistic = screen_pairs(scan, tables, pairs)
+    if finalists:
+        pairs = pairs[:, np.argsort(-statistic)[:finalists]]
+        statistic = scan_pairs(scan, tables, pairs).statistic
+    best = int(np.argmax(statistic))
+    return float(statistic[best]), (int(pairs[0, best]), int(pairs[1, best]))
 
 
 def _candidates(scan: Scan, tables: EndTables, limits: Limits) -> list[Pair]:
@@ -170,14 +183,14 @@ def _candidates(scan: Scan, tables: EndTables, limits: Limits) -> list[Pair]:
     pairs = limits.pairs(np.append(grid, high[0][0]), np.append(grid, high[1][1]))
     ranked = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs))[: CLIMBS * FINALISTS]]
     ranked = ranked[:, np.argsort(-scan_pairs(scan, tables, ranked).statistic)]
-    return _spread(ranked, reach=APART * max(1, (limits.last - limits.first) // GRID))
+    return spread(ranked, count=CLIMBS, reach=APART * max(1, (limits.last - limits.first) // GRID))
 
 
-def _spread(ranked: IntArray, *, reach: int) -> list[Pair]:
-    """Return the first few of the pairs (2, n) that are more than `reach` samples from each one before."""
+def spread(ranked: IntArray, *, count: int, reach: int) -> list[Pair]:
+    """Return the first `count` of the pairs (2, n) that are more than `reach` samples from each one before."""
     kept: list[Pair] = []
     for start, end in ranked.T.tolist():
-        if len(kept) < CLIMBS and all(max(abs(start - a), abs(end - b)) > reach for a, b in kept):
+        if len(kept) < count and all(max(abs(start - a), abs(end - b)) > reach for a, b in kept):
             kept.append((start, end))
     return kept
 

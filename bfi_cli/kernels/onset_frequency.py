@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .onset_ends import Limits, Pair, Span, climb, pair_limits, peaks, span_at
+from .onset_ends import Limits, Pair, Span, climb, pair_limits, peaks, span_at, spread
 from .onset_pairs import EndTables, screen_pairs, tabulate_ends
 from .onset_profile import screen
 from .onset_scan import ENDING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
@@ -30,6 +30,8 @@ PEAKS = 4
 HALVINGS = 6
 ONSETS_PER_PERIOD = 6
 ENDS = 10
+RANKED = 64
+BRANCHES = 3
 FINALISTS = 48
 
 
@@ -81,13 +83,14 @@ def scan_frequency(scan: Scan, band: tuple[float, float], *, onsets: IntArray | 
     def profiled(frequency: float, among: IntArray) -> Profile:
         return scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), among)
 
-    def best(frequency: float) -> float:
+    def best(frequency: float, begin: Pair) -> tuple[float, Pair]:
         among = onsets[np.argsort(-screened(frequency, onsets))[:FINALISTS]]
-        return float(profiled(frequency, among).statistic.max())
+        return float(profiled(frequency, among).statistic.max()), begin
 
     statistic = np.array([screened(f, onsets[:: _stride(f)]).max() for f in grid])
-    found = max(_refined(best, grid[k], grid) for k in peaks(statistic, PEAKS))
-    return Tuned(frequency=found[1], profile=profiled(found[1], onsets), frequencies=grid, statistic=statistic)
+    everywhere = int(onsets[0]), scan.n_samples
+    _, frequency, _ = max(_refined(best, (grid[k], everywhere), grid) for k in peaks(statistic, PEAKS))
+    return Tuned(frequency=frequency, profile=profiled(frequency, onsets), frequencies=grid, statistic=statistic)
 
 
 def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = 2.0) -> TunedSpan:
@@ -115,24 +118,19 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
         starts = np.arange(limits.first, limits.last - limits.shortest + 1, _stride(frequency))
         ends = np.linspace(limits.first + limits.shortest, limits.last, ENDS).astype(np.intp)
         pairs = limits.pairs(starts, ends)
-        statistic = screen_pairs(scan, tables, pairs)
-        best = int(np.argmax(statistic))
-        return float(statistic[best]), (int(pairs[0, best]), int(pairs[1, best]))
-
-    rough = [coarse(f) for f in grid]
-    statistic = np.array([value for value, _ in rough])
+        ranked = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs))[:RANKED]]
+        begin = spread(ranked, count=BRANCHES, reach=limits.shortest // 2)
+        return climb(scan, tables, limits=limits, begin=begin, finalists=0, rounds=2)
 
     def climbed(frequency: float, begin: Pair) -> tuple[float, Pair]:
         tables, limits = prepared(frequency)
         return climb(scan, tables, limits=limits, begin=[begin])
 
-    tops = []
-    for k in peaks(statistic, PEAKS):
-        value, frequency = _refined(lambda f, begin=rough[k][1]: climbed(f, begin)[0], grid[k], grid)
-        tops.append((value, frequency, rough[k][1]))
-    _, frequency, begin = max(tops)
+    rough = [coarse(f) for f in grid]
+    statistic = np.array([value for value, _ in rough])
+    _, frequency, pair = max(_refined(climbed, (grid[k], rough[k][1]), grid) for k in peaks(statistic, PEAKS))
     tables, limits = prepared(frequency)
-    span = span_at(scan, tables, limits=limits, pair=climbed(frequency, begin)[1])
+    span = span_at(scan, tables, limits=limits, pair=pair)
     return TunedSpan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
 
 
@@ -147,12 +145,16 @@ def _stride(frequency: float) -> int:
     return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
 
 
-def _refined(statistic: Callable[[float], float], frequency: float, grid: FloatArray) -> tuple[float, float]:
-    """Return the best statistic and its frequency by steps of half the last size, within the grid's band."""
-    frequency, step = float(frequency), float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
-    value = statistic(frequency)
+def _refined(
+    climbed: Callable[[float, Pair], tuple[float, Pair]], begin: tuple[float, Pair], grid: FloatArray
+) -> tuple[float, float, Pair]:
+    """Return the best statistic, its frequency and pair, by steps of half the last size within the grid's band."""
+    frequency, pair = begin
+    step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
+    value, pair = climbed(frequency, pair)
     for _ in range(HALVINGS):
         step /= 2.0
-        beside = [f for f in (frequency - step, frequency + step) if grid[0] <= f <= grid[-1]]
-        value, frequency = max([(value, frequency), *((statistic(f), f) for f in beside)])
-    return value, frequency
+        for beside in (frequency - step, frequency + step):
+            if grid[0] <= beside <= grid[-1] and (found := climbed(beside, pair))[0] > value:
+                (value, pair), frequency = found, beside
+    return value, float(frequency), pair

@@ -92,7 +92,7 @@ def _start(A: FloatArray, H2: FloatArray, inner: tuple[FloatArray, FloatArray]) 
     v = np.ones((m, n))
     v[:-1] = np.einsum("jin,in->jn", C[:-1], coefficients)
     top, bottom = (np.einsum("in,in->n", v, np.einsum("ijn,jn->in", X, v)) for X in (A, H2))
-    return np.divide(top, bottom, out=np.zeros(n), where=bottom > 0.0)
+    return np.asarray(np.divide(top, bottom, out=np.zeros(n), where=bottom > 0.0))
 
 
 def log_ratio(stack: Pencil, z: FloatArray) -> FloatArray:
@@ -127,7 +127,7 @@ def screen(stack: Pencil, bound: FloatArray) -> Minimum:
 def _better(old: Minimum | None, new: Minimum, where: IntArray) -> Minimum:
     if old is None:
         return new
-    won = new.F < old.F[where]
+    won = old.F[where] > new.F
     merged = []
     for name in ("z", "F", "curvature"):
         values = getattr(old, name).copy()
@@ -168,7 +168,7 @@ def _step(z: FloatArray, bound: FloatArray, local: tuple[FloatArray, FloatArray,
 
 
 def _at(stack: Pencil, z: FloatArray) -> FloatArray:
-    H = z * stack.H2
+    H: FloatArray = z * stack.H2
     H -= stack.H1
     H *= z
     np.einsum("iin->in", H)[:] += 1.0

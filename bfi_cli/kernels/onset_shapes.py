@@ -1,8 +1,8 @@
 """Fault shapes as the onset scan sees them: samples from the onset on, and what is left of them when the fault ends.
 
 A fault that acts on [t1, t2) is its shape from t1 minus a *tail* from t2. For every shape here the tail, whatever the
-duration t2 - t1, is a combination of one or two fixed signals that start at t2: a step for a bias, a ramp and a step for
-a drift, a sine and a cosine for a sine.
+duration t2 - t1, is a combination of one or two fixed signals that start at t2: a step for a bias, a ramp and a step
+for a drift, a sine and a cosine for a sine.
 """
 
 from __future__ import annotations

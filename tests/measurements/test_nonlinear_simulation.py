@@ -64,7 +64,9 @@ def test_coverage_of_the_intervals(outcomes: list[Outcome]) -> None:
 
 
 def test_fault_free(log: FlightLog) -> None:
-    outcomes = run_all([draw(DICTIONARY, 0, seed, noise) for noise in NOISES for seed in SEEDS], log, DICTIONARY, Config())
+    outcomes = run_all(
+        [draw(DICTIONARY, 0, seed, noise) for noise in NOISES for seed in SEEDS], log, DICTIONARY, Config()
+    )
     for noise in NOISES:
         here = [outcome for outcome in outcomes if outcome.trial.noise == noise]
         share = np.mean([outcome.decision == "no_fault" for outcome in here])

@@ -33,9 +33,7 @@ def trials_of(dictionary: Dictionary) -> list[Trial]:
     return [*single, *several]
 
 
-@pytest.mark.parametrize(
-    "settings", [OWN_RATE, OWN_RATE | {"method": "risro"}, {}], ids=["ml", "risro", "default"]
-)
+@pytest.mark.parametrize("settings", [OWN_RATE, OWN_RATE | {"method": "risro"}, {}], ids=["ml", "risro", "default"])
 def test_support_exact_and_magnitudes_to_1e_4(log: FlightLog, settings: dict[str, object]) -> None:
     outcomes = run_all(trials_of(DICTIONARY), log, DICTIONARY, merge(Config(), settings))
     wrong = [outcome for outcome in outcomes if not outcome.isolated]

@@ -17,7 +17,7 @@ from bfi_cli.dictionary import Dictionary
 from bfi_cli.faults import unit_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify import identify
+from bfi_cli.identify import identify_faults
 from bfi_cli.result import IdentifyResult
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -69,7 +69,7 @@ def with_faults(log: FlightLog, dictionary: Dictionary, trial: Trial, output: st
 def run(trial: Trial, *, log: FlightLog, dictionary: Dictionary, config: Config) -> Outcome:
     """Identify one trial."""
     with threadpool_limits(1):
-        result: IdentifyResult = identify(with_faults(log, dictionary, trial), dictionary, config)
+        result: IdentifyResult = identify_faults(with_faults(log, dictionary, trial), dictionary, config)
     found = {fault.name: (fault.magnitude, *fault.ci95) for fault in result.faults}
     return Outcome(trial, result.decision, found)
 

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..conditioning import Conditioned
+from ..config import Config
 from ..errors import LogError
 from ..kernels.bilinear import Bilinear, bilinear
 from ..kernels.covariance import Layout
 from ..kernels.lagged import Compressed, compress
 
-__all__ = ["ROUND_OFF", "Study", "feasible_orders", "floor_of", "left_out", "prepare"]
+__all__ = ["Study", "feasible_orders", "floor_of", "left_out", "prepare", "study_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -59,6 +60,34 @@ class Study:
         return bilinear(self.data, order, floor=self.floor)
 
 
+def study_of(
+    path: str, conditioned: Conditioned, live: Sequence[int], config: Config, *, orders: Sequence[int] | None = None
+) -> Study:
+    """Make a conditioned record ready as the configuration says.
+
+    Parameters
+    ----------
+    path : of the log, for messages.
+    live : dictionary entries to look for.
+    orders : to choose from; default the configuration's.
+
+    Raises
+    ------
+    LogError : the window has no rows for any order.
+    """
+    model = config.model
+    wanted: int | Sequence[int] = model.orders if model.order == "auto" else int(model.order)
+    widths = (len(config.inputs), len(config.outputs))
+    return prepare(
+        conditioned,
+        live,
+        orders=feasible_orders(path, len(conditioned.time_s), orders or wanted, widths),
+        feedthrough=config.method == "ml" if model.feedthrough is None else model.feedthrough,
+        floor=floor_of(conditioned),
+        centred=config.conditioning.detrend == "constant",
+    )
+
+
 def prepare(
     conditioned: Conditioned,
     live: Sequence[int],
@@ -69,13 +98,12 @@ def prepare(
     centred: bool = True,
 ) -> Study:
     """Scale a conditioned record and factorise it once."""
-    u, u_unit = _standardised(conditioned.u, centred)[::2]
+    u, _, _ = _standardised(conditioned.u, centred)
     y, center, unit = _standardised(conditioned.y, centred)
     theta = conditioned.theta[:, :, list(live)] / unit[:, None]
     power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
     magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
     theta = theta * magnitude_unit
-    del u_unit
     return Study(
         conditioned=conditioned,
         live=tuple(live),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..conditioning import Choice, Conditioned, Record, choose_factor, condition
+from ..conditioning import Choice, Conditioned, Record, choose_factor, condition, is_exact
 from ..config import Config
 from ..dictionary import Dictionary, dead_reason, signals
 from ..errors import DictionaryError, ExcitationError, LogError
@@ -17,7 +17,7 @@ from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.quality import hold_of
 from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, Lowpass
-from .study import left_out
+from .scaled import left_out
 
 __all__ = ["Intake", "lowpass_of", "take_in"]
 
@@ -42,6 +42,7 @@ class Intake:
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
+    exact : a VARX explains the record to round-off at its own rate.
     """
 
     log: FlightLog
@@ -55,6 +56,7 @@ class Intake:
     window_start_s: float
     native_rate_hz: float
     outputs: tuple[str, ...]
+    exact: bool
 
 
 def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
@@ -80,7 +82,8 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
     }
     record = _record(part, config, faults, reasons, window_start_s)
     wanted = [faults[j] for j in range(len(faults)) if j not in reasons]
-    choice = _choice(record, wanted, config.conditioning.rate_hz)
+    exact = is_exact(record)
+    choice = _choice(record, wanted, config.conditioning.rate_hz, exact=exact)
     conditioned = condition(record, choice.factor, lowpass_of(config))
     reasons |= left_out(conditioned, names, [j for j in range(len(faults)) if j not in reasons])
     live = tuple(j for j in range(len(faults)) if j not in reasons)
@@ -99,6 +102,7 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
         window_start_s=window_start_s,
         native_rate_hz=native_rate_hz,
         outputs=config.outputs,
+        exact=exact,
     )
 
 
@@ -167,9 +171,9 @@ def _record(
     )
 
 
-def _choice(record: Record, faults: Sequence[Fault], rate_hz: float | str) -> Choice:
+def _choice(record: Record, faults: Sequence[Fault], rate_hz: float | str, *, exact: bool) -> Choice:
     if rate_hz == "auto":
-        return choose_factor(record, faults)
+        return choose_factor(record, faults, exact=exact)
     if isinstance(rate_hz, float):
         return Choice(factor=max(1, round(record.rate_hz / rate_hz)), reason="asked for")
     return Choice(factor=1, reason="the log's own rate, as asked for")

@@ -1,0 +1,232 @@
+"""What an answer holds: shapes, comparison with the truth, what cannot be answered, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.config import Config
+from bfi_cli.dictionary import load_dictionary
+from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogError
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog.inject import inject
+from bfi_cli.identify import identify_faults
+
+
+@pytest.fixture(scope="module")
+def result(flight, thesis, faulty):
+    """Return an answer with two faults, default settings."""
+    return identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0, "sine_1.15": 1.0}), thesis, Config())
+
+
+def test_series_have_the_length_of_the_window_and_add_up(result):
+    n = result.log.n_samples
+    (series,) = result.outputs
+    assert result.time_s.shape == (n,)
+    assert result.log.start_s == result.time_s[0]
+    assert result.log.stop_s == result.time_s[-1]
+    assert {name: u.shape for name, u in result.inputs.items()} == {"elevator": (n,)}
+    for name in (
+        "measured",
+        "corrected",
+        "predicted",
+        "fault",
+        "fault_sd",
+        "prediction_error",
+        "plain_residual",
+        "true_fault",
+    ):
+        assert getattr(series, name).shape == (n,)
+    np.testing.assert_allclose(series.corrected + series.fault, series.measured, rtol=1e-12)
+    blank = np.isnan(series.prediction_error)
+    np.testing.assert_array_equal(blank, np.isnan(series.predicted))
+    np.testing.assert_array_equal(blank, np.arange(n) < max(result.model.orders))
+    np.testing.assert_allclose((series.predicted + series.prediction_error - series.measured)[~blank], 0, atol=1e-10)
+    assert series.measured.mean() == pytest.approx(100.0, abs=10.0)
+
+
+def test_the_fault_signal_is_the_injected_one_within_its_deviation(result):
+    (series,) = result.outputs
+    active = series.fault_sd > 1e-6
+    assert active.sum() > 150
+    assert np.abs((series.fault - series.true_fault)[active] / series.fault_sd[active]).max() < 5
+    before = result.time_s < 6.0
+    np.testing.assert_allclose(series.fault[before], 0.0, atol=1e-9)
+
+
+def test_the_prediction_error_has_the_stated_noise(result):
+    (series,) = result.outputs
+    assert np.nanstd(series.prediction_error) == pytest.approx(result.model.noise_sd["tas"], rel=0.01)
+    assert np.nanstd(series.plain_residual) > np.nanstd(series.prediction_error)
+    assert 0 < result.model.noise_sd["tas"] < 0.02
+
+
+def test_candidates_are_the_dictionary_in_its_order(result, thesis):
+    assert [candidate.name for candidate in result.candidates] == [atom.name for atom in thesis.atoms]
+    assert {candidate.name for candidate in result.candidates if candidate.active} == {"bias_13.8", "sine_1.15"}
+    active = {candidate.name: candidate for candidate in result.candidates}
+    for fault in result.faults:
+        assert (active[fault.name].magnitude, active[fault.name].sd) == (fault.magnitude, fault.sd)
+
+
+def test_order_curves_have_one_value_per_order(result):
+    model = result.model
+    assert model.orders == (2, 4, 6, 8, 12)
+    assert len(model.criterion_no_fault) == len(model.criterion_best) == 5
+    assert np.all(np.array(model.criterion_best) <= np.array(model.criterion_no_fault))
+    assert model.order == model.orders[int(np.argmin(model.criterion_best))]
+
+
+def test_residual_summary(result):
+    (summary,) = result.residuals
+    assert summary.channel == "tas"
+    assert len(summary.lags) == len(summary.autocorrelation) <= 40
+    assert summary.band == pytest.approx(1.96 / np.sqrt(result.log.n_samples - 12))
+    assert 0 <= summary.ljung_box_p <= 1
+    assert any(abs(time - 13.8) < 0.3 for time in summary.plain_alarms_s)
+
+
+def test_arrays_are_read_only(result):
+    (series,) = result.outputs
+    with pytest.raises(ValueError, match="read-only"):
+        series.fault[0] = 1.0
+
+
+def test_the_log_is_left_alone_and_the_answer_repeats_to_the_bit(flight, thesis, faulty):
+    log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
+    before = {name: channel.values.copy() for name, channel in log.channels.items()}
+    one, other = (identify_faults(log, thesis, Config()) for _ in range(2))
+    for name, values in before.items():
+        np.testing.assert_array_equal(log.channel(name).values, values)
+    assert one.faults == other.faults
+    assert one.notes == other.notes
+
+
+def test_a_missed_fault_and_a_false_alarm_are_named(flight, thesis, faulty):
+    log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
+    without = replace(thesis, atoms=tuple(atom for atom in thesis.atoms if atom.name != "bias_13.8"))
+    truth = identify_faults(log, without, Config()).truth
+    assert not truth.isolated
+    assert truth.missed == ("bias_13.8",)
+    assert truth.magnitude_error is None
+
+
+def test_a_fault_too_small_is_missed_and_no_other_is_declared(flight, thesis, faulty):
+    result = identify_faults(faulty(flight(1), thesis, {"sine_0.35": 1e-4}), thesis, Config())
+    assert result.decision == "no_fault"
+    assert result.truth.missed == ("sine_0.35",)
+    assert result.truth.magnitude_error == pytest.approx(1.0)
+    assert result.truth.vaf_fault["tas"] == 0.0
+
+
+def test_truth_of_another_name_and_scale_is_recognised_by_its_signal(flight, thesis):
+    """A drift of 0.46 m/s^2 is twice the dictionary's 0.23."""
+    other = Fault(name="mine", shape="bias", channel="tas", onset_s=13.8, magnitude=-3.0)
+    truth = identify_faults(inject(flight(1), [other]), thesis, Config()).truth
+    assert truth.isolated
+    assert truth.magnitude_error < 0.01
+
+
+def test_two_injections_of_one_entry_add_up(flight, thesis, faulty):
+    log = faulty(faulty(flight(1), thesis, {"bias_13.8": 1.0}), thesis, {"bias_13.8": 2.0})
+    truth = identify_faults(log, thesis, Config()).truth
+    assert truth.isolated
+    assert truth.magnitude_error < 0.01
+
+
+def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
+    """The constant absorbs a bias, and lags absorb an oscillation; what cannot be seen is said, not guessed."""
+    old = load_dictionary({"channel": "tas", "atoms": [{"name": "old", "shape": "bias", "onset_s": 0.05}]})
+    log = inject(flight(1), [replace(atom, magnitude=3.0) for atom in old.atoms])
+    result = identify_faults(log, old, Config())
+    assert result.decision == "not_identifiable"
+    assert "the data cannot answer" in result.notes[0]
+    assert not result.candidates[0].active
+    assert "only a fault larger than" in result.candidates[0].note
+
+
+def test_dead_constant_and_repeated_entries_are_left_out_and_named(flight, thesis, faulty):
+    extra = [
+        Fault(name="late", shape="bias", channel="tas", onset_s=40.0),
+        Fault(name="always", shape="bias", channel="tas", onset_s=0.0),
+        Fault(name="twin", shape="bias", channel="tas", onset_s=13.8),
+        Fault(name="elsewhere", shape="bias", channel="aoa", onset_s=13.8),
+    ]
+    larger = replace(thesis, atoms=(*thesis.atoms, *extra))
+    log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
+    one, other = identify_faults(log, thesis, Config()), identify_faults(log, larger, Config())
+    assert [fault.name for fault in other.faults] == ["bias_13.8"]
+    assert other.faults[0].magnitude == pytest.approx(one.faults[0].magnitude, rel=1e-6)
+    assert other.truth.isolated
+    notes = {candidate.name: candidate.note for candidate in other.candidates}
+    assert "after the window ends" in notes["late"]
+    assert "does not change in the window" in notes["always"]
+    assert notes["twin"] == "'twin' is the same signal as 'bias_13.8' in the window; only the latter is kept"
+    assert "is no output" in notes["elsewhere"]
+    left_out = [candidate for candidate in other.candidates if candidate.name in notes and candidate.sd is None]
+    assert {candidate.name for candidate in left_out} == {fault.name for fault in extra}
+    assert set(notes.values()) - {None} <= set(other.notes) | {notes["late"]}
+
+
+def test_a_combination_of_entries_is_left_out(flight):
+    """Two steps and the block between them: the third is the difference of the others."""
+    atoms = [
+        {"name": "up", "shape": "bias", "onset_s": 10.0},
+        {"name": "later", "shape": "bias", "onset_s": 20.0},
+        {"name": "block", "shape": "bias", "onset_s": 10.0, "offset_s": 20.0},
+    ]
+    result = identify_faults(flight(1), load_dictionary({"channel": "tas", "atoms": atoms}), Config())
+    assert "is a combination of the entries before it" in result.candidates[2].note
+
+
+def changed(log, name, values):
+    channel = log.channel(name)
+    values = np.array(values(channel.values), dtype=float)
+    return replace(log, channels={**log.channels, name: replace(channel, values=values)})
+
+
+@pytest.mark.parametrize(
+    ("change", "config", "error", "message"),
+    [
+        (lambda log: changed(log, "elevator", np.zeros_like), {}, ExcitationError, "'elevator' does not move"),
+        (lambda log: changed(log, "tas", np.ones_like), {}, LogError, "output 'tas' does not change"),
+        (lambda log: log, {"outputs": ["mach"]}, LogError, "no channel 'mach'"),
+        (lambda log: log, {"window": {"from_s": 2.0, "to_s": 2.05}}, ExcitationError, "does not move"),
+        (lambda log: log, {"window": {"from_s": 3.15, "to_s": 3.25}}, LogError, "order 2 needs more than the"),
+        (lambda log: log, {"window": {"from_s": 90.0}}, LogError, "no samples between"),
+        (lambda log: log, {"model": {"order": 200}}, LogError, "give --order"),
+        (lambda log: log, {"method": "risro", "outputs": ["tas", "aoa"]}, ConfigError, "works on one output"),
+    ],
+)
+def test_refusals(flight, thesis, change, config, error, message):
+    with pytest.raises(error, match=message) as caught:
+        identify_faults(change(flight(1)), thesis, Config.model_validate(config))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_dictionary_without_a_live_entry_is_refused(flight):
+    late = load_dictionary({"channel": "tas", "atoms": [{"name": "late", "shape": "bias", "onset_s": 40.0}]})
+    with pytest.raises(DictionaryError, match="no live atom: 'late' starts at 40 s, after the window ends"):
+        identify_faults(flight(1), late, Config())
+
+
+def test_the_published_method_says_what_it_lacks(flight, thesis, faulty):
+    config = Config.model_validate({"method": "risro"})
+    result = identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0}), thesis, config)
+    assert result.solver.method == "risro"
+    assert not result.model.feedthrough
+    assert "no false-alarm rate" in result.notes[0]
+    assert "bias_13.8" in {fault.name for fault in result.faults}
+    assert all(np.isfinite([fault.magnitude, fault.sd]).all() for fault in result.faults)
+
+
+def test_the_published_threshold_decides_what_is_active(flight, thesis, faulty):
+    log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
+    strict, loose = (
+        identify_faults(log, thesis, Config.model_validate({"method": "risro", "selection": {"threshold": threshold}}))
+        for threshold in (0.9, 1e-6)
+    )
+    assert len(strict.faults) <= 1
+    assert len(loose.faults) == 7

@@ -121,11 +121,12 @@ def against_truth(
     for j, z, _ in matched:
         if j is not None:
             wanted[j] = wanted.get(j, 0.0) + z
+    wanted = {j: z for j, z in wanted.items() if z != 0.0}
     missed = [intake.names[j] for j in wanted if j not in active]
     missed += [name for j, _, name in matched if j is None]
     extra = tuple(intake.names[j] for j in active if j not in wanted)
     error = None
-    if any(wanted.values()) and all(j is not None for j, _, _ in matched):
+    if wanted and all(j is not None for j, _, _ in matched):
         everywhere = sorted(set(wanted) | set(active))
         difference = [active.get(j, 0.0) - wanted.get(j, 0.0) for j in everywhere]
         error = float(np.linalg.norm(difference) / np.linalg.norm(list(wanted.values())))
@@ -152,7 +153,7 @@ def _matched(intake: Intake, truth: Truth) -> list[tuple[int | None, float, str]
     found: list[tuple[int | None, float, str]] = []
     for fault in truth.faults:
         channel = intake.log.channel(fault.channel).name
-        signal = fault.magnitude * unit_signal(fault, time_s, window_start_s=float(time_s[0]))
+        signal = fault.magnitude * unit_signal(fault, time_s, window_start_s=intake.window_start_s)
         if not np.any(signal):
             continue
         name = fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}"

@@ -126,7 +126,7 @@ def climb(
     def sweep(kind: str, at: int) -> tuple[float, Pair]:
         if (kind, at) not in sweeps:
             pairs = limits.ends(at) if kind == "ends" else limits.starts(at)
-            sweeps[kind, at] = _best(scan, tables, pairs, finalists)
+            sweeps[kind, at] = _best(scan, tables, pairs, finalists=finalists)
         return sweeps[kind, at]
 
     tops = []
@@ -166,7 +166,7 @@ def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair) -> Spa
     )
 
 
-def _best(scan: Scan, tables: EndTables, pairs: IntArray, finalists: int) -> tuple[float, Pair]:
+def _best(scan: Scan, tables: EndTables, pairs: IntArray, *, finalists: int) -> tuple[float, Pair]:
     """Return statistic and pair of the best of pairs (2, n)."""
     statistic = screen_pairs(scan, tables, pairs)
     if finalists:

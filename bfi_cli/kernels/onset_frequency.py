@@ -1,13 +1,13 @@
 """A sine of unknown frequency, phase 0 at its onset (METHOD section 5, step 8).
 
 The statistic's peak over the frequency is about 1 / duration wide, so a grid of half of that over the record misses
-none. The grid is screened at one magnitude per onset; the best few peaks are then refined by halving the grid's step,
+none. The grid is screened at one magnitude per onset; its best few peaks are then refined by halving the grid's step,
 all onsets at each frequency, so that frequency and onset are found jointly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,10 +24,13 @@ __all__ = ["Tuned", "TunedSpan", "scan_frequency", "scan_frequency_ends"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+Top = tuple[float, Pair, float]
+Climbed = Callable[[float, Pair], tuple[float, Pair]]
 
 STEP = 0.5
-PEAKS = 4
-HALVINGS = 6
+PEAKS = 8
+FINAL_PEAKS = 3
+HALVINGS = (2, 9)
 ONSETS_PER_PERIOD = 6
 ENDS = 10
 RANKED = 64
@@ -89,7 +92,7 @@ def scan_frequency(scan: Scan, band: tuple[float, float], *, onsets: IntArray | 
 
     statistic = np.array([screened(f, onsets[:: _stride(f)]).max() for f in grid])
     everywhere = int(onsets[0]), scan.n_samples
-    _, frequency, _ = max(_refined(best, (grid[k], everywhere), grid) for k in peaks(statistic, PEAKS))
+    frequency, _ = _refined(best, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid)
     return Tuned(frequency=frequency, profile=profiled(frequency, onsets), frequencies=grid, statistic=statistic)
 
 
@@ -128,7 +131,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
 
     rough = [coarse(f) for f in grid]
     statistic = np.array([value for value, _ in rough])
-    _, frequency, pair = max(_refined(climbed, (grid[k], rough[k][1]), grid) for k in peaks(statistic, PEAKS))
+    frequency, pair = _refined(climbed, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)
     tables, limits = prepared(frequency)
     span = span_at(scan, tables, limits=limits, pair=pair)
     return TunedSpan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
@@ -145,16 +148,21 @@ def _stride(frequency: float) -> int:
     return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
 
 
-def _refined(
-    climbed: Callable[[float, Pair], tuple[float, Pair]], begin: tuple[float, Pair], grid: FloatArray
-) -> tuple[float, float, Pair]:
-    """Return the best statistic, its frequency and pair, by steps of half the last size within the grid's band."""
-    frequency, pair = begin
+def _refined(climbed: Climbed, begin: list[tuple[float, Pair]], grid: FloatArray) -> tuple[float, Pair]:
+    """Return the best frequency and its pair: a few halvings of the grid's step at every start, more at the best."""
     step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
-    value, pair = climbed(frequency, pair)
-    for _ in range(HALVINGS):
-        step /= 2.0
+    tops = [(*climbed(frequency, pair), frequency) for frequency, pair in begin]
+    for halvings in HALVINGS:
+        tops = [_halved(climbed, top, (step * 0.5**k for k in range(1, halvings + 1)), grid) for top in tops]
+        tops = sorted(tops, reverse=True)[:FINAL_PEAKS]
+        step *= 0.5**halvings
+    return float(tops[0][2]), tops[0][1]
+
+
+def _halved(climbed: Climbed, top: Top, steps: Iterable[float], grid: FloatArray) -> Top:
+    value, pair, frequency = top
+    for step in steps:
         for beside in (frequency - step, frequency + step):
             if grid[0] <= beside <= grid[-1] and (found := climbed(beside, pair))[0] > value:
                 (value, pair), frequency = found, beside
-    return value, float(frequency), pair
+    return value, pair, frequency

@@ -89,7 +89,7 @@ def scan_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> Profile:
     """Return the exact profile over the magnitude of pairs (2, n_pairs); its `onsets` are the starts."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
     found = in_blocks(scan, bound, lambda b: minimise(stack_pairs(scan, tables, pairs[:, b]), bound[b]))
-    return profile(scan, tables.waveform, pairs[0], found)
+    return profile(scan, tables.waveform, onsets=pairs[0], found=found)
 
 
 def screen_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> FloatArray:

@@ -164,7 +164,7 @@ def _step(z: FloatArray, bound: FloatArray, local: tuple[FloatArray, FloatArray,
     slope, curvature, radius = local
     bent = curvature > 0.0
     step = np.where(bent, -slope / np.where(bent, curvature, 1.0), -np.sign(slope) * radius)
-    return np.clip(z + np.clip(step, -radius, radius), -bound, bound) - z
+    return np.asarray(np.clip(z + np.clip(step, -radius, radius), -bound, bound) - z)
 
 
 def _at(stack: Pencil, z: FloatArray) -> FloatArray:

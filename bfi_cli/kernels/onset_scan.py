@@ -91,10 +91,10 @@ def scan_shape(
     else:
         bound = np.full(len(onsets), max_magnitude * waveform.unit)
     found = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]))
-    return profile(scan, waveform, onsets, found)
+    return profile(scan, waveform, onsets=onsets, found=found)
 
 
-def rss_at(scan: Scan, waveform: Waveform, onsets: IntArray, z: FloatArray) -> FloatArray:
+def rss_at(scan: Scan, waveform: Waveform, onsets: IntArray, *, z: FloatArray) -> FloatArray:
     """Return rss (n_onsets,) at given magnitudes (n_onsets,)."""
     _check(scan, waveform, onsets)
     stack = stack_onsets(scan, tabulate(scan, waveform.samples), onsets)
@@ -120,7 +120,7 @@ def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimu
     return Minimum(z=z, F=F, curvature=curvature)
 
 
-def profile(scan: Scan, waveform: Waveform, onsets: IntArray, found: Minimum) -> Profile:
+def profile(scan: Scan, waveform: Waveform, *, onsets: IntArray, found: Minimum) -> Profile:
     """Return minima in the units of a caller."""
     bent = np.where(found.curvature > 0.0, found.curvature, np.nan)
     return Profile(

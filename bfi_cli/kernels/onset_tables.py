@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 RANK_TOLERANCE = 1e-11
-FLOOR = 1e-8
+FLOOR = 1e-9
 SPARSE = 4
 
 
@@ -87,7 +87,7 @@ def prepare_scan(
     feedthrough : inputs act in the same sample too.
     channel : the output that may be faulty.
     floor : standard deviation of a white noise the outputs are taken to carry besides their own, in the units of y;
-        by default 1e-8 of each output's rms off the base. Without any, noise-free data divide zero by zero.
+        by default 1e-9 of each output's rms off the base. Without any, noise-free data divide zero by zero.
 
     Raises
     ------

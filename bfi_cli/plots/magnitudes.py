@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..wording import interval, number, quantity
+from ..wording import number, quantity
 from .style import BLUE, GREY, Look, page, plain, styled
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _write_numbers(axes: Axes, candidates: Sequence[Candidate]) -> None:
     axes.set(xlim=(0.0, 1.0), ylim=(_rows(candidates) - 0.5, -0.5))
     head = -0.5 - 0.1 / ROW_IN
     columns = (0.03, 0.66)
-    for x, title in zip(columns, ("magnitude [95 % interval]", "min. detectable"), strict=True):
+    for x, title in zip(columns, ("magnitude ± 95 % interval", "min. detectable"), strict=True):
         axes.text(x, head, title, va="bottom", color=GREY)
     for row, candidate in enumerate(candidates):
         look: Look = {"va": "center", "color": "black" if candidate.active else GREY}
@@ -103,5 +103,5 @@ def _estimate(candidate: Candidate) -> str:
     if candidate.magnitude is None:
         return "-"
     half = 1.96 * (candidate.sd or math.nan)
-    bounds = interval((candidate.magnitude - half, candidate.magnitude + half), joint=", ", extra=1)
-    return f"{number(candidate.magnitude, spread=half, extra=1)} [{bounds}] {candidate.unit}".rstrip()
+    spread = number(half, spread=half, extra=1)
+    return f"{number(candidate.magnitude, spread=half, extra=1)} ± {spread} {candidate.unit}".rstrip()

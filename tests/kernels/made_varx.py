@@ -13,7 +13,7 @@ RADIUS = 0.8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
-    """y = c + sum B_i u(k-i) + sum K_i y(k-i) + e: B (order + 1, n_y, n_u) from lag 0, K (order, n_y, n_y) from lag 1."""
+    """y = c + sum B_i u(k-i) + sum K_i y(k-i) + e: B (order + 1, n_y, n_u) from lag 0, K (order, n_y, n_y) from 1."""
 
     c: np.ndarray
     B: np.ndarray

@@ -142,7 +142,9 @@ def test_scaling_of_a_signal_scales_its_magnitude(noisy):
 
 def test_a_constant_added_to_outputs_or_signals_is_absorbed(noisy):
     u, y, theta, fit = noisy
-    same_answer(fit, fit_magnitudes(problem_of(u, y + [85.0, -3.0], theta + [[0.3], [-0.7]]), ATOMS))
+    same_answer(
+        fit, fit_magnitudes(problem_of(u, y + np.array([85.0, -3.0]), theta + np.array([[0.3], [-0.7]])), ATOMS)
+    )
 
 
 def test_permuting_the_atoms_permutes_the_magnitudes(noisy):

@@ -99,7 +99,7 @@ class OutputSeries:
     """One output over the analysed window, all (n_samples,) on `IdentifyResult.time_s`, absolute (not centred).
 
     `predicted` is the one-step prediction of the measurement; `fault_sd` the standard deviation of `fault`.
-    The first `order` samples of `predicted` and the prediction error are NaN.
+    The first samples of `predicted` and of the prediction error, as many as the largest order tried, are NaN.
     """
 
     channel: str

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from bfi_cli.commands import _run
+
+threadpool_limits(1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -33,7 +34,7 @@ def inject(log: FlightLog, faults: Sequence[Fault]) -> FlightLog:
 
 def _with_fault(log: FlightLog, fault: Fault) -> FlightLog:
     channel = log.channel(fault.channel)
-    fault = replace(fault, channel=channel.name)
+    fault = _from_onset(replace(fault, channel=channel.name), float(log.time_s[0]))
     added = fault.magnitude * unit_signal(fault, log.time_s, window_start_s=float(log.time_s[0]))
     if not np.any(added):
         raise DictionaryError(_never_active(log, fault))
@@ -42,6 +43,14 @@ def _with_fault(log: FlightLog, fault: Fault) -> FlightLog:
     faulty = replace(channel, values=frozen_array(channel.values + added))
     channels = {**log.channels, channel.name: faulty}
     return replace(log, channels=channels, truth=truth, sha256="", notes=(*log.notes, *_remarks(log, fault)))
+
+
+def _from_onset(fault: Fault, start_s: float) -> Fault:
+    """Count the phase from the onset, so that the truth stays true where the log is cut."""
+    if fault.phase_reference == "onset" or fault.frequency_hz is None:
+        return fault
+    phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
+    return replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
 
 
 def _remarks(log: FlightLog, fault: Fault) -> tuple[str, ...]:

@@ -84,7 +84,8 @@ def choose(study: Study, *, evidence: float, extended: bool, max_active: int | N
     problems = [study.problem(order) for order in study.orders]
     searches = search_orders(problems, candidates, penalty, max_active=max_active)
     answer = _answer(study, searches, penalty)
-    effective = max(effective_rows(answer.unfolded.error), 2.0 * answer.best.fit.n_parameters)
+    per_output = answer.best.fit.n_parameters / study.layout.y.shape[1]
+    effective = max(effective_rows(answer.unfolded.error), 2.0 * per_output)
     if effective >= study.n_rows:
         return answer
     penalty = replace(penalty, n_effective=effective)
@@ -162,7 +163,7 @@ def magnitudes(study: Study, answer: Answer, coarse: Study | None, overdispersio
         other = _averaged(coarse, scored, overdispersion)
         excess = (other.value - at.value) ** 2 - np.maximum(at.variance, other.variance)
         variance += RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
-    degrees = max(answer.penalty.n_effective - answer.best.fit.n_parameters, 2.0)
+    degrees = max(answer.penalty.n_effective - answer.best.fit.n_parameters / study.layout.y.shape[1], 2.0)
     wider = np.sqrt(variance / np.where(at.variance > 0, at.variance, 1.0))[list(answer.best.fit.atoms)]
     return Magnitudes(
         value=at.value,
@@ -181,7 +182,7 @@ def magnitudes_of(study: Study, scored: Scored, penalty: Penalty) -> Magnitudes:
         variance=at.variance,
         minimal_detectable=_deviations(penalty) * np.sqrt(at.variance),
         covariance=at.covariance,
-        degrees=max(study.n_rows - scored.fit.n_parameters, 2.0),
+        degrees=max(study.n_rows - scored.fit.n_parameters / study.layout.y.shape[1], 2.0),
     )
 
 
@@ -198,9 +199,11 @@ def _averaged(study: Study, fits: Sequence[Scored], overdispersion: FloatArray) 
     keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
     layers = {n: _one(study, fits[n].fit, overdispersion) for n in keep}
     value, _, cov = layers[best]
-    total = sum(weights[n] for n in keep)
-    variance = sum((weights[n] * (layers[n][1] + (layers[n][0] - value) ** 2) for n in keep), np.zeros(len(value)))
-    variance /= total
+    spread = np.array([layers[n][1] + (layers[n][0] - value) ** 2 for n in keep])
+    weight = weights[keep, None] * np.isfinite(spread)
+    total = weight.sum(axis=0)
+    variance = np.where(total > 0.0, np.nansum(weight * np.nan_to_num(spread), axis=0), np.nan)
+    variance /= np.where(total > 0.0, total, 1.0)
     active = list(fits[best].fit.atoms)
     own = np.diag(cov)
     wider = np.sqrt(variance[active] / np.where(own > 0.0, own, 1.0))

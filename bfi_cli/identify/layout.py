@@ -6,11 +6,11 @@ import numpy as np
 
 from ..config import Config
 from ..faults import magnitude_unit, physical
-from ..kernels.covariance import unfold
+from ..kernels.covariance import Unfolded, unfold
 from ..result import Candidate, Decision, FaultEstimate, IdentifyResult, LogSummary, ModelSummary
 from ..study import Intake, Study, lowpass_of
 from .found import Found, interval_quantile
-from .notes import blind, notes_of, slow_note
+from .notes import abrupt_note, blind, notes_of, slow_note
 from .series import Reconstruction, against_truth, output_series, residuals, true_faults
 
 __all__ = ["laid_out"]
@@ -18,7 +18,6 @@ __all__ = ["laid_out"]
 
 def laid_out(intake: Intake, study: Study, config: Config, found: Found) -> IdentifyResult:
     """Return the result of an identification."""
-    outputs = config.outputs
     atoms = found.scored.fit.atoms
     unfolded = unfold(study.layout, found.scored.fit)
     reconstruction = Reconstruction(
@@ -28,51 +27,58 @@ def laid_out(intake: Intake, study: Study, config: Config, found: Found) -> Iden
         unfolded=unfolded,
         plain=unfold(study.layout, found.plain.fit),
     )
-    true = true_faults(intake, lowpass_of(config), outputs)
-    series = output_series(intake, study, reconstruction, true, outputs)
+    true = true_faults(intake, lowpass_of(config), config.outputs)
+    series = output_series(intake, study, reconstruction, true, config.outputs)
     tests = residuals(study, series, found.scored.fit.order)
     decision, why = _decision(study, found)
-    warning = slow_note(intake, [study.live[j] for j in atoms])
-    slow = () if warning is None else (warning,)
+    warnings = (slow_note(intake, [study.live[j] for j in atoms]), *(abrupt_note(study, output) for output in series))
+    general = notes_of(intake, study, found.magnitudes, tests, unfolded.condition_number)
     conditioned = study.conditioned
     return IdentifyResult(
-        log=LogSummary(
-            path=intake.log.path,
-            rate_hz=conditioned.rate_hz,
-            n_samples=len(conditioned.time_s),
-            start_s=float(conditioned.time_s[0]),
-            stop_s=float(conditioned.time_s[-1]),
-            native_rate_hz=intake.native_rate_hz,
-        ),
+        log=_log_summary(intake, study),
         decision=decision,
         faults=_estimates(intake, study, found),
         candidates=_candidates(intake, study, found),
-        model=ModelSummary(
-            order=found.scored.fit.order,
-            rate_hz=conditioned.rate_hz,
-            feedthrough=study.layout.feedthrough,
-            inputs=config.inputs,
-            outputs=outputs,
-            noise_sd={
-                name: float(np.sqrt(np.mean(unfolded.error[:, i] ** 2)) * study.unit[i])
-                for i, name in enumerate(outputs)
-            },
-            orders=found.orders,
-            criterion_no_fault=found.criterion_no_fault,
-            criterion_best=found.criterion_best,
-        ),
+        model=_model_summary(study, config, found, unfolded),
         vaf_output={
             name: float(100.0 * (1.0 - np.var(unfolded.error[:, i]) / np.var(study.layout.y[study.layout.first :, i])))
-            for i, name in enumerate(outputs)
+            for i, name in enumerate(config.outputs)
         },
         solver=found.solver,
-        notes=(*why, *found.notes, *slow, *notes_of(intake, study, found.magnitudes, tests, unfolded.condition_number)),
+        notes=(*why, *found.notes, *(note for note in warnings if note is not None), *general),
         time_s=conditioned.time_s,
         inputs={name: conditioned.u[:, i] for i, name in enumerate(config.inputs)},
         input_units={name: intake.log.channel(name).unit for name in config.inputs},
         outputs=series,
         residuals=tests,
         truth=against_truth(intake, study, reconstruction, series),
+    )
+
+
+def _log_summary(intake: Intake, study: Study) -> LogSummary:
+    time_s = study.conditioned.time_s
+    return LogSummary(
+        path=intake.log.path,
+        rate_hz=study.conditioned.rate_hz,
+        n_samples=len(time_s),
+        start_s=float(time_s[0]),
+        stop_s=float(time_s[-1]),
+        native_rate_hz=intake.native_rate_hz,
+    )
+
+
+def _model_summary(study: Study, config: Config, found: Found, unfolded: Unfolded) -> ModelSummary:
+    sd = np.sqrt(np.mean(unfolded.error**2, axis=0)) * study.unit
+    return ModelSummary(
+        order=found.scored.fit.order,
+        rate_hz=study.conditioned.rate_hz,
+        feedthrough=study.layout.feedthrough,
+        inputs=config.inputs,
+        outputs=config.outputs,
+        noise_sd={name: float(sd[i]) for i, name in enumerate(config.outputs)},
+        orders=found.orders,
+        criterion_no_fault=found.criterion_no_fault,
+        criterion_best=found.criterion_best,
     )
 
 

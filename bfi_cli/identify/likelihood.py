@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +110,6 @@ def _coarse(intake: Intake, study: Study, config: Config) -> Study | None:
         return None
     try:
         conditioned = condition(intake.record, 2 * intake.choice.factor, lowpass_of(config))
-        coarse = study_of(intake.log.path, conditioned, study.live, config, orders=study.orders)
+        return study_of(intake.log.path, conditioned, study.live, config, orders=study.orders)
     except LogError:
         return None
-    return replace(coarse, floor=study.floor)

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.selection import Scored
-from ..result import ResidualSummary
+from ..kernels.whiteness import exceedances
+from ..result import OutputSeries, ResidualSummary
 from ..study import Intake, Study
 from .estimation import Answer, Magnitudes
 
-__all__ = ["STRONG", "blind", "near_miss_note", "notes_of", "rate_note", "rivals", "slow_note"]
+__all__ = ["STRONG", "abrupt_note", "blind", "near_miss_note", "notes_of", "rate_note", "rivals", "slow_note"]
 
 FloatArray = NDArray[np.float64]
 
@@ -104,6 +105,19 @@ def notes_of(
         if each.ljung_box_p < WHITE_P
     ]
     return notes
+
+
+def abrupt_note(study: Study, output: OutputSeries) -> str | None:
+    """Say where the prediction error of the answer still jumps: something abrupt is there that the answer lacks."""
+    first = study.layout.first
+    times = study.conditioned.time_s[first:][exceedances(output.prediction_error[first:])]
+    if not times.size:
+        return None
+    shown = ", ".join(f"{t:.4g}" for t in times[:MOST_NAMED])
+    return (
+        f"the prediction error of '{output.channel}' still exceeds five standard deviations {times.size} times "
+        f"(first at {shown} s): something abrupt there that the dictionary does not hold, or gusts"
+    )
 
 
 def slow_note(intake: Intake, entries: Sequence[int]) -> str | None:

@@ -38,14 +38,14 @@ class _Published:
     z : (n_live,) magnitudes in SI.
     active : live atoms with |z| / norm(z) above the threshold (section 5-1 of the thesis).
     whole : the likelihood's fit on all atoms at RISRO's solution, for variances.
-    scored : fit on the active atoms per order.
+    scored : fit on the active atoms at the same order.
     """
 
     solution: VarxSolution
     z: FloatArray
     active: tuple[int, ...]
     whole: Scored
-    scored: tuple[Scored, ...]
+    scored: Scored
     penalty: Penalty
 
 
@@ -74,16 +74,13 @@ def _run(study: Study, config: Config) -> _Published:
     above = (np.abs(z) > threshold * largest) & (np.abs(solution.z) > ZERO)
     active = tuple(int(j) for j in np.flatnonzero(above))
     whole = fit_magnitudes(study.problem(order), range(n_live), solution.z, max_iterations=1)
-    scored = []
-    for each in study.orders:
-        fit = fit_magnitudes(study.problem(each), active, runs[each].z[list(active)])
-        scored.append(Scored(criterion=penalty.criterion(fit), fit=fit))
+    fit = fit_magnitudes(study.problem(order), active, solution.z[list(active)])
     return _Published(
         solution=solution,
         z=z,
         active=active,
         whole=Scored(criterion=costs[order], fit=whole),
-        scored=tuple(scored),
+        scored=Scored(criterion=penalty.criterion(fit), fit=fit),
         penalty=penalty,
     )
 
@@ -113,7 +110,6 @@ def by_published(study: Study, config: Config) -> Found:
     ConfigError : several outputs.
     """
     run = _run(study, config)
-    best = min(run.scored, key=lambda scored: scored.criterion)
     whole = magnitudes_of(study, run.whole, run.penalty)
     active = list(run.active)
     value = whole.value.copy()
@@ -133,7 +129,7 @@ def by_published(study: Study, config: Config) -> Found:
         )
     plain = choose(study, evidence=0.0, extended=True, max_active=0).best
     return Found(
-        scored=best,
+        scored=run.scored,
         plain=plain,
         magnitudes=estimates,
         orders=(),

@@ -165,7 +165,9 @@ def _closest(intake: Intake, channel: str, signal: FloatArray) -> tuple[int | No
     for j, fault in enumerate(intake.faults):
         if fault.channel != channel or j in intake.reasons:
             continue
-        atom = intake.record.theta[:, :, j].sum(axis=1)
+        atom = unit_signal(fault, intake.record.time_s, window_start_s=intake.window_start_s)
+        if not np.any(atom):
+            continue
         z = float(atom @ signal) / float(atom @ atom)
         if np.linalg.norm(signal - z * atom) <= SAME_SIGNAL * np.linalg.norm(signal):
             return j, z

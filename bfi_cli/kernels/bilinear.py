@@ -25,6 +25,7 @@ IntArray = NDArray[np.intp]
 
 RANK_TOLERANCE = 1e-11
 HALVINGS = 12
+SETTLED = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,6 +146,8 @@ def fit_magnitudes(
         step = _least_squares(G, e)
         trial, z_new = _line_search(problem, theta, scatter, (z, step, at))
         if trial is None:
+            settled = float(np.sum((G @ step) ** 2)) < SETTLED * problem.n_rows
+            termination = Termination.CONVERGED if settled else Termination.STAGNATED
             break
         fall = at.log_det - trial.log_det
         z, at = z_new, trial
@@ -165,19 +168,24 @@ def fit_magnitudes(
     )
 
 
-def relaxed(problem: Bilinear, atoms: Sequence[int], z: FloatArray, extra: int) -> tuple[float, float]:
-    """Free the lagged coefficients of atom `extra` (the bilinear constraint dropped), the others held at z.
+def relaxed(problem: Bilinear, base: Fit | None, extra: int) -> tuple[float, float]:
+    """Free the lagged coefficients of atom `extra`: the bilinear constraint dropped.
+
+    The atoms of `base` may move along their filtered signatures, so with a support the value is a guide rather than a
+    strict bound; without one it bounds every magnitude of `extra`.
 
     Returns
     -------
-    log_det : a lower bound of what any magnitude of `extra` can reach at these z.
-    magnitude : its coefficient at lag 0, a start for `fit_magnitudes`.
+    log_det : what the freed problem reaches.
+    magnitude : the coefficient of `extra` at lag 0, a start for `fit_magnitudes`.
     """
-    theta, scatter = _support(problem, tuple(atoms))
+    theta, scatter = _support(problem, base.atoms if base else ())
+    z = base.z if base else np.zeros(0)
     corrected = problem.y - theta @ (scatter @ z)
     own, place = _support(problem, (extra,))
     n = len(corrected)
-    regressors = np.hstack([corrected[:, 1:].reshape(n, -1), own.reshape(n, -1)])
+    moves = _signatures(theta, scatter, base.K).reshape(n, -1) if base and base.atoms else np.zeros((n, 0))
+    regressors = np.hstack([corrected[:, 1:].reshape(n, -1), own.reshape(n, -1), moves])
     Q, _, K = _regress(regressors, corrected[:, 0])
     error = corrected[:, 0] - Q @ (Q.T @ corrected[:, 0])
     _, log_det = _root(error, problem)
@@ -231,14 +239,18 @@ def _whitened(
 ) -> tuple[FloatArray, FloatArray]:
     """Filtered signatures off the regressors and the prediction error, both whitened, outputs stacked."""
     n, n_y = len(theta), problem.n_outputs
-    place = scatter.sum(axis=2)
-    response = at.K @ place.T
-    signature = theta[:, 0, None, :] * place.T - np.einsum("nls,los->nos", theta[:, 1:], response)
-    G = signature @ scatter.sum(axis=1)
+    G = _signatures(theta, scatter, at.K)
     G -= (at.Q @ (at.Q.T @ G.reshape(n, -1))).reshape(G.shape)
     stacked = np.concatenate([G, at.error[:, :, None]], axis=2).transpose(1, 0, 2).reshape(n_y, -1)
     white = _forward_substitute(at.root, stacked).reshape(n_y * n, -1)
     return white[:, :-1], white[:, -1]
+
+
+def _signatures(theta: FloatArray, scatter: FloatArray, K: FloatArray) -> FloatArray:
+    """Return (m, n_outputs, n_active) signals filtered by the predictor: theta(k) - sum K_i theta(k - i)."""
+    place = scatter.sum(axis=2)
+    filtered = theta[:, 0, None, :] * place.T - np.einsum("nls,los->nos", theta[:, 1:], K @ place.T)
+    return np.asarray(filtered @ scatter.sum(axis=1))
 
 
 def _forward_substitute(root: FloatArray, B: FloatArray) -> FloatArray:

@@ -36,7 +36,7 @@ class Lowpass:
 SHARP = Lowpass(half_width=8, cutoff=0.8)
 # Half the power at the new Nyquist frequency, so that white noise stays white after the decimation: an empty band below
 # Nyquist lets a VARX predict its own noise, which costs order and hides faults. Short, so that few samples are lost.
-WHITE = Lowpass(half_width=2, cutoff=1.0)
+WHITE = Lowpass(half_width=2, cutoff=1.2)
 
 
 def lowpass_taps(factor: int, lowpass: Lowpass = SHARP) -> FloatArray:

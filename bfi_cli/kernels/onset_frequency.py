@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .onset_ends import Limits, Pair, Span, climb, pair_limits, peaks, span_at, spread
 from .onset_pairs import EndTables, screen_pairs, tabulate_ends
 from .onset_profile import screen
-from .onset_scan import ENDING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from .onset_scan import ENDING, STARTING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from .onset_shapes import sine
 from .onset_tables import Scan, tabulate
 
@@ -102,14 +102,15 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
     Parameters
     ----------
     scan : from `prepare_scan`.
-    band : lowest and highest frequency, cycles per sample, within 0..0.5.
+    band : lowest and highest frequency, cycles per sample, within 0..0.5; frequencies too low for the record are cut.
     min_cycles : periods between start and end, at least.
 
     Raises
     ------
-    ValueError : the band is empty, or the record too short for that many periods of its lowest frequency.
+    ValueError : the band is empty, or the record too short for that many periods of its highest frequency.
     """
-    grid = _grid(scan, band)
+    room = scan.n_samples - (STARTING + ENDING) * scan.order - 1
+    grid = _grid(scan, (max(band[0], min_cycles / room) if band[0] > 0.0 < room else band[0], band[1]))
 
     def prepared(frequency: float) -> tuple[EndTables, Limits]:
         waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)

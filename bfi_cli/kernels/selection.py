@@ -104,7 +104,7 @@ def search_orders(
     for visits, own in zip(every, leaders, strict=True):
         for leader in leaders:
             if leader is not own and leader.atoms:
-                _backward(visits, visits.visit(leader.atoms, [leader.z]))
+                _backward(visits, visits.visit(leader.atoms, [leader.z]), visits.limit)
     return tuple(visits.search() for visits in every)
 
 
@@ -112,9 +112,10 @@ def _explore(visits: _Visits, candidates: Sequence[int], max_active: int | None)
     room = _room(visits.problem, visits.penalty.n_rows)
     limit = min(len(candidates) if max_active is None else max_active, len(candidates), room)
     forward = _forward(visits, candidates, limit)
-    if limit == len(candidates) <= BACKWARD_LIMIT:
-        _backward(visits, visits.full(tuple(candidates)))
-    _backward(visits, forward)
+    if len(candidates) <= min(BACKWARD_LIMIT, room):
+        _backward(visits, visits.full(tuple(candidates)), limit)
+    _backward(visits, forward, limit)
+    visits.limit = limit
 
 
 def _room(problem: Bilinear, n_rows: int) -> int:
@@ -128,11 +129,13 @@ class _Visits:
     def __init__(self, problem: Bilinear, penalty: Penalty) -> None:
         self.problem = problem
         self.penalty = penalty
+        self.limit = 0
         self.scored: dict[tuple[int, ...], Scored] = {}
 
     def search(self) -> Search:
-        """Return what was visited."""
-        return Search(order=self.problem.order, visited=tuple(self.scored.values()))
+        """Return what was visited within the limit on the number of active atoms."""
+        allowed = (scored for scored in self.scored.values() if len(scored.fit.atoms) <= self.limit)
+        return Search(order=self.problem.order, visited=tuple(allowed))
 
     def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> Scored:
         """Fit a support (ascending) from several starts."""
@@ -156,7 +159,7 @@ class _Visits:
 
     def full(self, atoms: tuple[int, ...]) -> Scored:
         """Fit all atoms at once, from zero and from the magnitudes of the relaxed problem."""
-        guess = [relaxed(self.problem, (), np.zeros(0), atom)[1] for atom in atoms]
+        guess = [relaxed(self.problem, None, atom)[1] for atom in atoms]
         return self.visit(atoms, [np.zeros(len(atoms)), guess])
 
 
@@ -171,10 +174,8 @@ def _forward(visits: _Visits, candidates: Sequence[int], limit: int) -> Scored:
 
 
 def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> Scored:
-    """Return the best single addition; the relaxed fit bounds each from below, so most are never fitted."""
-    bounds = [
-        (*relaxed(visits.problem, base.atoms, base.z, atom), atom) for atom in candidates if atom not in base.atoms
-    ]
+    """Return the best single addition; atoms whose relaxed fit is worse than the best found are not fitted."""
+    bounds = [(*relaxed(visits.problem, base, atom), atom) for atom in candidates if atom not in base.atoms]
     best: Scored | None = None
     for bound, magnitude, atom in sorted(bounds):
         if best is not None and bound > best.fit.log_det + MARGIN:
@@ -186,11 +187,11 @@ def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> Sco
     return best
 
 
-def _backward(visits: _Visits, start: Scored) -> None:
+def _backward(visits: _Visits, start: Scored, limit: int) -> None:
     current, since = start, 0
     best = start.criterion
-    while current.fit.atoms and since < PATIENCE:
+    while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > limit):
         base = current.fit
         current = min((visits.drop(base, atom) for atom in base.atoms), key=lambda scored: scored.criterion)
         since = 0 if current.criterion < best else since + 1
-        best = min(best, current.criterion)
+        best = min(best, current.criterion) if len(current.fit.atoms) <= limit else current.criterion

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.quality import hold_of
+from ..flightlog.record import Channel, frozen_array
 from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, Lowpass
 from .scaled import left_out
@@ -27,6 +28,7 @@ STILL_ANGLE = 5e-4
 STILL_RELATIVE = 1e-6
 SMALLEST = 1e-30
 SAME = 1e-3
+PASSENGER = "dictionary "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,8 +72,6 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
     part = log.window(config.window.from_s, config.window.to_s)
     window_start_s = float(part.time_s[0])
     native_rate_hz = part.rate_hz
-    part = _at_usable_rate(log, part, config)
-    _require_movement(part, config)
     faults = dictionary.resolved(window_start_s)
     names = tuple(fault.name or fault.shape for fault in faults)
     stop_s = float(part.time_s[-1]) + 1.0 / part.rate_hz
@@ -80,10 +80,15 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
         for j, fault in enumerate(faults)
         if (reason := dead_reason(fault, window_start_s, stop_s, outputs=config.outputs)) is not None
     }
-    record = _record(part, config, faults, reasons, window_start_s)
-    wanted = [faults[j] for j in range(len(faults)) if j not in reasons]
+    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons}
+    if _reached_by_decimation(part, config):
+        theta = _signals(part.time_s, seen, config, window_start_s)
+    else:
+        part, theta = _resampled(log, seen, config, window_start_s)
+    _require_movement(part, config)
+    record = _record(part, config, np.insert(theta, _gaps(reasons), 0.0, axis=2))
     exact = is_exact(record)
-    choice = _choice(record, wanted, config.conditioning.rate_hz, exact=exact)
+    choice = _choice(record, list(seen.values()), config.conditioning.rate_hz, exact=exact)
     conditioned = condition(record, choice.factor, lowpass_of(config))
     reasons |= left_out(conditioned, names, [j for j in range(len(faults)) if j not in reasons])
     live = tuple(j for j in range(len(faults)) if j not in reasons)
@@ -111,20 +116,48 @@ def lowpass_of(config: Config) -> Lowpass:
     return Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=config.conditioning.filter)
 
 
-def _at_usable_rate(log: FlightLog, part: FlightLog, config: Config) -> FlightLog:
-    """Return the window as it is, or resampled where the rate asked for cannot be reached by decimation."""
+def _reached_by_decimation(part: FlightLog, config: Config) -> bool:
+    """Say whether the window can be analysed as it is, decimated or not; otherwise it has to be resampled."""
     names = [*config.inputs, *config.outputs]
     rate = config.conditioning.rate_hz
     require_usable(part, names, resampling=isinstance(rate, float))
     if not isinstance(rate, float):
-        return part
+        return True
     ratio = part.rate_hz / rate
     whole = ratio > 1.0 - SAME and abs(ratio - round(ratio)) < SAME * ratio
-    if whole and is_uniform(part.time_s) and not any(hold_of(part, part.channel(n).values) for n in names):
-        return part
-    resampled = resample(log, rate, from_s=config.window.from_s, to_s=config.window.to_s)
-    require_usable(resampled, names)
-    return resampled
+    return whole and is_uniform(part.time_s) and not any(hold_of(part, part.channel(n).values) for n in names)
+
+
+def _resampled(
+    log: FlightLog, faults: Mapping[int, Fault], config: Config, window_start_s: float
+) -> tuple[FlightLog, FloatArray]:
+    """Resample the window and, as channels of it, the dictionary: both must pass the same filter."""
+    rate = config.conditioning.rate_hz
+    assert isinstance(rate, float)
+    raw = _signals(log.time_s, faults, config, window_start_s)
+    places = [(i, j) for i in range(raw.shape[1]) for j in range(raw.shape[2]) if np.any(raw[:, i, j])]
+    passengers = {
+        f"{PASSENGER}{i} {j}": Channel(name="", values=frozen_array(raw[:, i, j]), unit="", source="")
+        for i, j in places
+    }
+    loaded = replace(log, channels={**log.channels, **passengers})
+    resampled = resample(loaded, rate, from_s=config.window.from_s, to_s=config.window.to_s)
+    theta = np.zeros((resampled.n_samples, *raw.shape[1:]))
+    for i, j in places:
+        theta[:, i, j] = resampled.channels[f"{PASSENGER}{i} {j}"].values
+    channels = {name: channel for name, channel in resampled.channels.items() if not name.startswith(PASSENGER)}
+    analysed = replace(resampled, channels=channels)
+    require_usable(analysed, [*config.inputs, *config.outputs])
+    return analysed, theta
+
+
+def _signals(time_s: FloatArray, faults: Mapping[int, Fault], config: Config, window_start_s: float) -> FloatArray:
+    return signals(list(faults.values()), time_s, list(config.outputs), window_start_s=window_start_s)
+
+
+def _gaps(reasons: Mapping[int, str]) -> list[int]:
+    """Where `np.insert` puts the columns of the entries left out."""
+    return [j - n for n, j in enumerate(sorted(reasons))]
 
 
 def _require_movement(log: FlightLog, config: Config) -> None:
@@ -153,14 +186,7 @@ def _is_still(log: FlightLog, name: str) -> bool:
     return moved <= max(STILL_RELATIVE * float(np.max(np.abs(channel.values))), SMALLEST)
 
 
-def _record(
-    log: FlightLog, config: Config, faults: Sequence[Fault], reasons: Mapping[int, str], window_start_s: float
-) -> Record:
-    theta = np.zeros((log.n_samples, len(config.outputs), len(faults)))
-    seen = [j for j in range(len(faults)) if j not in reasons]
-    theta[:, :, seen] = signals(
-        [faults[j] for j in seen], log.time_s, list(config.outputs), window_start_s=window_start_s
-    )
+def _record(log: FlightLog, config: Config, theta: FloatArray) -> Record:
     return Record(
         path=log.path,
         rate_hz=log.rate_hz,

@@ -80,8 +80,8 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
                 "onset_s": 1.0,
                 "offset_s": 2.0,
                 "frequency_hz": 1.15,
-                "phase_rad": 0.0,
-                "phase_reference": "window",
+                "phase_rad": pytest.approx(2.0 * np.pi * (1.15 % 1.0)),
+                "phase_reference": "onset",
             }
         ]
     }

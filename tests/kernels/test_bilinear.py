@@ -177,14 +177,15 @@ def test_two_sensors_of_one_fault_add_their_information():
 @given(seed=st.integers(0, 50), m=st.floats(-30, 30), n_y=st.sampled_from([1, 2]), base=st.sampled_from([(), (0,)]))
 def test_relaxed_fit_is_never_worse_than_any_magnitude(seed, m, n_y, base):
     u, y, theta, _ = faulty(seed, n=80, n_y=n_y, noise_sd=0.5)
-    problem, z = problem_of(u, y, theta), np.full(len(base), 1.5)
-    bound, _ = relaxed(problem, base, z, 2)
-    assert bound <= log_det_at(problem, (*base, 2), [*z, m]) + 1e-10
+    problem = problem_of(u, y, theta)
+    fit = fit_magnitudes(problem, base)
+    bound, _ = relaxed(problem, fit, 2)
+    assert bound <= log_det_at(problem, (*base, 2), [*fit.z, m]) + 1e-10
 
 
 def test_relaxed_magnitude_is_exact_without_noise():
     u, y, theta, _ = faulty(7, z=(0.0, 3.0, 0.0))
-    bound, magnitude = relaxed(problem_of(u, y, theta), (), np.zeros(0), 1)
+    bound, magnitude = relaxed(problem_of(u, y, theta), None, 1)
     assert magnitude == pytest.approx(3.0, rel=1e-8)
     assert bound < np.log(1e-20)
 
@@ -197,7 +198,7 @@ def test_large_faults_are_found_from_the_relaxed_start(atom, magnitude):
     for seed in range(4):
         u, y, theta, _ = faulty(seed, z=z, noise_sd=0.1)
         problem = problem_of(u, y, theta)
-        start = relaxed(problem, (), np.zeros(0), atom)[1]
+        start = relaxed(problem, None, atom)[1]
         fit = fit_magnitudes(problem, (atom,), np.array([start]))
         assert abs(fit.z[0] - magnitude) < 5.0 / np.sqrt(fit.information[0, 0])
 

@@ -70,7 +70,7 @@ def test_a_clear_fault_is_found_from_start_to_end(name, order):
 
 
 def suboptimal(seed):
-    """Return whether the scan of every pair beats the search, in a random record of 240 samples with or without fault."""
+    """Return whether the scan of every pair beats the search, in a random record with or without a fault."""
     rng = np.random.default_rng(seed)
     n, order = 240, int(rng.choice([2, 4]))
     u, y = random_record(n, rng)
@@ -131,6 +131,14 @@ def test_frequency_start_and_end_are_found_together():
     assert abs(found.span.end - 121) <= 1
     assert found.frequency == pytest.approx(0.11, abs=0.1 / 41)
     assert found.span.statistic > scan_ends(scan, waveform).statistic - 0.5
+
+
+def test_frequencies_that_do_not_fit_the_record_are_cut():
+    u, y = record(150)
+    y[:, 0] += 0.8 * signal(onset_shapes.sine(150, angle=2 * np.pi * 0.11), 50, 91)
+    found = scan_frequency_ends(prepare_scan(u, y, order=4), (1 / 150, 0.15), min_cycles=3.0)
+    assert found.frequencies[0] == pytest.approx(3.0 / (150 - 5 * 4 - 1))
+    assert found.span.end - found.span.start >= 3.0 / found.frequency
 
 
 @pytest.mark.parametrize("band", [(0.0, 0.1), (0.2, 0.1), (0.1, 0.6)])

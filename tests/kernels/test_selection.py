@@ -36,7 +36,7 @@ def search_order(problem, candidates, penalty, **limits) -> Search:
 
 
 def start_of(problem, atoms) -> np.ndarray:
-    return np.array([relaxed(problem, (), np.zeros(0), atom)[1] for atom in atoms])
+    return np.array([relaxed(problem, None, atom)[1] for atom in atoms])
 
 
 @pytest.mark.parametrize("seed", range(8))

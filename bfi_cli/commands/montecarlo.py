@@ -1,0 +1,140 @@
+"""`bfi montecarlo`: sweeps of many trials, rates with intervals, tables, figures."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import json_option, tell
+
+if TYPE_CHECKING:
+    from ..montecarlo import Summary, Sweep
+    from ..montecarlo.row import Row
+    from ..result import Provenance
+
+__all__ = ["command"]
+
+
+@click.command("montecarlo")
+@click.option("-c", "--config", "config_path", metavar="CONFIG", required=True, help="YAML file of the sweep.")
+@click.option("--trials", type=click.IntRange(min=1), metavar="N", help="Per scenario.  [default: of CONFIG, or 100]")
+@click.option(
+    "--seed", type=click.IntRange(min=0), metavar="N", help="Of all random numbers.  [default: of CONFIG, or 0]"
+)
+@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: 1]")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the trials.")
+@click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write trials, summary and figures.")
+@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@json_option
+def command(config_path: str, out: Path | None, **options: Any) -> None:
+    """Add known faults to a record many times, identify them, and count how often the answer is right.
+
+    CONFIG names the record, the dictionary and what varies; configs/montecarlo_thesis.yaml is an example. The numbers
+    are the same for any number of workers, and for a sweep that was stopped and continued.
+    """
+    from ..montecarlo import check_records, digest_of, load_sweep, summarise, summary_document
+
+    if options["workers"] is not None and options["scheduler"] is not None:
+        raise click.UsageError("--workers and --scheduler exclude each other; keep one")
+    if options["resume"] and out is None:
+        raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
+    sweep = load_sweep(config_path, trials=options["trials"], seed=options["seed"])
+    records = check_records(sweep)
+    digest = digest_of(sweep, records)
+    with _progress(sweep.n_trials * len(sweep.scenarios), wanted=options["progress"]) as report:
+        done, journal = _run(sweep, out, digest, options, report)
+    summary = summarise(sweep, done)
+    origin = _origin(sweep, records)
+    document = summary_document(summary, origin, digest=digest)
+    if out is not None:
+        from ..output import replace_files
+
+        replace_files(_files(summary, done, document), out)
+        journal.remove()
+        tell(f"wrote {out / 'summary.json'}")
+    _show(summary, document, as_json=options["as_json"])
+
+
+def _run(
+    sweep: Sweep, out: Path | None, digest: str, options: dict[str, Any], report: Callable[[int], None]
+) -> tuple[list[tuple[Row, float]], Any]:
+    from ..montecarlo import Journal, run_sweep
+
+    opened = nullcontext() if out is None else Journal(out, sweep, digest=digest, resume=options["resume"])
+    with opened as journal:
+        try:
+            done = run_sweep(
+                sweep,
+                journal=journal,
+                workers=options["workers"] or 1,
+                scheduler=options["scheduler"],
+                report=report,
+            )
+        except KeyboardInterrupt:
+            if out is not None:
+                tell(f"stopped; bfi montecarlo -c {sweep.path} --out {out} --resume continues")
+            raise
+    return done, journal
+
+
+@contextmanager
+def _progress(total: int, *, wanted: bool | None) -> Iterator[Callable[[int], None]]:
+    """Yield what is told the number of trials done."""
+    if not (sys.stderr.isatty() if wanted is None else wanted):
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("trials"), BarColumn(), MofNCompleteColumn(), TextColumn("left"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("trials", total=total)
+        yield lambda count: bar.update(task, completed=count)
+
+
+def _origin(sweep: Sweep, records: dict[str, str]) -> Provenance:
+    from ..provenance import provenance
+
+    dictionaries = sorted({scenario.setting.dictionary.sha256 for scenario in sweep.scenarios})
+    return provenance(
+        log_sha256=" ".join(records.values()),
+        config_sha256=sweep.sha256,
+        dictionary_sha256=" ".join(dictionaries),
+        seed=sweep.seed,
+    )
+
+
+def _files(summary: Summary, done: list[tuple[Row, float]], document: dict[str, Any]) -> dict[str, bytes]:
+    from ..montecarlo.journal import TIMING_COLUMNS, timing_cells
+    from ..montecarlo.row import COLUMNS, csv_text
+    from ..plots.montecarlo import MONTECARLO_FIGURES
+    from ..plots.style import to_png, to_svg
+    from ..serialize import to_json
+
+    files = {
+        "trials.csv": csv_text([COLUMNS, *(row.cells() for row, _ in done)]).encode(),
+        "timings.csv": csv_text([TIMING_COLUMNS, *(timing_cells(*pair) for pair in done)]).encode(),
+    }
+    for name, plot in MONTECARLO_FIGURES.items():
+        figure = plot(summary)
+        files |= {f"{name}.svg": to_svg(figure), f"{name}.png": to_png(figure)}
+    return {**files, "summary.json": to_json(document).encode() + b"\n"}
+
+
+def _show(summary: Summary, document: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        from ..serialize import to_json
+
+        click.echo(to_json(document))
+        return
+    from rich.console import Console
+
+    from ..montecarlo.table import print_summary
+
+    print_summary(Console(highlight=False), summary)

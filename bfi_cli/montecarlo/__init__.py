@@ -1,0 +1,24 @@
+"""Monte Carlo sweeps: known faults on a record, drawn many times, identified, counted.
+
+`definition` is a sweep's YAML, `scenarios` what it means, `trial` one draw, `summary` what all of them say.
+"""
+
+from .journal import Journal
+from .running import check_records, digest_of, run_sweep
+from .scenarios import Sweep, load_sweep
+from .summary import Summary, summarise, summary_document, wilson
+from .trial import run_trial
+
+__all__ = [
+    "Journal",
+    "Summary",
+    "Sweep",
+    "check_records",
+    "digest_of",
+    "load_sweep",
+    "run_sweep",
+    "run_trial",
+    "summarise",
+    "summary_document",
+    "wilson",
+]

@@ -1,0 +1,157 @@
+"""A sweep as it is written in YAML: a record, noise, a dictionary, and what varies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo, model_validator
+
+from ..aircraft import MANOEUVRES, MODELS
+from ..config import Config, DictionarySource, Natural
+from ..dictionary.validation import Number, Positive, Rules, Text, Whole
+from ..faults import did_you_mean
+
+__all__ = ["FlownModel", "RecordedLog", "SweepRules"]
+
+
+def _listed(value: object) -> object:
+    """One value stands for a list of it."""
+    return value if isinstance(value, list | tuple) else (value,)
+
+
+def _mapping_or_list(value: object) -> str:
+    return "<mapping>" if isinstance(value, Mapping | Span) else "<list>"
+
+
+def _log_or_model(value: object) -> str:
+    if isinstance(value, Mapping):
+        return "<log>" if "log" in value else "<model>"
+    return "<log>" if isinstance(value, RecordedLog) else "<model>"
+
+
+def _beside_sweep(path: str, info: ValidationInfo) -> str:
+    return str((Path((info.context or {}).get("folder", "")) / path).resolve())
+
+
+def _known_model(name: str) -> str:
+    if name not in MODELS:
+        raise ValueError(f"no such model, got '{name}'{did_you_mean(name, tuple(MODELS))}")
+    return name
+
+
+def _known_manoeuvre(name: str) -> str:
+    if name not in MANOEUVRES:
+        raise ValueError(f"no such manoeuvre, got '{name}'{did_you_mean(name, tuple(MANOEUVRES))}")
+    return name
+
+
+def _no_zero(values: tuple[float, ...]) -> tuple[float, ...]:
+    if 0 in values:
+        raise ValueError("0 is no fault; leave it out, or add 0 to active")
+    return values
+
+
+NotNegative = Annotated[Number, Field(ge=0)]
+Count = Annotated[Whole, Field(ge=0)]
+
+
+class Span(Rules):
+    """All whole numbers from low to high, both included."""
+
+    low: Whole
+    high: Whole
+
+    @model_validator(mode="after")
+    def _is_not_empty(self) -> Span:
+        if self.high < self.low:
+            raise ValueError(f"high must be at least low ({self.low}), got {self.high}")
+        _no_zero(tuple(range(self.low, self.high + 1)))
+        return self
+
+
+class FlownModel(Rules):
+    """A simulated flight, as `bfi simulate` makes it; gusts are drawn anew in every trial."""
+
+    model: Annotated[Text, AfterValidator(_known_model)]
+    """citation, citation-short-period."""
+    manoeuvre: Annotated[Text, AfterValidator(_known_manoeuvre)] = "3211"
+    """3211, doublet, multisine, none."""
+    amplitude_rad: Positive = 0.035
+    start_s: Number = 0.2
+    step_s: Positive = 1.0
+    duration_s: Positive = 31.72
+    rate_hz: Positive = 100.0
+    discretisation: Literal["zoh", "bilinear"] = "zoh"
+    turbulence_m_s: NotNegative = 0.0
+    """Intensity of Dryden gusts."""
+
+    @property
+    def label(self) -> str:
+        """What a scenario calls it."""
+        return f"{self.model}-{self.manoeuvre}"
+
+
+class RecordedLog(Rules):
+    """A recorded flight, or a part of it."""
+
+    log: Annotated[Text, AfterValidator(_beside_sweep)]
+    """A file, relative to this one."""
+    group: Text | None = None
+    """HDF5 group or MATLAB struct that holds the channels."""
+    from_s: Number | None = None
+    to_s: Number | None = None
+
+    @property
+    def label(self) -> str:
+        """What a scenario calls it."""
+        return Path(self.log).stem
+
+
+RecordSource = Annotated[
+    Annotated[FlownModel, Tag("<model>")] | Annotated[RecordedLog, Tag("<log>")], Discriminator(_log_or_model)
+]
+Magnitudes = Annotated[
+    Annotated[Span, Tag("<mapping>")]
+    | Annotated[tuple[Number, ...], Field(min_length=1), AfterValidator(_no_zero), Tag("<list>")],
+    Discriminator(_mapping_or_list),
+]
+Some = Field(min_length=1)
+
+
+class SweepRules(Rules):
+    """Configuration of bfi montecarlo: every combination of what is a list is a scenario."""
+
+    record: Annotated[tuple[RecordSource, ...], Some, BeforeValidator(_listed)]
+    """What the faults are added to: a model that flies, or a log; one or several."""
+    dictionary: Annotated[tuple[DictionarySource, ...], Some, BeforeValidator(_listed)]
+    """The faults that are drawn, and looked for; one or several."""
+    noise: Mapping[Text, Annotated[tuple[NotNegative, ...], Some, BeforeValidator(_listed)]] = Field(
+        default_factory=dict
+    )
+    """Channel: standard deviation of white noise added to it, in its unit; one or several."""
+    active: Annotated[tuple[Count, ...], Some, BeforeValidator(_listed)]
+    """How many faults of the dictionary act at once; one or several."""
+    magnitudes: Magnitudes = Span(low=1, high=10)
+    """What the magnitude of each is drawn from: {low, high} or a list."""
+    trials: Natural = 100
+    """Per scenario."""
+    seed: Count = 0
+    identify: Config = Config()
+    """Settings of all scenarios, keys as in the configuration of an analysis."""
+    grid: Mapping[Text, Annotated[tuple[Any, ...], Some, BeforeValidator(_listed)]] = Field(default_factory=dict)
+    """Dotted key of such a setting, as model.order: its values."""
+
+    @model_validator(mode="after")
+    def _one_dictionary(self) -> SweepRules:
+        if self.identify.dictionary is not None or "dictionary" in self.grid:
+            raise ValueError("a dictionary stands in identify or grid; name it at the top, as dictionary")
+        return self
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """The magnitudes to draw from."""
+        if isinstance(self.magnitudes, Span):
+            return tuple(float(z) for z in range(self.magnitudes.low, self.magnitudes.high + 1))
+        return self.magnitudes

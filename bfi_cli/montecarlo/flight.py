@@ -1,0 +1,102 @@
+"""The record of a trial: flown or read once per worker, then faults and noise added."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
+from ..config import Config
+from ..faults import Fault, unit_signal
+from ..flightlog import FlightLog, read_log
+from ..flightlog.record import frozen_array
+from .definition import FlownModel, RecordedLog
+from .scenarios import Setting
+
+__all__ = ["faulty", "is_shared", "record_of"]
+
+KEPT_RECORDS = 32
+
+
+def is_shared(setting: Setting) -> bool:
+    """Say whether all trials begin with the same record: no gusts are drawn."""
+    return isinstance(setting.record, RecordedLog) or setting.record.turbulence_m_s == 0.0
+
+
+def record_of(setting: Setting, rng: np.random.Generator) -> FlightLog:
+    """Return the fault-free record of a trial.
+
+    Parameters
+    ----------
+    rng : of the gusts.
+
+    Raises
+    ------
+    LogError, ConfigError : it cannot be read or simulated.
+    """
+    if is_shared(setting):
+        return _shared(setting.record, _names(setting.config))
+    assert isinstance(setting.record, FlownModel)
+    return _flown(setting.record, rng)
+
+
+def faulty(log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np.random.Generator) -> FlightLog:
+    """Return the record with faults and noise added; times of a dictionary relative to the window count from its start.
+
+    Parameters
+    ----------
+    truth : magnitude by name of the atom.
+    rng : of the noise; each channel has a stream of its own.
+
+    Raises
+    ------
+    LogError : the log has no such channel.
+    """
+    window = setting.config.window
+    start_s = float(log.window(window.from_s, window.to_s).time_s[0])
+    added: dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]] = {}
+    for atom in setting.dictionary.resolved(start_s):
+        if _name(atom) in truth:
+            channel = log.channel(atom.channel)
+            signal = truth[_name(atom)] * unit_signal(atom, log.time_s, window_start_s=start_s)
+            added[channel.name] = added.get(channel.name, channel.values) + signal
+    for (name, sd), stream in zip(setting.noise, rng.spawn(len(setting.noise)), strict=True):
+        channel = log.channel(name)
+        added[channel.name] = added.get(channel.name, channel.values) + sd * stream.standard_normal(log.n_samples)
+    channels = {name: replace(log.channels[name], values=frozen_array(values)) for name, values in added.items()}
+    return replace(log, channels={**log.channels, **channels})
+
+
+def _name(atom: Fault) -> str:
+    return atom.name or atom.shape
+
+
+def _names(config: Config) -> tuple[tuple[tuple[str, str], ...], ...]:
+    return tuple(config.channels.items()), tuple(config.units.items())
+
+
+@lru_cache(maxsize=KEPT_RECORDS)
+def _shared(source: FlownModel | RecordedLog, names: tuple[tuple[tuple[str, str], ...], ...]) -> FlightLog:
+    if isinstance(source, FlownModel):
+        return _flown(source, np.random.default_rng(0))
+    channels, units = map(dict, names)
+    log = read_log(source.log, group=source.group, channel_map=channels, unit_map=units)
+    return log.window(source.from_s, source.to_s)
+
+
+def _flown(source: FlownModel, rng: np.random.Generator) -> FlightLog:
+    time_s = time_axis(duration_s=source.duration_s, rate_hz=source.rate_hz)
+    deflection = manoeuvre(
+        source.manoeuvre, time_s, amplitude_rad=source.amplitude_rad, start_s=source.start_s, step_s=source.step_s
+    )
+    return simulate(
+        find_model(source.model),
+        deflection,
+        rng=rng,
+        rate_hz=source.rate_hz,
+        discretisation=source.discretisation,
+        turbulence=Dryden(sigma_m_s=source.turbulence_m_s) if source.turbulence_m_s else None,
+    )

@@ -1,0 +1,146 @@
+"""Rows on disk as they come, so that a stopped sweep continues where it was.
+
+An unfinished sweep lies in the folder `unfinished` of its results: `trials.csv` and `timings.csv` as far as they are
+written, and `sweep.json`, which says of what sweep. Lines are written in the order of the trials, each whole, so the
+finished files are the same however often the sweep was stopped.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from ..errors import SweepError
+from .row import COLUMNS, Row, csv_text, row_from_cells
+from .scenarios import Sweep
+
+__all__ = ["TIMING_COLUMNS", "Journal", "timing_cells"]
+
+TIMING_COLUMNS = ("scenario", "trial", "seconds")
+FOLDER, ROWS, TIMES, OF = "unfinished", "trials.csv", "timings.csv", "sweep.json"
+START_ANEW = "give another --out, or remove that folder to start anew"
+
+
+class Journal:
+    """The rows of a sweep in a folder of results.
+
+    Attributes
+    ----------
+    done : rows and seconds found when it was opened, in the order of the trials.
+    """
+
+    def __init__(self, out: Path, sweep: Sweep, *, digest: str, resume: bool) -> None:
+        """Open the journal of a sweep.
+
+        Parameters
+        ----------
+        out : folder of the results, made if it does not exist.
+        digest : of the sweep and its records.
+        resume : continue with the rows found there, of a stopped sweep or of a finished one.
+
+        Raises
+        ------
+        SweepError : there is an unfinished sweep and `resume` was not asked for, or it is of another sweep; the folder
+            cannot be written to.
+        """
+        self.folder = out / FOLDER
+        self.done = _found(out, sweep, digest) if resume else []
+        if not resume and _lines(self.folder / ROWS, COLUMNS):
+            raise SweepError(
+                f"{self.folder}: an unfinished sweep is there; add --resume to continue it, or {START_ANEW}"
+            )
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            (self.folder / OF).write_text(json.dumps({"digest": digest, "path": sweep.path}), encoding="utf-8")
+            self._rows = self._begun(ROWS, COLUMNS, [row.cells() for row, _ in self.done])
+            self._times = self._begun(TIMES, TIMING_COLUMNS, [timing_cells(*pair) for pair in self.done])
+        except OSError as error:
+            raise SweepError(f"{out}: {(error.strerror or str(error)).lower()}; give another --out") from None
+
+    def _begun(self, name: str, columns: Sequence[str], lines: Sequence[Sequence[str]]) -> io.TextIOWrapper:
+        """Write what is known whole and go on from there: a torn last line is gone."""
+        path = self.folder / name
+        aside = path.with_suffix(".new")
+        aside.write_text(csv_text([columns, *lines]), encoding="utf-8", newline="")
+        aside.replace(path)
+        return path.open("a", encoding="utf-8", newline="")
+
+    def add(self, row: Row, seconds: float) -> None:
+        """Append a row."""
+        self._rows.write(csv_text([row.cells()]))
+        self._times.write(csv_text([timing_cells(row, seconds)]))
+
+    def flush(self) -> None:
+        """Hand everything to the operating system."""
+        self._rows.flush()
+        self._times.flush()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._rows.close()
+        self._times.close()
+
+    def remove(self) -> None:
+        """Remove the folder; to be called when the results are in place."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def timing_cells(row: Row, seconds: float) -> tuple[str, str, str]:
+    """Return the line of a row in `timings.csv`."""
+    return row.scenario, str(row.trial), f"{seconds:.6f}"
+
+
+def _found(out: Path, sweep: Sweep, digest: str) -> list[tuple[Row, float]]:
+    """Return what is done of a sweep that was stopped, or that is finished and may now be longer."""
+    unfinished = out / FOLDER
+    if not unfinished.exists():
+        return _done(out, sweep) if _document(out / "summary.json").get("digest") == digest else []
+    if _document(unfinished / OF).get("digest") != digest:
+        raise SweepError(
+            f"{unfinished}: the unfinished sweep is of another configuration, seed, log or version; {START_ANEW}"
+        )
+    return _done(unfinished, sweep)
+
+
+def _document(path: Path) -> Mapping[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return document if isinstance(document, Mapping) else {}
+
+
+def _done(folder: Path, sweep: Sweep) -> list[tuple[Row, float]]:
+    """Return the leading rows that are whole and those of the sweep."""
+    rows, times = _lines(folder / ROWS, COLUMNS), _lines(folder / TIMES, TIMING_COLUMNS)
+    done: list[tuple[Row, float]] = []
+    for trial, cells, timing in zip(sweep.trials(), rows, times, strict=False):
+        try:
+            row, seconds = row_from_cells(cells), float(timing[2])
+        except (ValueError, IndexError):
+            break
+        if (row.scenario, row.trial, row.seed) != (trial.scenario.name, trial.number, trial.seed):
+            break
+        done.append((row, seconds))
+    return done
+
+
+def _lines(path: Path, columns: Sequence[str]) -> list[list[str]]:
+    """Return the whole lines of a CSV file below its header; a last line without its end is left out."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return []
+    reader = csv.reader(io.StringIO(text[: text.rfind("\n") + 1], newline=""))
+    return list(islice(reader, 1, None)) if text.startswith(",".join(columns)) else []

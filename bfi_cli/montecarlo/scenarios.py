@@ -1,0 +1,220 @@
+"""From a sweep's YAML to its scenarios, and to trials whose random numbers depend on nothing but what they are."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import __version__
+from ..config import Config, merge
+from ..dictionary import Dictionary, DictionaryDocument, load_dictionary
+from ..dictionary.validation import validated
+from ..errors import ConfigError
+from ..yaml12 import load_yaml, read_text
+from .definition import FlownModel, RecordedLog, SweepRules
+
+__all__ = ["Scenario", "Setting", "Sweep", "Trial", "load_sweep"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What trials with different faults have in common; equal settings have equal digests.
+
+    Attributes
+    ----------
+    record : what the faults are added to; dictionary : what they are drawn from and looked for in.
+    noise : (channel, standard deviation) of the noise added.
+    config : of the analysis.
+    """
+
+    digest: str
+    record: FlownModel | RecordedLog = field(compare=False)
+    dictionary: Dictionary = field(compare=False)
+    noise: tuple[tuple[str, float], ...] = field(compare=False)
+    config: Config = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One combination of the grid.
+
+    Attributes
+    ----------
+    name : the axes that vary and their values.
+    axes : value by axis, those that do not vary too.
+    n_active : faults in each trial; sizes : what their magnitudes are drawn from.
+    stream : first keys of its random streams.
+    """
+
+    name: str
+    axes: Mapping[str, Any] = field(compare=False)
+    setting: Setting
+    n_active: int
+    sizes: tuple[float, ...]
+    stream: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One trial of a scenario; the seed is all that is random about it."""
+
+    scenario: Scenario
+    number: int
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sweep:
+    """All scenarios.
+
+    Attributes
+    ----------
+    path, sha256 : of the file it was read from.
+    digest : of everything a row depends on but the records' contents; the number of trials is not part of it.
+    """
+
+    path: str
+    sha256: str
+    scenarios: tuple[Scenario, ...]
+    n_trials: int
+    seed: int
+
+    @property
+    def digest(self) -> str:
+        scenarios = [(s.name, s.setting.digest, s.n_active, s.sizes, s.stream) for s in self.scenarios]
+        return _digest([__version__, self.seed, scenarios])
+
+    def trials(self) -> Iterator[Trial]:
+        """Yield the first trial of every scenario, then the second of each: a longer sweep begins with a shorter one.
+
+        Scenarios that differ in record, noise or analysis only meet the same faults and the same random numbers.
+        """
+        for number in range(self.n_trials):
+            for scenario in self.scenarios:
+                child = np.random.SeedSequence(self.seed, spawn_key=(*scenario.stream, number))
+                yield Trial(scenario=scenario, number=number, seed=int(child.generate_state(1, np.uint64)[0]))
+
+
+def load_sweep(path: str | Path, *, trials: int | None = None, seed: int | None = None) -> Sweep:
+    """Return the sweep of a YAML file.
+
+    Parameters
+    ----------
+    trials, seed : in place of the file's.
+
+    Raises
+    ------
+    ConfigError : everything that is wrong with it, in one line.
+    DictionaryError : a dictionary cannot be used.
+    """
+    path = Path(path)
+    data = load_yaml(read_text(path, error=ConfigError), where=str(path), error=ConfigError)
+    context = {"folder": path.parent}
+    rules = validated(SweepRules, {} if data is None else data, where=str(path), error=ConfigError, context=context)
+    return Sweep(
+        path=str(path),
+        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        scenarios=_scenarios(rules, str(path)),
+        n_trials=rules.trials if trials is None else trials,
+        seed=rules.seed if seed is None else seed,
+    )
+
+
+def _scenarios(rules: SweepRules, where: str) -> tuple[Scenario, ...]:
+    dictionaries = [_dictionary(source, where) for source in rules.dictionary]
+    configs = _configs(rules, where)
+    _check_active(rules.active, dictionaries, where)
+    axes: dict[str, Sequence[tuple[str, Any]]] = {
+        "record": _labelled([record.label for record in rules.record], rules.record),
+        "dictionary": _labelled([Path(d.path).stem for d in dictionaries], list(enumerate(dictionaries))),
+        **{f"noise.{name}": [(f"{sd:g}", sd) for sd in sizes] for name, sizes in rules.noise.items()},
+        "active": [(str(n), n) for n in rules.active],
+        "identify": [(label, config) for label, config in configs],
+    }
+    varying = [name for name, values in axes.items() if len(values) > 1]
+    scenarios = [_scenario(rules, dict(zip(axes, chosen, strict=True)), varying) for chosen in product(*axes.values())]
+    _check_distinct(scenarios, where)
+    return tuple(scenarios)
+
+
+def _scenario(rules: SweepRules, chosen: Mapping[str, tuple[str, Any]], varying: Sequence[str]) -> Scenario:
+    value = {name: entry for name, (_, entry) in chosen.items()}
+    place, dictionary = value["dictionary"]
+    settings, config = value["identify"]
+    noise = tuple((name, value[f"noise.{name}"]) for name in rules.noise)
+    words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
+    labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
+    return Scenario(
+        name=" ".join(words) or "all",
+        axes={**labels, **{f"noise.{channel}": sd for channel, sd in noise}, "active": value["active"], **settings},
+        setting=_setting(value["record"], dictionary, noise, config),
+        n_active=value["active"],
+        sizes=rules.sizes,
+        stream=(place, value["active"]),
+    )
+
+
+def _setting(
+    record: FlownModel | RecordedLog, dictionary: Dictionary, noise: tuple[tuple[str, float], ...], config: Config
+) -> Setting:
+    parts = [record.model_dump(mode="json"), dictionary.sha256, noise, config.model_dump(mode="json")]
+    return Setting(digest=_digest(parts), record=record, dictionary=dictionary, noise=noise, config=config)
+
+
+def _configs(rules: SweepRules, where: str) -> list[tuple[str, tuple[dict[str, Any], Config]]]:
+    """Return (label, (value by key, configuration)) of every combination of the grid."""
+    found, complaints = [], []
+    for values in product(*rules.grid.values()):
+        settings = dict(zip(rules.grid, values, strict=True))
+        try:
+            config = merge(rules.identify, settings, where="grid")
+        except ConfigError as error:
+            complaints += str(error).removeprefix("grid: ").split(" | ")
+        else:
+            words = [f"{key}={_word(settings[key])}" for key, several in rules.grid.items() if len(several) > 1]
+            found.append((" ".join(words), (settings, config)))
+    if complaints:
+        raise ConfigError(f"{where}: " + " | ".join(f"grid.{text}" for text in dict.fromkeys(complaints)))
+    return found
+
+
+def _word(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value, default=str)
+
+
+def _dictionary(source: str | DictionaryDocument, where: str) -> Dictionary:
+    return load_dictionary(source, where=None if isinstance(source, str) else f"{where}: dictionary")
+
+
+def _check_active(active: Sequence[int], dictionaries: Sequence[Dictionary], where: str) -> None:
+    for dictionary in dictionaries:
+        if max(active) > len(dictionary.atoms):
+            raise ConfigError(
+                f"{where}: active: more than the {len(dictionary.atoms)} faults of {dictionary.path}, "
+                f"got {max(active)}; lower it"
+            )
+
+
+def _check_distinct(scenarios: Sequence[Scenario], where: str) -> None:
+    names = [scenario.name for scenario in scenarios]
+    twice = next((name for n, name in enumerate(names) if name in names[:n]), None)
+    if twice is not None:
+        raise ConfigError(f"{where}: a value stands twice, got two scenarios '{twice}'; keep one")
+
+
+def _labelled(labels: Sequence[str], values: Sequence[Any]) -> list[tuple[str, Any]]:
+    """Pair values with labels, numbered where two are alike."""
+    alike = len(set(labels)) < len(labels)
+    pairs = enumerate(zip(labels, values, strict=True), 1)
+    return [(f"{label}-{n}" if alike else label, value) for n, (label, value) in pairs]
+
+
+def _digest(parts: object) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()

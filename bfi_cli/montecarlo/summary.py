@@ -1,0 +1,153 @@
+"""What the trials of each scenario say together: rates with Wilson intervals, quantiles of the magnitude error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..plain import to_plain
+from ..result import Provenance
+from .row import Row, rounded
+from .scenarios import Sweep
+
+__all__ = ["MONTECARLO_SCHEMA", "Proportion", "ScenarioSummary", "Summary", "summarise", "summary_document", "wilson"]
+
+MONTECARLO_SCHEMA = 1
+NORMAL_975 = 1.959963984540054
+QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proportion:
+    """So many of so many, with the 95 % Wilson interval; None where there are none to count."""
+
+    count: int
+    of: int
+    rate: float | None
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioSummary:
+    """A scenario.
+
+    Attributes
+    ----------
+    axes : what it is, value by axis.
+    trials, failed : how many, and how many gave an error instead of an answer.
+    isolation : trials whose declared faults are those added; a failed trial isolates nothing.
+    false_alarm : answered trials that declare a fault which was not added.
+    missed_detection : answered trials with faults that do not declare one of them.
+    coverage : 95 % intervals of rightly declared faults that hold the truth.
+    magnitude_error : quantiles over answered trials with faults, relative; empty where there are none.
+    seconds : median time of a trial.
+    """
+
+    name: str
+    axes: Mapping[str, Any]
+    trials: int
+    failed: int
+    isolation: Proportion
+    false_alarm: Proportion
+    missed_detection: Proportion
+    coverage: Proportion
+    magnitude_error: Mapping[str, float]
+    detection_delay_s: float | None
+    seconds: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Summary:
+    """All scenarios, the rows behind them and sentences for the reader."""
+
+    scenarios: tuple[ScenarioSummary, ...]
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...]
+
+
+def wilson(count: int, of: int) -> tuple[float, float] | None:
+    """Return the 95 % interval of a proportion (Wilson 1927), None without trials."""
+    if of == 0:
+        return None
+    share, z2 = count / of, NORMAL_975**2
+    middle = share + z2 / (2 * of)
+    half = NORMAL_975 * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2))
+    low = 0.0 if count == 0 else (middle - half) / (1 + z2 / of)
+    return low, 1.0 if count == of else (middle + half) / (1 + z2 / of)
+
+
+def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
+    """Return the summary of the rows of a sweep and their seconds, in any order."""
+    by_name: dict[str, list[tuple[Row, float]]] = {scenario.name: [] for scenario in sweep.scenarios}
+    for row, seconds in done:
+        by_name[row.scenario].append((row, seconds))
+    scenarios = tuple(_scenario(s.name, s.axes, by_name[s.name]) for s in sweep.scenarios)
+    rows = tuple(row for row, _ in done)
+    return Summary(scenarios=scenarios, rows=rows, notes=tuple(_notes(scenarios, rows)))
+
+
+def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, float]]) -> ScenarioSummary:
+    rows = [row for row, _ in done]
+    answered = [row for row in rows if row.error is None]
+    faulty = [row for row in answered if row.truth]
+    errors = [row.magnitude_error for row in faulty if row.magnitude_error is not None]
+    delays = [row.detection_delay_s for row in answered if row.detection_delay_s is not None]
+    return ScenarioSummary(
+        name=name,
+        axes=axes,
+        trials=len(rows),
+        failed=len(rows) - len(answered),
+        isolation=_proportion(row.isolated for row in rows),
+        false_alarm=_proportion(row.false_alarms for row in answered),
+        missed_detection=_proportion(row.missed for row in faulty),
+        coverage=_counted(sum(row.covered or 0 for row in answered), sum(row.intervals or 0 for row in answered)),
+        magnitude_error={key: rounded(float(np.quantile(errors, q)), 6) for key, q in QUANTILES.items() if errors},
+        detection_delay_s=float(np.median(delays)) if delays else None,
+        seconds=float(np.median([seconds for _, seconds in done])) if done else None,
+    )
+
+
+def _proportion(hits: Iterable[object]) -> Proportion:
+    flags = [bool(hit) for hit in hits]
+    return _counted(sum(flags), len(flags))
+
+
+def _counted(count: int, of: int) -> Proportion:
+    return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))
+
+
+def _notes(scenarios: Sequence[ScenarioSummary], rows: Sequence[Row]) -> Iterator[str]:
+    for scenario in scenarios:
+        if scenario.failed:
+            first = next(row.error for row in rows if row.scenario == scenario.name and row.error)
+            yield (
+                f"{scenario.failed} of {scenario.trials} trials of '{scenario.name}' failed and count as not isolated; "
+                f"the first: {first}"
+            )
+
+
+def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -> dict[str, Any]:
+    """Return the document of `bfi montecarlo --json`, which is `summary.json`.
+
+    Parameters
+    ----------
+    digest : of the sweep and its records, by which --resume knows its own.
+    """
+    return {
+        "kind": "montecarlo",
+        "schema": MONTECARLO_SCHEMA,
+        "digest": digest,
+        "scenarios": [_flat(to_plain(scenario)) for scenario in summary.scenarios],
+        "notes": list(summary.notes),
+        "provenance": to_plain(provenance),
+    }
+
+
+def _flat(scenario: dict[str, Any]) -> dict[str, Any]:
+    rates = ("isolation", "false_alarm", "missed_detection")
+    named = {f"{key}_rate" if key in rates else key: value for key, value in scenario.items()}
+    return {**named, "magnitude_error": named["magnitude_error"] or None}

@@ -13,14 +13,15 @@ from .faults import Fault
 from .kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from .kernels.lagged import compress
 
-__all__ = ["Choice", "Conditioned", "Record", "choose_factor", "condition", "is_exact"]
+__all__ = ["Choice", "Conditioned", "Record", "choose_factor", "condition", "is_exact", "lowest_rate"]
 
 FloatArray = NDArray[np.float64]
 
-FASTEST_HZ = 10.0
+FASTEST_HZ = 20.0
 SLOWEST_HZ = 1.0
 SAMPLES_WANTED = 600
 FEWEST_SAMPLES = 100
+ENOUGH_SAMPLES = 200
 SAMPLES_PER_CYCLE = 4.0
 EMPTY_BAND = 1e-3
 TIE = 1e-6
@@ -109,12 +110,22 @@ def choose_factor(record: Record, faults: Sequence[Fault], *, exact: bool) -> Ch
     if empty is not None and empty < rate:
         reason = f"the log carries next to nothing above {empty:.2g} Hz, as if low-passed by its recorder"
         factor = int(np.ceil(record.rate_hz / empty - TIE))
-    fastest = max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
+    fastest = _fastest(faults)
     if factor * SAMPLES_PER_CYCLE * fastest > record.rate_hz * (1 + TIE):
         reason = f"{fastest:g} Hz is the fastest oscillation of the dictionary"
         factor = int(np.floor(record.rate_hz / (SAMPLES_PER_CYCLE * fastest) + TIE))
     factor = int(np.clip(factor, 1, max(1, len(record.time_s) // FEWEST_SAMPLES)))
     return Choice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
+
+
+def lowest_rate(record: Record, faults: Sequence[Fault]) -> float:
+    """Return the lowest rate that still resolves the dictionary and leaves samples enough."""
+    duration = len(record.time_s) / record.rate_hz
+    return max(SLOWEST_HZ, SAMPLES_PER_CYCLE * _fastest(faults), ENOUGH_SAMPLES / duration)
+
+
+def _fastest(faults: Sequence[Fault]) -> float:
+    return max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
 
 
 def is_exact(record: Record) -> bool:

@@ -49,7 +49,7 @@ def in_order(
     work : a function of a module; it, the items and the results are pickled where there are several workers.
     workers : processes of this machine; 1 stays in this one.
     scheduler : address of a Dask scheduler, which then has the workers.
-    chunk : items sent to a worker at a time; the most that is lost when this is interrupted, per worker.
+    chunk : items sent to a worker at a time; an interruption waits for those under way.
 
     Raises
     ------
@@ -58,14 +58,12 @@ def in_order(
     chunks = [items[start : start + chunk] for start in range(0, len(items), chunk)]
     if scheduler is not None:
         return _on_dask(work, chunks, scheduler)
-    return _here(work, chunks) if workers == 1 else _on_processes(work, chunks, workers)
+    return _here(work, items) if workers == 1 else _on_processes(work, chunks, workers)
 
 
-def _here(work: Callable[[T], R], chunks: Sequence[Sequence[T]]) -> Generator[tuple[R, float], None, None]:
-    for chunk in chunks:
-        with threadpool_limits(1):
-            done = _timed(work, chunk)
-        yield from done
+def _here(work: Callable[[T], R], items: Sequence[T]) -> Generator[tuple[R, float], None, None]:
+    with threadpool_limits(1):
+        yield from _timed(work, items)
 
 
 def _on_processes(
@@ -123,7 +121,7 @@ def _ordered(
 
 def _in_worker(work: Callable[[T], R], items: Sequence[T]) -> list[tuple[R, float]]:
     _one_thread()
-    return _timed(work, items)
+    return list(_timed(work, items))
 
 
 @cache
@@ -132,13 +130,11 @@ def _one_thread() -> None:
     threadpool_limits(1)
 
 
-def _timed(work: Callable[[T], R], items: Sequence[T]) -> list[tuple[R, float]]:
-    done = []
+def _timed(work: Callable[[T], R], items: Sequence[T]) -> Iterator[tuple[R, float]]:
     for item in items:
         start = time.perf_counter()
         result = work(item)
-        done.append((result, time.perf_counter() - start))
-    return done
+        yield result, time.perf_counter() - start
 
 
 def _leave_interrupts_to_the_parent() -> None:

@@ -142,7 +142,7 @@ OPTIONS = {
     "--output elevator": (2, "'elevator' is both an input and an output; keep one"),
     "--output tas --output tas": (2, "--output: a value stands twice, got ['tas', 'tas']; keep one"),
     "--method risro --output tas --output elevator --input spoiler": (3, "no channel 'spoiler'"),
-    "--order 1000": (3, "order 1000 needs more than the 600 samples of the window; give --order "),
+    "--order 1000": (3, "samples of the window; give --order "),
     "--order 0": (2, "--order: must be greater than or equal to 1, got 0"),
     "--order 2.5": (2, "--order: must be a whole number, got 2.5"),
     "--order banana": (2, "--order: not a number or one of the choices, got 'banana'; known: auto"),

@@ -48,8 +48,8 @@ def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("made", "faults", "rate_hz", "reason"),
     [
-        ({}, (BIAS,), 10.0, "rigid-body"),
-        ({}, (BIAS, SINE), 10.0, "rigid-body"),
+        ({}, (BIAS,), 20.0, "rigid-body"),
+        ({}, (BIAS, SINE), 20.0, "rigid-body"),
         ({"seconds": 200.0, "rate_hz": 20.0}, (BIAS,), 20.0 / 6, "rigid-body"),
         ({"seconds": 200.0, "rate_hz": 20.0}, (BIAS, SINE), 10.0, "2.25 Hz is the fastest oscillation"),
         ({"seconds": 2000.0, "rate_hz": 10.0}, (BIAS,), 1.0, "rigid-body"),

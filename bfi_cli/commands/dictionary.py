@@ -72,10 +72,13 @@ def _audited(dictionary: Dictionary, log: str | None, config: Config, options: d
 
     if log is None:
         return audit(dictionary, config, duration_s=options["duration_s"]), ""
+    from threadpoolctl import threadpool_limits
+
     from ..flightlog import read_log
 
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
-    return audit_on_log(flight, dictionary, config), flight.sha256
+    with threadpool_limits(1):
+        return audit_on_log(flight, dictionary, config), flight.sha256
 
 
 def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Config:

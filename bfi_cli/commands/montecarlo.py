@@ -72,8 +72,8 @@ def _run(
             done = run_sweep(
                 sweep,
                 journal=journal,
-                workers=options["workers"] or 1,
-                scheduler=options["scheduler"],
+                workers=options["workers"] or sweep.workers,
+                scheduler=options["scheduler"] if options["workers"] else options["scheduler"] or sweep.scheduler,
                 report=report,
             )
         except KeyboardInterrupt:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threadpoolctl import threadpool_limits
+
 from ..config import Config
 from ..dictionary import Dictionary
 from ..flightlog import FlightLog
@@ -15,7 +17,7 @@ __all__ = ["identify_faults"]
 
 
 def identify_faults(log: FlightLog, dictionary: Dictionary, config: Config) -> IdentifyResult:
-    """Identify the faults of a dictionary in a log.
+    """Identify the faults of a dictionary in a log, on one BLAS thread: more are slower here and change the bits.
 
     Parameters
     ----------
@@ -29,7 +31,8 @@ def identify_faults(log: FlightLog, dictionary: Dictionary, config: Config) -> I
     DictionaryError : no entry of the dictionary can be seen in the window.
     ConfigError : the method does not do what is asked.
     """
-    intake = take_in(log, dictionary, config)
-    study = study_of(intake.log.path, intake.conditioned, intake.live, config)
-    found = by_published(study, config) if config.method == "risro" else by_likelihood(intake, study, config)
-    return laid_out(intake, study, config, found)
+    with threadpool_limits(1):
+        intake = take_in(log, dictionary, config)
+        study = study_of(intake.log.path, intake.conditioned, intake.live, config)
+        found = by_published(study, config) if config.method == "risro" else by_likelihood(intake, study, config)
+        return laid_out(intake, study, config, found)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.coherence import detectable_deviations
 from ..kernels.covariance import Unfolded, covariance, single_additions, unfold
-from ..kernels.selection import Penalty, Scored, Search, search_orders
+from ..kernels.selection import Penalty, Scored, Search, full_support, search_orders
 from ..kernels.whiteness import effective_rows
 from ..study import Study
 
-__all__ = ["Answer", "Magnitudes", "choose", "deviance", "magnitudes", "magnitudes_of", "without"]
+__all__ = ["Answer", "Magnitudes", "by_threshold", "choose", "deviance", "magnitudes", "magnitudes_of", "without"]
 
 FloatArray = NDArray[np.float64]
 
@@ -90,6 +90,32 @@ def choose(study: Study, *, evidence: float, extended: bool, max_active: int | N
         return answer
     penalty = replace(penalty, n_effective=effective)
     return _answer(study, tuple(_rescored(search, penalty) for search in searches), penalty)
+
+
+def by_threshold(study: Study, answer: Answer, threshold: float) -> Answer:
+    """Return the answer whose support is the thesis's rule on all magnitudes at once: |z| / norm(z) > threshold.
+
+    Raises
+    ------
+    ValueError : the window has too few rows to estimate all magnitudes at once.
+    """
+    everything = tuple(range(len(study.live)))
+    problems = [study.problem(order) for order in study.orders]
+    whole = [full_support(problem, everything, answer.penalty) for problem in problems]
+    if not all(whole):
+        raise ValueError("too few samples to estimate all magnitudes at once")
+    scored = min((one for one in whole if one is not None), key=lambda one: one.criterion)
+    z = scored.fit.z * study.magnitude_unit
+    atoms = tuple(int(j) for j in np.flatnonzero(np.abs(z) > threshold * np.linalg.norm(z)))
+    start = replace(scored.fit, atoms=atoms, z=scored.fit.z[list(atoms)])
+    searches = []
+    for search in answer.searches:
+        found = _at(study, replace(search, visited=()), start, answer.penalty)
+        none = search.of(())
+        searches.append(replace(search, visited=(found,) if none is None or not atoms else (none, found)))
+    fits = tuple(search.visited[-1] for search in searches)
+    best = min(fits, key=lambda one: one.criterion)
+    return replace(answer, best=best, fits=fits, searches=tuple(searches), unfolded=unfold(study.layout, best.fit))
 
 
 def without(study: Study, answer: Answer, atom: int) -> Answer:

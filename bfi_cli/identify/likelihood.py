@@ -14,7 +14,7 @@ from ..kernels.selection import Scored
 from ..result import SolverSummary
 from ..study import Intake, Study, lowpass_of, study_of
 from .elsewhere import overdispersion
-from .estimation import Answer, Magnitudes, choose, deviance, magnitudes, without
+from .estimation import Answer, Magnitudes, by_threshold, choose, deviance, magnitudes, without
 from .found import Found, interval_quantile
 from .notes import STRONG, near_miss_note, rivals
 
@@ -33,10 +33,13 @@ def by_likelihood(intake: Intake, study: Study, config: Config) -> Found:
         extended=config.selection.criterion == "ebic",
         max_active=config.selection.max_active,
     )
+    threshold = config.selection.threshold
+    if threshold is not None:
+        answer = _by_rule(intake, study, answer, threshold)
     dispersion = overdispersion(intake, study, answer.best.fit, lowpass_of(config))
     estimates = magnitudes(study, answer, coarse, dispersion)
     notes: list[str] = []
-    while (declined := _declined(study, answer, estimates, dispersion)) is not None:
+    while threshold is None and (declined := _declined(study, answer, estimates, dispersion)) is not None:
         atom, reason = declined
         notes.append(f"'{names[atom]}' is not declared: {reason}")
         answer = without(study, answer, atom)
@@ -64,6 +67,13 @@ def by_likelihood(intake: Intake, study: Study, config: Config) -> Found:
         ),
         notes=(*notes, near) if near else tuple(notes),
     )
+
+
+def _by_rule(intake: Intake, study: Study, answer: Answer, threshold: float) -> Answer:
+    try:
+        return by_threshold(study, answer, threshold)
+    except ValueError as problem:
+        raise LogError(f"{intake.log.path}: {problem}; choose a longer window or a smaller dictionary") from None
 
 
 def _declined(study: Study, answer: Answer, estimates: Magnitudes, dispersion: FloatArray) -> tuple[int, str] | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .bilinear import Bilinear, Fit, fit_magnitudes, relaxed
 
-__all__ = ["Penalty", "Scored", "Search", "search_orders"]
+__all__ = ["Penalty", "Scored", "Search", "full_support", "search_orders"]
 
 FloatArray = NDArray[np.float64]
 
@@ -106,6 +106,11 @@ def search_orders(
             if leader is not own and leader.atoms:
                 _backward(visits, visits.visit(leader.atoms, [leader.z]), visits.limit)
     return tuple(visits.search() for visits in every)
+
+
+def full_support(problem: Bilinear, atoms: tuple[int, ...], penalty: Penalty) -> Scored | None:
+    """Return the fit of all atoms at once, None where the rows do not suffice."""
+    return _Visits(problem, penalty).full(atoms) if len(atoms) <= _room(problem, penalty.n_rows) else None
 
 
 def _explore(visits: _Visits, candidates: Sequence[int], max_active: int | None) -> None:

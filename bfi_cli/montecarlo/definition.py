@@ -138,6 +138,10 @@ class SweepRules(Rules):
     trials: Natural = 100
     """Per scenario."""
     seed: Count = 0
+    workers: Natural = 1
+    """Processes of this machine."""
+    scheduler: Text | None = None
+    """Address of a Dask scheduler, which then has the workers."""
     identify: Config = Config()
     """Settings of all scenarios, keys as in the configuration of an analysis."""
     grid: Mapping[Text, Annotated[tuple[Any, ...], Some, BeforeValidator(_listed)]] = Field(default_factory=dict)

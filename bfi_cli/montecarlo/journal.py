@@ -73,14 +73,20 @@ class Journal:
         return path.open("a", encoding="utf-8", newline="")
 
     def add(self, row: Row, seconds: float) -> None:
-        """Append a row."""
-        self._rows.write(csv_text([row.cells()]))
-        self._times.write(csv_text([timing_cells(row, seconds)]))
+        """Append a row and hand it to the operating system.
 
-    def flush(self) -> None:
-        """Hand everything to the operating system."""
-        self._rows.flush()
-        self._times.flush()
+        Raises
+        ------
+        SweepError : it cannot be written.
+        """
+        try:
+            for file, cells in ((self._rows, row.cells()), (self._times, timing_cells(row, seconds))):
+                file.write(csv_text([cells]))
+                file.flush()
+        except OSError as error:
+            raise SweepError(
+                f"{self.folder}: {(error.strerror or str(error)).lower()}; make room, then continue with --resume"
+            ) from None
 
     def __enter__(self) -> Journal:
         return self
@@ -124,6 +130,12 @@ def _document(path: Path) -> Mapping[str, Any]:
 def _done(folder: Path, sweep: Sweep) -> list[tuple[Row, float]]:
     """Return the leading rows that are whole and those of the sweep."""
     rows, times = _lines(folder / ROWS, COLUMNS), _lines(folder / TIMES, TIMING_COLUMNS)
+    known, wanted = len(rows) // len(sweep.scenarios), sweep.n_trials
+    if known > wanted:
+        raise SweepError(
+            f"{folder}: has {known} trials per scenario, got --trials {wanted}; ask for at least as many, or give "
+            "another --out"
+        )
     done: list[tuple[Row, float]] = []
     for trial, cells, timing in zip(sweep.trials(), rows, times, strict=False):
         try:

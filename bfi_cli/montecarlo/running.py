@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from ..engine import CHUNK, in_order
+from ..engine import in_order
 from ..errors import LogError
 from .flight import record_of
 from .journal import Journal
@@ -75,8 +75,6 @@ def run_sweep(
             done.append((row, seconds))
             if journal is not None:
                 journal.add(row, seconds)
-                if len(done) % CHUNK == 0:
-                    journal.flush()
             report(len(done))
     finally:
         results.close()

@@ -78,6 +78,7 @@ class Sweep:
     ----------
     path, sha256 : of the file it was read from.
     digest : of everything a row depends on but the records' contents; the number of trials is not part of it.
+    workers, scheduler : where the file wants it to run.
     """
 
     path: str
@@ -85,6 +86,8 @@ class Sweep:
     scenarios: tuple[Scenario, ...]
     n_trials: int
     seed: int
+    workers: int
+    scheduler: str | None
 
     @property
     def digest(self) -> str:
@@ -124,6 +127,8 @@ def load_sweep(path: str | Path, *, trials: int | None = None, seed: int | None 
         scenarios=_scenarios(rules, str(path)),
         n_trials=rules.trials if trials is None else trials,
         seed=rules.seed if seed is None else seed,
+        workers=rules.workers,
+        scheduler=rules.scheduler,
     )
 
 

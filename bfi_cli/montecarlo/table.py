@@ -29,6 +29,7 @@ def print_summary(console: Console, summary: Summary) -> None:
         cells = (one.name, str(one.trials), *map(_percent, rates), "-" if error is None else f"{error:.2g}")
         table.add_row(*map(Text, cells))
     console.print(table)
+    console.print(Text("Shares in % with their 95 % Wilson intervals.", style="dim"))
     for note in summary.notes:
         console.print(Text(f"Note: {note}"))
 

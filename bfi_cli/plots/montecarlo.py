@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Look, legend_above, page, plain, styled
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Look, page, plain, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,6 +30,7 @@ LOOKS: tuple[Look, ...] = (
 NAME_LETTERS = 44
 MOST_CURVES = len(LOOKS)
 SPREAD = 0.6
+IN_ONE_LINE, LINE_IN = 2, 0.17
 FLOOR = 1e-16
 Curves = Mapping[str, Sequence["ScenarioSummary"]]
 
@@ -37,8 +38,8 @@ Curves = Mapping[str, Sequence["ScenarioSummary"]]
 @styled
 def plot_isolation(summary: Summary) -> Figure:
     """Draw the share of trials with the right faults against their number, with 95 % Wilson intervals."""
-    figure, axes = _panel("trials with exactly the right faults [%]")
     curves = _curves(summary)
+    figure, axes = _panel("trials with exactly the right faults [%]", curves)
     for look, shift, (name, scenarios) in zip(LOOKS, _shifts(curves), curves.items(), strict=False):
         active = [scenario.axes["active"] + shift for scenario in scenarios]
         rates = 100.0 * np.array([scenario.isolation.rate for scenario in scenarios], dtype=np.float64)
@@ -53,8 +54,8 @@ def plot_isolation(summary: Summary) -> Figure:
 @styled
 def plot_magnitude_error(summary: Summary) -> Figure:
     """Draw quartiles, 5 and 95 % whiskers and median of the relative magnitude error against the number of faults."""
-    figure, axes = _panel("magnitude error, relative [-]")
     curves = _curves(summary)
+    figure, axes = _panel("magnitude error, relative [-]", curves)
     errors = _errors(summary)
     width = 0.7 * SPREAD / max(len(curves), 1)
     for look, shift, (name, scenarios) in zip(LOOKS, _shifts(curves), curves.items(), strict=False):
@@ -82,9 +83,11 @@ def plot_magnitude_error(summary: Summary) -> Figure:
 MONTECARLO_FIGURES = {"isolation": plot_isolation, "magnitude_error": plot_magnitude_error}
 
 
-def _panel(label: str) -> tuple[Figure, Axes]:
-    figure, grid = page([PANEL_IN])
-    axes = figure.add_subplot(grid[0, 0])
+def _panel(label: str, curves: Curves) -> tuple[Figure, Axes]:
+    """Return the figure and its panel, with room above for a legend of several lines."""
+    lines = -(-min(len(curves), MOST_CURVES) // IN_ONE_LINE)
+    figure, grid = page([LINE_IN * (lines - 1), PANEL_IN] if lines > 1 else [PANEL_IN], gap_in=0.0)
+    axes = figure.add_subplot(grid[-1, 0])
     axes.set_xlabel("number of active faults [-]")
     axes.set_ylabel(label)
     return figure, axes
@@ -117,7 +120,10 @@ def _finish(axes: Axes, summary: Summary, curves: Curves) -> None:
     active = sorted({scenario.axes["active"] for scenario in summary.scenarios})
     axes.set_xticks(active, labels=[str(n) for n in active])
     axes.set_xlim(active[0] - 0.5, active[-1] + 0.5)
-    legend_above(axes)
+    if not axes.get_legend_handles_labels()[0]:
+        axes.text(0.5, 0.5, "nothing to compare", transform=axes.transAxes, ha="center", color=GREY)
+    else:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=IN_ONE_LINE, borderaxespad=0.1, handlelength=2.4)
     if len(curves) > MOST_CURVES:
         left = f"{len(curves) - MOST_CURVES} more curves in summary.json"
         axes.text(1.0, 1.01, left, transform=axes.transAxes, ha="right", va="bottom", color=GREY)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from ..flightlog.quality import hold_of
 from ..flightlog.record import Channel, frozen_array
 from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, Lowpass
+from .memory import slowed
 from .scaled import left_out
 
 __all__ = ["Intake", "lowpass_of", "take_in"]
@@ -88,7 +89,7 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
     _require_movement(part, config)
     record = _record(part, config, np.insert(theta, _gaps(reasons), 0.0, axis=2))
     exact = is_exact(record)
-    choice = _choice(record, list(seen.values()), config.conditioning.rate_hz, exact=exact)
+    choice = _choice(record, seen, config, exact=exact)
     conditioned = condition(record, choice.factor, lowpass_of(config))
     reasons |= left_out(conditioned, names, [j for j in range(len(faults)) if j not in reasons])
     live = tuple(j for j in range(len(faults)) if j not in reasons)
@@ -197,9 +198,11 @@ def _record(log: FlightLog, config: Config, theta: FloatArray) -> Record:
     )
 
 
-def _choice(record: Record, faults: Sequence[Fault], rate_hz: float | str, *, exact: bool) -> Choice:
+def _choice(record: Record, faults: dict[int, Fault], config: Config, *, exact: bool) -> Choice:
+    rate_hz = config.conditioning.rate_hz
     if rate_hz == "auto":
-        return choose_factor(record, faults, exact=exact)
+        choice = choose_factor(record, list(faults.values()), exact=exact)
+        return choice if exact else slowed(record, choice, faults, config, lowpass_of(config))
     if isinstance(rate_hz, float):
         return Choice(factor=max(1, round(record.rate_hz / rate_hz)), reason="asked for")
     return Choice(factor=1, reason="the log's own rate, as asked for")

@@ -61,7 +61,13 @@ class Study:
 
 
 def study_of(
-    path: str, conditioned: Conditioned, live: Sequence[int], config: Config, *, orders: Sequence[int] | None = None
+    path: str,
+    conditioned: Conditioned,
+    live: Sequence[int],
+    config: Config,
+    *,
+    orders: Sequence[int] | None = None,
+    any_order: bool = False,
 ) -> Study:
     """Make a conditioned record ready as the configuration says.
 
@@ -70,13 +76,14 @@ def study_of(
     path : of the log, for messages.
     live : dictionary entries to look for.
     orders : to choose from; default the configuration's.
+    any_order : choose from the configuration's list even where it names one order.
 
     Raises
     ------
     LogError : the window has no rows for any order.
     """
     model = config.model
-    wanted: int | Sequence[int] = model.orders if model.order == "auto" else int(model.order)
+    wanted: int | Sequence[int] = model.orders if any_order or model.order == "auto" else int(model.order)
     widths = (len(config.inputs), len(config.outputs))
     return prepare(
         conditioned,

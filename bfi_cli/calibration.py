@@ -1,0 +1,236 @@
+"""Tables of the onset scan's statistic on fault-free records, and the thresholds and p-values they give.
+
+On real flights the statistic of a fault-free window is far larger than white noise would make it, so its distribution
+is counted, not derived (METHOD section 5, Decision). Shapes differ in it: each is standardised by its own median and
+95 % quantile, the largest of them is the statistic of the window, and above the 85 % quantile of that its distribution
+is taken to fall exponentially.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ConfigError
+from .plain import from_plain, mapping, member
+from .result import Provenance
+from .serialize import to_json
+from .yaml12 import read_text
+
+__all__ = [
+    "FEWEST_WINDOWS",
+    "SCHEMA",
+    "Null",
+    "Settings",
+    "Table",
+    "differences",
+    "load_tables",
+    "nearest",
+    "null_of",
+    "save_tables",
+]
+
+FloatArray = NDArray[np.float64]
+
+SCHEMA = 1
+FEWEST_WINDOWS = 20
+HIGH, TAIL = 0.95, 0.85
+RATE_TOLERANCE, DURATION_TOLERANCE = 0.01, 0.1
+WORDS = {
+    "rate_hz": "rate",
+    "duration_s": "window length",
+    "orders": "order",
+    "feedthrough": "feedthrough",
+    "inputs": "inputs",
+    "outputs": "outputs",
+    "shapes": "shapes",
+    "ends": "search for ends",
+    "frequency_hz": "frequencies",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What the distribution of the statistic depends on.
+
+    Attributes
+    ----------
+    rate_hz, duration_s : of a window after conditioning.
+    orders : those to choose from; one if it was given.
+    shapes : looked for.
+    ends : whether the end was searched for too.
+    frequency_hz : [low, high] of the oscillations, None for the default, which the window's length and rate fix.
+    """
+
+    rate_hz: float
+    duration_s: float
+    orders: tuple[int, ...]
+    feedthrough: bool
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    shapes: tuple[str, ...]
+    ends: bool = False
+    frequency_hz: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Table:
+    """The statistic on windows without a fault.
+
+    Attributes
+    ----------
+    settings : of the scans.
+    statistics : by shape, (n_windows,) its largest over onsets and channels.
+    logs : names of what the windows were cut from.
+    n_unusable : windows that could not be analysed.
+    """
+
+    settings: Settings
+    statistics: Mapping[str, FloatArray]
+    logs: tuple[str, ...]
+    n_unusable: int = 0
+
+    @property
+    def n_windows(self) -> int:
+        """Windows counted."""
+        return min((len(values) for values in self.statistics.values()), default=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Null:
+    """The distribution of the standardised statistic without a fault.
+
+    Attributes
+    ----------
+    median, scale : by shape; scale is the 95 % quantile less the median.
+    maxima : (n_windows,) the largest over shapes, increasing.
+    start : their 85 % quantile; excess : the mean of what lies above it, less it.
+    """
+
+    median: Mapping[str, float]
+    scale: Mapping[str, float]
+    maxima: FloatArray
+    start: float
+    excess: float
+
+    def standardised(self, shape: str, statistic: float) -> float:
+        """Return the statistic of a shape in units common to all shapes."""
+        return (statistic - self.median[shape]) / self.scale[shape]
+
+    def p_value(self, standardised: float) -> float:
+        """Return the probability that a window without a fault reaches this largest standardised statistic."""
+        if standardised > self.start:
+            return (1.0 - TAIL) * float(np.exp(-(standardised - self.start) / self.excess))
+        reached = len(self.maxima) - int(np.searchsorted(self.maxima, standardised))
+        return max(1.0 - TAIL, (reached + 1) / (len(self.maxima) + 1))
+
+    def threshold(self, shape: str, false_alarm: float) -> float:
+        """Return the statistic of a shape above which it is a fault at this rate of false alarms, all shapes counted."""
+        if false_alarm < 1.0 - TAIL:
+            level = self.start + self.excess * float(np.log((1.0 - TAIL) / false_alarm))
+        else:
+            level = float(np.quantile(self.maxima, 1.0 - false_alarm))
+        return self.median[shape] + self.scale[shape] * level
+
+
+def null_of(table: Table, shapes: Sequence[str]) -> Null:
+    """Return the distribution for some of the shapes of a table.
+
+    Raises
+    ------
+    ConfigError : the table lacks one of the shapes, or holds too few windows.
+    """
+    missing = [shape for shape in shapes if shape not in table.statistics]
+    if missing:
+        has = ", ".join(table.statistics)
+        raise ConfigError(f"--calibration: no {missing[0]} in the table, it has: {has}; make one with bfi calibrate")
+    if table.n_windows < FEWEST_WINDOWS:
+        raise ConfigError(
+            f"--calibration: {table.n_windows} windows without a fault, fewer than {FEWEST_WINDOWS}; "
+            "give more or longer logs, or shorter windows"
+        )
+    values = np.stack([table.statistics[shape] for shape in shapes])
+    median, high = np.quantile(values, [0.5, HIGH], axis=1)
+    scale = np.maximum(high - median, np.finfo(float).eps * np.maximum(high, 1.0))
+    maxima = np.sort(((values - median[:, None]) / scale[:, None]).max(axis=0))
+    start = float(np.quantile(maxima, TAIL))
+    excess = float(np.mean(maxima[maxima > start] - start)) if np.any(maxima > start) else np.finfo(float).eps
+    return Null(
+        median=dict(zip(shapes, median.tolist(), strict=True)),
+        scale=dict(zip(shapes, scale.tolist(), strict=True)),
+        maxima=maxima,
+        start=start,
+        excess=excess,
+    )
+
+
+def differences(table: Table, settings: Settings) -> tuple[str, ...]:
+    """Return in what a table was made otherwise than `settings`, as "rate 2 instead of 10"; empty where it fits.
+
+    A table of more shapes fits fewer.
+    """
+    made = table.settings
+    found = []
+    for field in fields(Settings):
+        ours, theirs = getattr(settings, field.name), getattr(made, field.name)
+        if not _alike(field.name, ours, theirs):
+            found.append(f"{WORDS[field.name]} {_shown(theirs)} instead of {_shown(ours)}")
+    return tuple(found)
+
+
+def _alike(name: str, ours: object, theirs: object) -> bool:
+    if name in ("rate_hz", "duration_s") and isinstance(ours, float) and isinstance(theirs, float):
+        return abs(ours - theirs) <= (RATE_TOLERANCE if name == "rate_hz" else DURATION_TOLERANCE) * ours
+    if isinstance(ours, tuple) and isinstance(theirs, tuple) and name in ("inputs", "outputs", "shapes"):
+        return set(ours) <= set(theirs) if name == "shapes" else set(ours) == set(theirs)
+    return ours == theirs
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return "/".join(map(_shown, value))
+    return f"{value:.4g}" if isinstance(value, float) else "default" if value is None else str(value)
+
+
+def nearest(tables: Sequence[Table], settings: Settings) -> Table | None:
+    """Return the table that differs in the fewest things and then the least in rate; None where none has all shapes."""
+    able = [table for table in tables if set(settings.shapes) <= set(table.statistics)]
+    return min(able, key=lambda table: (len(differences(table, settings)), _ratio(table, settings)), default=None)
+
+
+def _ratio(table: Table, settings: Settings) -> float:
+    return float(abs(np.log(table.settings.rate_hz / settings.rate_hz)))
+
+
+def save_tables(tables: Sequence[Table], provenance: Provenance, notes: Sequence[str] = ()) -> str:
+    """Return the JSON text of tables."""
+    return to_json(
+        {"kind": "calibration", "schema": SCHEMA, "tables": list(tables), "notes": notes, "provenance": provenance}
+    )
+
+
+def load_tables(path: str | Path) -> tuple[Table, ...]:
+    """Return the tables of a file made by `bfi calibrate`.
+
+    Raises
+    ------
+    ConfigError : it cannot be read, or is something else.
+    """
+    where = str(path)
+    try:
+        document = json.loads(read_text(Path(path), error=ConfigError))
+    except json.JSONDecodeError as problem:
+        raise ConfigError(f"{where}: not JSON ({problem.msg.lower()}); give a file of bfi calibrate") from None
+    kind = mapping(document, where=where).get("kind")
+    if kind != "calibration":
+        raise ConfigError(f"{where}: kind is '{kind}', not 'calibration'; give a file of bfi calibrate")
+    if document.get("schema") != SCHEMA:
+        raise ConfigError(
+            f"{where}: schema is {document.get('schema')}, this program reads {SCHEMA}; run bfi calibrate again"
+        )
+    return from_plain(tuple[Table, ...], member(document, "tables", where=where), where=f"{where}: tables")

@@ -1,0 +1,135 @@
+"""Which null distribution a decision rests on, and whether a sweep stands out of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import resources
+
+from ..calibration import Null, Table, differences, load_tables, nearest, null_of
+from ..config import Config
+from ..errors import ConfigError
+from ..flightlog import FlightLog
+from .null import earlier_windows, gaussian_table, table_of_windows
+from .record import ScanRecord
+from .result import CalibrationUse
+from .sweep import Peak, Sweep, best_of
+
+__all__ = ["Rule", "Verdict", "rule_for"]
+
+SHIPPED = "shipped.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Verdict:
+    """What a sweep says.
+
+    Attributes
+    ----------
+    shape : the one that stands out most; statistic, threshold : its own.
+    p_value : of the largest standardised statistic.
+    peak : the fault, None where nothing is significant.
+    """
+
+    shape: str
+    statistic: float
+    threshold: float
+    p_value: float
+    peak: Peak | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rule:
+    """A null distribution and where it comes from.
+
+    Attributes
+    ----------
+    use : for the reader; notes : what limits it.
+    """
+
+    null: Null
+    use: CalibrationUse
+    shapes: tuple[str, ...]
+    false_alarm: float
+    notes: tuple[str, ...]
+
+    def verdict(self, sweep: Sweep) -> Verdict:
+        """Decide at the wanted rate of false alarms; among significant shapes the criterion chooses."""
+        peaks = {shape: sweep.of(shape) for shape in self.shapes}
+        standing = {shape: self.null.standardised(shape, peak.statistic) for shape, peak in peaks.items()}
+        top = max(standing, key=lambda shape: standing[shape])
+        p_value = self.null.p_value(standing[top])
+        beyond = [peak for shape, peak in peaks.items() if peak.statistic > self.threshold(shape)]
+        return Verdict(
+            shape=top,
+            statistic=peaks[top].statistic,
+            threshold=self.threshold(top),
+            p_value=p_value,
+            peak=best_of(beyond) if beyond and p_value < self.false_alarm else None,
+        )
+
+    def threshold(self, shape: str) -> float:
+        """Return the statistic of a shape above which it is a fault."""
+        return self.null.threshold(shape, self.false_alarm)
+
+
+def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int) -> Rule:
+    """Return the rule the configuration asks for.
+
+    Parameters
+    ----------
+    log : the whole, for its own earlier part.
+    record : the window.
+    order : of the model, for a simulation.
+
+    Raises
+    ------
+    ConfigError : the table cannot be read, or no table has these shapes.
+    LogError : the log has too little before the window.
+    """
+    asked = config.start_time
+    match asked.calibration:
+        case "gaussian":
+            table = gaussian_table(record, order, seed=config.seed)
+            note = "the threshold assumes white Gaussian errors, which real flights do not have: false alarms are more"
+            return _rule(table, record, config, "gaussian", (f"{note} frequent than stated",))
+        case "self":
+            windows = earlier_windows(log, config)
+            table = table_of_windows(((log, window) for window in windows), config)
+            note = (
+                f"calibrated on {table.n_windows} overlapping windows before the analysed one, taken to be fault-free"
+            )
+            return _rule(table, record, config, "self", (note,))
+        case None:
+            return _from_tables(_shipped(), record, config, "shipped")
+        case path:
+            return _from_tables(load_tables(path), record, config, path)
+
+
+def _shipped() -> tuple[Table, ...]:
+    with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
+        return load_tables(path) if path.is_file() else ()
+
+
+def _from_tables(tables: tuple[Table, ...], record: ScanRecord, config: Config, source: str) -> Rule:
+    table = nearest(tables, record.settings)
+    if table is None:
+        shapes = ", ".join(record.settings.shapes)
+        raise ConfigError(
+            f"--calibration: no {source} table has all of {shapes}; "
+            "make one with bfi calibrate, or give --calibration gaussian"
+        )
+    return _rule(table, record, config, source, ())
+
+
+def _rule(table: Table, record: ScanRecord, config: Config, source: str, notes: tuple[str, ...]) -> Rule:
+    differ = differences(table, record.settings)
+    if differ:
+        where = f"no calibration fits the settings; the nearest ({table.n_windows} windows) has {', '.join(differ)}"
+        notes = (*notes, f"{where}: no p-value is given, and the rate of false alarms is not known")
+    return Rule(
+        null=null_of(table, record.settings.shapes),
+        use=CalibrationUse(source=source, matches=not differ, n_windows=table.n_windows),
+        shapes=record.settings.shapes,
+        false_alarm=config.start_time.false_alarm,
+        notes=notes,
+    )

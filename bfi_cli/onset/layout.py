@@ -1,0 +1,163 @@
+"""From what the scan found to the result: faults in SI, profiles, the model, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..faults import magnitude_unit, physical
+from ..flightlog.record import frozen_array
+from ..kernels.lagged import lagged
+from ..result import FaultEstimate, LogSummary, ModelSummary
+from .decision import Rule, Verdict
+from .estimate import NORMAL, Estimate
+from .record import ScanRecord
+from .result import OnsetFault, OnsetResult, ShapeProfile
+from .shapes import fault_of
+from .sweep import Peak, Sweep
+
+__all__ = ["Scanned", "laid_out", "log_summary", "model_summary", "onset_fault", "shape_profile"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scanned:
+    """What the scan found.
+
+    Attributes
+    ----------
+    first, last : sweeps of the outputs as measured and with all faults taken off.
+    opening : the verdict on the first; verdicts, estimates : of each fault.
+    y : (n_samples, n_outputs) scaled outputs without the faults.
+    """
+
+    first: Sweep
+    last: Sweep
+    opening: Verdict
+    verdicts: tuple[Verdict, ...]
+    estimates: tuple[Estimate, ...]
+    y: FloatArray
+
+
+def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
+    """Return the result of a scan."""
+    opening, matches = found.opening, rule.use.matches
+    faults = tuple(
+        onset_fault(record, estimate, p_value=verdict.p_value if matches else None)
+        for verdict, estimate in zip(found.verdicts, found.estimates, strict=True)
+    )
+    return OnsetResult(
+        log=log_summary(record),
+        decision="fault" if faults else "no_fault",
+        false_alarm=rule.false_alarm,
+        p_value=opening.p_value if matches else None,
+        statistic=opening.statistic,
+        threshold=opening.threshold,
+        calibration=rule.use,
+        faults=faults,
+        model=model_summary(record, found.first, found.y, order=found.last.plain_order),
+        method="scan",
+        profiles=tuple(
+            shape_profile(record, found.first.of(shape), rule.threshold(shape)) for shape in record.settings.shapes
+        ),
+        notes=(*rule.notes, *_notes(record, faults)),
+    )
+
+
+def log_summary(record: ScanRecord) -> LogSummary:
+    """Return the analysed window."""
+    return LogSummary(
+        path=record.intake.log.path,
+        rate_hz=record.sampling.rate_hz,
+        n_samples=record.sampling.n_samples,
+        start_s=float(record.time_s[0]),
+        stop_s=float(record.time_s[-1]),
+        native_rate_hz=record.intake.native_rate_hz,
+    )
+
+
+def onset_fault(record: ScanRecord, found: Estimate, *, p_value: float | None) -> OnsetFault:
+    """Return a fault in SI units."""
+    output = found.form.output
+    channel = record.settings.outputs[output]
+    unit, scale = record.intake.log.channel(channel).unit, float(record.unit[output])
+    magnitude, sd = scale * found.z, scale * found.sd
+    fault = fault_of(found.form, channel, magnitude=magnitude, onset_s=found.onset_s, offset_s=found.offset_s)
+    value, physical_unit = physical(fault, magnitude, unit)
+    return OnsetFault(
+        estimate=FaultEstimate(
+            name=fault.name or fault.shape,
+            fault=fault,
+            magnitude=magnitude,
+            unit=magnitude_unit(fault, unit),
+            physical_value=value,
+            physical_unit=physical_unit,
+            sd=sd,
+            ci95=(magnitude - NORMAL * sd, magnitude + NORMAL * sd),
+        ),
+        onset_ci95=found.onset_ci95,
+        statistic=found.statistic,
+        p_value=p_value,
+    )
+
+
+def shape_profile(record: ScanRecord, peak: Peak, threshold: float | None) -> ShapeProfile:
+    """Return a shape over the onsets, in SI units."""
+    form, profile = peak.form, peak.profile
+    channel = record.settings.outputs[form.output]
+    scale = float(record.unit[form.output])
+    fault = fault_of(form, channel, magnitude=1.0, onset_s=0.0)
+    return ShapeProfile(
+        shape=form.shape,
+        channel=channel,
+        unit=magnitude_unit(fault, record.intake.log.channel(channel).unit),
+        frequency_hz=fault.frequency_hz,
+        onset_s=frozen_array([record.onset_s(int(k)) for k in profile.onsets]),
+        statistic=frozen_array(profile.statistic),
+        magnitude=frozen_array(scale * profile.z),
+        sd=frozen_array(scale * profile.sd),
+        threshold=threshold,
+    )
+
+
+def model_summary(record: ScanRecord, curve: Sweep, y: FloatArray, *, order: int) -> ModelSummary:
+    """Return the model that explains the outputs y (n_samples, n_outputs), scaled, without the faults found.
+
+    Parameters
+    ----------
+    curve : whose criteria over the order are shown.
+    """
+    settings = record.settings
+    several = len(curve.orders) > 1
+    first = 0 if record.feedthrough else 1
+    ones = np.ones((len(y) - order, 1))
+    X = np.hstack([ones, lagged(record.u, range(first, order + 1), first=order), lagged(y, range(1, order + 1))])
+    error = y[order:] - X @ np.linalg.lstsq(X, y[order:], rcond=None)[0]
+    sd = np.sqrt(np.mean(error**2, axis=0)) * record.unit
+    return ModelSummary(
+        order=order,
+        rate_hz=settings.rate_hz,
+        feedthrough=record.feedthrough,
+        inputs=settings.inputs,
+        outputs=settings.outputs,
+        noise_sd=dict(zip(settings.outputs, sd.tolist(), strict=True)),
+        orders=curve.orders if several else (),
+        criterion_no_fault=curve.plain if several else (),
+        criterion_best=curve.with_fault if several else (),
+    )
+
+
+def _notes(record: ScanRecord, faults: Sequence[OnsetFault]) -> list[str]:
+    notes = [
+        f"rate {record.settings.rate_hz:.4g} Hz: {record.intake.choice.reason}",
+        f"an onset before {record.onset_s(3 * max(record.orders)):.5g} s may be absorbed by the model",
+    ]
+    for one in faults:
+        low, high = one.onset_ci95
+        if high - low > 0.25 * record.settings.duration_s:
+            notes.append(f"the onset of '{one.estimate.name}' is hardly known: {low:.5g} to {high:.5g} s")
+    return notes

@@ -1,0 +1,119 @@
+"""The record a scan works on: a window of a log, conditioned and scaled as for an identification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calibration import Settings
+from ..config import Config
+from ..dictionary import Dictionary
+from ..faults import Fault
+from ..flightlog import FlightLog
+from ..study import Intake, floor_of, lowpass_of, study_of, take_in
+from .shapes import Form, Sampling, forms_of
+
+__all__ = ["ScanRecord", "prepare_record"]
+
+FloatArray = NDArray[np.float64]
+
+CYCLES = 3.0
+FASTEST = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ScanRecord:
+    """What is scanned, in scaled units.
+
+    Attributes
+    ----------
+    intake : the window and how it was conditioned.
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs), of unit spread; y in SI is scaled y times `unit`, and a
+        constant more.
+    orders : to choose from.
+    floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
+    forms : shapes to look for.
+    band_hz : of the oscillations.
+    settings : of the scan, as a calibration names them.
+    """
+
+    intake: Intake
+    u: FloatArray
+    y: FloatArray
+    unit: FloatArray
+    orders: tuple[int, ...]
+    feedthrough: bool
+    floor: float | None
+    sampling: Sampling
+    forms: tuple[Form, ...]
+    band_hz: tuple[float, float]
+    settings: Settings
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n_samples,) of the conditioned samples."""
+        return self.intake.conditioned.time_s
+
+    def onset_s(self, sample: int, phase: int = 0) -> float:
+        """Return the time of a conditioned sample, or of one of the log's own samples before it."""
+        return float(self.time_s[0]) + (sample + phase / self.sampling.factor) / self.sampling.rate_hz
+
+
+def prepare_record(log: FlightLog, config: Config) -> ScanRecord:
+    """Return the window of a log made ready for the scan.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be used.
+    """
+    intake = take_in(log, _probes(log, config), config)
+    conditioned = intake.conditioned
+    study = study_of(intake.log.path, conditioned, (), config)
+    n, rate_hz = len(conditioned.time_s), conditioned.rate_hz
+    asked = config.start_time
+    sampling = Sampling(n_samples=n, rate_hz=rate_hz, factor=conditioned.factor, lowpass=lowpass_of(config))
+    return ScanRecord(
+        intake=intake,
+        u=study.layout.u,
+        y=study.layout.y,
+        unit=study.unit,
+        orders=study.orders,
+        feedthrough=study.layout.feedthrough,
+        floor=None if conditioned.factor == 1 else floor_of(conditioned),
+        sampling=sampling,
+        forms=forms_of(asked.shapes, len(config.outputs), n / rate_hz),
+        band_hz=_band(asked.frequency_hz, n, rate_hz),
+        settings=Settings(
+            rate_hz=rate_hz,
+            duration_s=n / rate_hz,
+            orders=study.orders,
+            feedthrough=study.layout.feedthrough,
+            inputs=config.inputs,
+            outputs=config.outputs,
+            shapes=asked.shapes,
+            ends=asked.ends,
+            frequency_hz=asked.frequency_hz,
+        ),
+    )
+
+
+def _probes(log: FlightLog, config: Config) -> Dictionary:
+    """Return what the rate is chosen for: a step amid the window and the fastest oscillation asked for."""
+    part = log.window(config.window.from_s, config.window.to_s)
+    middle = float(part.time_s[part.n_samples // 2])
+    atoms = [Fault(shape="bias", channel=config.outputs[0], onset_s=middle, name="a step")]
+    if config.start_time.frequency_hz is not None and "sine" in config.start_time.shapes:
+        high = config.start_time.frequency_hz[1]
+        atoms.append(
+            Fault(shape="sine", channel=config.outputs[0], onset_s=middle, frequency_hz=high, name="an oscillation")
+        )
+    return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
+
+
+def _band(asked: tuple[float, float] | None, n_samples: int, rate_hz: float) -> tuple[float, float]:
+    """Return the frequencies to look for, within what the record resolves."""
+    low, high = asked or (CYCLES * rate_hz / n_samples, FASTEST * rate_hz)
+    high = min(high, 0.5 * rate_hz)
+    return min(low, high), high

@@ -1,0 +1,93 @@
+"""What the scan over all onsets found: plain frozen data that renders to a table, JSON and figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..result import Decision, FaultEstimate, LogSummary, ModelSummary
+
+__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "ShapeProfile"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationUse:
+    """Which null distribution the decision rests on.
+
+    Attributes
+    ----------
+    source : "shipped", "self", "gaussian", or the path of a table.
+    matches : it was made for the settings in use.
+    n_windows : fault-free windows, or trials, behind it.
+    """
+
+    source: str
+    matches: bool
+    n_windows: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnsetFault:
+    """One fault; times on the log's axis.
+
+    Attributes
+    ----------
+    estimate : shape, times, magnitude.
+    onset_ci95 : earliest and latest onset that the likelihood profile admits.
+    statistic : of its shape, the faults before it taken off.
+    p_value : None where no calibration fits.
+    """
+
+    estimate: FaultEstimate
+    onset_ci95: tuple[float, float]
+    statistic: float
+    p_value: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShapeProfile:
+    """One shape over all onsets, before any fault is taken off; arrays (n_onsets,).
+
+    Attributes
+    ----------
+    frequency_hz : the best, None where the shape has none.
+    threshold : of the statistic, None where the method has none.
+    """
+
+    shape: str
+    channel: str
+    unit: str
+    frequency_hz: float | None
+    onset_s: FloatArray
+    statistic: FloatArray
+    magnitude: FloatArray
+    sd: FloatArray
+    threshold: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OnsetResult:
+    """The whole answer of `bfi start-time`.
+
+    Attributes
+    ----------
+    statistic, threshold : of the shape that stands out most, 2 log of the likelihood ratio.
+    p_value : of the largest standardised statistic; None where no calibration fits.
+    """
+
+    log: LogSummary
+    decision: Decision
+    false_alarm: float
+    p_value: float | None
+    statistic: float
+    threshold: float | None
+    calibration: CalibrationUse | None
+    faults: tuple[OnsetFault, ...]
+    model: ModelSummary
+    method: str
+    profiles: tuple[ShapeProfile, ...]
+    notes: tuple[str, ...]

@@ -1,0 +1,137 @@
+"""The shapes to look for, as the scan sees them after conditioning.
+
+The low-pass of the conditioning smears the start of a fault over a few samples. A shape is made at the log's own rate
+and passed through the same filter, so that it starts a few samples before its onset and can start between two samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..faults import Fault, Shape
+from ..kernels import onset_shapes
+from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
+from ..kernels.onset_shapes import Waveform
+
+__all__ = ["Form", "Sampling", "fault_of", "forms_of", "waveform"]
+
+FloatArray = NDArray[np.float64]
+
+CONSTANTS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
+LARGEST_SHARE = 0.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sampling:
+    """Samples of the conditioned record, and how they came from `factor` times as many."""
+
+    n_samples: int
+    rate_hz: float
+    factor: int
+    lowpass: Lowpass
+
+    @property
+    def lead(self) -> int:
+        """Samples by which the filter shows a fault before its onset."""
+        return self.lowpass.half_width if self.factor > 1 and self.lowpass.kind == "linear-phase" else 0
+
+    def shorter(self, n_samples: int) -> Sampling:
+        """Return the same sampling of fewer samples."""
+        return Sampling(n_samples=n_samples, rate_hz=self.rate_hz, factor=self.factor, lowpass=self.lowpass)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """A shape on one output.
+
+    Attributes
+    ----------
+    output : its index.
+    parameter : frequency, time constant or duration, in Hz or s; None where the shape has none, or it is sought.
+    """
+
+    shape: Shape
+    output: int
+    parameter: float | None = None
+
+
+def forms_of(shapes: tuple[Shape, ...], n_outputs: int, duration_s: float) -> tuple[Form, ...]:
+    """Return every shape on every output; time constants and durations on a grid up to a quarter of the window."""
+    found = []
+    for output in range(n_outputs):
+        for shape in shapes:
+            grid: tuple[float | None, ...] = (None,)
+            if shape in ("lagged_bias", "ramp_hold"):
+                grid = tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
+            found += [Form(shape=shape, output=output, parameter=parameter) for parameter in grid]
+    return tuple(found)
+
+
+def waveform(form: Form, sampling: Sampling, phase: int = 0) -> Waveform:
+    """Return the shape of unit magnitude, conditioned; it starts `sampling.lead` samples before its onset.
+
+    Parameters
+    ----------
+    form : a sine needs its frequency.
+    sampling : of the record.
+    phase : samples of the log's own rate from the conditioned sample to the onset, in -(factor - 1)..0.
+    """
+    n, factor = sampling.n_samples, sampling.factor
+    if factor == 1:
+        return _ideal(form, n, sampling.rate_hz)
+    taps = lowpass_taps(factor, sampling.lowpass).size
+    before = lost_samples(factor, sampling.lowpass)[0] + sampling.lead * factor + phase
+    length = taps + (n - 1) * factor
+    native = _ideal(form, length - before, sampling.rate_hz * factor)
+    signals = np.zeros((length, 1 + len(native.tails)))
+    signals[before:] = np.vstack([native.samples, native.tails]).T
+    conditioned = decimate(signals, factor, sampling.lowpass).T
+    return Waveform(
+        samples=conditioned[0],
+        unit=native.unit,
+        tails=conditioned[1:],
+        weights=_stretched(native.weights, factor, n + 1),
+        shortest=-(-native.shortest // factor),
+    )
+
+
+def _stretched(weights: FloatArray, factor: int, n: int) -> FloatArray:
+    """Every `factor`-th weight; the last few, which no fault within the record needs, repeated."""
+    taken = weights[:, ::factor][:, :n]
+    return np.pad(taken, ((0, 0), (0, n - taken.shape[1])), mode="edge")
+
+
+def _ideal(form: Form, n: int, rate_hz: float) -> Waveform:
+    match form.shape:
+        case "bias":
+            return onset_shapes.bias(n)
+        case "drift":
+            return onset_shapes.drift(n, step_s=1.0 / rate_hz)
+    if form.parameter is None:
+        raise ValueError(f"a {form.shape} needs its parameter")
+    match form.shape:
+        case "sine":
+            return onset_shapes.sine(n, angle=2.0 * np.pi * form.parameter / rate_hz)
+        case "lagged_bias":
+            return onset_shapes.lagged_bias(n, constant=form.parameter * rate_hz)
+        case "ramp_hold":
+            return onset_shapes.ramp_hold(n, duration=form.parameter * rate_hz)
+    raise ValueError(f"a {form.shape} is not scanned")
+
+
+def fault_of(form: Form, channel: str, *, magnitude: float, onset_s: float, offset_s: float | None = None) -> Fault:
+    """Return the fault of a form."""
+    key = {"sine": "frequency_hz", "lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}.get(form.shape)
+    named = {} if key is None else {key: form.parameter}
+    return Fault(
+        shape=form.shape,
+        channel=channel,
+        magnitude=magnitude,
+        onset_s=onset_s,
+        offset_s=offset_s,
+        name=f"{form.shape}_{onset_s:.5g}",
+        **named,  # type: ignore[arg-type]
+    )

@@ -1,0 +1,183 @@
+"""All shapes at all onsets, the order of the model chosen together with the shape (METHOD section 5, Order)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.onset_ends import scan_ends
+from ..kernels.onset_frequency import scan_frequency, scan_frequency_ends
+from ..kernels.onset_profile import screen
+from ..kernels.onset_scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from ..kernels.onset_shapes import sine
+from ..kernels.onset_tables import Scan, prepare_scan, tabulate
+from .record import ScanRecord
+from .shapes import Form, waveform
+
+__all__ = ["Peak", "Sweep", "best_of", "criterion", "peak_of", "plain_criterion", "scan_of", "sweep"]
+
+FloatArray = NDArray[np.float64]
+
+GRID = 0.5
+PER_PERIOD = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Peak:
+    """One form at all onsets.
+
+    Attributes
+    ----------
+    form : with the frequency found.
+    profile : over the onsets, which are conditioned samples of the record; with an end, at the best end.
+    end : conditioned sample, None where the fault lasts.
+    """
+
+    form: Form
+    profile: Profile
+    end: int | None
+
+    @property
+    def statistic(self) -> float:
+        """Largest over the onsets."""
+        return float(self.profile.statistic[self.profile.best])
+
+    @property
+    def onset(self) -> int:
+        """Conditioned sample of the best onset."""
+        return int(self.profile.onsets[self.profile.best])
+
+    @property
+    def n_parameters(self) -> int:
+        """What was sought: magnitude, onset, end, and frequency or time constant."""
+        return 2 + (self.end is not None) + (self.form.parameter is not None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sweep:
+    """All forms at the order chosen.
+
+    Attributes
+    ----------
+    order : chosen; plain_order : the one chosen without a fault.
+    peaks : one per form.
+    orders, plain : tried, and the criterion of each without a fault.
+    with_fault : the criterion of each with its best fault.
+    """
+
+    order: int
+    plain_order: int
+    peaks: tuple[Peak, ...]
+    orders: tuple[int, ...]
+    plain: tuple[float, ...]
+    with_fault: tuple[float, ...]
+
+    def of(self, shape: str) -> Peak:
+        """Return the best peak of a shape."""
+        return max((peak for peak in self.peaks if peak.form.shape == shape), key=lambda peak: peak.statistic)
+
+
+def sweep(record: ScanRecord, y: FloatArray, order: int | None = None) -> Sweep:
+    """Scan every form over every onset.
+
+    Parameters
+    ----------
+    record : how, and the inputs.
+    y : (n_samples, n_outputs) scaled outputs, less what is explained already.
+    order : of the model; None to choose it together with the shape by the Bayesian information criterion.
+    """
+    orders = record.orders if order is None else (order,)
+    plain, best = [], []
+    for candidate in orders:
+        scans = [scan_of(record, y, candidate, output=i, first=max(orders)) for i in range(y.shape[1])]
+        base = plain_criterion(record, scans[0])
+        fault = [criterion(base, *_quick(record, scans[form.output], form)) for form in record.forms]
+        plain.append(base)
+        best.append(min(fault) if len(orders) > 1 else base)
+    chosen = orders[int(np.argmin(np.minimum(plain, best)))]
+    scans = [scan_of(record, y, chosen, output=i) for i in range(y.shape[1])]
+    return Sweep(
+        order=chosen,
+        plain_order=orders[int(np.argmin(plain))],
+        peaks=tuple(peak_of(record, scans[form.output], form) for form in record.forms),
+        orders=orders,
+        plain=tuple(plain),
+        with_fault=tuple(best),
+    )
+
+
+def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first: int | None = None) -> Scan:
+    """Return the factorised record for faults of one output.
+
+    Parameters
+    ----------
+    first : the first row of the regression is this sample; `order` if None. The same for all orders to be compared.
+    """
+    skip = (first or order) - order
+    return prepare_scan(
+        record.u[skip:],
+        y[skip:],
+        order=order,
+        feedthrough=record.feedthrough,
+        channel=output,
+        floor=record.floor,
+    )
+
+
+def plain_criterion(record: ScanRecord, scan: Scan) -> float:
+    """Return n log det of the residuals plus log n per parameter, without a fault."""
+    n_inputs = record.u.shape[1]
+    regressors = 1 + n_inputs * (scan.order + record.feedthrough) + scan.n_outputs * scan.order
+    return scan.n_rows * float(np.log(scan.rss0)) + scan.n_outputs * regressors * float(np.log(scan.n_rows))
+
+
+def criterion(plain: float, statistic: float, charge: float) -> float:
+    """Return the criterion with a fault; `charge` is the sum of log n over its parameters."""
+    return plain - statistic + charge
+
+
+def _quick(record: ScanRecord, scan: Scan, form: Form) -> tuple[float, float]:
+    """Return the statistic of a form, for a sine a lower bound from a coarse grid, and the charge of its parameters."""
+    charge = float(np.log(scan.n_rows))
+    if form.shape != "sine":
+        wave = waveform(form, record.sampling.shorter(scan.n_samples))
+        return float(scan_shape(scan, wave).statistic.max()), (3 if form.parameter else 2) * charge
+    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
+    grid = np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / GRID)))
+    return max(_screened(scan, float(f)) for f in grid), 3 * charge
+
+
+def _screened(scan: Scan, frequency: float) -> float:
+    wave = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+    onsets = default_onsets(scan)[:: max(1, int(1.0 / (PER_PERIOD * frequency)))]
+    tables, bound = tabulate(scan, wave.samples), magnitude_bound(scan, wave, scan.n_samples - onsets)
+    found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
+    return -scan.n_rows * float(found.F.min())
+
+
+def peak_of(record: ScanRecord, scan: Scan, form: Form) -> Peak:
+    """Return the exact scan of a form over the record; a sine without a frequency at its best one."""
+    end = None
+    if form.shape == "sine" and form.parameter is None:
+        form = replace(form, parameter=_frequency(record, scan))
+    wave, lead = waveform(form, record.sampling), record.sampling.lead
+    if record.settings.ends:
+        span = scan_ends(scan, wave)
+        found, end = span.over_starts, span.end + lead
+    else:
+        found = scan_shape(scan, wave)
+    return Peak(form=form, profile=replace(found, onsets=found.onsets + lead), end=end)
+
+
+def _frequency(record: ScanRecord, scan: Scan) -> float:
+    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
+    tuned = scan_frequency_ends if record.settings.ends else scan_frequency
+    return float(tuned(scan, (low, high)).frequency * record.sampling.rate_hz)
+
+
+def best_of(peaks: Sequence[Peak]) -> Peak:
+    """Return the peak with the least criterion."""
+    return min(peaks, key=lambda peak: peak.n_parameters * np.log(len(peak.profile.onsets)) - peak.statistic)

@@ -1,0 +1,61 @@
+"""How the rate follows the noise, and the thesis's rule in place of the criterion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
+from bfi_cli.config import Config, merge
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.identify import identify_faults
+
+
+def flown(noise: float, gusts: float = 0.0) -> FlightLog:
+    """Return the thesis's manoeuvre with measurement noise, or with gusts, both in m/s."""
+    time_s = time_axis(duration_s=31.72, rate_hz=100.0)
+    return simulate(
+        find_model("citation"),
+        manoeuvre("3211", time_s),
+        rng=np.random.default_rng(5),
+        rate_hz=100.0,
+        noise_sd={"tas": noise},
+        turbulence=Dryden(sigma_m_s=gusts) if gusts else None,
+    )
+
+
+def test_measurement_noise_asks_for_memory_and_memory_for_a_lower_rate(thesis):
+    """Gusts drive the dynamics, which a few lags predict; noise on the sensor has to be averaged over many."""
+    gusty, noisy = (identify_faults(log, thesis, Config()) for log in (flown(0.0, gusts=0.3), flown(0.1)))
+    assert noisy.log.rate_hz < gusty.log.rate_hz
+    assert any("the noise asks for" in note for note in noisy.notes)
+    assert noisy.decision == "no_fault"
+
+
+def test_the_rate_never_falls_below_four_samples_per_cycle_of_the_dictionary(thesis):
+    fastest = max(fault.frequency_hz or 0.0 for fault in thesis.atoms)
+    assert identify_faults(flown(0.5), thesis, Config()).log.rate_hz >= 4.0 * fastest
+
+
+@pytest.mark.parametrize(("threshold", "found"), [(0.3, {"bias_13.8", "sine_1.15"}), (0.7, {"bias_13.8"})])
+def test_a_threshold_replaces_the_criterion(flight, thesis, faulty, threshold, found):
+    log = faulty(flight(1), thesis, {"bias_13.8": 4.0, "sine_1.15": 2.0})
+    result = identify_faults(log, thesis, merge(Config(), {"selection.threshold": threshold}))
+    assert {fault.name for fault in result.faults} == found
+
+
+def test_a_tiny_threshold_declares_everything(flight, thesis):
+    result = identify_faults(flight(1), thesis, merge(Config(), {"selection.threshold": 1e-12}))
+    assert len(result.faults) == len(thesis.atoms)
+
+
+def test_what_the_dictionary_does_not_hold_is_pointed_at(flight, thesis, faulty):
+    """A step a second after the only bias of a dictionary is no fault of it, but the reader is told that it is there."""
+    log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
+    late = replace(
+        thesis, atoms=tuple(replace(atom, onset_s=20.0) for atom in thesis.atoms if atom.name == "bias_13.8")
+    )
+    result = identify_faults(log, late, Config())
+    assert any("something abrupt" in note for note in result.notes)

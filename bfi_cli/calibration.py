@@ -30,6 +30,7 @@ __all__ = [
     "Table",
     "differences",
     "load_tables",
+    "merged",
     "nearest",
     "null_of",
     "save_tables",
@@ -39,7 +40,7 @@ FloatArray = NDArray[np.float64]
 
 SCHEMA = 1
 FEWEST_WINDOWS = 20
-HIGH, TAIL = 0.95, 0.85
+HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
 RATE_TOLERANCE, DURATION_TOLERANCE = 0.01, 0.1
 WORDS = {
     "rate_hz": "rate",
@@ -123,14 +124,18 @@ class Null:
         return (statistic - self.median[shape]) / self.scale[shape]
 
     def p_value(self, standardised: float) -> float:
-        """Return the probability that a window without a fault reaches this largest standardised statistic."""
+        """Return the probability that a window without a fault reaches this largest standardised statistic.
+
+        The tail is not followed further than to a hundredth of what one window of all would be.
+        """
         if standardised > self.start:
-            return (1.0 - TAIL) * float(np.exp(-(standardised - self.start) / self.excess))
+            tail = (1.0 - TAIL) * float(np.exp(-(standardised - self.start) / self.excess))
+            return max(tail, FURTHEST / len(self.maxima))
         reached = len(self.maxima) - int(np.searchsorted(self.maxima, standardised))
         return max(1.0 - TAIL, (reached + 1) / (len(self.maxima) + 1))
 
     def threshold(self, shape: str, false_alarm: float) -> float:
-        """Return the statistic of a shape above which it is a fault at this rate of false alarms, all shapes counted."""
+        """Return the statistic of a shape above which it is a fault; the rate counts all shapes together."""
         if false_alarm < 1.0 - TAIL:
             level = self.start + self.excess * float(np.log((1.0 - TAIL) / false_alarm))
         else:
@@ -205,6 +210,22 @@ def nearest(tables: Sequence[Table], settings: Settings) -> Table | None:
 
 def _ratio(table: Table, settings: Settings) -> float:
     return float(abs(np.log(table.settings.rate_hz / settings.rate_hz)))
+
+
+def merged(tables: Sequence[Table], table: Table) -> tuple[Table, ...]:
+    """Return the tables with one more; its windows join those of a table of the same settings."""
+    same = [one for one in tables if not differences(one, table.settings) and not differences(table, one.settings)]
+    others = [one for one in tables if one not in same]
+    for one in same:
+        table = Table(
+            settings=one.settings,
+            statistics={
+                shape: np.concatenate([values, table.statistics[shape]]) for shape, values in one.statistics.items()
+            },
+            logs=tuple(dict.fromkeys((*one.logs, *table.logs))),
+            n_unusable=one.n_unusable + table.n_unusable,
+        )
+    return (*others, table)
 
 
 def save_tables(tables: Sequence[Table], provenance: Provenance, notes: Sequence[str] = ()) -> str:

@@ -29,6 +29,7 @@ COMMANDS = {
     "inject": "Add faults to a log; the truth is stored in the file.",
     "dictionary": "Audit a fault dictionary, on a log if one is given.",
     "identify": "Which faults of a dictionary are present, how large, how sure.",
+    "montecarlo": "Sweeps over faults, noise and settings: rates with intervals, tables, figures.",
     "report": "Draw the report of a stored result.",
 }
 USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130

@@ -10,7 +10,7 @@ from ..kernels.covariance import Unfolded, unfold
 from ..result import Candidate, Decision, FaultEstimate, IdentifyResult, LogSummary, ModelSummary
 from ..study import Intake, Study, lowpass_of
 from .found import Found, interval_quantile
-from .notes import abrupt_note, blind, notes_of, slow_note
+from .notes import abrupt_note, blind, edge_note, notes_of, slow_note
 from .series import Reconstruction, against_truth, output_series, residuals, true_faults
 
 __all__ = ["laid_out"]
@@ -31,7 +31,9 @@ def laid_out(intake: Intake, study: Study, config: Config, found: Found) -> Iden
     series = output_series(intake, study, reconstruction, true, config.outputs)
     tests = residuals(study, series, found.scored.fit.order)
     decision, why = _decision(study, found)
-    warnings = (slow_note(intake, [study.live[j] for j in atoms]), *(abrupt_note(study, output) for output in series))
+    active = [study.live[j] for j in atoms]
+    edge, slow = edge_note(intake, study, active), slow_note(intake, active)
+    warnings = (edge, slow, *(abrupt_note(study, output) for output in series))
     general = notes_of(intake, study, found.magnitudes, tests, unfolded.condition_number)
     conditioned = study.conditioned
     return IdentifyResult(

@@ -13,7 +13,17 @@ from ..result import OutputSeries, ResidualSummary
 from ..study import Intake, Study
 from .estimation import Answer, Magnitudes
 
-__all__ = ["STRONG", "abrupt_note", "blind", "near_miss_note", "notes_of", "rate_note", "rivals", "slow_note"]
+__all__ = [
+    "STRONG",
+    "abrupt_note",
+    "blind",
+    "edge_note",
+    "near_miss_note",
+    "notes_of",
+    "rate_note",
+    "rivals",
+    "slow_note",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -21,6 +31,8 @@ STRONG = 4.6
 WHITE_P = 1e-3
 ILL_CONDITIONED = 1e8
 MOST_NAMED = 5
+BLIND = 3.0
+RARE = 0.02
 SLOW_SHAPES = ("drift", "lagged_bias", "ramp_hold", "samples")
 SLOW_CYCLES = 10.0
 
@@ -31,14 +43,14 @@ def rate_note(intake: Intake) -> str:
 
 
 def blind(study: Study, magnitudes: Magnitudes) -> tuple[bool, ...]:
-    """Say of each live atom whether only a fault larger than the output's whole movement could be seen."""
+    """Say of each live atom whether only a fault far larger than the output's whole movement could be seen."""
     conditioned = study.conditioned
     answers = []
     for n, j in enumerate(study.live):
         theta = conditioned.theta[:, :, j]
         output = int(np.argmax(np.max(np.abs(theta), axis=0)))
         smallest = magnitudes.minimal_detectable[n] * float(np.max(np.abs(theta[:, output])))
-        answers.append(not np.isfinite(smallest) or smallest > float(np.ptp(conditioned.y[:, output])))
+        answers.append(not np.isfinite(smallest) or smallest > BLIND * float(np.ptp(conditioned.y[:, output])))
     return tuple(answers)
 
 
@@ -111,13 +123,22 @@ def abrupt_note(study: Study, output: OutputSeries) -> str | None:
     """Say where the prediction error of the answer still jumps: something abrupt is there that the answer lacks."""
     first = study.layout.first
     times = study.conditioned.time_s[first:][exceedances(output.prediction_error[first:])]
-    if not times.size:
+    if not 0 < times.size <= max(1.0, RARE * (len(output.prediction_error) - first)):
         return None
     shown = ", ".join(f"{t:.4g}" for t in times[:MOST_NAMED])
     return (
         f"the prediction error of '{output.channel}' still exceeds five standard deviations {times.size} times "
         f"(first at {shown} s): something abrupt there that the dictionary does not hold, or gusts"
     )
+
+
+def edge_note(intake: Intake, study: Study, entries: Sequence[int]) -> str | None:
+    """Warn of declared faults that act on too few samples of the window to be told by their shape."""
+    time_s, needed = study.conditioned.time_s, 2 * study.layout.first
+    late = [intake.names[j] for j in entries if np.count_nonzero(time_s >= intake.faults[j].onset_s) < needed]
+    if not late:
+        return None
+    return f"{_listed(late)}: fewer than {needed} samples after its onset; choose a window that ends later"
 
 
 def slow_note(intake: Intake, entries: Sequence[int]) -> str | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..errors import ConfigError
 from ..kernels.bilinear import fit_magnitudes
-from ..kernels.lagged import restrict
+from ..kernels.lagged import Compressed, restrict
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.selection import Penalty, Scored
 from ..kernels.sparsity import SparseStage
@@ -20,7 +20,7 @@ from ..study import Study
 from .estimation import Magnitudes, choose, magnitudes_of
 from .found import Found
 
-__all__ = ["THRESHOLD", "by_published"]
+__all__ = ["by_published", "declared", "solve"]
 
 FloatArray = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def _run(study: Study, config: Config) -> _Published:
         raise ConfigError(
             f"--method risro: works on one output, got {study.layout.y.shape[1]}; give one --output, or --method ml"
         )
-    runs = {order: _solve(study, order, config) for order in study.orders}
+    runs = {order: solve(restrict(study.data, order=order), config) for order in study.orders}
     n_live = len(study.live)
     penalty = Penalty(
         n_rows=study.n_rows, n_effective=float(study.n_rows), n_candidates=n_live, evidence=config.selection.evidence
@@ -69,10 +69,7 @@ def _run(study: Study, config: Config) -> _Published:
     order = min(costs, key=lambda key: costs[key])
     solution = runs[order]
     z = solution.z * study.magnitude_unit
-    largest = float(np.linalg.norm(z))
-    threshold = THRESHOLD if config.selection.threshold is None else config.selection.threshold
-    above = (np.abs(z) > threshold * largest) & (np.abs(solution.z) > ZERO)
-    active = tuple(int(j) for j in np.flatnonzero(above))
+    active = tuple(int(j) for j in np.flatnonzero(declared(solution, z, config)))
     whole = fit_magnitudes(study.problem(order), range(n_live), solution.z, max_iterations=1)
     fit = fit_magnitudes(study.problem(order), active, solution.z[list(active)])
     return _Published(
@@ -85,15 +82,26 @@ def _run(study: Study, config: Config) -> _Published:
     )
 
 
-def _solve(study: Study, order: int, config: Config) -> VarxSolution:
+def solve(data: Compressed, config: Config) -> VarxSolution:
+    """Run RISRO on compressed data as the configuration says."""
     rules = config.risro
     stage = None
     if rules.sparsity != "none":
         stage = SparseStage(kind=rules.sparsity, alpha=rules.alpha, r=rules.r, p0=rules.p0, updates=rules.updates)
     settings = Settings(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
-    return risro_varx(
-        restrict(study.data, order=order), settings=settings, sparse=stage, as_published=rules.as_published
-    )
+    return risro_varx(data, settings=settings, sparse=stage, as_published=rules.as_published)
+
+
+def declared(solution: VarxSolution, z: FloatArray, config: Config) -> NDArray[np.bool_]:
+    """Return (n_atoms,) whether the rule declares each fault: its share of the norm above the threshold, and not zero.
+
+    Parameters
+    ----------
+    solution : magnitudes in scaled units, against which round-off is told.
+    z : (n_atoms,) the same in SI.
+    """
+    threshold = THRESHOLD if config.selection.threshold is None else config.selection.threshold
+    return (np.abs(z) > threshold * np.linalg.norm(z)) & (np.abs(solution.z) > ZERO)
 
 
 def _criterion(study: Study, order: int, solution: VarxSolution, penalty: Penalty) -> float:

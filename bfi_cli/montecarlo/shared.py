@@ -13,16 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BfiError
-from ..identify.published import THRESHOLD, ZERO
+from ..identify.published import declared, solve
 from ..kernels.lagged import Compressed, with_fault
-from ..kernels.risro_varx import risro_varx
-from ..kernels.sparsity import SparseStage
-from ..kernels.termination import Settings
 from ..study import Study, study_of, take_in
 from .flight import is_shared, record_of
 from .scenarios import Setting
 
-__all__ = ["SharedRecord", "declared", "shared_record"]
+__all__ = ["SharedRecord", "declared_magnitudes", "shared_record"]
 
 FloatArray = NDArray[np.float64]
 
@@ -72,24 +69,17 @@ def shared_record(setting: Setting) -> SharedRecord | None:
     )
 
 
-def declared(shared: SharedRecord, truth: FloatArray, setting: Setting) -> FloatArray:
+def declared_magnitudes(shared: SharedRecord, truth: FloatArray, setting: Setting) -> FloatArray:
     """Return (n_atoms,) the magnitudes that the published rule declares, 0 where it declares none.
 
     Parameters
     ----------
     truth : (n_atoms,) magnitudes of the faults in the record.
     """
-    rules, selection = setting.config.risro, setting.config.selection
-    stage = None
-    if rules.sparsity != "none":
-        stage = SparseStage(kind=rules.sparsity, alpha=rules.alpha, r=rules.r, p0=rules.p0, updates=rules.updates)
     data, magnitude_unit = _faulty(shared, truth)
-    settings = Settings(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
-    solution = risro_varx(data, settings=settings, sparse=stage, as_published=rules.as_published)
+    solution = solve(data, setting.config)
     z = solution.z * magnitude_unit
-    threshold = THRESHOLD if selection.threshold is None else selection.threshold
-    above = (np.abs(z) > threshold * np.linalg.norm(z)) & (np.abs(solution.z) > ZERO)
-    return np.where(above, z, 0.0)
+    return np.where(declared(solution, z, setting.config), z, 0.0)
 
 
 def _faulty(shared: SharedRecord, truth: FloatArray) -> tuple[Compressed, FloatArray]:

@@ -12,7 +12,7 @@ from ..identify import identify_faults
 from .flight import faulty, record_of
 from .row import ERROR_DIGITS, Row, rounded
 from .scenarios import Trial
-from .shared import SharedRecord, declared, shared_record
+from .shared import SharedRecord, declared_magnitudes, shared_record
 
 __all__ = ["draw", "run_trial"]
 
@@ -65,7 +65,7 @@ def _answer(trial: Trial, truth: Mapping[str, float], streams: list[np.random.Ge
 
 def _from_shared(shared: SharedRecord, trial: Trial, truth: Mapping[str, float]) -> dict[str, float]:
     """Return the declared magnitudes; none, where the whole answer must say whether the data could tell."""
-    z = declared(shared, np.array([truth.get(name, 0.0) for name in shared.names]), trial.scenario.setting)
+    z = declared_magnitudes(shared, np.array([truth.get(name, 0.0) for name in shared.names]), trial.scenario.setting)
     return {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
 
 

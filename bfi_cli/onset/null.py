@@ -44,9 +44,9 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int) -> Table:
 
 
 def _fitted(record: ScanRecord, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return coefficients (n_regressors, n_outputs) on [1, input lags, output lags], and residuals (n_rows, n_outputs)."""
+    """Return coefficients (n_regressors, n_outputs) on [1, input lags, output lags], and the residuals."""
     X = np.hstack([_driven(record, order), lagged(record.y, range(1, order + 1))])
-    coefficients = np.linalg.lstsq(X, record.y[order:], rcond=None)[0]
+    coefficients = np.asarray(np.linalg.lstsq(X, record.y[order:], rcond=None)[0], dtype=np.float64)
     return coefficients, record.y[order:] - X @ coefficients
 
 
@@ -119,7 +119,9 @@ def table_of_windows(pieces: Iterable[tuple[FlightLog, tuple[float, float]]], co
     LogError : none can; the reason is that of the last.
     """
     settings: Settings | None = None
-    sweeps, n_unusable, names = [], 0, {}
+    sweeps: list[Sweep] = []
+    names: dict[str, None] = {}
+    n_unusable = 0
     problem: LogError | None = None
     for log, (from_s, to_s) in pieces:
         try:

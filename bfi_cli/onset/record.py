@@ -21,6 +21,7 @@ FloatArray = NDArray[np.float64]
 
 CYCLES = 3.0
 FASTEST = 0.2
+DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,7 +59,8 @@ class ScanRecord:
 
     def onset_s(self, sample: int, phase: int = 0) -> float:
         """Return the time of a conditioned sample, or of one of the log's own samples before it."""
-        return float(self.time_s[0]) + (sample + phase / self.sampling.factor) / self.sampling.rate_hz
+        after = (sample + phase / self.sampling.factor) / self.sampling.rate_hz
+        return round(float(self.time_s[0]) + after, DECIMALS)
 
 
 def prepare_record(log: FlightLog, config: Config) -> ScanRecord:

@@ -129,7 +129,7 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
 
 def plain_criterion(record: ScanRecord, scan: Scan) -> float:
     """Return n log det of the residuals plus log n per parameter, without a fault."""
-    n_inputs = record.u.shape[1]
+    n_inputs: int = record.u.shape[1]
     regressors = 1 + n_inputs * (scan.order + record.feedthrough) + scan.n_outputs * scan.order
     return scan.n_rows * float(np.log(scan.rss0)) + scan.n_outputs * regressors * float(np.log(scan.n_rows))
 
@@ -155,7 +155,7 @@ def _screened(scan: Scan, frequency: float) -> float:
     onsets = default_onsets(scan)[:: max(1, int(1.0 / (PER_PERIOD * frequency)))]
     tables, bound = tabulate(scan, wave.samples), magnitude_bound(scan, wave, scan.n_samples - onsets)
     found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
-    return -scan.n_rows * float(found.F.min())
+    return float(-scan.n_rows * found.F.min())
 
 
 def peak_of(record: ScanRecord, scan: Scan, form: Form) -> Peak:
@@ -173,9 +173,11 @@ def peak_of(record: ScanRecord, scan: Scan, form: Form) -> Peak:
 
 
 def _frequency(record: ScanRecord, scan: Scan) -> float:
-    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
-    tuned = scan_frequency_ends if record.settings.ends else scan_frequency
-    return float(tuned(scan, (low, high)).frequency * record.sampling.rate_hz)
+    rate_hz = record.sampling.rate_hz
+    band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
+    if record.settings.ends:
+        return float(rate_hz * scan_frequency_ends(scan, band).frequency)
+    return float(rate_hz * scan_frequency(scan, band).frequency)
 
 
 def best_of(peaks: Sequence[Peak]) -> Peak:

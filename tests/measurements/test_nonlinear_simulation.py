@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trials import CONFIGS, Outcome, draw, run_all
+from trials import CONFIGS, Outcome, draw, not_below, run_all
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
@@ -44,7 +44,7 @@ def test_isolation(outcomes: list[Outcome]) -> None:
         for outcome in here:
             if not outcome.isolated:
                 print(f"  seed {outcome.trial.seed}: {outcome.trial.truth} -> {outcome.found}")
-        assert rate(here) >= wanted
+        assert not_below(rate(here), wanted, len(here))
 
 
 def test_coverage_of_the_intervals(outcomes: list[Outcome]) -> None:
@@ -74,7 +74,7 @@ def test_fault_free(log: FlightLog) -> None:
         for outcome in here:
             if outcome.decision != "no_fault":
                 print(f"  seed {outcome.trial.seed}: {outcome.decision} {outcome.found}")
-        assert share >= 0.97
+        assert not_below(float(share), 0.97, len(here))
 
 
 def test_the_rule_of_the_thesis_beside_it(log: FlightLog) -> None:

@@ -60,7 +60,8 @@ def with_faults(log: FlightLog, dictionary: Dictionary, trial: Trial, output: st
     for atom in dictionary.resolved(start):
         if atom.name in trial.truth:
             values += trial.truth[atom.name] * unit_signal(atom, log.time_s, window_start_s=start)
-    values += trial.noise * np.random.default_rng([9, trial.seed]).standard_normal(len(values))
+    noise = np.random.default_rng([9, len(trial.truth), trial.seed]).standard_normal(len(values))
+    values += trial.noise * noise
     channels = dict(log.channels)
     channels[output] = replace(log.channel(output), values=frozen_array(values))
     return replace(log, channels=channels)
@@ -79,6 +80,11 @@ def run_all(trials: Iterable[Trial], log: FlightLog, dictionary: Dictionary, con
     job: Callable[[Trial], Outcome] = partial(run, log=log, dictionary=dictionary, config=config)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         return list(pool.map(job, trials, chunksize=10))
+
+
+def not_below(share: float, wanted: float, n: int) -> bool:
+    """Say whether a measured share is within two binomial standard deviations of what is wanted, or above."""
+    return share >= wanted - 2.0 * float(np.sqrt(wanted * (1.0 - wanted) / n))
 
 
 def worst_relative_error(outcome: Outcome) -> float:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from bfi_cli.commands import COMMANDS
 from bfi_cli.montecarlo import Sweep, load_sweep
 
 DICTIONARY = """
@@ -44,9 +43,3 @@ def written(tmp_path: Path) -> Callable[[str], Path]:
 def sweep(written: Callable[[str], Path]) -> Callable[..., Sweep]:
     """Load a sweep, by name or as text."""
     return lambda text, **given: load_sweep(written(text), **given)
-
-
-@pytest.fixture(autouse=True)
-def _listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the command line know the command."""
-    monkeypatch.setitem(COMMANDS, "montecarlo", "Sweeps of many trials.")

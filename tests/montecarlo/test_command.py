@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 FILES = {"trials.csv", "timings.csv", "summary.json"} | {
     f"{name}.{kind}" for name in ("isolation", "magnitude_error") for kind in ("png", "svg")
 }
-RUN = "from bfi_cli.commands import COMMANDS, main; COMMANDS.setdefault('montecarlo', ''); main()"
+RUN = "from bfi_cli.commands import main; main()"
 
 
 @pytest.fixture

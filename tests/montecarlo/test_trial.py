@@ -17,7 +17,7 @@ from bfi_cli.montecarlo import trial as trial_module
 from bfi_cli.montecarlo.flight import faulty, record_of
 from bfi_cli.montecarlo.row import Row, row_from_cells
 from bfi_cli.montecarlo.scenarios import Trial
-from bfi_cli.montecarlo.shared import declared, shared_record
+from bfi_cli.montecarlo.shared import declared_magnitudes, shared_record
 
 DATA = Path(__file__).parents[2] / "data"
 HEAD = "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\n"
@@ -40,7 +40,7 @@ def test_shared_factorisation_gives_what_each_record_alone_gives(sweep: Callable
         shared = shared_record(setting)
         assert shared is not None
         truth = trial_module.draw(trial, np.random.default_rng(trial.seed))
-        z = declared(shared, np.array([truth.get(atom, 0.0) for atom in shared.names]), setting)
+        z = declared_magnitudes(shared, np.array([truth.get(atom, 0.0) for atom in shared.names]), setting)
         rng = np.random.default_rng(0)
         alone = identify_faults(
             faulty(record_of(setting, rng), setting, truth, rng), setting.dictionary, setting.config

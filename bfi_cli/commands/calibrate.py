@@ -1,0 +1,85 @@
+"""`bfi calibrate`: the scan's statistic on logs without a fault, for thresholds and p-values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import channel_options, json_option, tell, window_options
+from .start_time import scan_config
+
+if TYPE_CHECKING:
+    from ..calibration import Table
+    from ..config import Config
+    from ..flightlog import FlightLog
+
+__all__ = ["command"]
+
+LENGTH_S = 120.0
+
+
+@click.command("calibrate")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path())
+@click.option("-o", "out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="The table to write.")
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
+@click.option("--length", "length_s", type=click.FloatRange(min=0, min_open=True), default=LENGTH_S, metavar="S")
+@click.option("--step", "step_s", type=click.FloatRange(min=0, min_open=True), metavar="S", help="[default: LENGTH/2]")
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Repeatable.  [default: bias, drift, sine]")
+@click.option("--ends/--no-ends", default=None, help="Search for the end of the fault too.")
+@click.option("--frequency", metavar="LO:HI", help="Of oscillations, Hz.  [default: 3/window to 0.2 x rate]")
+@click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
+@click.option("--output", "outputs", multiple=True, metavar="NAME", help="An output; repeatable.  [default: tas]")
+@window_options
+@channel_options
+@click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
+@click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
+@click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
+@click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
+@json_option
+def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
+    """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""
+    from ..calibration import load_tables, merged, save_tables
+    from ..flightlog import read_log
+    from ..output import replace_files
+    from ..provenance import provenance
+
+    config = scan_config(config_path, options)
+    names = {"group": options["group"], "channel_map": dict(config.channels), "unit_map": dict(config.units)}
+    flights = [read_log(log, **names) for log in logs]
+    table = _table(flights, config, options["length_s"], options["step_s"] or 0.5 * options["length_s"])
+    kept = load_tables(out) if options["append"] and out.exists() else ()
+    origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
+    text = save_tables(merged(kept, table), origin)
+    replace_files({out.name: text.encode() + b"\n"}, out.parent)
+    tell(f"wrote {out}")
+    _show(table, text, as_json=options["as_json"])
+
+
+def _table(flights: list[FlightLog], config: Config, length_s: float, step_s: float) -> Table:
+    from ..onset import table_of_windows, windows_of
+
+    pieces = [
+        (flight, window)
+        for flight in flights
+        for window in windows_of(flight, config, length_s=length_s, step_s=step_s)
+    ]
+    return table_of_windows(pieces, config)
+
+
+def _show(table: Table, text: str, *, as_json: bool) -> None:
+    if as_json:
+        click.echo(text)
+        return
+    from ..calibration import FEWEST_WINDOWS, null_of
+
+    click.echo(f"{table.n_windows} windows without a fault, {table.n_unusable} could not be analysed")
+    if table.n_windows < FEWEST_WINDOWS:
+        click.echo(f"too few for a threshold, {FEWEST_WINDOWS} are needed")
+        return
+    null = null_of(table, table.settings.shapes)
+    for shape in table.settings.shapes:
+        click.echo(
+            f"{shape}: median {null.median[shape]:.4g}, 1 % false alarms above {null.threshold(shape, 0.01):.4g}"
+        )

@@ -1,0 +1,152 @@
+"""`bfi start-time`: when a fault started, and of which shape it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import ConfigError
+from .options import channel_options, configured, json_option, log_argument, tell, window_options
+
+if TYPE_CHECKING:
+    from ..config import Config
+    from ..onset import OnsetResult
+    from ..result import Provenance
+
+__all__ = ["command", "scan_config"]
+
+NO_ANSWER = 4
+FAULT_DECLARED = 10
+METHODS = {"scan": "ml", "thesis": "risro"}
+
+
+@click.command("start-time")
+@log_argument
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Repeatable.  [default: bias, drift, sine]")
+@click.option("--false-alarm", type=float, metavar="P", help="Accepted rate of false alarms.  [default: 0.01]")
+@click.option("--calibration", metavar="FILE|self|gaussian", help="Of the threshold.  [default: the shipped table]")
+@click.option("--ends/--no-ends", default=None, help="Search for the end of the fault too.")
+@click.option("--frequency", metavar="LO:HI", help="Of oscillations, Hz.  [default: 3/window to 0.2 x rate]")
+@click.option("--method", help="scan, or thesis (one solve per onset, as published).  [default: scan]")
+@click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
+@click.option("--output", "outputs", multiple=True, metavar="NAME", help="An output; repeatable.  [default: tas]")
+@window_options
+@channel_options
+@click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
+@click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
+@click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
+@click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, figure and tables.")
+@click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
+@click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
+@json_option
+@click.pass_context
+def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
+    """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
+    from ..flightlog import read_log
+    from ..onset import find_onset
+    from ..provenance import provenance
+
+    config = scan_config(config_path, options)
+    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    result = find_onset(flight, config)
+    origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
+    if options["out"] is not None:
+        from ..output import replace_files
+
+        replace_files(_files(result, origin), options["out"])
+        tell(f"wrote {options['out'] / 'result.json'}")
+    _show(result, origin, as_json=options["as_json"])
+    context.exit(_exit_code(result, config))
+
+
+def scan_config(path: str | None, options: dict[str, Any]) -> Config:
+    """Return the configuration that the options of `start-time` and `calibrate` make."""
+    places = ("seed", "strict", "fail_on")
+    return configured(
+        path,
+        {
+            "inputs": options["inputs"] or None,
+            "outputs": options["outputs"] or None,
+            "channels": options["channel_map"],
+            "units": options["unit_map"],
+            "window.from_s": options["from_s"],
+            "window.to_s": options["to_s"],
+            "conditioning.rate_hz": _scalar("--rate", options["rate"]),
+            "model.order": _scalar("--order", options["order"]),
+            "model.feedthrough": options["feedthrough"],
+            "method": _method(options.get("method")),
+            "start_time.shapes": options["shapes"] or None,
+            "start_time.false_alarm": options.get("false_alarm"),
+            "start_time.calibration": options.get("calibration"),
+            "start_time.ends": options["ends"],
+            "start_time.frequency_hz": _band(options["frequency"]),
+            **{place: options[place] for place in places if place in options},
+        },
+    )
+
+
+def _scalar(option: str, text: str | None) -> Any:
+    """Return what the same text means in the configuration file."""
+    from ..yaml12 import load_yaml
+
+    return None if text is None else load_yaml(text, where=option, error=ConfigError)
+
+
+def _method(word: str | None) -> str | None:
+    if word is not None and word not in METHODS:
+        raise ConfigError(f"--method: not a method, got {word}; known: {', '.join(METHODS)}")
+    return METHODS.get(word or "")
+
+
+def _band(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    low, colon, high = text.partition(":")
+    try:
+        if colon:
+            return float(low), float(high)
+    except ValueError:
+        pass
+    raise ConfigError(f"--frequency: not a band, got {text}; write --frequency 0.1:2, in Hz")
+
+
+def _exit_code(result: OnsetResult, config: Config) -> int:
+    untrusted = result.decision == "not_identifiable" or result.p_value is None
+    if config.strict and untrusted:
+        return NO_ANSWER
+    if config.fail_on == "fault" and result.decision == "fault":
+        return FAULT_DECLARED
+    return 0
+
+
+def _files(result: OnsetResult, origin: Provenance) -> dict[str, bytes]:
+    from ..onset.document import onset_document, onset_tables
+    from ..plots.onset import plot_profile
+    from ..plots.style import to_png, to_svg
+    from ..serialize import to_json
+
+    figure = plot_profile(result)
+    return {
+        "profile.svg": to_svg(figure),
+        "profile.png": to_png(figure),
+        **{name: text.encode() for name, text in onset_tables(result).items()},
+        "result.json": to_json(onset_document(result, origin)).encode() + b"\n",
+    }
+
+
+def _show(result: OnsetResult, origin: Provenance, *, as_json: bool) -> None:
+    if as_json:
+        from ..onset.document import onset_document
+        from ..serialize import to_json
+
+        click.echo(to_json(onset_document(result, origin)))
+        return
+    from rich.console import Console
+
+    from ..onset.table import print_onset
+
+    print_onset(Console(highlight=False), result)

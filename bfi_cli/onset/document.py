@@ -1,0 +1,114 @@
+"""The JSON document and the CSV tables of `bfi start-time`."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from ..faults import Fault
+from ..plain import to_plain
+from ..result import Provenance
+from .result import OnsetFault, OnsetResult
+
+__all__ = ["SCHEMA", "onset_document", "onset_tables"]
+
+SCHEMA = 1
+KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s")
+FAULT_COLUMNS = (
+    *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
+    *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
+)
+
+
+def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi start-time --json`; numbers that are not finite are None.
+
+    `profile` has one entry per shape, and channel where there are several, in each of its lists but `onset_s`.
+    """
+    document: dict[str, Any] = to_plain(
+        {
+            "kind": "start-time",
+            "schema": SCHEMA,
+            "log": result.log,
+            "decision": result.decision,
+            "false_alarm": result.false_alarm,
+            "p_value": result.p_value,
+            "statistic": result.statistic,
+            "threshold": result.threshold,
+            "calibration": result.calibration,
+            "faults": [_fault(one) for one in result.faults],
+            "model": result.model,
+            "method": result.method,
+            "profile": _profile(result),
+            "notes": result.notes,
+            "provenance": provenance,
+        }
+    )
+    return document
+
+
+def _fault(one: OnsetFault) -> dict[str, Any]:
+    estimate = one.estimate
+    return {
+        **{key: getattr(estimate.fault, key) for key in KEYS},
+        "name": estimate.name,
+        "phase_rad": _phase(estimate.fault),
+        "magnitude": estimate.magnitude,
+        "unit": estimate.unit,
+        "physical": {"value": estimate.physical_value, "unit": estimate.physical_unit},
+        "sd": estimate.sd,
+        "ci95": estimate.ci95,
+        "onset_ci95": one.onset_ci95,
+        "statistic": one.statistic,
+        "p_value": one.p_value,
+    }
+
+
+def _phase(fault: Fault) -> float | None:
+    return fault.phase_rad if fault.shape == "sine" else None
+
+
+def _profile(result: OnsetResult) -> dict[str, Any]:
+    """Return the profiles; each shape has onsets of its own only where the search for ends made them differ."""
+    shapes = result.profiles
+    same = all(len(one.onset_s) == len(shapes[0].onset_s) for one in shapes)
+    same = same and all((one.onset_s == shapes[0].onset_s).all() for one in shapes)
+    return {
+        "shape": [one.shape for one in shapes],
+        "channel": [one.channel for one in shapes],
+        "frequency_hz": [one.frequency_hz for one in shapes],
+        "threshold": [one.threshold for one in shapes],
+        "unit": [one.unit for one in shapes],
+        "onset_s": shapes[0].onset_s if same else [one.onset_s for one in shapes],
+        "statistic": [one.statistic for one in shapes],
+        "magnitude": [one.magnitude for one in shapes],
+        "sd": [one.sd for one in shapes],
+    }
+
+
+def onset_tables(result: OnsetResult) -> dict[str, str]:
+    """Return the CSV text of the faults and of the profiles, by file name."""
+    rows = []
+    for one in result.faults:
+        estimate, fault = one.estimate, one.estimate.fault
+        size = (estimate.magnitude, estimate.unit, estimate.sd, *estimate.ci95)
+        when = (fault.onset_s, *one.onset_ci95, fault.offset_s, fault.frequency_hz)
+        physical = (estimate.physical_value, estimate.physical_unit)
+        rows.append((fault.shape, fault.channel, *size, *physical, *when, one.statistic, one.p_value))
+    points = (
+        (one.shape, one.channel, *point)
+        for one in result.profiles
+        for point in zip(*(x.tolist() for x in (one.onset_s, one.statistic, one.magnitude, one.sd)), strict=True)
+    )
+    heads = ("shape", "channel", "onset_s", "statistic", "magnitude", "sd")
+    return {"faults.csv": _csv(FAULT_COLUMNS, rows), "profile.csv": _csv(heads, points)}
+
+
+def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([None if value != value else value for value in row] for row in rows)
+    return text.getvalue()

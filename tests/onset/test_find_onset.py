@@ -1,0 +1,124 @@
+"""The scan on simulated flights: exact without noise, invariant to units, and what it says of wrong shapes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.errors import ConfigError, LogError
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.onset import find_onset
+
+BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
+DRIFT = Fault(shape="drift", magnitude=0.25, onset_s=16.0)
+SINE = Fault(shape="sine", magnitude=0.5, frequency_hz=0.7, onset_s=10.0)
+FAULTS = pytest.mark.parametrize("fault", [BIAS, DRIFT], ids=lambda fault: fault.shape)
+
+
+@FAULTS
+def test_without_noise_the_fault_is_found_as_it_is(flown, settings, fault):
+    result = find_onset(flown(fault, noise=0.0), settings())
+    (found,) = result.faults
+    assert (result.decision, found.estimate.fault.shape) == ("fault", fault.shape)
+    assert found.estimate.fault.onset_s == pytest.approx(fault.onset_s, abs=0.02)
+    assert found.estimate.magnitude == pytest.approx(fault.magnitude, rel=2e-3)
+
+
+@FAULTS
+@pytest.mark.parametrize("seed", range(3))
+def test_with_noise_the_interval_holds_the_onset(flown, settings, fault, seed):
+    result = find_onset(flown(fault, seed=seed), settings("auto"))
+    (found,) = result.faults
+    low, high = found.onset_ci95
+    assert found.estimate.fault.shape == fault.shape
+    assert low <= fault.onset_s <= high
+    assert high - low < 0.5
+    assert found.estimate.fault.onset_s == pytest.approx(fault.onset_s, abs=0.1)
+
+
+def test_an_onset_between_two_samples_of_the_analysis(flown, settings):
+    result = find_onset(flown(replace(BIAS, onset_s=15.04)), settings())
+    assert result.faults[0].estimate.fault.onset_s == pytest.approx(15.04, abs=0.011)
+    assert result.log.rate_hz == 10.0
+
+
+def test_units_and_offset_of_the_output_change_nothing_but_the_magnitude(flown, settings):
+    log = flown(BIAS)
+    tas = log.channel("tas")
+    changed = replace(log, channels={**log.channels, "tas": replace(tas, values=frozen_array(7.0 - 3.0 * tas.values))})
+    plain, other = (find_onset(one, settings()) for one in (log, changed))
+    assert other.statistic == pytest.approx(plain.statistic, rel=1e-6)
+    assert other.faults[0].onset_ci95 == plain.faults[0].onset_ci95
+    assert other.faults[0].estimate.magnitude == pytest.approx(-3.0 * plain.faults[0].estimate.magnitude, rel=1e-6)
+
+
+def test_the_magnitude_of_a_large_fault_scales(flown, settings):
+    small, large = (find_onset(flown(replace(BIAS, magnitude=z)), settings()).faults[0] for z in (1.0, 50.0))
+    assert large.estimate.magnitude - small.estimate.magnitude == pytest.approx(49.0, abs=0.1)
+
+
+def test_no_fault(flown, settings):
+    result = find_onset(flown(), settings("auto"))
+    assert (result.decision, result.faults) == ("no_fault", ())
+    assert result.statistic < result.threshold
+    assert result.p_value > result.false_alarm
+
+
+def test_an_oscillation_of_unknown_frequency(flown, settings):
+    result = find_onset(flown(SINE), settings(shapes=("bias", "sine"), frequency_hz=(0.3, 1.2)))
+    (found,) = result.faults
+    assert found.estimate.fault.frequency_hz == pytest.approx(0.7, abs=0.005)
+    assert found.estimate.fault.onset_s == pytest.approx(10.0, abs=0.05)
+    assert found.estimate.magnitude == pytest.approx(0.5, rel=0.02)
+
+
+def test_two_faults(flown, settings):
+    later = replace(BIAS, magnitude=-2.0, onset_s=24.0)
+    result = find_onset(flown(BIAS, later), settings())
+    found = {round(one.estimate.fault.onset_s, 1): one.estimate.magnitude for one in result.faults}
+    assert found == {15.0: pytest.approx(1.0, abs=0.05), 24.0: pytest.approx(-2.0, abs=0.05)}
+
+
+def test_the_fault_lies_where_its_profile_is_highest(flown, settings):
+    result = find_onset(flown(BIAS), settings())
+    profile = next(one for one in result.profiles if one.shape == "bias")
+    best = int(np.argmax(profile.statistic))
+    assert profile.onset_s[best] == pytest.approx(15.0, abs=0.1)
+    assert profile.magnitude[best] == pytest.approx(1.0, abs=0.05)
+    assert profile.statistic.max() == pytest.approx(result.statistic)
+
+
+def test_a_table_of_other_settings_gives_no_p_value(flown, settings):
+    config = settings()
+    config = config.model_copy(update={"model": config.model.model_copy(update={"order": 3})})
+    result = find_onset(flown(BIAS), config)
+    assert (result.decision, result.p_value, result.faults[0].p_value) == ("fault", None, None)
+    assert result.calibration.matches is False
+    assert any("order 4 instead of 3" in note for note in result.notes)
+
+
+def test_a_simulated_calibration_is_seeded(flown, settings):
+    config = settings(2, shapes=("bias",))
+    config = config.model_copy(update={"start_time": config.start_time.model_copy(update={"calibration": "gaussian"})})
+    one, same = (find_onset(flown(BIAS), config) for _ in range(2))
+    other = find_onset(flown(BIAS), config.model_copy(update={"seed": 5}))
+    assert one.threshold == same.threshold != other.threshold
+    assert 5.0 < one.threshold < 40.0
+    assert (one.calibration.source, one.calibration.matches) == ("gaussian", True)
+
+
+def test_self_calibration_needs_a_past(flown, settings):
+    config = settings()
+    config = config.model_copy(update={"start_time": config.start_time.model_copy(update={"calibration": "self"})})
+    with pytest.raises(LogError, match=r"--calibration self needs .* before the window"):
+        find_onset(flown(BIAS), config)
+
+
+def test_a_shape_no_table_has(flown, settings):
+    config = settings(shapes=("bias",))
+    start_time = config.start_time.model_copy(update={"shapes": ("bias", "drift")})
+    with pytest.raises(ConfigError, match="has all of bias, drift"):
+        find_onset(flown(BIAS), config.model_copy(update={"start_time": start_time}))

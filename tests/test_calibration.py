@@ -1,0 +1,138 @@
+"""Thresholds and p-values from counted statistics: inverse to each other, free of scale, honest about their counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bfi_cli.calibration import (
+    FEWEST_WINDOWS,
+    Settings,
+    Table,
+    differences,
+    load_tables,
+    merged,
+    nearest,
+    null_of,
+    save_tables,
+)
+from bfi_cli.errors import ConfigError
+from bfi_cli.provenance import provenance
+
+MADE = Settings(
+    rate_hz=2.0,
+    duration_s=120.0,
+    orders=(2, 4),
+    feedthrough=True,
+    inputs=("elevator",),
+    outputs=("tas",),
+    shapes=("bias", "drift"),
+)
+
+
+def table(n: int = 100, seed: int = 0, **changed: object) -> Table:
+    rng = np.random.default_rng(seed)
+    statistics = {"bias": 5.0 + rng.exponential(2.0, n), "drift": 20.0 + rng.exponential(9.0, n)}
+    return Table(settings=replace(MADE, **changed), statistics=statistics, logs=("a.h5",))
+
+
+@settings(max_examples=30, deadline=None)
+@given(alpha=st.floats(1e-3, 0.14), seed=st.integers(0, 50))
+def test_the_p_value_of_a_threshold_is_the_false_alarm_rate(alpha: float, seed: int):
+    null = null_of(table(seed=seed), ("bias", "drift"))
+    for shape in ("bias", "drift"):
+        assert null.p_value(null.standardised(shape, null.threshold(shape, alpha))) == pytest.approx(alpha)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 50), scale=st.floats(0.1, 50), shift=st.floats(-50, 50))
+def test_each_shape_has_a_scale_of_its_own(seed: int, scale: float, shift: float):
+    one = table(seed=seed)
+    other = replace(one, statistics={**one.statistics, "drift": shift + scale * one.statistics["drift"]})
+    a, b = (null_of(x, ("bias", "drift")) for x in (one, other))
+    assert b.threshold("bias", 0.01) == pytest.approx(a.threshold("bias", 0.01))
+    assert b.threshold("drift", 0.01) == pytest.approx(shift + scale * a.threshold("drift", 0.01), abs=1e-6)
+
+
+def test_the_rate_of_false_alarms_is_the_one_wanted():
+    null = null_of(table(2000), ("bias", "drift"))
+    fresh = table(20_000, seed=1)
+    top = np.max([[null.standardised(s, x) for x in fresh.statistics[s]] for s in ("bias", "drift")], axis=0)
+    rate = np.mean([null.p_value(x) < 0.05 for x in top])
+    # Half a percent is three standard deviations of 20 000 trials, and as much again for those of the table.
+    assert rate == pytest.approx(0.05, abs=0.015)
+
+
+def test_p_values_fall_and_end_where_the_counts_do():
+    null = null_of(table(), ("bias",))
+    p = [null.p_value(x) for x in np.linspace(-5, 500, 300)]
+    assert np.all(np.diff(p) <= 1e-12)
+    assert p[-1] == pytest.approx(0.01 / 100)
+    assert p[0] == pytest.approx(1.0)
+
+
+def test_a_file_keeps_everything(tmp_path):
+    path = tmp_path / "t.json"
+    tables = (table(), table(30, rate_hz=10.0, frequency_hz=(0.1, 2.0)))
+    path.write_text(save_tables(tables, provenance(log_sha256="")))
+    read = load_tables(path)
+    assert [one.settings for one in read] == [one.settings for one in tables]
+    for one, same in zip(read, tables, strict=True):
+        assert (one.logs, one.n_unusable, one.n_windows) == (same.logs, same.n_unusable, same.n_windows)
+        for shape in one.statistics:
+            np.testing.assert_array_equal(one.statistics[shape], same.statistics[shape])
+
+
+def test_what_fits_and_what_does_not():
+    made = table()
+    assert differences(made, MADE) == ()
+    assert differences(made, replace(MADE, shapes=("drift",), duration_s=115.0, rate_hz=2.005)) == ()
+    changes = {"rate_hz": 10.0, "duration_s": 60.0, "orders": (4,), "inputs": ("pitch",), "ends": True}
+    for name, value in changes.items():
+        assert len(differences(made, replace(MADE, **{name: value}))) == 1
+    assert differences(made, replace(MADE, rate_hz=10.0)) == ("rate 2 instead of 10",)
+
+
+def test_the_nearest_table():
+    slow, fast = table(rate_hz=1.0), table(rate_hz=8.0)
+    assert nearest([slow, fast], replace(MADE, rate_hz=10.0)) is fast
+    assert nearest([slow, fast], replace(MADE, rate_hz=1.0)) is slow
+    assert nearest([slow, fast], replace(MADE, shapes=("sine",))) is None
+    assert nearest([], MADE) is None
+
+
+def test_windows_scanned_alike_are_joined():
+    both = merged([table(30), table(40, rate_hz=1.0)], table(25, seed=2))
+    assert sorted(one.n_windows for one in both) == [40, 55]
+
+
+def test_too_few_windows():
+    with pytest.raises(ConfigError, match=f"19 windows without a fault, fewer than {FEWEST_WINDOWS}"):
+        null_of(table(19), ("bias",))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("{", "not JSON"),
+        ('{"kind": "identify"}', "kind is 'identify', not 'calibration'"),
+        ('{"kind": "calibration", "schema": 9}', "schema is 9"),
+        ('{"kind": "calibration", "schema": 1}', "no key 'tables'"),
+        ("[]", "not a mapping"),
+    ],
+)
+def test_a_file_of_another_kind(tmp_path, text: str, complaint: str):
+    path = tmp_path / "t.json"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=complaint) as error:
+        load_tables(path)
+    assert str(error.value).startswith(str(path))
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.json"):
+        load_tables(tmp_path / "none.json")

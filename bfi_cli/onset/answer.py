@@ -15,6 +15,7 @@ from .layout import Scanned, laid_out
 from .record import ScanRecord, prepare_record
 from .result import OnsetResult
 from .sweep import Sweep, peak_of, scan_of, sweep
+from .thesis import find_onset_as_published
 
 __all__ = ["find_onset"]
 
@@ -38,13 +39,16 @@ def find_onset(log: FlightLog, config: Config) -> OnsetResult:
     Parameters
     ----------
     log : in SI units, see `bfi_cli.flightlog.read_log`.
-    config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan.
+    config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
+        published search, one solution per onset.
 
     Raises
     ------
     LogError, ExcitationError : the log cannot be used.
-    ConfigError : the calibration cannot be used.
+    ConfigError : the calibration cannot be used, or the method does not do what is asked.
     """
+    if config.method == "risro":
+        return find_onset_as_published(log, config)
     record = prepare_record(log, config)
     first = sweep(record, record.y)
     rule = rule_for(log, record, config, order=first.order)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels import onset_shapes
 from ..kernels.onset_scan import Profile, scan_shape
-from ..kernels.onset_shapes import Waveform
-from .record import ScanRecord
-from .shapes import Form, waveform
+from ..kernels.onset_tables import Scan
+from .record import DECIMALS, ScanRecord
+from .shapes import Form, Place, signal, waveform
 from .sweep import Peak, scan_of
 
-__all__ = ["Estimate", "estimate", "signal"]
+__all__ = ["DROP", "NORMAL", "Estimate", "estimate"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -22,6 +24,8 @@ DROP = 3.841458820694124
 NORMAL = 1.959963984540054
 MOST_PHASES = 10
 BESIDE = 2
+MOST_PULSES = 120
+ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,10 +54,9 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Fine:
-    """A profile over onsets between the conditioned samples, increasing in time."""
+    """A profile over onsets between the conditioned samples, increasing in time by `step_s` near its maximum."""
 
-    samples: IntArray
-    phases: IntArray
+    places: tuple[Place, ...]
     onset_s: FloatArray
     z: FloatArray
     sd: FloatArray
@@ -74,87 +77,104 @@ def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispe
     order : of the model.
     dispersion : how many times the statistic of other onsets exceeds what white noise would make it, at least 1.
     """
-    fine = _fine(record, y, peak, order=order, drop=DROP * dispersion)
+    scan = scan_of(record, y, order, output=peak.form.output)
+    fine, end = _refined(record, scan, peak, DROP * dispersion)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
     inside = np.flatnonzero(missing <= DROP * dispersion)
-    weight = np.exp(-0.5 * missing / dispersion)
-    seen = np.isfinite(fine.sd)
-    spread = np.where(seen, fine.sd, 0.0) ** 2 * dispersion + (fine.z - fine.z[best]) ** 2
-    variance = np.sum((weight * spread)[seen]) / np.sum(weight[seen]) if seen[best] else np.nan
+    z = float(fine.z[best])
     return Estimate(
         form=peak.form,
         onset_s=float(fine.onset_s[best]),
         onset_ci95=(
-            float(fine.onset_s[inside[0]]) - fine.step_s,
-            float(fine.onset_s[inside[-1]]) + fine.step_s,
+            round(float(fine.onset_s[inside[0]]) - fine.step_s, DECIMALS),
+            round(float(fine.onset_s[inside[-1]]) + fine.step_s, DECIMALS),
         ),
-        offset_s=None if peak.end is None else record.onset_s(peak.end),
-        z=float(fine.z[best]),
-        sd=float(np.sqrt(variance)),
-        signal=float(fine.z[best]) * signal(record, peak, int(fine.samples[best]), int(fine.phases[best])),
+        offset_s=None if end is None else record.onset_s(*end),
+        z=z,
+        sd=_spread(fine, np.exp(-0.5 * missing / dispersion), dispersion),
+        signal=z * signal(peak.form, record.sampling, fine.places[best], end),
         statistic=float(fine.statistic[best]),
     )
 
 
-def signal(record: ScanRecord, peak: Peak, sample: int, phase: int = 0) -> FloatArray:
-    """Return (n_samples,) what a fault of magnitude 1 adds to its output, conditioned.
-
-    Parameters
-    ----------
-    sample, phase : of the onset, see `ScanRecord.onset_s`.
-    """
-    wave, lead, n = waveform(peak.form, record.sampling, phase), record.sampling.lead, record.sampling.n_samples
-    start = sample - lead
-    found = np.zeros(n)
-    found[start:] = wave.samples[: n - start]
-    if peak.end is not None:
-        end = peak.end - lead
-        for weight, tail in zip(wave.weights[:, end - start], wave.tails, strict=True):
-            found[end:] -= weight * tail[: n - end]
-    return found * wave.unit
+def _spread(fine: _Fine, weight: FloatArray, dispersion: float) -> float:
+    """Return the standard deviation of the magnitude, its change with the onset included; NaN where there is none."""
+    seen = np.isfinite(fine.sd)
+    if not seen[fine.best]:
+        return float("nan")
+    squares = dispersion * fine.sd[seen] ** 2 + (fine.z[seen] - fine.z[fine.best]) ** 2
+    return float(np.sqrt(np.sum(weight[seen] * squares) / np.sum(weight[seen])))
 
 
-def _fine(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, drop: float) -> _Fine:
-    """Return the profile around its maximum, the onsets between the conditioned samples added where they matter."""
-    coarse, lead, factor = peak.profile, record.sampling.lead, record.sampling.factor
-    if factor == 1 or peak.end is not None:
-        return _joined(record, [(0, coarse)], 1.0 / record.sampling.rate_hz)
-    scan = scan_of(record, y, order, output=peak.form.output)
-    close = np.flatnonzero(coarse.statistic >= coarse.statistic.max() - drop)
-    nearby = _between(coarse, int(close[0]) - BESIDE, int(close[-1]) + BESIDE)
-    stride = max(1, -(-factor // MOST_PHASES))
+def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float) -> tuple[_Fine, Place | None]:
+    """Return the profile with the onsets between the conditioned samples where they matter, and the end."""
+    if record.sampling.factor == 1:
+        end = None if peak.end is None else (peak.end, 0)
+        return _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
+    close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
+    nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
+    if peak.end is None:
+        return _lasting(record, scan, peak.form, nearby), None
+    return _ending(record, scan, peak, nearby)
+
+
+def _phases(record: ScanRecord) -> range:
+    factor = record.sampling.factor
+    return range(0, -factor, -max(1, -(-factor // MOST_PHASES)))
+
+
+def _step_s(record: ScanRecord) -> float:
+    return -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
+
+
+def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray) -> _Fine:
+    lead = record.sampling.lead
     found = []
-    for phase in range(0, -factor, -stride):
-        wave: Waveform = waveform(peak.form, record.sampling, phase)
-        found.append((phase, scan_shape(scan, wave, nearby - lead)))
-    moved = [(phase, _shifted(one, lead)) for phase, one in found]
-    return _joined(record, moved, stride / factor / record.sampling.rate_hz)
+    for phase in _phases(record):
+        profile = scan_shape(scan, waveform(form, record.sampling, phase), nearby - lead)
+        found.append((phase, replace(profile, onsets=nearby)))
+    return _joined(record, found, _step_s(record))
 
 
-def _between(profile: Profile, first: int, last: int) -> IntArray:
-    return profile.onsets[max(first, 0) : last + 1]
+def _ending(record: ScanRecord, scan: Scan, peak: Peak, nearby: IntArray) -> tuple[_Fine, Place]:
+    """Move end and start in turn between the conditioned samples; the search for both knew sharp edges only."""
+    assert peak.end is not None
+    phases = _phases(record)
+    if len(nearby) * len(phases) > MOST_PULSES:
+        nearby = np.arange(peak.onset - BESIDE, peak.onset + BESIDE + 1)
+    starts = [(int(k), phase) for k in nearby for phase in phases]
+    latest = record.sampling.n_samples - 1
+    ends = [(min(peak.end + k, latest), phase) for k in range(-1, BESIDE) for phase in phases]
+    start, end = (peak.onset, 0), (peak.end, 0)
+    for _ in range(ROUNDS):
+        end = ends[_pulses(record, scan, peak.form, [(start, one) for one in ends]).best]
+        fine = _pulses(record, scan, peak.form, [(one, end) for one in starts])
+        start = fine.places[fine.best]
+    return fine, end
 
 
-def _shifted(profile: Profile, lead: int) -> Profile:
-    return Profile(
-        onsets=profile.onsets + lead,
-        z=profile.z,
-        sd=profile.sd,
-        rss=profile.rss,
-        rss0=profile.rss0,
-        statistic=profile.statistic,
-    )
+def _pulses(record: ScanRecord, scan: Scan, form: Form, pulses: Sequence[tuple[Place, Place]]) -> _Fine:
+    """Return the profile over pulses of any start and end, in the order given; the starts are its places."""
+    sampling = record.sampling
+    found = []
+    for start, end in pulses:
+        first = start[0] - sampling.lead
+        samples = np.zeros(sampling.n_samples)
+        samples[: sampling.n_samples - first] = signal(form, sampling, start, end)[first:]
+        found.append(scan_shape(scan, onset_shapes.sampled(samples), np.array([first])))
+    z, sd, statistic = (np.array([getattr(one, name)[0] for one in found]) for name in ("z", "sd", "statistic"))
+    places = tuple(start for start, _ in pulses)
+    onset_s = np.array([record.onset_s(*place) for place in places])
+    return _Fine(places=places, onset_s=onset_s, z=z, sd=sd, statistic=statistic, step_s=_step_s(record))
 
 
-def _joined(record: ScanRecord, profiles: list[tuple[int, Profile]], step_s: float) -> _Fine:
-    samples = np.concatenate([profile.onsets for _, profile in profiles])
-    phases = np.concatenate([np.full(len(profile.onsets), phase) for phase, profile in profiles])
-    onset_s = np.array([record.onset_s(int(k), int(p)) for k, p in zip(samples, phases, strict=True)])
-    z, sd, statistic = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
+def _joined(record: ScanRecord, profiles: Sequence[tuple[int, Profile]], step_s: float) -> _Fine:
+    places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
+    onset_s = np.array([record.onset_s(*place) for place in places])
     ranked = np.argsort(onset_s)
+    z, sd, statistic = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
     return _Fine(
-        samples=samples[ranked],
-        phases=phases[ranked],
+        places=tuple(places[i] for i in ranked),
         onset_s=onset_s[ranked],
         z=z[ranked],
         sd=sd[ranked],

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..faults import magnitude_unit, physical
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
+from ..kernels.onset_scan import STARTING
 from ..result import FaultEstimate, LogSummary, ModelSummary
 from .decision import Rule, Verdict
 from .estimate import NORMAL, Estimate
@@ -64,7 +65,7 @@ def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
         profiles=tuple(
             shape_profile(record, found.first.of(shape), rule.threshold(shape)) for shape in record.settings.shapes
         ),
-        notes=(*rule.notes, *_notes(record, faults)),
+        notes=(*rule.notes, *_notes(record, faults, found.first.order)),
     )
 
 
@@ -151,10 +152,11 @@ def model_summary(record: ScanRecord, curve: Sweep, y: FloatArray, *, order: int
     )
 
 
-def _notes(record: ScanRecord, faults: Sequence[OnsetFault]) -> list[str]:
+def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
     notes = [
         f"rate {record.settings.rate_hz:.4g} Hz: {record.intake.choice.reason}",
-        f"an onset before {record.onset_s(3 * max(record.orders)):.5g} s may be absorbed by the model",
+        f"onsets are sought from {record.onset_s(STARTING * order):.5g} s on; a fault from before is absorbed by the "
+        "model",
     ]
     for one in faults:
         low, high = one.onset_ci95

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +134,7 @@ def table_of_windows(pieces: Iterable[tuple[FlightLog, tuple[float, float]]], co
             n_unusable, problem = n_unusable + 1, unusable
             continue
         settings = settings or record.settings
-        names[log.path] = None
+        names[Path(log.path).name] = None
     if settings is None:
         raise problem or LogError("calibration: no window; give a longer log or shorter windows")
     return _table(settings, sweeps, tuple(names), n_unusable)

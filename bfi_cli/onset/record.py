@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from ..calibration import Settings
 from ..config import Config
 from ..dictionary import Dictionary
+from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
+from ..kernels.onset_scan import ENDING, STARTING
 from ..study import Intake, floor_of, lowpass_of, study_of, take_in
 from .shapes import Form, Sampling, forms_of
 
-__all__ = ["ScanRecord", "prepare_record"]
+__all__ = ["DECIMALS", "ScanRecord", "prepare_record"]
 
 FloatArray = NDArray[np.float64]
 
@@ -69,28 +71,31 @@ def prepare_record(log: FlightLog, config: Config) -> ScanRecord:
     Raises
     ------
     LogError, ExcitationError : the log cannot be used.
+    ConfigError : the frequencies asked for are too high for the rate asked for.
     """
     intake = take_in(log, _probes(log, config), config)
     conditioned = intake.conditioned
     study = study_of(intake.log.path, conditioned, (), config)
     n, rate_hz = len(conditioned.time_s), conditioned.rate_hz
     asked = config.start_time
+    band_hz = _band(asked.frequency_hz, n, rate_hz)
+    orders = _long_enough(intake.log.path, study.orders, n, 2.0 * rate_hz / band_hz[1]) if asked.ends else study.orders
     sampling = Sampling(n_samples=n, rate_hz=rate_hz, factor=conditioned.factor, lowpass=lowpass_of(config))
     return ScanRecord(
         intake=intake,
         u=study.layout.u,
         y=study.layout.y,
         unit=study.unit,
-        orders=study.orders,
+        orders=orders,
         feedthrough=study.layout.feedthrough,
         floor=None if conditioned.factor == 1 else floor_of(conditioned),
         sampling=sampling,
         forms=forms_of(asked.shapes, len(config.outputs), n / rate_hz),
-        band_hz=_band(asked.frequency_hz, n, rate_hz),
+        band_hz=band_hz,
         settings=Settings(
             rate_hz=rate_hz,
             duration_s=n / rate_hz,
-            orders=study.orders,
+            orders=orders,
             feedthrough=study.layout.feedthrough,
             inputs=config.inputs,
             outputs=config.outputs,
@@ -117,5 +122,20 @@ def _probes(log: FlightLog, config: Config) -> Dictionary:
 def _band(asked: tuple[float, float] | None, n_samples: int, rate_hz: float) -> tuple[float, float]:
     """Return the frequencies to look for, within what the record resolves."""
     low, high = asked or (CYCLES * rate_hz / n_samples, FASTEST * rate_hz)
-    high = min(high, 0.5 * rate_hz)
+    if asked is not None and high > 0.5 * rate_hz:
+        raise ConfigError(
+            f"--frequency: {high:g} Hz is more than a rate of {rate_hz:g} Hz resolves; "
+            f"give frequencies up to {0.5 * rate_hz:g} Hz, or a higher --rate"
+        )
     return min(low, high), high
+
+
+def _long_enough(path: str, orders: tuple[int, ...], n_samples: int, shortest: float) -> tuple[int, ...]:
+    """Return the orders at which a fault with two ends fits between the first and the last onset."""
+    kept = tuple(s for s in orders if n_samples - (STARTING + ENDING) * s > max(ENDING * s, shortest) + 1)
+    if not kept:
+        raise LogError(
+            f"{path}: {n_samples} samples are too few to look for start and end at order {min(orders)}; "
+            "give a longer window, a lower --order, or leave --ends out"
+        )
+    return kept

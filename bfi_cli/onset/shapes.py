@@ -6,7 +6,7 @@ and passed through the same filter, so that it starts a few samples before its o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,10 @@ from ..kernels import onset_shapes
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.onset_shapes import Waveform
 
-__all__ = ["Form", "Sampling", "fault_of", "forms_of", "waveform"]
+__all__ = ["Form", "Place", "Sampling", "fault_of", "forms_of", "signal", "waveform"]
 
 FloatArray = NDArray[np.float64]
+Place = tuple[int, int]
 
 CONSTANTS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 LARGEST_SHARE = 0.25
@@ -40,7 +41,11 @@ class Sampling:
 
     def shorter(self, n_samples: int) -> Sampling:
         """Return the same sampling of fewer samples."""
-        return Sampling(n_samples=n_samples, rate_hz=self.rate_hz, factor=self.factor, lowpass=self.lowpass)
+        return replace(self, n_samples=n_samples)
+
+    def sharp(self) -> Sampling:
+        """Return the same samples as if nothing had been filtered."""
+        return replace(self, factor=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +101,23 @@ def waveform(form: Form, sampling: Sampling, phase: int = 0) -> Waveform:
         weights=_stretched(native.weights, factor, n + 1),
         shortest=-(-native.shortest // factor),
     )
+
+
+def signal(form: Form, sampling: Sampling, start: Place, end: Place | None = None) -> FloatArray:
+    """Return (n_samples,) what a fault of magnitude 1 adds to its output, conditioned.
+
+    Parameters
+    ----------
+    start, end : conditioned sample, and phase as in `waveform`; without an end the fault lasts.
+    """
+    n, factor = sampling.n_samples, sampling.factor
+    before, after = lost_samples(factor, sampling.lowpass) if factor > 1 else (0, 0)
+    native = np.zeros(before + (n - 1) * factor + 1 + after)
+    first = before + start[0] * factor + start[1]
+    last = len(native) if end is None else before + end[0] * factor + end[1]
+    wave = _ideal(form, len(native) - first, sampling.rate_hz * factor)
+    native[first:last] = wave.unit * wave.samples[: last - first]
+    return decimate(native, factor, sampling.lowpass)
 
 
 def _stretched(weights: FloatArray, factor: int, n: int) -> FloatArray:

@@ -143,8 +143,10 @@ def _quick(record: ScanRecord, scan: Scan, form: Form) -> tuple[float, float]:
     """Return the statistic of a form, for a sine a lower bound from a coarse grid, and the charge of its parameters."""
     charge = float(np.log(scan.n_rows))
     if form.shape != "sine":
-        wave = waveform(form, record.sampling.shorter(scan.n_samples))
-        return float(scan_shape(scan, wave).statistic.max()), (3 if form.parameter else 2) * charge
+        sampling, n_parameters = record.sampling.shorter(scan.n_samples), 3 if form.parameter else 2
+        if record.settings.ends:
+            return scan_ends(scan, waveform(form, sampling.sharp())).statistic, (n_parameters + 1) * charge
+        return float(scan_shape(scan, waveform(form, sampling)).statistic.max()), n_parameters * charge
     low, high = (f / record.sampling.rate_hz for f in record.band_hz)
     grid = np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / GRID)))
     return max(_screened(scan, float(f)) for f in grid), 3 * charge
@@ -160,16 +162,13 @@ def _screened(scan: Scan, frequency: float) -> float:
 
 def peak_of(record: ScanRecord, scan: Scan, form: Form) -> Peak:
     """Return the exact scan of a form over the record; a sine without a frequency at its best one."""
-    end = None
     if form.shape == "sine" and form.parameter is None:
         form = replace(form, parameter=_frequency(record, scan))
-    wave, lead = waveform(form, record.sampling), record.sampling.lead
     if record.settings.ends:
-        span = scan_ends(scan, wave)
-        found, end = span.over_starts, span.end + lead
-    else:
-        found = scan_shape(scan, wave)
-    return Peak(form=form, profile=replace(found, onsets=found.onsets + lead), end=end)
+        span = scan_ends(scan, waveform(form, record.sampling.sharp()))
+        return Peak(form=form, profile=span.over_starts, end=span.end)
+    found = scan_shape(scan, waveform(form, record.sampling))
+    return Peak(form=form, profile=replace(found, onsets=found.onsets + record.sampling.lead), end=None)
 
 
 def _frequency(record: ScanRecord, scan: Scan) -> float:

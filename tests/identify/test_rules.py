@@ -52,7 +52,7 @@ def test_a_tiny_threshold_declares_everything(flight, thesis):
 
 
 def test_what_the_dictionary_does_not_hold_is_pointed_at(flight, thesis, faulty):
-    """A step a second after the only bias of a dictionary is no fault of it, but the reader is told that it is there."""
+    """A step that the dictionary does not hold is no fault of it, but the reader is told that something is there."""
     log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
     late = replace(
         thesis, atoms=tuple(replace(atom, onset_s=20.0) for atom in thesis.atoms if atom.name == "bias_13.8")

@@ -7,10 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bfi_cli.config import Config
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import find_onset
+from bfi_cli.onset.record import prepare_record
+from bfi_cli.onset.shapes import forms_of
+from bfi_cli.onset.sweep import sweep
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=0.25, onset_s=16.0)
@@ -24,7 +28,7 @@ def test_without_noise_the_fault_is_found_as_it_is(flown, settings, fault):
     (found,) = result.faults
     assert (result.decision, found.estimate.fault.shape) == ("fault", fault.shape)
     assert found.estimate.fault.onset_s == pytest.approx(fault.onset_s, abs=0.02)
-    assert found.estimate.magnitude == pytest.approx(fault.magnitude, rel=2e-3)
+    assert found.estimate.magnitude == pytest.approx(fault.magnitude, rel=5e-3)
 
 
 @FAULTS
@@ -122,3 +126,50 @@ def test_a_shape_no_table_has(flown, settings):
     start_time = config.start_time.model_copy(update={"shapes": ("bias", "drift")})
     with pytest.raises(ConfigError, match="has all of bias, drift"):
         find_onset(flown(BIAS), config.model_copy(update={"start_time": start_time}))
+
+
+def test_start_and_end_between_two_samples_of_the_analysis(flown, settings):
+    pulse = replace(BIAS, offset_s=20.04)
+    (found,) = find_onset(flown(pulse), settings(shapes=("bias",), ends=True)).faults
+    assert found.estimate.fault.onset_s == pytest.approx(15.0, abs=0.011)
+    assert found.estimate.fault.offset_s == pytest.approx(20.04, abs=0.021)
+    assert found.estimate.magnitude == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_fault_is_found_on_the_output_that_has_it(flown):
+    aoa = Fault(shape="bias", channel="aoa", magnitude=0.02, onset_s=12.0)
+    written = {
+        "outputs": ("tas", "aoa"),
+        "conditioning": {"rate_hz": 10.0},
+        "model": {"order": 2},
+        "start_time": {"shapes": ("bias",), "calibration": "gaussian"},
+    }
+    result = find_onset(flown(aoa), Config.model_validate(written))
+    strongest = result.faults[0]
+    assert strongest.estimate.fault.channel == "aoa"
+    assert strongest.estimate.fault.onset_s == pytest.approx(12.0, abs=0.011)
+    assert strongest.estimate.magnitude == pytest.approx(0.02, rel=0.05)
+    assert strongest.estimate.unit == "rad"
+
+
+def test_frequencies_above_what_the_rate_resolves(flown, settings):
+    with pytest.raises(ConfigError, match=r"--frequency: 8 Hz is more than a rate of 10 Hz resolves"):
+        settings(shapes=("sine",), frequency_hz=(1.0, 8.0))
+
+
+def test_a_window_too_short_for_two_ends(flown, settings):
+    config = settings(12, shapes=("bias",), ends=True)
+    short = config.model_copy(update={"window": config.window.model_copy(update={"from_s": 4.0, "to_s": 11.5})})
+    with pytest.raises(LogError, match="too few to look for start and end at order 12"):
+        find_onset(flown(BIAS), short)
+
+
+@pytest.mark.parametrize("shape", ["lagged_bias", "ramp_hold"])
+def test_slow_shapes(flown, settings, shape):
+    key = {"lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}[shape]
+    record = prepare_record(flown(Fault(shape=shape, magnitude=2.0, onset_s=12.0, **{key: 2.0})), settings())
+    forms = forms_of((shape,), 1, record.settings.duration_s)
+    found = sweep(replace(record, forms=forms), record.y, 4).of(shape)
+    assert found.form.parameter == 2.0
+    assert record.onset_s(found.onset) == pytest.approx(12.0, abs=0.11)
+    assert record.unit[0] * found.profile.z[found.profile.best] == pytest.approx(2.0, rel=0.05)

@@ -1,0 +1,125 @@
+"""`bfi start-time` and `bfi calibrate`: documents, files, exit codes, complaints."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+from matplotlib.image import imread
+
+from bfi_cli.commands import COMMANDS
+
+DATA = Path(__file__).parents[2] / "data"
+BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"
+QUICK = ("--rate", "10", "--order", "4", "--shape", "bias")
+FAULT_KEYS = {"shape", "channel", "magnitude", "unit", "physical", "sd", "ci95", "onset_s", "onset_ci95", "offset_s"}
+KEYS = {"kind", "schema", "decision", "false_alarm", "p_value", "statistic", "threshold", "calibration", "faults"}
+
+
+@pytest.fixture(autouse=True)
+def listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the commands known by the names of their modules."""
+    monkeypatch.setitem(COMMANDS, "start_time", "")
+    monkeypatch.setitem(COMMANDS, "calibrate", "")
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return where a calibration is written by the first test that needs it."""
+    return tmp_path_factory.mktemp("calibration") / "table.json"
+
+
+@pytest.fixture
+def calibrated(bfi, table: Path) -> Path:
+    """Return the table of steps of a quarter of a second through the clean flight."""
+    if not table.exists():
+        outcome = bfi("calibrate", CLEAN, "-o", table, "--length", 16, "--step", 0.25, *QUICK)
+        assert (outcome.code, outcome.stderr) == (0, "")
+    return table
+
+
+def test_the_document(bfi, calibrated: Path):
+    outcome = bfi("start_time", BIAS, *QUICK, "--from", 5, "--to", 21, "--calibration", calibrated)
+    document = json.loads(outcome.stdout)
+    assert (outcome.code, outcome.stderr) == (0, "")
+    assert set(document) >= KEYS | {"profile", "notes", "provenance", "log", "model"}
+    assert (document["kind"], document["decision"]) == ("start-time", "fault")
+    assert document["p_value"] < document["false_alarm"] == 0.01
+    n_windows = len(json.loads(calibrated.read_text())["tables"][0]["statistics"]["bias"])
+    assert document["calibration"] == {"source": str(calibrated), "matches": True, "n_windows": n_windows}
+    (fault,) = document["faults"]
+    assert set(fault) >= FAULT_KEYS
+    assert fault["onset_s"] == pytest.approx(13.8, abs=0.011)
+    assert fault["magnitude"] == pytest.approx(4.0, abs=0.05)
+    profile = document["profile"]
+    assert profile["shape"] == ["bias"]
+    assert len(profile["onset_s"]) == len(profile["statistic"][0]) == len(profile["magnitude"][0])
+
+
+def test_the_files(bfi, calibrated: Path, tmp_path: Path):
+    outcome = bfi("start_time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "deep" / "out")
+    files = {path.name: path.read_bytes() for path in (tmp_path / "deep" / "out").iterdir()}
+    assert set(files) == {"profile.svg", "profile.png", "faults.csv", "profile.csv", "result.json"}
+    assert json.loads(files["result.json"]) == json.loads(outcome.stdout)
+    (row,) = csv.DictReader(io.StringIO(files["faults.csv"].decode()))
+    assert float(row["onset_s"]) == pytest.approx(13.8, abs=0.011)
+    assert float(row["onset_low_s"]) < float(row["onset_s"]) < float(row["onset_high_s"])
+    assert imread(io.BytesIO(files["profile.png"])).std() > 0.05
+
+
+def test_the_terminal(bfi, calibrated: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERM", "dumb")
+    lines = bfi("start_time", BIAS, *QUICK, "--calibration", calibrated).stdout.splitlines()
+    assert lines[0].startswith("Fault: a bias of 4.0")
+    assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize(
+    ("log", "options", "code"),
+    [
+        (BIAS, ("--fail-on", "fault"), 10),
+        (CLEAN, ("--fail-on", "fault"), 0),
+        (BIAS, ("--strict", "--to", "28"), 4),
+        (BIAS, ("--strict", "--from", "5", "--to", "21"), 0),
+    ],
+)
+def test_exit_codes(bfi, calibrated: Path, log: Path, options: tuple[str, ...], code: int):
+    assert bfi("start_time", log, *QUICK, "--calibration", calibrated, *options).code == code
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "complaint"),
+    [
+        (("--method", "newton"), 2, "--method: not a method, got newton; known: scan, thesis"),
+        (("--frequency", "2"), 2, "--frequency: not a band, got 2; write --frequency 0.1:2, in Hz"),
+        (("--calibration", "none.json"), 2, "none.json"),
+        (("--calibration", "self"), 3, "--calibration self needs"),
+        (("--output", "cas"), 3, "no channel 'cas'"),
+        (("--false-alarm", "2"), 2, "false_alarm"),
+    ],
+)
+def test_complaints_are_one_line(bfi, options: tuple[str, ...], code: int, complaint: str):
+    outcome = bfi("start_time", BIAS, *QUICK, *options)
+    assert (outcome.code, outcome.stdout) == (code, "")
+    assert complaint in outcome.stderr
+    assert outcome.stderr.count("\n") == 1
+
+
+def test_calibrate_joins_windows(bfi, calibrated: Path, tmp_path: Path):
+    path = tmp_path / "t.json"
+    path.write_bytes(calibrated.read_bytes())
+    bfi("calibrate", CLEAN, "-o", path, "--length", 16, "--step", 4, "--append", *QUICK)
+    (joined,) = json.loads(path.read_text())["tables"]
+    assert len(joined["statistics"]["bias"]) > 25 + 1
+
+
+def test_calibrate_where_no_window_fits(bfi, tmp_path: Path):
+    outcome = bfi("calibrate", CLEAN, "-o", tmp_path / "t.json", "--length", 60, *QUICK)
+    assert outcome.code == 3
+    assert "no window" in outcome.stderr
+    assert not (tmp_path / "t.json").exists()

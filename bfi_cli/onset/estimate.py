@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import onset_shapes
 from ..kernels.onset_scan import Profile, scan_shape
 from ..kernels.onset_tables import Scan
+from .pulses import Fine, phases, pulses, step_s, tuned, within
 from .record import DECIMALS, ScanRecord
 from .shapes import Form, Place, signal, waveform
 from .sweep import Peak, scan_of
@@ -22,7 +22,6 @@ IntArray = NDArray[np.intp]
 
 DROP = 3.841458820694124
 NORMAL = 1.959963984540054
-MOST_PHASES = 10
 BESIDE = 2
 MOST_PULSES = 120
 ROUNDS = 2
@@ -52,22 +51,6 @@ class Estimate:
     statistic: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Fine:
-    """A profile over onsets between the conditioned samples, increasing in time by `step_s` near its maximum."""
-
-    places: tuple[Place, ...]
-    onset_s: FloatArray
-    z: FloatArray
-    sd: FloatArray
-    statistic: FloatArray
-    step_s: float
-
-    @property
-    def best(self) -> int:
-        return int(np.argmax(self.statistic))
-
-
 def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispersion: float = 1.0) -> Estimate:
     """Return the fault of a peak.
 
@@ -78,12 +61,12 @@ def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispe
     dispersion : how many times the statistic of other onsets exceeds what white noise would make it, at least 1.
     """
     scan = scan_of(record, y, order, output=peak.form.output)
-    fine, end = _refined(record, scan, peak, DROP * dispersion)
+    form, fine, end = _refined(record, scan, peak, DROP * dispersion)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
     inside = np.flatnonzero(missing <= DROP * dispersion)
     z = float(fine.z[best])
     return Estimate(
-        form=peak.form,
+        form=form,
         onset_s=float(fine.onset_s[best]),
         onset_ci95=(
             round(float(fine.onset_s[inside[0]]) - fine.step_s, DECIMALS),
@@ -92,12 +75,12 @@ def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispe
         offset_s=None if end is None else record.onset_s(*end),
         z=z,
         sd=_spread(fine, np.exp(-0.5 * missing / dispersion), dispersion),
-        signal=z * signal(peak.form, record.sampling, fine.places[best], end),
+        signal=z * signal(form, record.sampling, fine.places[best], end),
         statistic=float(fine.statistic[best]),
     )
 
 
-def _spread(fine: _Fine, weight: FloatArray, dispersion: float) -> float:
+def _spread(fine: Fine, weight: FloatArray, dispersion: float) -> float:
     """Return the standard deviation of the magnitude, its change with the onset included; NaN where there is none."""
     seen = np.isfinite(fine.sd)
     if not seen[fine.best]:
@@ -106,78 +89,60 @@ def _spread(fine: _Fine, weight: FloatArray, dispersion: float) -> float:
     return float(np.sqrt(np.sum(weight[seen] * squares) / np.sum(weight[seen])))
 
 
-def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float) -> tuple[_Fine, Place | None]:
-    """Return the profile with the onsets between the conditioned samples where they matter, and the end."""
+def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float) -> tuple[Form, Fine, Place | None]:
+    """Return the profile with the onsets between the conditioned samples where they matter, its form and the end."""
     if record.sampling.factor == 1:
         end = None if peak.end is None else (peak.end, 0)
-        return _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
+        return peak.form, _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
+    if peak.form.shape == "sine":
+        form, start, stop = tuned(record, scan, peak)
+        nearby = np.arange(start[0] - BESIDE, start[0] + BESIDE + 1)
+        return form, *_ending(record, scan, form, (nearby, start, stop))
     close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
     nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
     if peak.end is None:
-        return _lasting(record, scan, peak.form, nearby), None
-    return _ending(record, scan, peak, nearby)
+        return peak.form, _lasting(record, scan, peak.form, nearby), None
+    return peak.form, *_ending(record, scan, peak.form, (nearby, (peak.onset, 0), (peak.end, 0)))
 
 
-def _phases(record: ScanRecord) -> range:
-    factor = record.sampling.factor
-    return range(0, -factor, -max(1, -(-factor // MOST_PHASES)))
-
-
-def _step_s(record: ScanRecord) -> float:
-    return -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
-
-
-def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray) -> _Fine:
+def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray) -> Fine:
     lead = record.sampling.lead
     found = []
-    for phase in _phases(record):
+    for phase in phases(record):
         profile = scan_shape(scan, waveform(form, record.sampling, phase), nearby - lead)
         found.append((phase, replace(profile, onsets=nearby)))
-    return _joined(record, found, _step_s(record))
+    return _joined(record, found, step_s(record))
 
 
-def _ending(record: ScanRecord, scan: Scan, peak: Peak, nearby: IntArray) -> tuple[_Fine, Place]:
+def _ending(
+    record: ScanRecord, scan: Scan, form: Form, around: tuple[IntArray, Place, Place | None]
+) -> tuple[Fine, Place | None]:
     """Move end and start in turn between the conditioned samples; the search for both knew sharp edges only."""
-    assert peak.end is not None
-    phases = _phases(record)
-    if len(nearby) * len(phases) > MOST_PULSES:
-        nearby = np.arange(peak.onset - BESIDE, peak.onset + BESIDE + 1)
-    starts = [(int(k), phase) for k in nearby for phase in phases]
-    latest = record.sampling.n_samples - 1
-    ends = [(min(peak.end + k, latest), phase) for k in range(-1, BESIDE) for phase in phases]
-    start, end = (peak.onset, 0), (peak.end, 0)
+    nearby, start, end = around
+    apart = phases(record)
+    if len(nearby) * len(apart) > MOST_PULSES:
+        nearby = np.arange(start[0] - BESIDE, start[0] + BESIDE + 1)
+    starts = within(record, scan, [(int(k), phase) for k in nearby for phase in apart])
     for _ in range(ROUNDS):
-        end = ends[_pulses(record, scan, peak.form, [(start, one) for one in ends]).best]
-        fine = _pulses(record, scan, peak.form, [(one, end) for one in starts])
+        if end is not None:
+            latest = record.sampling.n_samples - 1
+            ends = [(min(end[0] + k, latest), phase) for k in range(-1, BESIDE) for phase in apart]
+            end = ends[pulses(record, scan, form, [(start, one) for one in ends]).best]
+        fine = pulses(record, scan, form, [(one, end) for one in starts])
         start = fine.places[fine.best]
     return fine, end
 
 
-def _pulses(record: ScanRecord, scan: Scan, form: Form, pulses: Sequence[tuple[Place, Place]]) -> _Fine:
-    """Return the profile over pulses of any start and end, in the order given; the starts are its places."""
-    sampling = record.sampling
-    found = []
-    for start, end in pulses:
-        first = start[0] - sampling.lead
-        samples = np.zeros(sampling.n_samples)
-        samples[: sampling.n_samples - first] = signal(form, sampling, start, end)[first:]
-        found.append(scan_shape(scan, onset_shapes.sampled(samples), np.array([first])))
-    z, sd, statistic = (np.array([getattr(one, name)[0] for one in found]) for name in ("z", "sd", "statistic"))
-    places = tuple(start for start, _ in pulses)
-    onset_s = np.array([record.onset_s(*place) for place in places])
-    return _Fine(places=places, onset_s=onset_s, z=z, sd=sd, statistic=statistic, step_s=_step_s(record))
-
-
-def _joined(record: ScanRecord, profiles: Sequence[tuple[int, Profile]], step_s: float) -> _Fine:
+def _joined(record: ScanRecord, profiles: Sequence[tuple[int, Profile]], step: float) -> Fine:
     places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
     onset_s = np.array([record.onset_s(*place) for place in places])
     ranked = np.argsort(onset_s)
     z, sd, statistic = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
-    return _Fine(
+    return Fine(
         places=tuple(places[i] for i in ranked),
         onset_s=onset_s[ranked],
         z=z[ranked],
         sd=sd[ranked],
         statistic=statistic[ranked],
-        step_s=step_s,
+        step_s=step,
     )

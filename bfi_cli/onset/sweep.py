@@ -98,15 +98,38 @@ def sweep(record: ScanRecord, y: FloatArray, order: int | None = None) -> Sweep:
         plain.append(base)
         best.append(min(fault) if len(orders) > 1 else base)
     chosen = orders[int(np.argmin(np.minimum(plain, best)))]
-    scans = [scan_of(record, y, chosen, output=i) for i in range(y.shape[1])]
+    peaks = _peaks(record, y, chosen)
+    if record.settings.ends and len(orders) > 1:
+        best = np.minimum(best, _with(record, y, best_of(peaks), plain)).tolist()
+        if (better := orders[int(np.argmin(np.minimum(plain, best)))]) != chosen:
+            chosen, peaks = better, _peaks(record, y, better)
     return Sweep(
         order=chosen,
         plain_order=orders[int(np.argmin(plain))],
-        peaks=tuple(peak_of(record, scans[form.output], form) for form in record.forms),
+        peaks=peaks,
         orders=orders,
         plain=tuple(plain),
         with_fault=tuple(best),
     )
+
+
+def _peaks(record: ScanRecord, y: FloatArray, order: int) -> tuple[Peak, ...]:
+    scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
+    return tuple(peak_of(record, scans[form.output], form) for form in record.forms)
+
+
+def _with(record: ScanRecord, y: FloatArray, peak: Peak, plain: Sequence[float]) -> list[float]:
+    """Return the criterion of every order with the form of a peak, its start and end sought anew.
+
+    The coarse grid of frequencies knows no ends, so that an order too high, which absorbs a short oscillation, may be
+    chosen by it.
+    """
+    found = []
+    for order, base in zip(record.orders, plain, strict=True):
+        scan = scan_of(record, y, order, output=peak.form.output, first=max(record.orders))
+        span = scan_ends(scan, waveform(peak.form, record.sampling.shorter(scan.n_samples).sharp()))
+        found.append(criterion(base, span.statistic, peak.n_parameters * float(np.log(scan.n_rows))))
+    return found
 
 
 def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first: int | None = None) -> Scan:

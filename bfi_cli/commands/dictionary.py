@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, json_option, tell, window_options
+from .options import channel_options, configured, json_option, number_or_word, tell, window_options
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -97,18 +97,10 @@ def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Confi
             "units": options["unit_map"],
             "window.from_s": options["from_s"],
             "window.to_s": options["to_s"],
-            "conditioning.rate_hz": _scalar("--rate", options["rate"]),
-            "model.order": _scalar("--order", options["order"]),
+            "conditioning.rate_hz": number_or_word(options["rate"]),
+            "model.order": number_or_word(options["order"]),
         },
     )
-
-
-def _scalar(option: str, text: str | None) -> Any:
-    """Return what the same text means in the configuration file."""
-    from ..errors import ConfigError
-    from ..yaml12 import load_yaml
-
-    return None if text is None else load_yaml(text, where=option, error=ConfigError)
 
 
 def _files(audit: Audit, origin: Provenance) -> dict[str, bytes]:

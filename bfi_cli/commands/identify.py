@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from .options import channel_options, configured, json_option, log_argument, tell, window_options
+from .options import channel_options, configured, json_option, log_argument, number_or_word, tell, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -76,23 +76,12 @@ def _config(path: str | None, options: dict[str, Any]) -> Config:
             "units": options["unit_map"],
             "window.from_s": options["from_s"],
             "window.to_s": options["to_s"],
-            "conditioning.rate_hz": _number_or_word(options["rate"]),
-            "model.order": _number_or_word(options["order"]),
+            "conditioning.rate_hz": number_or_word(options["rate"]),
+            "model.order": number_or_word(options["order"]),
             **{place: options[place] for place in ("method", "dictionary", "seed", "strict", "fail_on")},
             "model.feedthrough": options["feedthrough"],
         },
     )
-
-
-def _number_or_word(text: str | None) -> int | float | str | None:
-    if text is None:
-        return None
-    for number in (int, float):
-        try:
-            return number(text)
-        except ValueError:
-            continue
-    return text
 
 
 def _exit_code(result: IdentifyResult, config: Config) -> int:

@@ -13,7 +13,7 @@ from ..errors import ConfigError
 if TYPE_CHECKING:
     from ..config import Config
 
-__all__ = ["channel_options", "configured", "json_option", "log_argument", "tell", "window_options"]
+__all__ = ["channel_options", "configured", "json_option", "log_argument", "number_or_word", "tell", "window_options"]
 
 Command = Callable[..., Any]
 
@@ -125,6 +125,18 @@ def _renamed(complaint: str) -> str:
     place, colon, what = complaint.partition(": ")
     option = PLACES.get(place.partition("[")[0])
     return f"{option}: {what}" if colon and option else f"command line: {complaint}"
+
+
+def number_or_word(text: str | None) -> int | float | str | None:
+    """Return the number an option's text states, else the text."""
+    if text is None:
+        return None
+    for number in (int, float):
+        try:
+            return number(text)
+        except ValueError:
+            continue
+    return text
 
 
 def _pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from .options import channel_options, configured, json_option, log_argument, tell, window_options
+from .options import channel_options, configured, json_option, log_argument, number_or_word, tell, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -75,8 +75,8 @@ def scan_config(path: str | None, options: dict[str, Any]) -> Config:
             "units": options["unit_map"],
             "window.from_s": options["from_s"],
             "window.to_s": options["to_s"],
-            "conditioning.rate_hz": _scalar("--rate", options["rate"]),
-            "model.order": _scalar("--order", options["order"]),
+            "conditioning.rate_hz": number_or_word(options["rate"]),
+            "model.order": number_or_word(options["order"]),
             "model.feedthrough": options["feedthrough"],
             "method": _method(options.get("method")),
             "start_time.shapes": options["shapes"] or None,
@@ -87,13 +87,6 @@ def scan_config(path: str | None, options: dict[str, Any]) -> Config:
             **{place: options[place] for place in places if place in options},
         },
     )
-
-
-def _scalar(option: str, text: str | None) -> Any:
-    """Return what the same text means in the configuration file."""
-    from ..yaml12 import load_yaml
-
-    return None if text is None else load_yaml(text, where=option, error=ConfigError)
 
 
 def _method(word: str | None) -> str | None:

@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 FLOORS = (
     ("errors", "kernels"),
     ("units", "faults", "yaml12", "plain"),
-    ("channels", "result", "serialize", "dictionary"),
+    ("channels", "result", "serialize", "dictionary", "exhibit"),
     ("flightlog", "conditioning", "config", "provenance", "wording", "documents"),
     ("aircraft", "calibration", "rows"),
     ("study",),

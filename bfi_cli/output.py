@@ -8,20 +8,23 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from .documents import identify_document
 from .errors import ConfigError
+from .exhibit import Drawing, Exhibit
 from .result import IdentifyResult, Provenance
 
-__all__ = ["identify_files", "replace_files", "write_results"]
+__all__ = ["exhibit_files", "identify_files", "replace_files", "write_results"]
 
 FAULT_COLUMNS = (
     *("name", "shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high"),
     *("physical_value", "physical_unit", "onset_s", "offset_s", "frequency_hz"),
 )
 CANDIDATE_COLUMNS = ("name", "channel", "active", "magnitude", "unit", "sd", "minimal_detectable", "note")
+DRAWING_COLUMNS = ("panel", "curve", "x", "y", "low", "high")
 SERIES = ("measured", "corrected", "predicted", "fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
 
 
@@ -59,6 +62,44 @@ def identify_files(result: IdentifyResult, provenance: Provenance) -> dict[str, 
     files["report.html"] = render_report(result, provenance, vectors).encode()
     files["result.json"] = to_json(identify_document(result, provenance)).encode() + b"\n"
     return files
+
+
+def exhibit_files(exhibit: Exhibit, document: Mapping[str, Any], origin: Provenance) -> dict[str, bytes]:
+    """Return the content of every file of an exhibit by its name: figures, tables, report.html, result.json last.
+
+    Parameters
+    ----------
+    document : what becomes result.json.
+    """
+    from .plots.exhibit import draw
+    from .plots.style import to_png, to_svg
+    from .report import render_exhibit
+    from .serialize import to_json
+
+    files: dict[str, bytes] = {}
+    vectors: dict[str, bytes] = {}
+    for drawing in exhibit.drawings:
+        figure = draw(drawing)
+        vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
+        files[f"{drawing.name}.png"] = to_png(figure)
+        files[f"{drawing.name}_figure.csv"] = _csv(DRAWING_COLUMNS, _points(drawing)).encode()
+    files |= {f"{table.name}.csv": _csv(table.heads, table.rows).encode() for table in exhibit.tables}
+    files["report.html"] = render_exhibit(exhibit, origin, vectors).encode()
+    files["result.json"] = to_json(document).encode() + b"\n"
+    return files
+
+
+def _points(drawing: Drawing) -> Iterable[Sequence[object]]:
+    for panel in drawing.panels:
+        for one in panel.curves:
+            nothing = [None] * one.x.size
+            low, high = (nothing if ends is None else ends.tolist() for ends in (one.low, one.high))
+            for point in zip(one.x.tolist(), one.y.tolist(), low, high, strict=True):
+                yield (panel.title or panel.y_label, one.label, *point)
+    for heat_map in drawing.heat_maps:
+        for row, values in zip(heat_map.rows, heat_map.values, strict=True):
+            for column, value in zip(heat_map.columns, values.tolist(), strict=True):
+                yield (heat_map.title, row, column, value, None, None)
 
 
 def _tables(result: IdentifyResult) -> dict[str, str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from . import rows
+from .exhibit import Exhibit
 from .result import IdentifyResult
 from .wording import shortened, verdict
 
@@ -13,10 +14,12 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-__all__ = ["MAX_CANDIDATES", "print_identify"]
+__all__ = ["MAX_CANDIDATES", "print_exhibit", "print_identify"]
 
 MAX_CANDIDATES = 24
-NAME_LETTERS = 32
+MAX_ROWS = 60
+NAME_LETTERS, CELL_LETTERS = 32, 60
+COLOURS = {"fault": "bold red", "no_fault": "bold green", "not_identifiable": "bold yellow", None: "bold"}
 
 
 def print_identify(console: Console, result: IdentifyResult) -> None:
@@ -26,13 +29,26 @@ def print_identify(console: Console, result: IdentifyResult) -> None:
     """
     from rich.text import Text
 
-    colour = {"fault": "bold red", "no_fault": "bold green", "not_identifiable": "bold yellow"}[result.decision]
-    console.print(Text(verdict(result), style=colour))
+    console.print(Text(verdict(result), style=COLOURS[result.decision]))
     if result.faults:
         _print_faults(console, result)
     if result.candidates:
         _print_candidates(console, result)
     _print_facts(console, result)
+
+
+def print_exhibit(console: Console, exhibit: Exhibit) -> None:
+    """Print verdict, tables, facts and notes; a table of more than `MAX_ROWS` rows is cut."""
+    from rich.text import Text
+
+    console.print(Text(exhibit.verdict, style=COLOURS[exhibit.tone]))
+    for one in exhibit.tables:
+        console.print(Text(f"\n{one.title}", style="dim"))
+        body = [[shortened(cell, CELL_LETTERS) for cell in row] for row in one.rows[:MAX_ROWS]]
+        console.print(_table(one.heads, body, folded=range(len(one.heads))))
+        if len(one.rows) > MAX_ROWS:
+            console.print(f"   and {len(one.rows) - MAX_ROWS} more; all are in --out\n", highlight=False)
+    console.print(_pairs([*exhibit.facts, *(("Note", note) for note in exhibit.notes)]))
 
 
 def _print_faults(console: Console, result: IdentifyResult) -> None:
@@ -52,18 +68,22 @@ def _print_candidates(console: Console, result: IdentifyResult) -> None:
 
 
 def _print_facts(console: Console, result: IdentifyResult) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
     facts = [*rows.summary_rows(result)[:2], *rows.model_rows(result), *rows.truth_rows(result)]
     for channel, noise, vaf, whiteness, _, alarms in rows.residual_rows(result):
         facts.append((f"Residual of {channel}", f"SD {noise}, VAF {vaf}, whiteness {whiteness}"))
         facts.append((f"Plain 5-sigma test, {channel}", alarms))
     facts += [("Note", note) for note in result.notes]
+    console.print(_pairs(facts))
+
+
+def _pairs(facts: Sequence[tuple[str, ...]]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
     grid = Table.grid(padding=(0, 2))
     for name, value in facts:
         grid.add_row(Text(shortened(name, NAME_LETTERS), style="dim"), Text(value))
-    console.print(grid)
+    return grid
 
 
 def _table(heads: Sequence[str], body: Iterable[Sequence[str]], *, folded: Sequence[int]) -> Table:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import json_option, tell
+from .progress import progress
 
 if TYPE_CHECKING:
     from ..montecarlo import Summary, Sweep
@@ -47,8 +47,9 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     sweep = load_sweep(config_path, trials=options["trials"], seed=options["seed"])
     records = check_records(sweep)
     digest = digest_of(sweep, records)
-    with _progress(sweep.n_trials * len(sweep.scenarios), wanted=options["progress"]) as report:
-        done, journal = _run(sweep, out, digest, options, report)
+    total = sweep.n_trials * len(sweep.scenarios)
+    with progress("trials", wanted=options["progress"]) as report:
+        done, journal = _run(sweep, out, digest, options, lambda count: report(count, total))
     summary = summarise(sweep, done)
     origin = _origin(sweep, records)
     document = summary_document(summary, origin, digest=digest)
@@ -81,21 +82,6 @@ def _run(
                 tell(f"stopped; bfi montecarlo -c {sweep.path} --out {out} --resume continues")
             raise
     return done, journal
-
-
-@contextmanager
-def _progress(total: int, *, wanted: bool | None) -> Iterator[Callable[[int], None]]:
-    """Yield what is told the number of trials done."""
-    if not (sys.stderr.isatty() if wanted is None else wanted):
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("trials"), BarColumn(), MofNCompleteColumn(), TextColumn("left"), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("trials", total=total)
-        yield lambda count: bar.update(task, completed=count)
 
 
 def _origin(sweep: Sweep, records: dict[str, str]) -> Provenance:

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from .html import render_report
+from .html import render_exhibit, render_report
 
-__all__ = ["render_report"]
+__all__ = ["render_exhibit", "render_report"]

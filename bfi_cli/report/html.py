@@ -5,9 +5,10 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .. import rows
+from ..exhibit import Exhibit
 from ..result import IdentifyResult, Provenance
 from ..wording import verdict
 from .captions import caption
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
     from markupsafe import Markup
 
-__all__ = ["render_report"]
+__all__ = ["render_exhibit", "render_report"]
 
 ONE_LINE_LETTERS = 18
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
@@ -31,7 +32,7 @@ def render_report(result: IdentifyResult, provenance: Provenance, figures: Mappi
     provenance : where it comes from.
     figures : SVG bytes by the name of the figure ("outputs", "fault", ...), in the order of the report.
     """
-    return _template().render(
+    return _template("report.html.j2").render(
         css=_file("report.css"),
         decision=result.decision,
         heading=HEADINGS[result.decision],
@@ -45,21 +46,40 @@ def render_report(result: IdentifyResult, provenance: Provenance, figures: Mappi
         notes=result.notes,
         model=rows.model_rows(result),
         provenance=rows.provenance_rows(provenance),
-        figures=[_figure(name, svg, result) for name, svg in figures.items()],
+        figures=[_figure(name, svg, caption(name, result)) for name, svg in figures.items()],
     )
 
 
-def _figure(name: str, svg: bytes, result: IdentifyResult) -> dict[str, Any]:
+def render_exhibit(exhibit: Exhibit, provenance: Provenance, figures: Mapping[str, bytes]) -> str:
+    """Return the report of an exhibit as one HTML text that refers to nothing outside itself.
+
+    Parameters
+    ----------
+    provenance : where it comes from.
+    figures : SVG bytes by the name of the drawing, in the order of the report.
+    """
+    captions = {drawing.name: drawing.caption for drawing in exhibit.drawings}
+    return _template("exhibit.html.j2").render(
+        css=_file("report.css"),
+        exhibit=exhibit,
+        provenance=rows.provenance_rows(provenance),
+        figures=[_figure(name, svg, captions[name]) for name, svg in figures.items()],
+    )
+
+
+def _figure(name: str, svg: bytes, text: str) -> dict[str, str]:
     data = base64.b64encode(svg).decode("ascii")
-    return {"name": name, "src": f"data:image/svg+xml;base64,{data}", "caption": caption(name, result)}
+    return {"name": name, "src": f"data:image/svg+xml;base64,{data}", "caption": text}
 
 
-def _template() -> Template:
-    from jinja2 import Environment, StrictUndefined
+def _template(name: str) -> Template:
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, loader=FunctionLoader(_file)
+    )
     environment.filters["unbroken"] = _unbroken
-    return environment.from_string(_file("report.html.j2"))
+    return environment.get_template(name)
 
 
 def _unbroken(text: str) -> Markup:

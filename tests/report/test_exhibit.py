@@ -1,0 +1,112 @@
+"""An exhibit in every rendering: what it holds is shown, on a terminal, in files and in the report."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from bfi_cli.exhibit import Curve, Drawing, Exhibit, HeatMap, Panel, Span, Table, curve
+from bfi_cli.output import exhibit_files
+from bfi_cli.plain import from_plain, to_plain
+from bfi_cli.plots.exhibit import draw
+from bfi_cli.provenance import provenance
+from bfi_cli.report import render_exhibit
+from bfi_cli.tables import MAX_ROWS, print_exhibit
+
+X = np.linspace(0.0, 1.0, 5)
+STYLES = ("line", "dashed", "dotted", "points", "steps", "bars")
+CURVES = tuple(curve(f"curve {style}", X, X + i, style=style, low=X, high=X + 2 * i) for i, style in enumerate(STYLES))
+PANEL = Panel(
+    title="a panel",
+    x_label="onset [s]",
+    y_label="statistic [-]",
+    curves=CURVES,
+    levels=(("threshold", 2.0),),
+    spans=(Span(label="fault", low=0.2, high=0.4), Span(label="fault", low=0.6, high=0.6)),
+)
+MAP = HeatMap(
+    title="a map", rows=("a", "b"), columns=("c",), values=(np.array([0.25]), np.array([np.nan])), label="bit"
+)
+DRAWING = Drawing(name="profile", caption="What <is> seen.", panels=(PANEL, PANEL, PANEL), heat_maps=(MAP,), across=2)
+EXHIBIT = Exhibit(
+    kicker="Onset of a fault",
+    title="flight_$1$.h5",
+    heading="Fault found",
+    verdict="A bias of 1 m/s.",
+    tone="fault",
+    facts=(("Window", "0 to 1 s"),),
+    tables=(Table(name="faults", title="Faults", heads=("shape", "onset"), rows=(("bias", "0.5 s"),)),),
+    drawings=(DRAWING,),
+    notes=("mind <this>",),
+)
+
+
+def test_every_curve_level_span_and_map_is_drawn():
+    axes = draw(DRAWING).axes
+    names = axes[0].get_legend_handles_labels()[1]
+    assert set(names) == {*(one.label for one in CURVES), "threshold", "fault"}
+    assert len(names) == len(set(names))
+    assert [one.get_title(loc="left") for one in axes if one.images] == ["a map"]
+    assert [text.get_text() for one in axes for text in one.texts] == ["0.25"]
+
+
+def test_a_curve_is_drawn_as_given():
+    only = Panel(x_label="", y_label="", curves=(curve("one", X, X**2),), log_y=True, y_limits=(1e-3, 2.0))
+    (axes,) = draw(Drawing(name="one", caption="", panels=(only,))).axes
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), X**2)
+    assert (axes.get_yscale(), axes.get_ylim()) == ("log", (1e-3, 2.0))
+
+
+def test_a_drawing_of_nothing_is_a_figure():
+    assert draw(Drawing(name="none", caption="", panels=(Panel(x_label="", y_label="", curves=()),))).axes
+
+
+def test_the_files_of_an_exhibit():
+    files = exhibit_files(EXHIBIT, {"kind": "test", "value": np.nan}, provenance(log_sha256=""))
+    assert set(files) == {
+        *("profile.svg", "profile.png", "profile_figure.csv", "faults.csv", "report.html", "result.json")
+    }
+    assert json.loads(files["result.json"]) == {"kind": "test", "value": None}
+    points = list(csv.DictReader(io.StringIO(files["profile_figure.csv"].decode())))
+    assert len(points) == 3 * len(STYLES) * X.size + 2
+    assert points[-1] == {"panel": "a map", "curve": "b", "x": "c", "y": "", "low": "", "high": ""}
+    assert files["faults.csv"] == b"shape,onset\nbias,0.5 s\n"
+
+
+def test_the_report_shows_it_all_and_escapes_it():
+    page = render_exhibit(EXHIBIT, provenance(log_sha256=""), {"profile": b"<svg/>"})
+    for text in ("Onset of a fault", "A bias of 1 m/s.", "0.5", "mind &lt;this&gt;", "What &lt;is&gt; seen.", "Window"):
+        assert text in page
+    assert page.count("http") == page.count("http-equiv")
+    assert page.lstrip().startswith("<!DOCTYPE html>")
+
+
+def test_the_terminal_shows_it_all_and_cuts_long_tables():
+    rows = tuple((f"row{i}", "x") for i in range(MAX_ROWS + 2))
+    long = Exhibit(
+        kicker="", title="", heading="", verdict="so", tables=(Table(name="t", title="T", heads=("a", "b"), rows=rows),)
+    )
+    console = Console(record=True, width=100, file=io.StringIO())
+    print_exhibit(console, EXHIBIT)
+    print_exhibit(console, long)
+    text = console.export_text()
+    for expected in ("A bias of 1 m/s.", "Faults", "0.5 s", "mind <this>", "0 to 1 s", "row0", "and 2 more"):
+        assert expected in text
+    assert f"row{MAX_ROWS}" not in text
+
+
+def test_an_exhibit_survives_json():
+    again = from_plain(Exhibit, json.loads(json.dumps(to_plain(EXHIBIT))), where="x")
+    assert to_plain(again) == to_plain(EXHIBIT)
+    assert isinstance(again.drawings[0].panels[0].curves[0], Curve)
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_gaps_are_left_out(style):
+    gap = curve("gap", X, np.where(X > 0.5, np.nan, X), style=style)
+    assert draw(Drawing(name="gap", caption="", panels=(Panel(x_label="", y_label="", curves=(gap,)),))).axes

@@ -52,6 +52,7 @@ WORDS = {
     "shapes": "shapes",
     "ends": "search for ends",
     "frequency_hz": "frequencies",
+    "samples": "sampled shape",
 }
 
 
@@ -66,6 +67,7 @@ class Settings:
     shapes : looked for.
     ends : whether the end was searched for too.
     frequency_hz : [low, high] of the oscillations, None for the default, which the window's length and rate fix.
+    samples : sha256 of the file of a sampled shape.
     """
 
     rate_hz: float
@@ -77,6 +79,7 @@ class Settings:
     shapes: tuple[str, ...]
     ends: bool = False
     frequency_hz: tuple[float, float] | None = None
+    samples: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ from .dictionary.validation import Number, Positive, Rules, Text, Whole, editor_
 from .errors import ConfigError
 from .yaml12 import load_yaml, read_text
 
-__all__ = ["Config", "json_schema", "load_config", "merge"]
+__all__ = ["Config", "StartTime", "json_schema", "load_config", "merge"]
 
 
 def _word_or_number(value: object) -> str:
@@ -130,8 +130,13 @@ class StartTime(Rules):
     """The scan over all onsets."""
 
     shapes: Annotated[
-        tuple[Literal["bias", "drift", "sine", "cosine"], ...], Field(min_length=1), AfterValidator(_distinct)
+        tuple[Literal["bias", "drift", "sine", "lagged_bias", "ramp_hold", "samples"], ...],
+        Field(min_length=1),
+        AfterValidator(_distinct),
     ] = ("bias", "drift", "sine")
+    """What to look for: bias, drift, sine, lagged_bias, ramp_hold, samples."""
+    samples: Annotated[Text, AfterValidator(_beside_config)] | None = None
+    """CSV of time (s after the onset), value: the shape samples; a file relative to this one."""
     false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
     """Accepted probability of declaring a fault where there is none."""
     calibration: Text | None = None
@@ -140,6 +145,14 @@ class StartTime(Rules):
     """Whether the end of the fault is searched for too."""
     frequency_hz: tuple[Positive, Positive] | None = None
     """[low, high] of the oscillations; default 3 / window length to 0.2 x rate."""
+
+    @model_validator(mode="after")
+    def _samples_are_looked_for(self) -> StartTime:
+        if self.samples is None and "samples" in self.shapes:
+            raise ValueError("the shape samples has no file; give samples a CSV of time, value")
+        if self.samples is not None and "samples" not in self.shapes:
+            raise ValueError(f"samples names {self.samples}, but shapes has no samples; add it")
+        return self
 
     @model_validator(mode="after")
     def _frequencies_increase(self) -> StartTime:

@@ -29,6 +29,8 @@ COMMANDS = {
     "inject": "Add faults to a log; the truth is stored in the file.",
     "dictionary": "Audit a fault dictionary, on a log if one is given.",
     "identify": "Which faults of a dictionary are present, how large, how sure.",
+    "start-time": "When a fault started (and ended), of which shape: the scan over all onsets.",
+    "calibrate": "The scan's statistic on fault-free logs, for thresholds and p-values.",
     "montecarlo": "Sweeps over faults, noise and settings: rates with intervals, tables, figures.",
     "report": "Draw the report of a stored result.",
 }
@@ -53,7 +55,7 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"{__name__}.{cmd_name}")
+        module = importlib.import_module(f"{__name__}.{cmd_name.replace('-', '_')}")
         command: click.Command = module.command
         return command
 

@@ -32,12 +32,12 @@ def give(
     ----------
     exhibit, document : the same answer, laid out and as JSON.
     origin : its provenance.
-    extra : further files by name.
+    extra : further files by name; they win over those of the exhibit, as a table in full precision does.
     """
     if out is not None:
         from ..output import exhibit_files, replace_files
 
-        replace_files({**(extra or {}), **exhibit_files(exhibit, document, origin)}, out)
+        replace_files({**exhibit_files(exhibit, document, origin), **(extra or {})}, out)
         tell(f"wrote {out / 'report.html'}")
     if as_json:
         from ..serialize import to_json

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import channel_options, json_option, tell, window_options
-from .start_time import scan_config
+from .start_time import SHAPES, scan_config
 
 if TYPE_CHECKING:
     from ..calibration import Table
@@ -24,10 +24,25 @@ LENGTH_S = 120.0
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path())
 @click.option("-o", "out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="The table to write.")
 @click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
-@click.option("--length", "length_s", type=click.FloatRange(min=0, min_open=True), default=LENGTH_S, metavar="S")
-@click.option("--step", "step_s", type=click.FloatRange(min=0, min_open=True), metavar="S", help="[default: LENGTH/2]")
-@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Repeatable.  [default: bias, drift, sine]")
+@click.option(
+    "--length",
+    "length_s",
+    type=click.FloatRange(min=0, min_open=True),
+    default=LENGTH_S,
+    show_default=True,
+    metavar="S",
+    help="Of a window.",
+)
+@click.option(
+    "--step",
+    "step_s",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Between the starts of windows.  [default: half a window]",
+)
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help=SHAPES)
 @click.option("--ends/--no-ends", default=None, help="Search for the end of the fault too.")
+@click.option("--samples", metavar="FILE", help="CSV of time, value: a shape of your own, with --shape samples.")
 @click.option("--frequency", metavar="LO:HI", help="Of oscillations, Hz.  [default: 3/window to 0.2 x rate]")
 @click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
 @click.option("--output", "outputs", multiple=True, metavar="NAME", help="An output; repeatable.  [default: tas]")

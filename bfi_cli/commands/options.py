@@ -34,6 +34,13 @@ PLACES = {
     "seed": "--seed",
     "strict": "--strict",
     "fail_on": "--fail-on",
+    "start_time.shapes": "--shape",
+    "start_time.samples": "--samples",
+    "start_time.false_alarm": "--false-alarm",
+    "start_time.calibration": "--calibration",
+    "start_time.ends": "--ends",
+    "start_time.frequency_hz": "--frequency",
+    "start_time": "--shape",
 }
 MAPS = ("channels", "units")
 

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..documents import identify_from_document
 from ..errors import ConfigError
-from ..result import IdentifyResult
+from ..plain import from_plain, member
+from ..result import Provenance
 from .options import tell
 
+if TYPE_CHECKING:
+    from ..exhibit import Exhibit
+
 __all__ = ["command"]
+
+GIVE = "give the result.json of a command's --out"
+# The kinds that are laid out from their document: module and function that do it, and the schema they know.
+EXHIBITS = {
+    "start-time": ("onset", "onset_exhibit", 1),
+}
 
 
 @click.command("report")
@@ -26,14 +37,54 @@ __all__ = ["command"]
 @click.option("--json", "as_json", is_flag=True, help="Print the document itself, also where stdout is a terminal.")
 def command(result: Path, out: Path | None, as_json: bool) -> None:
     """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin)."""
+    document = _read(result)
+    directory = out if out is not None else result.parent
+    if isinstance(document, Mapping) and document.get("kind") in EXHIBITS:
+        _draw_exhibit(document, str(result), directory, as_json=as_json)
+        return
     from ..output import write_results
 
-    document = _read(result)
     found, provenance = identify_from_document(document, where=str(result))
-    directory = out if out is not None else result.parent
     write_results(found, provenance, directory)
     tell(f"wrote {directory / 'report.html'}")
-    _show(document, found, as_json=as_json)
+    if _as_json(as_json):
+        _print(document)
+        return
+    from rich.console import Console
+
+    from ..tables import print_identify
+
+    print_identify(Console(), found)
+
+
+def _draw_exhibit(document: Mapping[str, Any], where: str, directory: Path, *, as_json: bool) -> None:
+    from ..output import exhibit_files, replace_files
+
+    package, function, schema = EXHIBITS[document["kind"]]
+    if document.get("schema") != schema:
+        raise ConfigError(
+            f"{where}: schema is {document.get('schema')}, this program reads {schema}; run the command again"
+        )
+    origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
+    module = importlib.import_module(f"...{package}", __name__)
+    exhibit = _laid_out(getattr(module, function), document, where)
+    replace_files(exhibit_files(exhibit, document, origin), directory)
+    tell(f"wrote {directory / 'report.html'}")
+    if _as_json(as_json):
+        _print(document)
+        return
+    from rich.console import Console
+
+    from ..tables import print_exhibit
+
+    print_exhibit(Console(highlight=False), exhibit)
+
+
+def _laid_out(lay_out: Callable[[Mapping[str, Any]], Exhibit], document: Mapping[str, Any], where: str) -> Exhibit:
+    try:
+        return lay_out(document)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise ConfigError(f"{where}: damaged, {error!r}; run bfi {document['kind']} again") from None
 
 
 def _read(path: Path) -> Any:
@@ -41,23 +92,20 @@ def _read(path: Path) -> Any:
         text = sys.stdin.read() if str(path) == "-" else path.read_text("utf-8")
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise ConfigError(f"{path}: {reason}; give the result.json of bfi identify --out") from None
+        raise ConfigError(f"{path}: {reason}; {GIVE}") from None
     except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not a text file; give the result.json of bfi identify --out") from None
+        raise ConfigError(f"{path}: not a text file; {GIVE}") from None
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: not JSON ({error}); give the result.json of bfi identify --out") from None
+        raise ConfigError(f"{path}: not JSON ({error}); {GIVE}") from None
 
 
-def _show(document: Mapping[str, Any], found: IdentifyResult, *, as_json: bool) -> None:
-    if as_json or not sys.stdout.isatty():
-        from ..serialize import to_json
+def _as_json(asked: bool) -> bool:
+    return asked or not sys.stdout.isatty()
 
-        click.echo(to_json(document))
-        return
-    from rich.console import Console
 
-    from ..tables import print_identify
+def _print(document: Mapping[str, Any]) -> None:
+    from ..serialize import to_json
 
-    print_identify(Console(), found)
+    click.echo(to_json(document))

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from .options import channel_options, configured, json_option, log_argument, number_or_word, tell, window_options
+from .answered import give
+from .options import channel_options, configured, json_option, log_argument, number_or_word, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
     from ..onset import OnsetResult
-    from ..result import Provenance
 
-__all__ = ["command", "scan_config"]
+__all__ = ["SHAPES", "command", "scan_config"]
 
+SHAPES = "bias, drift, sine, lagged_bias, ramp_hold or samples; repeatable.  [default: bias, drift, sine]"
 NO_ANSWER = 4
 FAULT_DECLARED = 10
 METHODS = {"scan": "ml", "thesis": "risro"}
@@ -25,10 +26,11 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 @click.command("start-time")
 @log_argument
 @click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
-@click.option("--shape", "shapes", multiple=True, metavar="NAME", help="Repeatable.  [default: bias, drift, sine]")
+@click.option("--shape", "shapes", multiple=True, metavar="NAME", help=SHAPES)
 @click.option("--false-alarm", type=float, metavar="P", help="Accepted rate of false alarms.  [default: 0.01]")
 @click.option("--calibration", metavar="FILE|self|gaussian", help="Of the threshold.  [default: the shipped table]")
 @click.option("--ends/--no-ends", default=None, help="Search for the end of the fault too.")
+@click.option("--samples", metavar="FILE", help="CSV of time, value: a shape of your own, with --shape samples.")
 @click.option("--frequency", metavar="LO:HI", help="Of oscillations, Hz.  [default: 3/window to 0.2 x rate]")
 @click.option("--method", help="scan, or thesis (one solve per onset, as published).  [default: scan]")
 @click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
@@ -39,7 +41,7 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, figure and tables.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
 @json_option
@@ -47,19 +49,16 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
     from ..flightlog import read_log
-    from ..onset import find_onset
+    from ..onset import find_onset, onset_document, onset_exhibit, onset_tables
     from ..provenance import provenance
 
     config = scan_config(config_path, options)
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
     result = find_onset(flight, config)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
-    if options["out"] is not None:
-        from ..output import replace_files
-
-        replace_files(_files(result, origin), options["out"])
-        tell(f"wrote {options['out'] / 'result.json'}")
-    _show(result, origin, as_json=options["as_json"])
+    document = onset_document(result, origin)
+    tables = {name: text.encode() for name, text in onset_tables(result).items()}
+    give(onset_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"], extra=tables)
     context.exit(_exit_code(result, config))
 
 
@@ -80,6 +79,7 @@ def scan_config(path: str | None, options: dict[str, Any]) -> Config:
             "model.feedthrough": options["feedthrough"],
             "method": _method(options.get("method")),
             "start_time.shapes": options["shapes"] or None,
+            "start_time.samples": options["samples"],
             "start_time.false_alarm": options.get("false_alarm"),
             "start_time.calibration": options.get("calibration"),
             "start_time.ends": options["ends"],
@@ -114,32 +114,3 @@ def _exit_code(result: OnsetResult, config: Config) -> int:
     if config.fail_on == "fault" and result.decision == "fault":
         return FAULT_DECLARED
     return 0
-
-
-def _files(result: OnsetResult, origin: Provenance) -> dict[str, bytes]:
-    from ..onset.document import onset_document, onset_tables
-    from ..plots.onset import plot_profile
-    from ..plots.style import to_png, to_svg
-    from ..serialize import to_json
-
-    figure = plot_profile(result)
-    return {
-        "profile.svg": to_svg(figure),
-        "profile.png": to_png(figure),
-        **{name: text.encode() for name, text in onset_tables(result).items()},
-        "result.json": to_json(onset_document(result, origin)).encode() + b"\n",
-    }
-
-
-def _show(result: OnsetResult, origin: Provenance, *, as_json: bool) -> None:
-    if as_json:
-        from ..onset.document import onset_document
-        from ..serialize import to_json
-
-        click.echo(to_json(onset_document(result, origin)))
-        return
-    from rich.console import Console
-
-    from ..onset.table import print_onset
-
-    print_onset(Console(highlight=False), result)

@@ -50,11 +50,12 @@ def drift(n_samples: int, *, step_s: float) -> Waveform:
     return Waveform(samples=count[:-1], unit=step_s, tails=tails, weights=np.stack([ones, count]))
 
 
-def sine(n_samples: int, *, angle: float) -> Waveform:
-    """Return sin(angle * l), `angle` in radians per sample: the phase is 0 at the onset."""
-    phase = angle * np.arange(n_samples + 1.0)
-    sin, cos = np.sin(phase), np.cos(phase)
-    return Waveform(samples=sin[:-1], unit=1.0, tails=np.stack([sin, cos])[:, :-1], weights=np.stack([cos, sin]))
+def sine(n_samples: int, *, angle: float, phase: float = 0.0) -> Waveform:
+    """Return sin(angle * l + phase), `angle` in radians per sample, `phase` that at the onset."""
+    at = angle * np.arange(n_samples + 1.0)
+    tails = np.stack([np.sin(at), np.cos(at)])[:, :-1]
+    sin, cos = np.sin(at + phase), np.cos(at + phase)
+    return Waveform(samples=sin[:-1], unit=1.0, tails=tails, weights=np.stack([cos, sin]))
 
 
 def lagged_bias(n_samples: int, *, constant: float) -> Waveform:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..flightlog import FlightLog
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate
+from .joint import Likelihood
 from .layout import Scanned, laid_out
 from .record import ScanRecord, prepare_record
 from .result import OnsetResult
@@ -22,7 +24,8 @@ __all__ = ["find_onset"]
 FloatArray = NDArray[np.float64]
 
 MOST_FAULTS = 5
-ROUNDS = 2
+MOST_ROUNDS = 4
+UNMOVED = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,13 +50,21 @@ def find_onset(log: FlightLog, config: Config) -> OnsetResult:
     LogError, ExcitationError : the log cannot be used.
     ConfigError : the calibration cannot be used, or the method does not do what is asked.
     """
-    if config.method == "risro":
-        return find_onset_as_published(log, config)
+    with threadpool_limits(1):
+        return find_onset_as_published(log, config) if config.method == "risro" else _found(log, config)
+
+
+def _found(log: FlightLog, config: Config) -> OnsetResult:
     record = prepare_record(log, config)
     first = sweep(record, record.y)
     rule = rule_for(log, record, config, order=first.order)
     found, last = _until_nothing_is_left(record, first, rule)
-    y, estimates = _settled(record, found, last)
+    estimates, verdicts = [one.estimate for one in found], [one.verdict for one in found]
+    estimates = _settled(record, estimates, last.plain_order)
+    while len(estimates) > 1 and (fewer := _without_one(record, estimates, last.plain_order, rule)) is not None:
+        i, estimates = fewer
+        del verdicts[i]
+    y = _less(record.y, *estimates)
     opening = found[0].verdict if found else rule.verdict(first)
     return laid_out(
         record,
@@ -62,7 +73,7 @@ def find_onset(log: FlightLog, config: Config) -> OnsetResult:
             first=first,
             last=last,
             opening=opening,
-            verdicts=tuple(one.verdict for one in found),
+            verdicts=tuple(verdicts),
             estimates=tuple(estimates),
             y=y,
         ),
@@ -73,35 +84,90 @@ def _until_nothing_is_left(record: ScanRecord, first: Sweep, rule: Rule) -> tupl
     """Return the faults in the order of their evidence, and the sweep in which there was none any more."""
     found: list[_Found] = []
     y, seen = record.y, first
-    while len(found) < MOST_FAULTS and (verdict := rule.verdict(seen)).peak is not None:
-        fault = estimate(record, y, verdict.peak, order=seen.order)
+    while len(found) < MOST_FAULTS and (verdict := rule.verdict(seen)).beyond:
+        fault = _likeliest(record, y, verdict, seen.order)
         found.append(_Found(verdict=verdict, estimate=fault))
         y = _less(y, fault)
         seen = sweep(record, y)
     return found, seen
 
 
-def _settled(record: ScanRecord, found: list[_Found], last: Sweep) -> tuple[FloatArray, list[Estimate]]:
-    """Estimate every fault again with the others taken off, at the order chosen when all were."""
-    estimates = [one.estimate for one in found]
-    order = last.plain_order
-    for _ in range(ROUNDS if len(found) > 1 else 1):
-        for i, fault in enumerate(estimates):
-            others = record.y
-            for other in estimates[:i] + estimates[i + 1 :]:
-                others = _less(others, other)
-            output = fault.form.output
-            rest = peak_of(record, scan_of(record, _less(others, fault), order, output=output), fault.form)
-            dispersion = max(1.0, float(np.mean(rest.profile.statistic)))
-            peak = peak_of(record, scan_of(record, others, order, output=output), fault.form)
-            estimates[i] = estimate(record, others, peak, order=order, dispersion=dispersion)
-    y = record.y
-    for fault in estimates:
-        y = _less(y, fault)
-    return y, estimates
+def _likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> Estimate:
+    """Return the fault of the likeliest shape; of an oscillation that is known only once its phase has been freed."""
+    first = estimate(record, y, verdict.beyond[0], order=order)
+    for peak in verdict.beyond[1:]:
+        if peak.form.shape == "sine":
+            sine = estimate(record, y, peak, order=order)
+            charge = (1 + peak.n_parameters - verdict.beyond[0].n_parameters) * float(np.log(len(y) - order))
+            return sine if sine.statistic > first.statistic + charge else first
+    return first
 
 
-def _less(y: FloatArray, fault: Estimate) -> FloatArray:
+def _settled(record: ScanRecord, estimates: list[Estimate], order: int) -> list[Estimate]:
+    """Estimate every fault again with the others taken off, at the order chosen when all were, until none moves."""
+    for _ in range(MOST_ROUNDS):
+        before = estimates
+        for i in range(len(estimates)):
+            fault = _again(record, estimates, i, order)
+            estimates = _jointly(record, [*estimates[:i], fault, *estimates[i + 1 :]], order)
+        if len(estimates) < 2 or not any(map(_moved, before, estimates)):
+            break
+    return estimates
+
+
+def _without_one(
+    record: ScanRecord, estimates: list[Estimate], order: int, rule: Rule
+) -> tuple[int, list[Estimate]] | None:
+    """Return which fault is not needed, and the others without it; None where all are.
+
+    What was found first may have stood for a part of what was found later, as a step does for an oscillation that does
+    not begin at zero.
+    """
+    whole = _misfit(record, estimates, order)
+    for i in sorted(range(len(estimates)), key=lambda k: estimates[k].statistic):
+        others = _settled(record, estimates[:i] + estimates[i + 1 :], order)
+        if _misfit(record, others, order) - whole < rule.threshold(estimates[i].form.shape):
+            return i, others
+    return None
+
+
+def _misfit(record: ScanRecord, estimates: list[Estimate], order: int) -> float:
+    """Return twice the negative log-likelihood of the record less the faults."""
+    fit = Likelihood(record=record, y=_less(record.y, *estimates), order=order).fit(np.zeros((*record.y.shape, 0)))
+    return (len(record.y) - order) * fit.log_det
+
+
+def _again(record: ScanRecord, estimates: list[Estimate], i: int, order: int) -> Estimate:
+    """Return one of the faults estimated anew; its deviation admits what its shape shows elsewhere in the record."""
+    others = _less(record.y, *estimates[:i], *estimates[i + 1 :])
+    fault, output = estimates[i], estimates[i].form.output
+    rest = peak_of(record, scan_of(record, _less(others, fault), order, output=output), fault.form)
+    dispersion = max(1.0, float(np.mean(rest.profile.statistic)))
+    peak = peak_of(record, scan_of(record, others, order, output=output), fault.form)
+    return estimate(record, others, peak, order=order, dispersion=dispersion)
+
+
+def _jointly(record: ScanRecord, estimates: list[Estimate], order: int) -> list[Estimate]:
+    """Return the faults with the magnitudes that explain the record best together."""
+    if len(estimates) < 2:
+        return estimates
+    z = np.array([fault.z for fault in estimates])
+    theta = np.zeros((*record.y.shape, len(z)))
+    for j, fault in enumerate(estimates):
+        theta[:, fault.form.output, j] = fault.signal / fault.z
+    best = Likelihood(record=record, y=record.y, order=order).fit(theta, z).z
+    return [
+        replace(fault, z=float(new), signal=fault.signal * (new / fault.z))
+        for fault, new in zip(estimates, best, strict=True)
+    ]
+
+
+def _moved(before: Estimate, after: Estimate) -> bool:
+    return before.onset_s != after.onset_s or not abs(before.z - after.z) <= UNMOVED * after.sd
+
+
+def _less(y: FloatArray, *faults: Estimate) -> FloatArray:
     y = y.copy()
-    y[:, fault.form.output] -= fault.signal
+    for fault in faults:
+        y[:, fault.form.output] -= fault.signal
     return y

@@ -12,7 +12,7 @@ from ..flightlog import FlightLog
 from .null import earlier_windows, gaussian_table, table_of_windows
 from .record import ScanRecord
 from .result import CalibrationUse
-from .sweep import Peak, Sweep, best_of
+from .sweep import Peak, Sweep, charged
 
 __all__ = ["Rule", "Verdict", "rule_for"]
 
@@ -27,14 +27,14 @@ class Verdict:
     ----------
     shape : the one that stands out most; statistic, threshold : its own.
     p_value : of the largest standardised statistic.
-    peak : the fault, None where nothing is significant.
+    beyond : shapes that are significant, the likeliest first; none where there is no fault.
     """
 
     shape: str
     statistic: float
     threshold: float
     p_value: float
-    peak: Peak | None
+    beyond: tuple[Peak, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,7 +53,7 @@ class Rule:
     notes: tuple[str, ...]
 
     def verdict(self, sweep: Sweep) -> Verdict:
-        """Decide at the wanted rate of false alarms; among significant shapes the criterion chooses."""
+        """Decide at the wanted rate of false alarms."""
         peaks = {shape: sweep.of(shape) for shape in self.shapes}
         standing = {shape: self.null.standardised(shape, peak.statistic) for shape, peak in peaks.items()}
         top = max(standing, key=lambda shape: standing[shape])
@@ -64,7 +64,7 @@ class Rule:
             statistic=peaks[top].statistic,
             threshold=self.threshold(top),
             p_value=p_value,
-            peak=best_of(beyond) if beyond and p_value < self.false_alarm else None,
+            beyond=tuple(sorted(beyond, key=charged)) if p_value < self.false_alarm else (),
         )
 
     def threshold(self, shape: str) -> float:

@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ..faults import Fault
+from ..faults import Fault, fault_to_dict
 from ..plain import to_plain
 from ..result import Provenance
 from .result import OnsetFault, OnsetResult
@@ -15,7 +15,7 @@ from .result import OnsetFault, OnsetResult
 __all__ = ["SCHEMA", "onset_document", "onset_tables"]
 
 SCHEMA = 1
-KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s")
+KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
 FAULT_COLUMNS = (
     *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
     *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
@@ -42,6 +42,8 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
             "model": result.model,
             "method": result.method,
             "profile": _profile(result),
+            "series": {"time_s": result.time_s, "outputs": result.series},
+            "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
             "notes": result.notes,
             "provenance": provenance,
         }

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ..kernels.onset_scan import Profile, scan_shape
 from ..kernels.onset_tables import Scan
-from .pulses import Fine, phases, pulses, step_s, tuned, within
+from .joint import Likelihood
+from .oscillation import measured, place, statistics
+from .pulses import Fine, phases, pulses, step_s, within
 from .record import DECIMALS, ScanRecord
 from .shapes import Form, Place, signal, waveform
 from .sweep import Peak, scan_of
@@ -60,24 +62,56 @@ def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispe
     order : of the model.
     dispersion : how many times the statistic of other onsets exceeds what white noise would make it, at least 1.
     """
-    scan = scan_of(record, y, order, output=peak.form.output)
-    form, fine, end = _refined(record, scan, peak, DROP * dispersion)
+    if peak.form.shape == "sine":
+        form, fine, end, z = _oscillation(Likelihood(record=record, y=y, order=order), peak, dispersion)
+    else:
+        scan = scan_of(record, y, order, output=peak.form.output)
+        form, (fine, end) = peak.form, _refined(record, scan, peak, DROP * dispersion)
+        z = float(fine.z[fine.best])
     best, missing = fine.best, fine.statistic.max() - fine.statistic
     inside = np.flatnonzero(missing <= DROP * dispersion)
-    z = float(fine.z[best])
     return Estimate(
         form=form,
         onset_s=float(fine.onset_s[best]),
-        onset_ci95=(
-            round(float(fine.onset_s[inside[0]]) - fine.step_s, DECIMALS),
-            round(float(fine.onset_s[inside[-1]]) + fine.step_s, DECIMALS),
-        ),
+        onset_ci95=(_beyond(fine, int(inside[0]), -1), _beyond(fine, int(inside[-1]), 1)),
         offset_s=None if end is None else record.onset_s(*end),
         z=z,
         sd=_spread(fine, np.exp(-0.5 * missing / dispersion), dispersion),
         signal=z * signal(form, record.sampling, fine.places[best], end),
         statistic=float(fine.statistic[best]),
     )
+
+
+def _oscillation(likelihood: Likelihood, peak: Peak, dispersion: float) -> tuple[Form, Fine, Place | None, float]:
+    """Return the form with frequency and phase, the profile over its start, the end and the amplitude."""
+    record = likelihood.record
+    one = measured(likelihood, peak, dispersion=dispersion)
+    factor = record.sampling.factor
+    half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / one.frequency_hz))
+    stride = -phases(record).step
+    offsets = {*range(-half, half + 1, factor), *range(-BESIDE * factor, BESIDE * factor + 1, stride), 0}
+    earliest, latest = likelihood.order + record.sampling.lead, record.sampling.n_samples - likelihood.order
+    starts = sorted(one.start + k for k in offsets if earliest <= (one.start + k) / factor < latest)
+    statistic, z = statistics(likelihood, peak, one, starts)
+    statistic[starts.index(one.start)] = max(one.statistic, statistic.max())
+    places = tuple(place(start, factor) for start in starts)
+    fine = Fine(
+        places=places,
+        onset_s=np.array([record.onset_s(*at) for at in places]),
+        z=z,
+        sd=np.full(len(z), one.sd),
+        statistic=statistic,
+        step_s=step_s(record),
+    )
+    form = replace(peak.form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
+    return form, fine, None if one.end is None else place(one.end, factor), one.z
+
+
+def _beyond(fine: Fine, last: int, side: int) -> float:
+    """Return the first onset that the profile does not admit, beyond the last that it does."""
+    k = last + side
+    onset_s = fine.onset_s[k] if 0 <= k < len(fine.onset_s) else fine.onset_s[last] + side * fine.step_s
+    return round(float(onset_s), DECIMALS)
 
 
 def _spread(fine: Fine, weight: FloatArray, dispersion: float) -> float:
@@ -89,20 +123,16 @@ def _spread(fine: Fine, weight: FloatArray, dispersion: float) -> float:
     return float(np.sqrt(np.sum(weight[seen] * squares) / np.sum(weight[seen])))
 
 
-def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float) -> tuple[Form, Fine, Place | None]:
-    """Return the profile with the onsets between the conditioned samples where they matter, its form and the end."""
+def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float) -> tuple[Fine, Place | None]:
+    """Return the profile with the onsets between the conditioned samples where they matter, and the end."""
     if record.sampling.factor == 1:
         end = None if peak.end is None else (peak.end, 0)
-        return peak.form, _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
-    if peak.form.shape == "sine":
-        form, start, stop = tuned(record, scan, peak)
-        nearby = np.arange(start[0] - BESIDE, start[0] + BESIDE + 1)
-        return form, *_ending(record, scan, form, (nearby, start, stop))
+        return _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
     close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
     nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
     if peak.end is None:
-        return peak.form, _lasting(record, scan, peak.form, nearby), None
-    return peak.form, *_ending(record, scan, peak.form, (nearby, (peak.onset, 0), (peak.end, 0)))
+        return _lasting(record, scan, peak.form, nearby), None
+    return _ending(record, scan, peak.form, (nearby, (peak.onset, 0), (peak.end, 0)))
 
 
 def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray) -> Fine:

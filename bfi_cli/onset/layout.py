@@ -8,19 +8,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import magnitude_unit, physical
+from ..faults import Fault, magnitude_unit, physical
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
 from ..kernels.onset_scan import STARTING
+from ..kernels.whiteness import exceedances, robust_sd
 from ..result import FaultEstimate, LogSummary, ModelSummary
 from .decision import Rule, Verdict
 from .estimate import NORMAL, Estimate
 from .record import ScanRecord
-from .result import OnsetFault, OnsetResult, ShapeProfile
+from .result import OnsetFault, OnsetResult, OnsetSeries, ShapeProfile
 from .shapes import fault_of
 from .sweep import Peak, Sweep
 
-__all__ = ["Scanned", "laid_out", "log_summary", "model_summary", "onset_fault", "shape_profile"]
+__all__ = [
+    "Scanned",
+    "laid_out",
+    "log_summary",
+    "model_summary",
+    "onset_fault",
+    "series_of",
+    "shape_profile",
+    "truth_of",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -65,6 +75,9 @@ def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
         profiles=tuple(
             shape_profile(record, found.first.of(shape), rule.threshold(shape)) for shape in record.settings.shapes
         ),
+        time_s=frozen_array(record.time_s),
+        series=series_of(record, found.y, order=found.first.plain_order),
+        truth=truth_of(record),
         notes=(*rule.notes, *_notes(record, faults, found.first.order)),
     )
 
@@ -134,11 +147,7 @@ def model_summary(record: ScanRecord, curve: Sweep, y: FloatArray, *, order: int
     """
     settings = record.settings
     several = len(curve.orders) > 1
-    first = 0 if record.feedthrough else 1
-    ones = np.ones((len(y) - order, 1))
-    X = np.hstack([ones, lagged(record.u, range(first, order + 1), first=order), lagged(y, range(1, order + 1))])
-    error = y[order:] - X @ np.linalg.lstsq(X, y[order:], rcond=None)[0]
-    sd = np.sqrt(np.mean(error**2, axis=0)) * record.unit
+    sd = np.sqrt(np.mean(_prediction_error(record, y, order) ** 2, axis=0)) * record.unit
     return ModelSummary(
         order=order,
         rate_hz=settings.rate_hz,
@@ -150,6 +159,44 @@ def model_summary(record: ScanRecord, curve: Sweep, y: FloatArray, *, order: int
         criterion_no_fault=curve.plain if several else (),
         criterion_best=curve.with_fault if several else (),
     )
+
+
+def _prediction_error(record: ScanRecord, y: FloatArray, order: int) -> FloatArray:
+    first = 0 if record.feedthrough else 1
+    ones = np.ones((len(y) - order, 1))
+    X = np.hstack([ones, lagged(record.u, range(first, order + 1), first=order), lagged(y, range(1, order + 1))])
+    error: FloatArray = y[order:] - X @ np.linalg.lstsq(X, y[order:], rcond=None)[0]
+    return error
+
+
+def series_of(record: ScanRecord, y: FloatArray, *, order: int) -> tuple[OnsetSeries, ...]:
+    """Return every output as measured and less the faults, and where the plain 5-sigma test fires.
+
+    Parameters
+    ----------
+    y : (n_samples, n_outputs) scaled outputs without the faults found.
+    order : of the fault-free model.
+    """
+    plain = _prediction_error(record, record.y, order) * record.unit
+    measured = record.intake.conditioned.y
+    corrected = measured - (record.y - y) * record.unit
+    return tuple(
+        OnsetSeries(
+            channel=name,
+            unit=record.intake.log.channel(name).unit,
+            measured=frozen_array(measured[:, i]),
+            corrected=frozen_array(corrected[:, i]),
+            plain_alarms_s=tuple(float(record.time_s[order + k]) for k in exceedances(plain[:, i])),
+            plain_sd=robust_sd(plain[:, i]),
+        )
+        for i, name in enumerate(record.settings.outputs)
+    )
+
+
+def truth_of(record: ScanRecord) -> tuple[Fault, ...] | None:
+    """Return the injected faults of the log, None where it states none."""
+    truth = record.intake.log.truth
+    return None if truth is None else truth.faults
 
 
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:

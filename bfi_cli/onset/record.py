@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +92,7 @@ def prepare_record(log: FlightLog, config: Config) -> ScanRecord:
         feedthrough=study.layout.feedthrough,
         floor=None if conditioned.factor == 1 else floor_of(conditioned),
         sampling=sampling,
-        forms=forms_of(asked.shapes, len(config.outputs), n / rate_hz),
+        forms=forms_of(asked, len(config.outputs), n / rate_hz),
         band_hz=band_hz,
         settings=Settings(
             rate_hz=rate_hz,
@@ -102,6 +104,7 @@ def prepare_record(log: FlightLog, config: Config) -> ScanRecord:
             shapes=asked.shapes,
             ends=asked.ends,
             frequency_hz=asked.frequency_hz,
+            samples=None if asked.samples is None else _digest(asked.samples),
         ),
     )
 
@@ -117,6 +120,14 @@ def _probes(log: FlightLog, config: Config) -> Dictionary:
             Fault(shape="sine", channel=config.outputs[0], onset_s=middle, frequency_hz=high, name="an oscillation")
         )
     return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
+
+
+def _digest(path: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ConfigError(f"{path}: cannot read the samples, {reason}; give a CSV file of time, value") from None
 
 
 def _band(asked: tuple[float, float] | None, n_samples: int, rate_hz: float) -> tuple[float, float]:

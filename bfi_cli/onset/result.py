@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..faults import Fault
 from ..result import Decision, FaultEstimate, LogSummary, ModelSummary
 
-__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "ShapeProfile"]
+__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile"]
 
 FloatArray = NDArray[np.float64]
 
@@ -70,6 +71,24 @@ class ShapeProfile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OnsetSeries:
+    """One output along time, arrays (n_samples,) in `unit`.
+
+    Attributes
+    ----------
+    measured, corrected : conditioned, and less the faults found.
+    plain_alarms_s : where the plain 5-sigma test on the residual of the fault-free model fires; plain_sd : its sigma.
+    """
+
+    channel: str
+    unit: str
+    measured: FloatArray
+    corrected: FloatArray
+    plain_alarms_s: tuple[float, ...]
+    plain_sd: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OnsetResult:
     """The whole answer of `bfi start-time`.
 
@@ -77,6 +96,8 @@ class OnsetResult:
     ----------
     statistic, threshold : of the shape that stands out most, 2 log of the likelihood ratio.
     p_value : of the largest standardised statistic; None where no calibration fits.
+    time_s : (n_samples,) of the series.
+    truth : injected faults the log states, times on its axis; None where it states none.
     """
 
     log: LogSummary
@@ -90,4 +111,7 @@ class OnsetResult:
     model: ModelSummary
     method: str
     profiles: tuple[ShapeProfile, ...]
+    time_s: FloatArray
+    series: tuple[OnsetSeries, ...]
+    truth: tuple[Fault, ...] | None
     notes: tuple[str, ...]

@@ -7,11 +7,13 @@ and passed through the same filter, so that it starts a few samples before its o
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import Fault, Shape
+from ..config import StartTime
+from ..faults import Fault, Shape, unit_signal
 from ..kernels import onset_shapes
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.onset_shapes import Waveform
@@ -56,22 +58,36 @@ class Form:
     ----------
     output : its index.
     parameter : frequency, time constant or duration, in Hz or s; None where the shape has none, or it is sought.
+    file : of samples.
+    phase_rad : of a sine at the sample `anchor` of the log's own rate, counted from the first conditioned one; at the
+        onset where there is no anchor.
     """
 
     shape: Shape
     output: int
     parameter: float | None = None
+    file: str | None = None
+    phase_rad: float = 0.0
+    anchor: int | None = None
+
+    def phase_at(self, sample: int, rate_hz: float) -> float:
+        """Return the phase of a sine that starts at a sample of the log's own rate, radians in -pi..pi."""
+        if self.anchor is None or self.parameter is None:
+            return self.phase_rad
+        phase = self.phase_rad + 2.0 * np.pi * self.parameter * (sample - self.anchor) / rate_hz
+        return float(np.remainder(phase + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def forms_of(shapes: tuple[Shape, ...], n_outputs: int, duration_s: float) -> tuple[Form, ...]:
+def forms_of(asked: StartTime, n_outputs: int, duration_s: float) -> tuple[Form, ...]:
     """Return every shape on every output; time constants and durations on a grid up to a quarter of the window."""
     found = []
     for output in range(n_outputs):
-        for shape in shapes:
+        for shape in asked.shapes:
             grid: tuple[float | None, ...] = (None,)
             if shape in ("lagged_bias", "ramp_hold"):
                 grid = tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
-            found += [Form(shape=shape, output=output, parameter=parameter) for parameter in grid]
+            file = asked.samples if shape == "samples" else None
+            found += [Form(shape=shape, output=output, parameter=parameter, file=file) for parameter in grid]
     return tuple(found)
 
 
@@ -115,7 +131,8 @@ def signal(form: Form, sampling: Sampling, start: Place, end: Place | None = Non
     native = np.zeros(before + (n - 1) * factor + 1 + after)
     first = before + start[0] * factor + start[1]
     last = len(native) if end is None else before + end[0] * factor + end[1]
-    wave = _ideal(form, len(native) - first, sampling.rate_hz * factor)
+    begun = replace(form, phase_rad=form.phase_at(first - before, sampling.rate_hz * factor), anchor=None)
+    wave = _ideal(begun, len(native) - first, sampling.rate_hz * factor)
     native[first:last] = wave.unit * wave.samples[: last - first]
     return decimate(native, factor, sampling.lowpass)
 
@@ -132,16 +149,23 @@ def _ideal(form: Form, n: int, rate_hz: float) -> Waveform:
             return onset_shapes.bias(n)
         case "drift":
             return onset_shapes.drift(n, step_s=1.0 / rate_hz)
+        case "samples":
+            return onset_shapes.sampled(_sampled(form.file, n, rate_hz))
     if form.parameter is None:
         raise ValueError(f"a {form.shape} needs its parameter")
     match form.shape:
         case "sine":
-            return onset_shapes.sine(n, angle=2.0 * np.pi * form.parameter / rate_hz)
+            return onset_shapes.sine(n, angle=2.0 * np.pi * form.parameter / rate_hz, phase=form.phase_rad)
         case "lagged_bias":
             return onset_shapes.lagged_bias(n, constant=form.parameter * rate_hz)
         case "ramp_hold":
             return onset_shapes.ramp_hold(n, duration=form.parameter * rate_hz)
     raise ValueError(f"a {form.shape} is not scanned")
+
+
+@lru_cache(maxsize=8)
+def _sampled(file: str | None, n: int, rate_hz: float) -> FloatArray:
+    return unit_signal(Fault(shape="samples", file=file), np.arange(n) / rate_hz, window_start_s=0.0)
 
 
 def fault_of(form: Form, channel: str, *, magnitude: float, onset_s: float, offset_s: float | None = None) -> Fault:
@@ -155,5 +179,7 @@ def fault_of(form: Form, channel: str, *, magnitude: float, onset_s: float, offs
         onset_s=onset_s,
         offset_s=offset_s,
         name=f"{form.shape}_{onset_s:.5g}",
+        file=form.file,
+        phase_rad=form.phase_rad if form.shape == "sine" else 0.0,
         **named,  # type: ignore[arg-type]
     )

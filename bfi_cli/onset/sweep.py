@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.onset_ends import scan_ends
+from ..kernels.onset_ends import peaks, scan_ends
 from ..kernels.onset_frequency import scan_frequency, scan_frequency_ends
 from ..kernels.onset_profile import screen
 from ..kernels.onset_scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
@@ -17,12 +17,13 @@ from ..kernels.onset_tables import Scan, prepare_scan, tabulate
 from .record import ScanRecord
 from .shapes import Form, waveform
 
-__all__ = ["Peak", "Sweep", "best_of", "criterion", "peak_of", "plain_criterion", "scan_of", "sweep"]
+__all__ = ["Peak", "Sweep", "best_of", "charged", "criterion", "peak_of", "plain_criterion", "scan_of", "sweep"]
 
 FloatArray = NDArray[np.float64]
 
 GRID = 0.5
 PER_PERIOD = 6
+SUSPECTS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,27 +91,49 @@ def sweep(record: ScanRecord, y: FloatArray, order: int | None = None) -> Sweep:
     order : of the model; None to choose it together with the shape by the Bayesian information criterion.
     """
     orders = record.orders if order is None else (order,)
-    plain, best = [], []
-    for candidate in orders:
-        scans = [scan_of(record, y, candidate, output=i, first=max(orders)) for i in range(y.shape[1])]
-        base = plain_criterion(record, scans[0])
-        fault = [criterion(base, *_quick(record, scans[form.output], form)) for form in record.forms]
-        plain.append(base)
-        best.append(min(fault) if len(orders) > 1 else base)
+    scans = [[scan_of(record, y, s, output=i, first=max(orders)) for i in range(y.shape[1])] for s in orders]
+    plain = [plain_criterion(record, of_outputs[0]) for of_outputs in scans]
+    best = plain if len(orders) == 1 else _best_of_orders(record, scans, plain)
     chosen = orders[int(np.argmin(np.minimum(plain, best)))]
-    peaks = _peaks(record, y, chosen)
+    found = _peaks(record, y, chosen)
     if record.settings.ends and len(orders) > 1:
-        best = np.minimum(best, _with(record, y, best_of(peaks), plain)).tolist()
+        best = np.minimum(best, _with(record, y, best_of(found), plain)).tolist()
         if (better := orders[int(np.argmin(np.minimum(plain, best)))]) != chosen:
-            chosen, peaks = better, _peaks(record, y, better)
+            chosen, found = better, _peaks(record, y, better)
     return Sweep(
         order=chosen,
         plain_order=orders[int(np.argmin(plain))],
-        peaks=peaks,
+        peaks=found,
         orders=orders,
         plain=tuple(plain),
         with_fault=tuple(best),
     )
+
+
+def _best_of_orders(record: ScanRecord, scans: Sequence[Sequence[Scan]], plain: Sequence[float]) -> list[float]:
+    """Return the criterion of every order with its best fault.
+
+    A sine is tried at the frequencies that stand out at the lowest order, where its trace is largest, and at the order
+    that is best without a fault.
+    """
+    suspects: dict[int, list[float]] = {}
+    for form in record.forms:
+        if form.shape == "sine" and form.output not in suspects:
+            looked = {0, int(np.argmin(plain))}
+            found = [f for k in looked for f in _standing_out(record, scans[k][form.output])]
+            suspects[form.output] = sorted(set(found))
+    return [
+        min(criterion(base, *_quick(record, of[form.output], form, suspects)) for form in record.forms)
+        for of, base in zip(scans, plain, strict=True)
+    ]
+
+
+def _standing_out(record: ScanRecord, scan: Scan) -> list[float]:
+    """Return the frequencies, cycles per sample, of the highest peaks of a coarse grid."""
+    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
+    grid = np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / GRID)))
+    statistic = np.array([_screened(scan, float(f)) for f in grid])
+    return [float(grid[k]) for k in peaks(statistic, SUSPECTS)]
 
 
 def _peaks(record: ScanRecord, y: FloatArray, order: int) -> tuple[Peak, ...]:
@@ -162,17 +185,15 @@ def criterion(plain: float, statistic: float, charge: float) -> float:
     return plain - statistic + charge
 
 
-def _quick(record: ScanRecord, scan: Scan, form: Form) -> tuple[float, float]:
-    """Return the statistic of a form, for a sine a lower bound from a coarse grid, and the charge of its parameters."""
+def _quick(record: ScanRecord, scan: Scan, form: Form, suspects: dict[int, list[float]]) -> tuple[float, float]:
+    """Return the statistic of a form, for a sine a lower bound from the suspects, and the charge of its parameters."""
     charge = float(np.log(scan.n_rows))
     if form.shape != "sine":
         sampling, n_parameters = record.sampling.shorter(scan.n_samples), 3 if form.parameter else 2
         if record.settings.ends:
             return scan_ends(scan, waveform(form, sampling.sharp())).statistic, (n_parameters + 1) * charge
         return float(scan_shape(scan, waveform(form, sampling)).statistic.max()), n_parameters * charge
-    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
-    grid = np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / GRID)))
-    return max(_screened(scan, float(f)) for f in grid), 3 * charge
+    return max(_screened(scan, frequency) for frequency in suspects[form.output]), 3 * charge
 
 
 def _screened(scan: Scan, frequency: float) -> float:
@@ -204,4 +225,9 @@ def _frequency(record: ScanRecord, scan: Scan) -> float:
 
 def best_of(peaks: Sequence[Peak]) -> Peak:
     """Return the peak with the least criterion."""
-    return min(peaks, key=lambda peak: peak.n_parameters * np.log(len(peak.profile.onsets)) - peak.statistic)
+    return min(peaks, key=charged)
+
+
+def charged(peak: Peak) -> float:
+    """Return what a peak adds to the criterion: log n per parameter less its statistic."""
+    return peak.n_parameters * float(np.log(len(peak.profile.onsets))) - peak.statistic

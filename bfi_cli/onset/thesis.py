@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..errors import ConfigError
 from ..flightlog import FlightLog
+from ..flightlog.record import frozen_array
 from ..kernels.lagged import compress
 from ..kernels.onset_scan import Profile, default_onsets
 from ..kernels.onset_tables import Scan
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.termination import Settings
 from .estimate import Estimate
-from .layout import log_summary, model_summary, onset_fault, shape_profile
+from .layout import log_summary, model_summary, onset_fault, series_of, shape_profile, truth_of
 from .record import ScanRecord, prepare_record
 from .result import OnsetResult
 from .shapes import Form, signal
@@ -66,6 +67,9 @@ def find_onset_as_published(log: FlightLog, config: Config) -> OnsetResult:
         model=model_summary(record, curve, record.y - estimate.signal[:, None], order=order),
         method="thesis",
         profiles=tuple(shape_profile(record, peak, None) for peak in peaks),
+        time_s=frozen_array(record.time_s),
+        series=series_of(record, record.y - estimate.signal[:, None], order=order),
+        truth=truth_of(record),
         notes=(NOTE, *_left_out(left)),
     )
 

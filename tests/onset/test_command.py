@@ -10,20 +10,11 @@ from pathlib import Path
 import pytest
 from matplotlib.image import imread
 
-from bfi_cli.commands import COMMANDS
-
 DATA = Path(__file__).parents[2] / "data"
 BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"
 QUICK = ("--rate", "10", "--order", "4", "--shape", "bias")
 FAULT_KEYS = {"shape", "channel", "magnitude", "unit", "physical", "sd", "ci95", "onset_s", "onset_ci95", "offset_s"}
 KEYS = {"kind", "schema", "decision", "false_alarm", "p_value", "statistic", "threshold", "calibration", "faults"}
-
-
-@pytest.fixture(autouse=True)
-def listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the commands known by the names of their modules."""
-    monkeypatch.setitem(COMMANDS, "start_time", "")
-    monkeypatch.setitem(COMMANDS, "calibrate", "")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +33,7 @@ def calibrated(bfi, table: Path) -> Path:
 
 
 def test_the_document(bfi, calibrated: Path):
-    outcome = bfi("start_time", BIAS, *QUICK, "--from", 5, "--to", 21, "--calibration", calibrated)
+    outcome = bfi("start-time", BIAS, *QUICK, "--from", 5, "--to", 21, "--calibration", calibrated)
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
     assert set(document) >= KEYS | {"profile", "notes", "provenance", "log", "model"}
@@ -60,9 +51,11 @@ def test_the_document(bfi, calibrated: Path):
 
 
 def test_the_files(bfi, calibrated: Path, tmp_path: Path):
-    outcome = bfi("start_time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "deep" / "out")
+    outcome = bfi("start-time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "deep" / "out")
     files = {path.name: path.read_bytes() for path in (tmp_path / "deep" / "out").iterdir()}
-    assert set(files) == {"profile.svg", "profile.png", "faults.csv", "profile.csv", "result.json"}
+    figures = {f"{name}{end}" for name in ("profile", "outputs") for end in (".svg", ".png", "_figure.csv")}
+    assert set(files) == {*figures, "faults.csv", "profile.csv", "shapes.csv", "report.html", "result.json"}
+    assert b"a bias of 4.0" in files["report.html"]
     assert json.loads(files["result.json"]) == json.loads(outcome.stdout)
     (row,) = csv.DictReader(io.StringIO(files["faults.csv"].decode()))
     assert float(row["onset_s"]) == pytest.approx(13.8, abs=0.011)
@@ -70,11 +63,25 @@ def test_the_files(bfi, calibrated: Path, tmp_path: Path):
     assert imread(io.BytesIO(files["profile.png"])).std() > 0.05
 
 
+def test_a_stored_result_is_drawn_again(bfi, calibrated: Path, tmp_path: Path):
+    bfi("start-time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "out")
+    outcome = bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again")
+    assert json.loads(outcome.stdout) == json.loads((tmp_path / "out" / "result.json").read_text())
+    for name in ("profile.svg", "report.html"):
+        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+    document = json.loads(outcome.stdout)
+    del document["series"]
+    (tmp_path / "damaged.json").write_text(json.dumps(document))
+    damaged = bfi("report", tmp_path / "damaged.json")
+    assert (damaged.code, damaged.stderr.count("\n")) == (2, 1)
+    assert "damaged.json: damaged" in damaged.stderr
+
+
 def test_the_terminal(bfi, calibrated: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("TERM", "dumb")
-    lines = bfi("start_time", BIAS, *QUICK, "--calibration", calibrated).stdout.splitlines()
+    lines = bfi("start-time", BIAS, *QUICK, "--calibration", calibrated).stdout.splitlines()
     assert lines[0].startswith("Fault: a bias of 4.0")
     assert max(map(len, lines)) <= 80
 
@@ -89,7 +96,7 @@ def test_the_terminal(bfi, calibrated: Path, monkeypatch: pytest.MonkeyPatch):
     ],
 )
 def test_exit_codes(bfi, calibrated: Path, log: Path, options: tuple[str, ...], code: int):
-    assert bfi("start_time", log, *QUICK, "--calibration", calibrated, *options).code == code
+    assert bfi("start-time", log, *QUICK, "--calibration", calibrated, *options).code == code
 
 
 @pytest.mark.parametrize(
@@ -100,11 +107,15 @@ def test_exit_codes(bfi, calibrated: Path, log: Path, options: tuple[str, ...], 
         (("--calibration", "none.json"), 2, "none.json"),
         (("--calibration", "self"), 3, "--calibration self needs"),
         (("--output", "cas"), 3, "no channel 'cas'"),
-        (("--false-alarm", "2"), 2, "false_alarm"),
+        (("--shape", "cosine"), 2, "--shape: not one of the choices"),
+        (("--shape", "samples"), 2, "the shape samples has no file"),
+        (("--samples", "x.csv"), 2, "shapes has no samples"),
+        (("--shape", "samples", "--samples", "none.csv"), 2, "none.csv"),
+        (("--false-alarm", "2"), 2, "--false-alarm: "),
     ],
 )
 def test_complaints_are_one_line(bfi, options: tuple[str, ...], code: int, complaint: str):
-    outcome = bfi("start_time", BIAS, *QUICK, *options)
+    outcome = bfi("start-time", BIAS, *QUICK, *options)
     assert (outcome.code, outcome.stdout) == (code, "")
     assert complaint in outcome.stderr
     assert outcome.stderr.count("\n") == 1

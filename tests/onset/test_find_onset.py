@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.config import Config
+from bfi_cli.config import Config, StartTime
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog.record import frozen_array
@@ -77,6 +77,26 @@ def test_an_oscillation_of_unknown_frequency(flown, settings):
     assert found.estimate.fault.frequency_hz == pytest.approx(0.7, abs=0.005)
     assert found.estimate.fault.onset_s == pytest.approx(10.0, abs=0.05)
     assert found.estimate.magnitude == pytest.approx(0.5, rel=0.02)
+
+
+def test_an_oscillation_that_begins_with_another_phase(flown, settings):
+    phased = replace(SINE, phase_rad=1.9)
+    result = find_onset(flown(phased), settings(shapes=("bias", "sine"), frequency_hz=(0.3, 1.2)))
+    (found,) = result.faults
+    assert found.estimate.fault.frequency_hz == pytest.approx(0.7, abs=0.002)
+    assert found.estimate.fault.phase_rad == pytest.approx(1.9, abs=0.05)
+    assert found.estimate.fault.onset_s == pytest.approx(10.0, abs=0.011)
+    assert found.estimate.magnitude == pytest.approx(0.5, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_bias_and_an_oscillation_of_another_phase_leave_nothing(flown, settings):
+    phased = replace(SINE, phase_rad=-1.2, magnitude=2.0)
+    result = find_onset(flown(BIAS, phased), settings(shapes=("bias", "sine"), frequency_hz=(0.3, 1.2)))
+    found = {one.estimate.fault.shape: one.estimate.magnitude for one in result.faults}
+    assert len(result.faults) == 2
+    assert abs(found["sine"]) == pytest.approx(2.0, rel=0.01)
+    assert found["bias"] == pytest.approx(1.0, rel=0.02)
 
 
 def test_two_faults(flown, settings):
@@ -168,8 +188,24 @@ def test_a_window_too_short_for_two_ends(flown, settings):
 def test_slow_shapes(flown, settings, shape):
     key = {"lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}[shape]
     record = prepare_record(flown(Fault(shape=shape, magnitude=2.0, onset_s=12.0, **{key: 2.0})), settings())
-    forms = forms_of((shape,), 1, record.settings.duration_s)
+    forms = forms_of(StartTime(shapes=(shape,)), 1, record.settings.duration_s)
     found = sweep(replace(record, forms=forms), record.y, 4).of(shape)
     assert found.form.parameter == 2.0
     assert record.onset_s(found.onset) == pytest.approx(12.0, abs=0.11)
     assert record.unit[0] * found.profile.z[found.profile.best] == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_shape_of_ones_own(flown, tmp_path):
+    file = tmp_path / "hump.csv"
+    times = np.arange(0.0, 6.0, 0.05)
+    file.write_text("".join(f"{t},{np.sin(np.pi * t / 6.0) ** 2}\n" for t in times))
+    fault = Fault(shape="samples", file=str(file), magnitude=1.5, onset_s=12.0)
+    record = prepare_record(
+        flown(fault),
+        Config.model_validate(
+            {"conditioning": {"rate_hz": 10.0}, "start_time": {"shapes": ("samples",), "samples": str(file)}}
+        ),
+    )
+    found = sweep(record, record.y, 4).of("samples")
+    assert record.onset_s(found.onset) == pytest.approx(12.0, abs=0.11)
+    assert record.unit[0] * found.profile.z[found.profile.best] == pytest.approx(1.5, rel=0.02)

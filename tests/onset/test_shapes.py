@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bfi_cli.config import StartTime
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from bfi_cli.onset.shapes import Form, Sampling, fault_of, forms_of, waveform
@@ -66,7 +67,7 @@ def test_a_shape_less_its_tail_is_the_conditioned_fault_that_ends(form, factor, 
 
 
 def test_every_shape_is_looked_for_on_every_output():
-    found = forms_of(("bias", "lagged_bias"), 2, 10.0)
+    found = forms_of(StartTime(shapes=("bias", "lagged_bias")), 2, 10.0)
     assert {(form.shape, form.output) for form in found} == {(s, i) for s in ("bias", "lagged_bias") for i in (0, 1)}
     assert {form.parameter for form in found if form.shape == "lagged_bias"} == {0.5, 1.0, 2.0}
 

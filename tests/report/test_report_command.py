@@ -46,7 +46,9 @@ def test_a_terminal_gets_the_tables(stored, tmp_path, capsys, monkeypatch):
     [
         (b"{", "x.json: not JSON (Expecting property name enclosed"),
         (b"[]", "x.json: not a result of this program, it has no 'kind'"),
-        (b'{"kind": "start-time", "schema": 1}', "x.json: kind is 'start-time', not 'identify'"),
+        (b'{"kind": "audit", "schema": 1}', "x.json: kind is 'audit', not 'identify'"),
+        (b'{"kind": "start-time", "schema": 9}', "x.json: schema is 9, this program reads 1"),
+        (b'{"kind": "start-time", "schema": 1}', "x.json: no key 'provenance'"),
         (b'{"kind": "identify", "schema": 9}', "x.json: schema is 9, this program reads 1"),
         (b"\xff\xfe\x00", "x.json: not a text file"),
         (None, "x.json: no such file or directory"),

@@ -36,6 +36,7 @@ class NameMatch:
 _TABLE = """
 time s | time since the start of the log | t time_s elapsed_time timestamp totl_time timeus=us
 tas m/s | true airspeed | vtas v_tas true_airspeed vtrue v_true true_air_speed
+tas_rate m/s^2 | rate of change of true airspeed | vdot v_dot tas_dot vtas_dot tas_acceleration
 cas m/s | calibrated airspeed | vcas v_cas calibrated_airspeed computed_airspeed
 ias m/s | indicated airspeed | vias v_ias indicated_airspeed vind
 ground_speed m/s | ground speed | gs groundspeed gnd_speed
@@ -63,8 +64,16 @@ elevator rad | elevator deflection | de delta_e elevator_deflection elev elev_su
 aileron rad | aileron deflection | da delta_a aileron_deflection ailrn ailrn_surf
 rudder rad | rudder deflection | dr delta_r rudder_deflection ruddr ruddr_surf
 stabiliser rad | stabiliser incidence | stabilizer stab ih delta_ih stab_trim stabilizer_trim
+elevator_inner_right rad | right inner elevator | elevator_inboard_right delta_eir
+elevator_inner_left rad | left inner elevator | elevator_inboard_left delta_eil
+elevator_outer_right rad | right outer elevator | elevator_outboard_right delta_eor
+elevator_outer_left rad | left outer elevator | elevator_outboard_left delta_eol
 elevator_trim rad | elevator trim tab | dte delta_te elevator_dte elev_trim
 throttle 1 | throttle lever | pla power_lever delta_t throttle_lever thro1_part
+thrust_command_1 rad | thrust command, engine 1 | delta_eng1
+thrust_command_2 rad | thrust command, engine 2 | delta_eng2
+thrust_command_3 rad | thrust command, engine 3 | delta_eng3
+thrust_command_4 rad | thrust command, engine 4 | delta_eng4
 thrust N | engine thrust | thrust_total tc_total
 flaps rad | flap deflection | flap df delta_f flap_position
 gear 1 | landing gear, 1 is down | landing_gear gear_position
@@ -75,7 +84,15 @@ longitude rad | longitude | lon gps_long gps_lon
 valid_airspeed 1 | 1 where the airspeed can be trusted |
 """
 
-INPUTS = ("elevator", "stabiliser", "elevator_trim", "throttle", "thrust", "aileron", "rudder")
+_ELEVATORS = ("elevator_inner_right", "elevator_inner_left", "elevator_outer_right", "elevator_outer_left")
+_ENGINES = ("thrust_command_1", "thrust_command_2", "thrust_command_3", "thrust_command_4")
+INPUTS = (
+    "elevator",
+    *_ELEVATORS,
+    *("stabiliser", "elevator_trim", "throttle", "thrust"),
+    *_ENGINES,
+    *("aileron", "rudder"),
+)
 
 
 def _parse_table() -> Iterator[StandardChannel]:

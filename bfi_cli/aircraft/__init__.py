@@ -1,7 +1,7 @@
-"""Aircraft as linear models about a trimmed flight, their manoeuvres, gusts and sensors: logs without a flight.
+"""Aircraft models about a trimmed flight, their manoeuvres, gusts and sensors: logs without a flight.
 
-`MODELS` holds them by name. States, inputs and outputs are deviations from the trim inside a model; `simulate` returns
-a `FlightLog` of absolute values (airspeed near 100 m/s). Units are SI and radians.
+`MODELS` holds them by name. States, inputs and outputs are deviations from the trim inside a linear model; `simulate`
+returns a `FlightLog` of absolute values (airspeed near 100 m/s). `f16` is nonlinear. Units are SI and radians.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from .catalogue import MODELS, find_model
 from .linear import DISCRETISATIONS, Discretisation, LinearModel, discretise, response
 from .manoeuvre import MANOEUVRES, manoeuvre
+from .nonlinear import Flown, NonlinearModel
 from .simulate import simulate, time_axis
 from .turbulence import Dryden, dryden_gusts, with_gusts
 
@@ -18,7 +19,9 @@ __all__ = [
     "MODELS",
     "Discretisation",
     "Dryden",
+    "Flown",
     "LinearModel",
+    "NonlinearModel",
     "discretise",
     "dryden_gusts",
     "find_model",

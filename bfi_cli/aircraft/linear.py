@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from ..flightlog.record import frozen_array
+from .nonlinear import NonlinearModel
 
-__all__ = ["DISCRETISATIONS", "Discretisation", "LinearModel", "discretise", "propagate", "response"]
+__all__ = ["DISCRETISATIONS", "Discretisation", "LinearModel", "deflections", "discretise", "propagate", "response"]
 
 FloatArray = NDArray[np.float64]
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-Discretisation = Literal["zoh", "bilinear"]
+Discretisation = Literal["zoh", "bilinear", "euler"]
 DISCRETISATIONS: tuple[str, ...] = get_args(Discretisation)
 
 
@@ -33,6 +34,7 @@ class LinearModel:
     trim : trim values of inputs and outputs, by name; zero where absent.
     airspeed_m_s : true airspeed of the trimmed flight.
     source : where the numbers come from.
+    manoeuvred : inputs that a manoeuvre moves, all alike; the first one where none is named.
 
     Raises
     ------
@@ -52,6 +54,7 @@ class LinearModel:
     trim: Mapping[str, float]
     airspeed_m_s: float
     source: str
+    manoeuvred: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n_x, n_u, n_y = len(self.states), len(self.inputs), len(self.outputs)
@@ -76,12 +79,18 @@ def discretise(model: LinearModel, *, rate_hz: float, rule: Discretisation = "zo
     """Return (A, B, C, D) of the difference equation x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k).
 
     "zoh" is exact for an input held between samples and keeps D. "bilinear" (Tustin, the trapezoidal rule; that of the
-    thesis's listing and of its eq. 5-5) lets the input act in the same sample too.
+    thesis's listing and of its eq. 5-5) lets the input act in the same sample too. "euler" is x + (A x + B u) / rate.
     """
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise ValueError(f"the rate must be positive, got {rate_hz:g} Hz")
     A, B, C, D, _ = signal.cont2discrete((model.A, model.B, model.C, model.D), 1.0 / rate_hz, method=rule)
     return A, B, C, D
+
+
+def deflections(model: LinearModel | NonlinearModel, deflection: FloatArray) -> FloatArray:
+    """Return (n_samples, n_u) input deviations in which `deflection`, (n_samples,), moves `model.manoeuvred`."""
+    moved = model.manoeuvred or model.inputs[:1]
+    return np.outer(deflection, [float(name in moved) for name in model.inputs])
 
 
 def propagate(A: FloatArray, drive: FloatArray, *, x0: FloatArray) -> FloatArray:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError
 from ..flightlog.record import Channel, FlightLog, frozen_array
-from .linear import Discretisation, LinearModel, response
+from .linear import Discretisation, LinearModel, deflections, response
+from .nonlinear import Flown, NonlinearModel
 from .turbulence import Dryden, dryden_gusts, with_gusts
 
 __all__ = ["simulate", "time_axis"]
@@ -37,7 +38,7 @@ def time_axis(*, duration_s: float = 31.72, rate_hz: float = 100.0) -> FloatArra
 
 
 def simulate(
-    model: LinearModel,
+    model: LinearModel | NonlinearModel,
     u: FloatArray,
     *,
     rng: np.random.Generator,
@@ -55,10 +56,11 @@ def simulate(
     Parameters
     ----------
     model : the aircraft.
-    u : (n_samples, n_u), or (n_samples,) for one input; held from its sample to the next with "zoh".
+    u : (n_samples, n_u), or (n_samples,) for all inputs that a manoeuvre moves; held from its sample to the
+        next with "zoh".
     rng : source of all random numbers; each call spawns new streams from it.
     rate_hz : of `u` and of the log.
-    discretisation : "zoh" or "bilinear", see `discretise`.
+    discretisation : "zoh", "bilinear" or "euler", see `discretise`.
     turbulence : gusts acting on the aircraft and on its air-data sensors.
     noise_sd : standard deviation of white measurement noise by output, in the output's unit.
     quantum : step of the recorded values by output, in the output's unit; zero for none.
@@ -69,28 +71,55 @@ def simulate(
 
     Raises
     ------
-    ConfigError : a noise or a quantum of an output the model does not have, or negative.
+    ConfigError : a noise or a quantum of an output the model does not have, or negative; gusts or a discretisation for
+        a nonlinear model, or a manoeuvre that it cannot fly.
     """
     noise_sd, quantum = dict(noise_sd or {}), dict(quantum or {})
     _check(model, noise_sd, what="noise")
     _check(model, quantum, what="quantum")
-    u = np.asarray(u, dtype=np.float64).reshape(len(u), -1)
+    u = np.asarray(u, dtype=np.float64)
+    u = deflections(model, u) if u.ndim == 1 else u
     gust_stream, *noise_streams = rng.spawn(1 + len(model.outputs))
-    if turbulence is None:
-        y = response(model, u, rate_hz=rate_hz, rule=discretisation)
+    if isinstance(model, NonlinearModel):
+        _require_plain(model, discretisation, turbulence)
+        flown = model.fly(u, rate_hz)
     else:
-        gusts = dryden_gusts(turbulence, len(u), airspeed_m_s=model.airspeed_m_s, rate_hz=rate_hz, rng=gust_stream)
-        y = response(with_gusts(model), np.hstack([u, gusts]), rate_hz=rate_hz, rule=discretisation)
-    signals = {name: u[:, i] + model.trim.get(name, 0.0) for i, name in enumerate(model.inputs)}
-    for i, (name, stream) in enumerate(zip(model.outputs, noise_streams, strict=True)):
+        flown = _flown(model, u, rate_hz=rate_hz, rule=discretisation, gusts=turbulence, rng=gust_stream)
+    signals = dict(zip(model.inputs, flown.inputs.T, strict=True))
+    for name, values, stream in zip(model.outputs, flown.outputs.T, noise_streams, strict=True):
         noise = noise_sd.get(name, 0.0) * stream.standard_normal(len(u))
-        signals[name] = _quantised(y[:, i] + model.trim.get(name, 0.0) + noise, quantum.get(name, 0.0))
+        signals[name] = _quantised(values + noise, quantum.get(name, 0.0))
     return FlightLog(
         path=model.name,
         time_s=frozen_array(np.arange(len(u)) / rate_hz),
         channels={name: _channel(model, name, values) for name, values in signals.items()},
-        notes=_remarks(model, y),
+        notes=flown.notes,
     )
+
+
+def _flown(
+    model: LinearModel,
+    u: FloatArray,
+    *,
+    rate_hz: float,
+    rule: Discretisation,
+    gusts: Dryden | None,
+    rng: np.random.Generator,
+) -> Flown:
+    if gusts is None:
+        y = response(model, u, rate_hz=rate_hz, rule=rule)
+    else:
+        winds = dryden_gusts(gusts, len(u), airspeed_m_s=model.airspeed_m_s, rate_hz=rate_hz, rng=rng)
+        y = response(with_gusts(model), np.hstack([u, winds]), rate_hz=rate_hz, rule=rule)
+    u_0, y_0 = ([model.trim.get(name, 0.0) for name in names] for names in (model.inputs, model.outputs))
+    return Flown(inputs=u + np.array(u_0), outputs=y + np.array(y_0), notes=_remarks(model, y))
+
+
+def _require_plain(model: NonlinearModel, discretisation: Discretisation, turbulence: Dryden | None) -> None:
+    if turbulence is not None:
+        raise ConfigError(f"{model.name}: turbulence: not modelled, got {turbulence.sigma_m_s:g} m/s; leave it out")
+    if discretisation != "zoh":
+        raise ConfigError(f"{model.name}: discretisation: held inputs only, got '{discretisation}'; leave it out")
 
 
 def _remarks(model: LinearModel, y: FloatArray) -> tuple[str, ...]:
@@ -102,7 +131,7 @@ def _remarks(model: LinearModel, y: FloatArray) -> tuple[str, ...]:
     )
 
 
-def _channel(model: LinearModel, name: str, values: FloatArray) -> Channel:
+def _channel(model: LinearModel | NonlinearModel, name: str, values: FloatArray) -> Channel:
     unit = model.units[name]
     return Channel(name=name, values=frozen_array(values), unit=unit, source=name, source_unit=unit)
 
@@ -111,7 +140,7 @@ def _quantised(values: FloatArray, quantum: float) -> FloatArray:
     return np.round(values / quantum) * quantum if quantum > 0 else values
 
 
-def _check(model: LinearModel, per_output: Mapping[str, float], *, what: str) -> None:
+def _check(model: LinearModel | NonlinearModel, per_output: Mapping[str, float], *, what: str) -> None:
     for name, value in per_output.items():
         if name not in model.outputs:
             raise ConfigError(f"{model.name}: {what}: no output '{name}'; the model has: {', '.join(model.outputs)}")

@@ -45,7 +45,7 @@ def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, 
 )
 @click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=_sizes, help="Step of an output; repeatable.")
 @click.option("--turbulence", metavar="SIGMA", type=float, default=0.0, show_default=True, help="Dryden gusts, in m/s.")
-@click.option("--discretisation", type=click.Choice(["zoh", "bilinear"]), default="zoh", show_default=True)
+@click.option("--discretisation", type=click.Choice(["zoh", "bilinear", "euler"]), default="zoh", show_default=True)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and turbulence.")
 @json_option
 def command(
@@ -65,8 +65,10 @@ def command(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Write a flight log of MODEL, citation or citation-short-period, in straight flight with a manoeuvre.
+    """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
+    MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines), or
+    f16 (nonlinear, six degrees of freedom, without turbulence).
     Noise and steps are in the output's unit, m/s or rad: --noise tas=0.01 --quantum tas=0.03.
     """
     import numpy as np

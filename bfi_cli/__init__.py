@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .faults import Fault
     from .flightlog import FlightLog, inject, inspect_log, read_log, resample, write_log
     from .identify import identify_faults
+    from .onset import find_onset
     from .result import IdentifyResult
 
 __version__ = "0.1.0"
@@ -53,6 +54,7 @@ __all__ = [
     "IdentifyResult",
     "LogError",
     "__version__",
+    "find_onset",
     "identify_faults",
     "inject",
     "inspect_log",
@@ -71,6 +73,7 @@ _HOME = {
     "faults": ("Fault",),
     "flightlog": ("FlightLog", "inject", "inspect_log", "read_log", "resample", "write_log"),
     "identify": ("identify_faults",),
+    "onset": ("find_onset",),
     "result": ("IdentifyResult",),
 }
 

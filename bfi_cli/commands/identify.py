@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import ConfigError
 from .options import channel_options, configured, json_option, log_argument, number_or_word, tell, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
+    from ..dictionary import Dictionary
+    from ..flightlog import FlightLog
     from ..result import IdentifyResult
 
 __all__ = ["command"]
 
+ONSET_SAMPLES = 1.5
 NO_ANSWER = 4
 FAULT_DECLARED = 10
 
@@ -23,7 +26,9 @@ FAULT_DECLARED = 10
 @click.command("identify")
 @log_argument
 @click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
-@click.option("-d", "--dictionary", metavar="FILE", help="YAML dictionary of the faults to look for.")
+@click.option(
+    "-d", "--dictionary", metavar="FILE", help="YAML dictionary of the faults to look for.  [default: the onset scan]"
+)
 @click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
 @click.option("--output", "outputs", multiple=True, metavar="NAME", help="An output; repeatable.  [default: tas]")
 @window_options
@@ -39,7 +44,10 @@ FAULT_DECLARED = 10
 @json_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
-    """Say which faults of a dictionary are in LOG, how large they are and how sure that is."""
+    """Say which faults of a dictionary are in LOG, how large they are and how sure that is.
+
+    Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
+    """
     from ..documents import identify_document
     from ..flightlog import read_log
     from ..identify import identify_faults
@@ -47,10 +55,11 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     config = _config(config_path, options)
     dictionary = config.load_dictionary()
-    if dictionary is None:
-        raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
-    result = identify_faults(flight, dictionary, config)
+    if dictionary is None:
+        result, dictionary = _without_dictionary(flight, config)
+    else:
+        result = identify_faults(flight, dictionary, config)
     origin = provenance(
         log_sha256=flight.sha256,
         config_sha256=config.sha256,
@@ -64,6 +73,35 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         tell(f"wrote {options['out'] / 'report.html'}")
     _show(result, identify_document(result, origin), as_json=options["as_json"])
     context.exit(_exit_code(result, config))
+
+
+def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResult, Dictionary]:
+    """Identify what the onset scan proposes; where that is nothing, say how large each shape would have had to be.
+
+    The evidence asked for is then that of the scan, so that its minimal detectable magnitudes are shown.
+    """
+    from ..config import merge
+    from ..identify import identify_faults
+    from ..onset import compared, find_onset, proposed
+
+    scanned = find_onset(flight, merge(config, {"method": "ml"}))
+    dictionary = proposed(scanned)
+    if scanned.faults:
+        told = f"no dictionary: {len(scanned.faults)} found by the onset scan; their onsets are taken as known here"
+    else:
+        highest = max(profile.threshold or 0.0 for profile in scanned.profiles)
+        config = merge(config, {"selection.evidence": highest, "method": "ml"})
+        told = (
+            f"no dictionary: the onset scan finds no fault at a false-alarm rate of {100.0 * scanned.false_alarm:.3g} "
+            "%; the candidates are each shape at its most suspicious onset"
+        )
+    result = identify_faults(flight, dictionary, config)
+    notes = (told, *scanned.notes, *(note for note in result.notes if note not in scanned.notes))
+    truth = result.truth
+    if truth is not None:
+        tolerance_s = ONSET_SAMPLES / result.log.rate_hz
+        truth = compared(truth, result.faults, scanned.truth or (), tolerance_s=tolerance_s)
+    return replace(result, notes=notes, truth=truth), dictionary
 
 
 def _config(path: str | None, options: dict[str, Any]) -> Config:

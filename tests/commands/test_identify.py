@@ -301,3 +301,22 @@ def test_out_writes_everything_and_report_draws_it_again(bfi: Callable, identify
     outcome = bfi("report", tmp_path / "deep" / "out" / "result.json", "--out", tmp_path / "again")
     assert (outcome.code, outcome.stderr) == (0, "")
     assert {path.name: path.read_bytes() for path in (tmp_path / "again").iterdir()} == files
+
+
+def test_without_a_dictionary_the_scan_proposes_the_faults(identify: Callable):
+    document = identify(BIAS, "--rate", 10)
+    (fault,) = document["faults"]
+    assert fault["shape"] == "bias"
+    assert fault["onset_s"] == pytest.approx(13.8, abs=0.011)
+    assert fault["magnitude"] == pytest.approx(4.0, abs=0.02)
+    assert document["truth"]["isolated"] is True
+    assert "no dictionary: 1 found by the onset scan" in document["notes"][0]
+
+
+def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_shown(identify: Callable):
+    document = identify(CLEAN, "--rate", 10, "--order", 4)
+    assert (document["decision"], document["faults"]) == ("no_fault", [])
+    limit = {one["name"].split("_")[0]: one["minimal_detectable"] for one in document["candidates"]}
+    assert set(limit) == {"bias", "drift", "sine"}
+    assert 0.05 < limit["bias"] < 0.5
+    assert "the onset scan finds no fault" in document["notes"][0]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import channel_options, json_option, tell, window_options
+from .progress import progress
 from .start_time import SHAPES, scan_config
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ LENGTH_S = 120.0
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
+@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
 @json_option
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""
@@ -63,7 +65,8 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     config = scan_config(config_path, options)
     names = {"group": options["group"], "channel_map": dict(config.channels), "unit_map": dict(config.units)}
     flights = [read_log(log, **names) for log in logs]
-    table = _table(flights, config, options["length_s"], options["step_s"] or 0.5 * options["length_s"])
+    windows = (options["length_s"], options["step_s"] or 0.5 * options["length_s"])
+    table = _table(flights, config, windows, options["progress"])
     kept = load_tables(out) if options["append"] and out.exists() else ()
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
     text = save_tables(merged(kept, table), origin)
@@ -72,15 +75,16 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     _show(table, text, as_json=options["as_json"])
 
 
-def _table(flights: list[FlightLog], config: Config, length_s: float, step_s: float) -> Table:
+def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float], wanted: bool | None) -> Table:
     from ..onset import table_of_windows, windows_of
 
     pieces = [
         (flight, window)
         for flight in flights
-        for window in windows_of(flight, config, length_s=length_s, step_s=step_s)
+        for window in windows_of(flight, config, length_s=windows[0], step_s=windows[1])
     ]
-    return table_of_windows(pieces, config)
+    with progress("windows", wanted=wanted) as report:
+        return table_of_windows(pieces, config, report)
 
 
 def _show(table: Table, text: str, *, as_json: bool) -> None:

@@ -10,10 +10,10 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from ..aircraft import MANOEUVRES, MODELS
 from ..config import Config, DictionarySource, Natural
-from ..dictionary.validation import Number, Positive, Rules, Text, Whole
+from ..dictionary.validation import Number, Positive, Rules, Text, Whole, editor_schema
 from ..faults import did_you_mean
 
-__all__ = ["FlownModel", "RecordedLog", "SweepRules"]
+__all__ = ["FlownModel", "RecordedLog", "SweepRules", "json_schema"]
 
 
 def _listed(value: object) -> object:
@@ -159,3 +159,8 @@ class SweepRules(Rules):
         if isinstance(self.magnitudes, Span):
             return tuple(float(z) for z in range(self.magnitudes.low, self.magnitudes.high + 1))
         return self.magnitudes
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of a sweep's YAML, for editors."""
+    return editor_schema(SweepRules, "bfi sweep")

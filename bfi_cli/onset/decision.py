@@ -94,7 +94,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int) 
             return _rule(table, record, config, "gaussian", (f"{note} frequent than stated",))
         case "self":
             windows = earlier_windows(log, config)
-            table = table_of_windows(((log, window) for window in windows), config)
+            table = table_of_windows([(log, window) for window in windows], config)
             note = (
                 f"calibrated on {table.n_windows} overlapping windows before the analysed one, taken to be fault-free"
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -112,8 +112,21 @@ def earlier_windows(log: FlightLog, config: Config) -> Windows:
     return [(first + i * step_s, first + i * step_s + length_s) for i in range(n)]
 
 
-def table_of_windows(pieces: Iterable[tuple[FlightLog, tuple[float, float]]], config: Config) -> Table:
+def _silent(_done: int, _total: int) -> None:
+    pass
+
+
+def table_of_windows(
+    pieces: Sequence[tuple[FlightLog, tuple[float, float]]],
+    config: Config,
+    report: Callable[[int, int], None] = _silent,
+) -> Table:
     """Return the table of windows of logs that hold no fault; those that cannot be analysed are counted.
+
+    Parameters
+    ----------
+    pieces : log, and start and end of the window on its axis.
+    report : told how many are done, (done, total).
 
     Raises
     ------
@@ -124,17 +137,20 @@ def table_of_windows(pieces: Iterable[tuple[FlightLog, tuple[float, float]]], co
     names: dict[str, None] = {}
     n_unusable = 0
     problem: LogError | None = None
-    for log, (from_s, to_s) in pieces:
+    for done, (log, (from_s, to_s)) in enumerate(pieces):
+        report(done, len(pieces))
         try:
             record = prepare_record(log, merge(config, {"window": {"from_s": from_s, "to_s": to_s}}))
             if settings is not None and record.settings.orders != settings.orders:
                 raise LogError(f"{log.path}: the window from {from_s:g} s is shorter than the others")
-            sweeps.append(sweep(record, record.y))
+            with threadpool_limits(1):
+                sweeps.append(sweep(record, record.y))
         except LogError as unusable:
             n_unusable, problem = n_unusable + 1, unusable
             continue
         settings = settings or record.settings
         names[Path(log.path).name] = None
+    report(len(pieces), len(pieces))
     if settings is None:
         raise problem or LogError("calibration: no window; give a longer log or shorter windows")
     return _table(settings, sweeps, tuple(names), n_unusable)

@@ -97,7 +97,7 @@ def cases(
 ) -> dict[str, list[Case]]:
     """Calibrate on the flight of 2019 and look for every fault in every window of that of 2018."""
     other = prepare(read_log(flights / "citation_20190312_123416.h5"))
-    table = table_of_windows(((other, w) for w in usable(other, CALIBRATED)), settings(inputs, order, None))
+    table = table_of_windows([(other, w) for w in usable(other, CALIBRATED)], settings(inputs, order, None))
     path = folder / f"{len(inputs)}_{order}.json"
     path.write_text(save_tables([table], provenance(log_sha256="")))
     log = prepare(read_log(flights / "citation_20180312_f1.h5"))

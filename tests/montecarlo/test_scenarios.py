@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from bfi_cli.errors import BfiError, ConfigError
 from bfi_cli.montecarlo import Sweep, load_sweep
+from bfi_cli.montecarlo.definition import json_schema
 from bfi_cli.montecarlo.trial import draw
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -121,3 +123,9 @@ def test_complaints(sweep: Callable[..., Sweep], text: str, complaints: list[str
 def test_all_complaints_come_at_once(sweep: Callable[..., Sweep]):
     with pytest.raises(ConfigError, match=r"active: missing.*\| trials:"):
         sweep(f"{HEAD}trials: many\n")
+
+
+def test_the_shipped_schema_is_the_one_of_the_rules():
+    folder = CONFIGS
+    assert json.loads((folder / "schema" / "montecarlo.json").read_text()) == json_schema()
+    assert "$schema=schema/montecarlo.json" in (folder / "montecarlo_thesis.yaml").read_text().splitlines()[0]

@@ -93,7 +93,7 @@ def _table(heads: Sequence[str], body: Iterable[Sequence[str]], *, folded: Seque
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for i, head in enumerate(heads):
-        table.add_column(head, overflow="fold", no_wrap=i not in folded)
+        table.add_column(Text(head), overflow="fold", no_wrap=i not in folded)
     for row in body:
         table.add_row(*map(Text, row))
     return table

@@ -28,6 +28,7 @@ COMMANDS = {
     "simulate": "A flight log from an aircraft model.",
     "inject": "Add faults to a log; the truth is stored in the file.",
     "dictionary": "Audit a fault dictionary, on a log if one is given.",
+    "diagnosability": "How well each fault can be seen and told from the others, in a log or before the flight.",
     "identify": "Which faults of a dictionary are present, how large, how sure.",
     "start-time": "When a fault started (and ended), of which shape: the scan over all onsets.",
     "calibrate": "The scan's statistic on fault-free logs, for thresholds and p-values.",

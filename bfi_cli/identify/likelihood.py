@@ -13,7 +13,7 @@ from ..errors import LogError
 from ..kernels.selection import Scored
 from ..result import SolverSummary
 from ..study import Intake, Study, lowpass_of, study_of
-from .elsewhere import overdispersion
+from ..study.elsewhere import overdispersion
 from .estimation import Answer, Magnitudes, by_threshold, choose, deviance, magnitudes, without
 from .found import Found, interval_quantile
 from .notes import STRONG, near_miss_note, rivals

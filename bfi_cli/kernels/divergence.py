@@ -16,8 +16,8 @@ __all__ = ["jensen_shannon_montecarlo", "jensen_shannon_quadrature"]
 FloatArray = NDArray[np.float64]
 
 REACH = 9.0
-CLOSE = 0.5
-TOLERANCE = 1e-9
+CLOSE = 2.0
+TOLERANCE = 1e-8
 ROUNDS = 30
 # Kronrod's 15 nodes on [-1, 1] from the centre outwards, their weights, and the weights of Gauss's 7 among them.
 NODES = (
@@ -98,7 +98,7 @@ def _panels(p: Density, q: Density, left: FloatArray, right: FloatArray) -> tupl
 
 
 def _edges(p: Density, q: Density) -> FloatArray:
-    """Centres and ends of the kernels of both, ascending, those within half a bandwidth of the last left out."""
+    """Centres and ends of the kernels of both, ascending, those within two bandwidths of the last left out."""
     centres = np.concatenate([p.samples, q.samples])
     widths = np.concatenate([p.bandwidths, q.bandwidths])
     points = np.concatenate([centres - REACH * widths, centres, centres + REACH * widths])

@@ -16,7 +16,8 @@ from ..faults import Fault, unit_signal
 from ..kernels.bilinear import Fit
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import Lowpass, decimate
-from ..study import Intake, Study
+from .intake import Intake
+from .scaled import Study
 
 __all__ = ["overdispersion"]
 

@@ -1,0 +1,218 @@
+"""What a reader is shown of a diagnosability, made from its JSON document alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..exhibit import Drawing, Exhibit, HeatMap, Panel, Table, curve
+from ..wording import number, quantity, shortened
+
+__all__ = ["diagnosability_exhibit"]
+
+FloatArray = NDArray[np.float64]
+Plain = Mapping[str, Any]
+
+NAME_LETTERS = 24
+MOST_IN_MAP = 30
+MOST_CURVES = 8
+SHOWN_BITS = (0.01, 0.99)
+MAP_CAPTION = (
+    "Jensen-Shannon divergence of the prediction errors, fault against no fault and fault against fault: what the "
+    "window tells of 1 bit on which of the two it is. 0: cannot be told."
+)
+CURVE_CAPTION = (
+    "What the window tells of 1 bit on whether the fault is there, against the root mean square of its magnitude. "
+    "The dashed line is what it tells at the minimal detectable magnitude."
+)
+MANOEUVRE_CAPTION = (
+    "What the record of each manoeuvre tells of 1 bit on whether each fault is there; first column: the mean over the "
+    "faults of what it tells on each against the other fault most like it."
+)
+ATOM_HEADS = (
+    "fault",
+    "magnitude",
+    "divergence, bit",
+    "minimal detectable",
+    "most like",
+    "told apart, bit",
+    "in one sample, bit",
+    "note",
+)
+MANOEUVRE_HEADS = ("manoeuvre", "told, bit", "standard error", "weakest fault", "its bits", "note")
+
+
+def diagnosability_exhibit(document: Plain) -> Exhibit:
+    """Return the exhibit of a document of `bfi diagnosability`."""
+    live = [j for j, atom in enumerate(document["atoms"]) if atom["divergence_bits"] is not None]
+    tables = (_atoms(document["atoms"]), *([_manoeuvres(document)] if document["manoeuvres"] else []))
+    drawings = []
+    if 0 < len(live) <= MOST_IN_MAP:
+        drawings.append(_map(document, live))
+    if live:
+        drawings.append(_curves(document, live))
+    if document["manoeuvres"]:
+        drawings.append(_flown(document, live[:MOST_IN_MAP]))
+    return Exhibit(
+        kicker="Diagnosability",
+        title=str(document["log"]["path"]),
+        heading=_heading(document),
+        verdict=_verdict(document, live),
+        facts=tuple(_facts(document)),
+        tables=tables,
+        drawings=tuple(drawings),
+        notes=tuple(document["notes"]),
+    )
+
+
+def _heading(document: Plain) -> str:
+    best = document["best"]
+    return "What could be diagnosed" if best is None else f"Best manoeuvre: {best}"
+
+
+def _verdict(document: Plain, live: Sequence[int]) -> str:
+    atoms = [document["atoms"][j] for j in live]
+    if not atoms:
+        return "Nothing is known of any fault of the dictionary."
+    hardest = min(atoms, key=lambda atom: atom["divergence_bits"])
+    limit = quantity(hardest["minimal_detectable"], hardest["unit"])
+    said = [f"Hardest to see: {_bits(hardest, 'divergence_bits')}, detected from {limit} on."]
+    likely = [atom for atom in atoms if atom["apart_bits"] is not None]
+    if likely:
+        alike = min(likely, key=lambda atom: atom["apart_bits"])
+        said.append(f"Hardest to tell from another: {_bits(alike, 'apart_bits')} against {_short(alike['most_like'])}.")
+    if document["best"] is not None:
+        score = document["manoeuvres"][0]
+        said.insert(0, f"Of {len(document['manoeuvres'])} manoeuvres {_short(score['name'])} tells most.")
+    return " ".join(said)
+
+
+def _bits(atom: Plain, key: str) -> str:
+    size = quantity(atom["magnitude"], atom["unit"])
+    return f"{_short(atom['name'])} of {size} ({number(atom[key], digits=2)} bit)"
+
+
+def _short(name: str) -> str:
+    return shortened(name, NAME_LETTERS)
+
+
+def _facts(document: Plain) -> list[tuple[str, str]]:
+    log, model = document["log"], document["model"]
+    noise = (f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
+    sizes = "in minimal detectable ones" if document["in_limits"] else "as given"
+    rows = [
+        ("Window", f"{number(log['start_s'])} to {number(log['stop_s'])} s, {log['n_samples']} samples"),
+        ("Rate", f"{number(log['rate_hz'])} Hz (recorded at {number(log['native_rate_hz'])} Hz)"),
+        ("Model", f"VARX of order {model['order']}, inputs {', '.join(model['inputs']) or 'none'}"),
+        ("Prediction error", ", ".join(noise)),
+        ("Dictionary", f"{document['dictionary']}, {len(document['atoms'])} faults"),
+        ("Magnitudes", f"root mean squares, {sizes}"),
+    ]
+    if document["best"] is not None:
+        rows.append(("Draws of the noise", str(document["draws"])))
+    return rows
+
+
+def _atoms(atoms: Sequence[Plain]) -> Table:
+    ranked = sorted(atoms, key=lambda atom: (atom["divergence_bits"] is None, -(atom["divergence_bits"] or 0.0)))
+    rows = tuple(
+        (
+            atom["name"],
+            quantity(atom["magnitude"], atom["unit"]),
+            number(atom["divergence_bits"], digits=3),
+            quantity(atom["minimal_detectable"], atom["unit"]),
+            atom["most_like"] or "-",
+            number(atom["apart_bits"], digits=3),
+            number(atom["sample_bits"], digits=2),
+            atom["note"] or "",
+        )
+        for atom in ranked
+    )
+    return Table(name="faults", title="Faults, easiest to see first", heads=ATOM_HEADS, rows=rows)
+
+
+def _manoeuvres(document: Plain) -> Table:
+    rows = tuple(
+        (
+            score["name"],
+            number(score["bits"], spread=score["standard_error"], extra=1),
+            number(score["standard_error"], digits=1),
+            score["weakest"] or "-",
+            number(score["weakest_bits"], digits=2),
+            score["problem"] or "",
+        )
+        for score in document["manoeuvres"]
+    )
+    return Table(name="manoeuvres", title="Manoeuvres, best first", heads=MANOEUVRE_HEADS, rows=rows)
+
+
+def _map(document: Plain, live: Sequence[int]) -> Drawing:
+    names = tuple(_short(document["atoms"][j]["name"]) for j in live)
+    rows = []
+    for j in live:
+        between = [document["between"][j][i] for i in live]
+        rows.append(_numbers([document["atoms"][j]["divergence_bits"], *between]))
+    return Drawing(
+        name="divergence",
+        caption=MAP_CAPTION,
+        heat_maps=(
+            HeatMap(
+                title="Fault against no fault, and against each other fault",
+                rows=names,
+                columns=("no fault", *names),
+                values=tuple(rows),
+                label="divergence [bit]",
+            ),
+        ),
+    )
+
+
+def _curves(document: Plain, live: Sequence[int]) -> Drawing:
+    """Of each fault, hardest first, over the magnitudes where its curve rises."""
+    information = document["information"]
+    deviations, bits = _numbers(information["deviations"]), _numbers(information["bits"])
+    shown = (bits > SHOWN_BITS[0]) & (bits < SHOWN_BITS[1])
+    atoms = [document["atoms"][j] for j in live if document["atoms"][j]["minimal_detectable"] is not None]
+    hardest = sorted(atoms, key=lambda atom: atom["divergence_bits"])[:MOST_CURVES]
+    panels = []
+    for unit in dict.fromkeys(atom["unit"] for atom in hardest):
+        alike = [atom for atom in hardest if atom["unit"] == unit]
+        at_limit = float(np.interp(information["limit_deviations"], deviations, bits))
+        panels.append(
+            Panel(
+                x_label=f"magnitude [{unit or '-'}]",
+                y_label="divergence [bit]",
+                curves=tuple(
+                    curve(_short(atom["name"]), deviations[shown] * _sd(atom, information), bits[shown])
+                    for atom in alike
+                ),
+                log_x=True,
+                levels=(("minimal detectable", at_limit),),
+                y_limits=(0.0, 1.0),
+            )
+        )
+    return Drawing(name="information", caption=CURVE_CAPTION, panels=tuple(panels))
+
+
+def _sd(atom: Plain, information: Plain) -> float:
+    return float(atom["minimal_detectable"]) / float(information["limit_deviations"])
+
+
+def _flown(document: Plain, live: Sequence[int]) -> Drawing:
+    flown = [score for score in document["manoeuvres"] if score["bits"] is not None]
+    heat_map = HeatMap(
+        title="Manoeuvres, best first",
+        rows=tuple(_short(score["name"]) for score in flown),
+        columns=("told apart, mean", *(_short(document["atoms"][j]["name"]) for j in live)),
+        values=tuple(_numbers([score["bits"], *(score["divergence_bits"][j] for j in live)]) for score in flown),
+        label="divergence [bit]",
+    )
+    return Drawing(name="manoeuvres", caption=MANOEUVRE_CAPTION, heat_maps=(heat_map,))
+
+
+def _numbers(values: Sequence[float | None]) -> FloatArray:
+    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)

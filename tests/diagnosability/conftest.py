@@ -1,0 +1,55 @@
+"""Fault-free flights of the linear Citation, and the dictionary of the thesis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
+from bfi_cli.config import Config
+from bfi_cli.diagnosability import DiagnosabilityResult, Flights, assess, assess_manoeuvres
+from bfi_cli.dictionary import Dictionary, load_dictionary
+from bfi_cli.flightlog import FlightLog
+
+THESIS = Path(__file__).parents[2] / "configs" / "thesis_dictionary.yaml"
+
+
+@pytest.fixture(scope="session")
+def thesis() -> Dictionary:
+    return load_dictionary(THESIS)
+
+
+@pytest.fixture(scope="session")
+def fly() -> Callable[..., FlightLog]:
+    def flown(*, seed: int = 0, **noise_sd: float) -> FlightLog:
+        deflection = manoeuvre("3211", time_axis())
+        return simulate(find_model("citation"), deflection, rng=np.random.default_rng(seed), noise_sd=noise_sd)
+
+    return flown
+
+
+@pytest.fixture(scope="session")
+def flight(fly: Callable[..., FlightLog]) -> FlightLog:
+    """A flight with 0.02 m/s of noise on the airspeed."""
+    return fly(tas=0.02)
+
+
+@pytest.fixture(scope="session")
+def at_unit(flight: FlightLog, thesis: Dictionary) -> DiagnosabilityResult:
+    return assess(flight, thesis, Config())
+
+
+@pytest.fixture(scope="session")
+def progress() -> list[tuple[int, int]]:
+    """What `compared` was told of its progress."""
+    return []
+
+
+@pytest.fixture(scope="session")
+def compared(thesis: Dictionary, progress: list[tuple[int, int]]) -> DiagnosabilityResult:
+    """Three manoeuvres, one of them useless, two draws of 0.02 m/s of noise."""
+    flights = Flights(model="citation", manoeuvres=("none", "doublet", "3211"), noise_sd={"tas": 0.02}, draws=2)
+    return assess_manoeuvres(flights, thesis, Config(), report=lambda done, total: progress.append((done, total)))

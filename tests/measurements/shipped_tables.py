@@ -1,0 +1,50 @@
+"""Make the calibration tables that are shipped: python tests/measurements/shipped_tables.py FOLDER_OF_FLIGHTS."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import bfi_cli
+from bfi_cli.calibration import Table, save_tables
+from bfi_cli.config import Config, merge
+from bfi_cli.flightlog import FlightLog, read_log
+from bfi_cli.onset import table_of_windows, windows_of
+from bfi_cli.provenance import provenance
+
+FLIGHTS = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")
+INPUTS = (("elevator",), ("elevator", "pitch", "longitudinal_acc"))
+SPAN_S, STEP_S = (700.0, 4200.0), 60.0
+LENGTHS_S = {2.0: 120.0, 1.0: 240.0}
+STEEPEST_PITCH = np.deg2rad(30.0)
+SHIPPED = Path(bfi_cli.__file__).parent / "onset" / "shipped.json"
+
+
+def windows(log: FlightLog, length_s: float) -> list[tuple[float, float]]:
+    """Return the windows of the flight without take-off, landing and parabola."""
+    span = merge(Config(), {"window.from_s": SPAN_S[0], "window.to_s": SPAN_S[1]})
+    every = windows_of(log, span, length_s=length_s, step_s=STEP_S)
+    return [w for w in every if np.abs(log.window(*w).channel("pitch").values).max() < STEEPEST_PITCH]
+
+
+def table(logs: list[FlightLog], rate_hz: float, inputs: tuple[str, ...]) -> Table:
+    """Return the table of one setting."""
+    pieces = [(log, window) for log in logs for window in windows(log, LENGTHS_S[rate_hz])]
+    print(f"{rate_hz:g} Hz, {', '.join(inputs)}: {len(pieces)} windows", file=sys.stderr)
+    return table_of_windows(pieces, merge(Config(), {"inputs": inputs, "conditioning.rate_hz": rate_hz}))
+
+
+def main(folder: Path) -> None:
+    """Write the file of the package."""
+    logs = [read_log(folder / name) for name in FLIGHTS]
+    tables = [table(logs, rate_hz, inputs) for rate_hz in LENGTHS_S for inputs in INPUTS]
+    origin = provenance(log_sha256=" ".join(log.sha256 for log in logs))
+    text = save_tables(tables, replace(origin, command="python tests/measurements/shipped_tables.py FOLDER"))
+    SHIPPED.write_text(text + "\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

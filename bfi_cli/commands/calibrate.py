@@ -19,21 +19,14 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 LENGTH_S = 120.0
+LENGTH = "Of a window.  [default: 120, or the whole of a shorter log]"
 
 
 @click.command("calibrate")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path())
 @click.option("-o", "out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="The table to write.")
 @click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
-@click.option(
-    "--length",
-    "length_s",
-    type=click.FloatRange(min=0, min_open=True),
-    default=LENGTH_S,
-    show_default=True,
-    metavar="S",
-    help="Of a window.",
-)
+@click.option("--length", "length_s", type=click.FloatRange(min=0, min_open=True), metavar="S", help=LENGTH)
 @click.option(
     "--step",
     "step_s",
@@ -65,7 +58,8 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     config = scan_config(config_path, options)
     names = {"group": options["group"], "channel_map": dict(config.channels), "unit_map": dict(config.units)}
     flights = [read_log(log, **names) for log in logs]
-    windows = (options["length_s"], options["step_s"] or 0.5 * options["length_s"])
+    length_s = options["length_s"] or min(LENGTH_S, *(_duration_s(flight, config) for flight in flights))
+    windows = (length_s, options["step_s"] or 0.5 * length_s)
     table = _table(flights, config, windows, options["progress"])
     kept = load_tables(out) if options["append"] and out.exists() else ()
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
@@ -73,6 +67,11 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     replace_files({out.name: text.encode() + b"\n"}, out.parent)
     tell(f"wrote {out}")
     _show(table, text, as_json=options["as_json"])
+
+
+def _duration_s(flight: FlightLog, config: Config) -> float:
+    part = flight.window(config.window.from_s, config.window.to_s)
+    return part.n_samples / part.rate_hz
 
 
 def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float], wanted: bool | None) -> Table:

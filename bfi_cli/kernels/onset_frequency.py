@@ -2,7 +2,7 @@
 
 The statistic's peak over the frequency is about 1 / duration wide, so a grid of half of that over the record misses
 none. The grid is screened at one magnitude per onset; its best few peaks are then refined by halving the grid's step,
-all onsets at each frequency, so that frequency and onset are found jointly.
+many onsets at each frequency, so that frequency and onset are found jointly; the last few are profiled exactly.
 """
 
 from __future__ import annotations
@@ -87,13 +87,14 @@ def scan_frequency(scan: Scan, band: tuple[float, float], *, onsets: IntArray | 
         return scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), among)
 
     def best(frequency: float, begin: Pair) -> tuple[float, Pair]:
-        among = onsets[np.argsort(-screened(frequency, onsets))[:FINALISTS]]
-        return float(profiled(frequency, among).statistic.max()), begin
+        return float(screened(frequency, onsets[:: max(1, _stride(frequency) // 2)]).max()), begin
 
     statistic = np.array([screened(f, onsets[:: _stride(f)]).max() for f in grid])
     everywhere = int(onsets[0]), scan.n_samples
-    frequency, _ = _refined(best, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid)
-    return Tuned(frequency=frequency, profile=profiled(frequency, onsets), frequencies=grid, statistic=statistic)
+    tops = _refined(best, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid)
+    exact = [(profiled(frequency, onsets), frequency) for _, _, frequency in tops]
+    profile, frequency = max(exact, key=lambda one: float(one[0].statistic.max()))
+    return Tuned(frequency=float(frequency), profile=profile, frequencies=grid, statistic=statistic)
 
 
 def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = 2.0) -> TunedSpan:
@@ -132,7 +133,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
 
     rough = [coarse(f) for f in grid]
     statistic = np.array([value for value, _ in rough])
-    frequency, pair = _refined(climbed, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)
+    _, pair, frequency = _refined(climbed, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)[0]
     tables, limits = prepared(frequency)
     span = span_at(scan, tables, limits=limits, pair=pair)
     return TunedSpan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
@@ -149,15 +150,15 @@ def _stride(frequency: float) -> int:
     return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
 
 
-def _refined(climbed: Climbed, begin: list[tuple[float, Pair]], grid: FloatArray) -> tuple[float, Pair]:
-    """Return the best frequency and its pair: a few halvings of the grid's step at every start, more at the best."""
+def _refined(climbed: Climbed, begin: list[tuple[float, Pair]], grid: FloatArray) -> list[Top]:
+    """Return the best few frequencies with their pairs: some halvings of the grid's step at each, more at the best."""
     step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
     tops = [(*climbed(frequency, pair), frequency) for frequency, pair in begin]
     for halvings in HALVINGS:
         tops = [_halved(climbed, top, (step * 0.5**k for k in range(1, halvings + 1)), grid) for top in tops]
         tops = sorted(tops, reverse=True)[:FINAL_PEAKS]
         step *= 0.5**halvings
-    return float(tops[0][2]), tops[0][1]
+    return tops
 
 
 def _halved(climbed: Climbed, top: Top, steps: Iterable[float], grid: FloatArray) -> Top:

@@ -61,6 +61,10 @@ def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
         onset_fault(record, estimate, p_value=verdict.p_value if matches else None)
         for verdict, estimate in zip(found.verdicts, found.estimates, strict=True)
     )
+    profiles = tuple(
+        shape_profile(record, found.first.of(shape), rule.threshold(shape)) for shape in record.settings.shapes
+    )
+    suspect = () if faults or matches else (_suspect(next(one for one in profiles if one.shape == opening.shape)),)
     return OnsetResult(
         log=log_summary(record),
         decision="fault" if faults else "no_fault",
@@ -72,13 +76,11 @@ def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
         faults=faults,
         model=model_summary(record, found.first, found.y, order=found.last.plain_order),
         method="scan",
-        profiles=tuple(
-            shape_profile(record, found.first.of(shape), rule.threshold(shape)) for shape in record.settings.shapes
-        ),
+        profiles=profiles,
         time_s=frozen_array(record.time_s),
         series=series_of(record, found.y, order=found.first.plain_order),
         truth=truth_of(record),
-        notes=(*rule.notes, *_notes(record, faults, found.first.order)),
+        notes=(*suspect, *rule.notes, *_notes(record, faults, found.first.order)),
     )
 
 
@@ -197,6 +199,17 @@ def truth_of(record: ScanRecord) -> tuple[Fault, ...] | None:
     """Return the injected faults of the log, None where it states none."""
     truth = record.intake.log.truth
     return None if truth is None else truth.faults
+
+
+def _suspect(profile: ShapeProfile) -> str:
+    best = int(profile.statistic.argmax())
+    size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
+    return (
+        f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
+        f"{profile.onset_s[best]:.5g} s, statistic {profile.statistic[best]:.3g} against {profile.threshold:.3g}; a "
+        "table for these settings "
+        "(bfi calibrate), or --calibration gaussian, may decide otherwise"
+    )
 
 
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:

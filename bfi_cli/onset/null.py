@@ -23,7 +23,7 @@ __all__ = ["Windows", "earlier_windows", "gaussian_table", "table_of_windows", "
 FloatArray = NDArray[np.float64]
 Windows = list[tuple[float, float]]
 
-TRIALS = 60
+TRIALS = 40
 STABLE = 0.999
 OVERLAPPING = 4
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -21,6 +22,12 @@ from bfi_cli.identify import identify_faults
 from bfi_cli.result import IdentifyResult
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+FULL = os.environ.get("BFI_FULL") == "1"
+
+
+def sized(full: int, share: float = 0.25) -> int:
+    """Return how many trials to run: all of them where BFI_FULL=1 is set, a share of them otherwise."""
+    return full if FULL else max(1, round(share * full))
 
 
 @dataclass(frozen=True)

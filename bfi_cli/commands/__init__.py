@@ -33,6 +33,7 @@ COMMANDS = {
     "start-time": "When a fault started (and ended), of which shape: the scan over all onsets.",
     "calibrate": "The scan's statistic on fault-free logs, for thresholds and p-values.",
     "montecarlo": "Sweeps over faults, noise and settings: rates with intervals, tables, figures.",
+    "reproduce": "A published figure or table, ours beside theirs.",
     "report": "Draw the report of a stored result.",
 }
 USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130

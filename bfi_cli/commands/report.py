@@ -26,6 +26,7 @@ GIVE = "give the result.json of a command's --out"
 # The kinds that are laid out from their document: module and function that do it, and the schema they know.
 EXHIBITS = {
     "diagnosability": ("diagnosability", "diagnosability_exhibit", 1),
+    "reproduce": ("reproduce.document", "reproduce_exhibit", 1),
     "start-time": ("onset", "onset_exhibit", 1),
 }
 

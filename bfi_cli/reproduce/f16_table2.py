@@ -22,7 +22,7 @@ from .f16_drawings import drawings
 from .f16_errata import errata_table
 from .f16_flights import Case, Residuals, fly_cases
 from .f16_indices import AXES, BANDWIDTHS, TABLE_2, WINDOWS, Indices, indices, montecarlo
-from .f16_options import F16Options
+from .f16_options import F16Options, options_from
 from .settings import Settings, comparison
 
 __all__ = ["f16_table2"]
@@ -54,7 +54,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> Exhibit
     options : the reading of what the paper leaves open; None for the one that comes close.
     """
     if options is None:
-        options = F16Options(step_s=QUICK_STEP_S) if settings.quick else F16Options()
+        options = options_from([*([f"step_s={QUICK_STEP_S}"] if settings.quick else []), *settings.choices])
     n = max(1, settings.trials_or(SEEDS, QUICK_SEEDS))
     seeds = [settings.seed + i for i in range(n)]
     cases = [Case(options=options, seed=seed) for seed in seeds]

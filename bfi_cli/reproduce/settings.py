@@ -26,6 +26,7 @@ class Settings:
     trials : per point of a Monte Carlo figure, None for the published number (or a few where quick).
     seed : of all random numbers.
     workers : processes of this machine.
+    choices : "key=value" for what a reproduction leaves open; f16-table2 has some.
     report : told how much is done, (done, total).
     """
 
@@ -34,6 +35,7 @@ class Settings:
     trials: int | None = None
     seed: int = 0
     workers: int = 1
+    choices: tuple[str, ...] = ()
     report: Callable[[int, int], None] = _silent
 
     def trials_or(self, published: int, quick: int) -> int:

@@ -17,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bfi_cli.calibration import save_tables
+from bfi_cli.calibration import Table, save_tables
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
@@ -128,10 +128,10 @@ def calibrated(log: FlightLog, config: Config, *, noise: float, windows: int, fo
     )
 
 
-def _table(trials: Sequence[Trial], *, log: FlightLog, config: Config):
+def _table(trials: Sequence[Trial], *, log: FlightLog, config: Config) -> Table:
     whole = (float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz)
     with threadpool_limits(1):
-        return table_of_windows(((noisy(log, trial), whole) for trial in trials), config)
+        return table_of_windows([(noisy(log, trial), whole) for trial in trials], config)
 
 
 def _spread(job: Callable[..., T], pieces: Sequence[object]) -> list[T]:

@@ -79,11 +79,11 @@ def test_figure_5_15_drift(flown: FlightLog, config: Config) -> None:
     assert {one.shape for one in outcomes} <= {"drift", "none"}
 
 
-def test_figure_5_16_the_wrong_shape_is_not_declared(flown: FlightLog, config: Config) -> None:
-    """A bias looked for with drifts too is a bias; see above for the drift. Without a fault nothing is declared."""
+def test_figure_5_16_without_a_fault(flown: FlightLog, config: Config) -> None:
+    """The right shape is what the tests above ask for. A threshold for 1 % counted on 100 windows is known to 1 or 2 %."""
     outcomes = run_all([Trial(seed, None, NOISE) for seed in SEEDS], flown, config)
     shown("no fault", outcomes, wrong=[one for one in outcomes if one.faults])
-    assert np.mean([bool(one.faults) for one in outcomes]) <= 0.01 + 3.0 * np.sqrt(0.01 * 0.99 / len(outcomes))
+    assert not_below(float(np.mean([not one.faults for one in outcomes])), 0.97, len(outcomes))
 
 
 def test_the_shipped_table_beside_it(flown: FlightLog) -> None:

@@ -1,0 +1,110 @@
+"""`bfi reproduce`: a published figure or table, ours beside theirs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import BfiError, ConfigError
+from .answered import give
+from .options import channel_options, json_option, tell, window_options
+from .progress import progress
+
+if TYPE_CHECKING:
+    from ..exhibit import Exhibit
+    from ..flightlog import FlightLog
+    from ..reproduce import Settings
+    from ..result import Provenance
+
+__all__ = ["command"]
+
+OF_A_LOG = {"from_s": "--from", "to_s": "--to", "channel_map": "--channel", "unit_map": "--unit", "group": "--group"}
+
+
+@click.command("reproduce")
+@click.argument("name", required=False, default="list", metavar="[NAME]")
+@click.option("--log", "log_path", metavar="FILE", help="Fault-free record.  [default: a simulated one]")
+@click.option("--quick", is_flag=True, help="Few trials, short sweeps: seconds instead of minutes.")
+@click.option("--trials", type=click.IntRange(min=1), metavar="N", help="Per point.  [default: as published]")
+@click.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Of all random numbers.  [default: 0]")
+@click.option("--workers", type=click.IntRange(min=1), default=1, metavar="N", help="Processes.  [default: 1]")
+@click.option("--set", "choices", multiple=True, metavar="KEY=VALUE", help="An open choice of f16-table2; repeatable.")
+@window_options
+@channel_options
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures, tables.")
+@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@json_option
+@click.pass_context
+def command(context: click.Context, /, name: str, out: Path | None, **options: Any) -> None:
+    """Make the published figure or table NAME again, ours beside theirs.
+
+    Without NAME, or with "list", the names are listed; "all" makes every one, each in a folder of its own in --out.
+    """
+    from ..provenance import provenance
+    from ..reproduce import Settings
+    from ..reproduce.catalogue import find, run
+    from ..reproduce.document import list_exhibit, reproduce_document
+
+    if name not in ("list", "all"):
+        name = find(name)
+    if options["choices"] and name != "f16-table2":
+        raise ConfigError(f"--set: {name} leaves no choice open, f16-table2 does; leave --set out")
+    log = _log(options)
+    settings = Settings(log=log, **{key: options[key] for key in ("quick", "trials", "seed", "workers", "choices")})
+    origin = provenance(log_sha256=log.sha256 if log else "", seed=settings.seed)
+    code = 0
+    if name == "list":
+        exhibit = list_exhibit()
+    elif name == "all":
+        exhibit, code = _every(settings, origin, out, wanted=options["progress"])
+    else:
+        with progress(name, wanted=options["progress"]) as report:
+            exhibit = run(name, replace(settings, report=report))
+    document = reproduce_document(name, exhibit, origin)
+    give(exhibit, document, origin=origin, out=out, as_json=options["as_json"])
+    context.exit(code)
+
+
+def _log(options: dict[str, Any]) -> FlightLog | None:
+    if options["log_path"] is None:
+        for key, option in OF_A_LOG.items():
+            if options[key]:
+                raise ConfigError(f"{option}: is about the record of --log, and there is none; give --log FILE")
+        return None
+    from ..flightlog import read_log
+
+    log = read_log(
+        options["log_path"],
+        group=options["group"],
+        channel_map=options["channel_map"],
+        unit_map=options["unit_map"],
+    )
+    return log.window(options["from_s"], options["to_s"])
+
+
+def _every(settings: Settings, origin: Provenance, out: Path | None, *, wanted: bool | None) -> tuple[Exhibit, int]:
+    """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
+    from ..output import exhibit_files, replace_files
+    from ..reproduce.catalogue import REPRODUCTIONS, run
+    from ..reproduce.document import reproduce_document, summary_exhibit
+
+    shared: dict[tuple[str, str], Exhibit | BfiError] = {}
+    made: list[tuple[str, Exhibit | BfiError]] = []
+    for name, entry in REPRODUCTIONS.items():
+        place = (entry.module, entry.function)
+        if place not in shared:
+            with progress(name, wanted=wanted) as report:
+                try:
+                    shared[place] = run(name, replace(settings, report=report))
+                except BfiError as error:
+                    shared[place] = error
+        one = shared[place]
+        made.append((name, one))
+        if out is not None and not isinstance(one, BfiError):
+            replace_files(exhibit_files(one, reproduce_document(name, one, origin), origin), out / name)
+            tell(f"wrote {out / name / 'report.html'}")
+    codes = [one.exit_code for _, one in made if isinstance(one, BfiError)]
+    return summary_exhibit(made), max(codes, default=0)

@@ -1,0 +1,75 @@
+"""The JSON document of a reproduction: its exhibit, stored plain, so that it can be drawn again without its data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..exhibit import Exhibit, Table
+from ..plain import from_plain, member, to_plain
+from ..result import Provenance
+from .catalogue import REPRODUCTIONS
+
+__all__ = ["REPRODUCE_SCHEMA", "list_exhibit", "reproduce_document", "reproduce_exhibit", "summary_exhibit"]
+
+REPRODUCE_SCHEMA = 1
+
+
+def reproduce_document(name: str, exhibit: Exhibit, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi reproduce NAME --json`.
+
+    Parameters
+    ----------
+    name : of the reproduction, "all" or "list".
+    """
+    return {
+        "kind": "reproduce",
+        "schema": REPRODUCE_SCHEMA,
+        "name": name,
+        "exhibit": to_plain(exhibit),
+        "notes": list(exhibit.notes),
+        "provenance": to_plain(provenance),
+    }
+
+
+def reproduce_exhibit(document: Mapping[str, Any], *, where: str = "reproduce") -> Exhibit:
+    """Return the exhibit of a document, the inverse of `reproduce_document`.
+
+    Raises
+    ------
+    ConfigError : a key is missing, or a value is of another kind.
+    """
+    return from_plain(Exhibit, member(document, "exhibit", where=where), where=f"{where}: exhibit")
+
+
+def summary_exhibit(made: Sequence[tuple[str, Exhibit | Exception]]) -> Exhibit:
+    """Return the summary of several reproductions, each by its name; an error stands for one that could not be made."""
+    failed = [name for name, one in made if isinstance(one, Exception)]
+    rows = tuple(
+        (name, REPRODUCTIONS[name].title, *(("not made", str(one)) if isinstance(one, Exception) else _said(one)))
+        for name, one in made
+    )
+    several = f"{len(made) - len(failed)} of {len(made)} figures and tables"
+    return Exhibit(
+        kicker="Reproductions",
+        title="Published figures and tables, ours beside theirs",
+        heading=f"{len(made) - len(failed)} made",
+        verdict=f"Made {several}" + (f"; not {', '.join(failed)}." if failed else "."),
+        tables=(Table(name="summary", title="Summary", heads=("name", "what", "outcome", "in a sentence"), rows=rows),),
+    )
+
+
+def _said(exhibit: Exhibit) -> tuple[str, str]:
+    return exhibit.heading, exhibit.verdict
+
+
+def list_exhibit() -> Exhibit:
+    """Return the names there are."""
+    rows = tuple((name, entry.title) for name, entry in REPRODUCTIONS.items())
+    return Exhibit(
+        kicker="Reproductions",
+        title="Published figures and tables, ours beside theirs",
+        heading=f"{len(rows)} figures and tables",
+        verdict="bfi reproduce NAME makes one of these, bfi reproduce all every one.",
+        tables=(Table(name="reproductions", title="Names", heads=("name", "what"), rows=rows),),
+    )

@@ -1,0 +1,37 @@
+"""Every reproduction in its quick form, as one command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bfi_cli.commands import COMMANDS
+from bfi_cli.plain import to_plain
+from bfi_cli.reproduce.catalogue import REPRODUCTIONS
+from bfi_cli.reproduce.document import reproduce_exhibit
+
+pytestmark = pytest.mark.slow
+
+
+def test_all_of_them_are_made_and_can_be_drawn_again(
+    bfi: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setitem(COMMANDS, "reproduce", "")
+    done = bfi("reproduce", "all", "--quick", "--out", tmp_path)
+    summary = reproduce_exhibit(json.loads(done.stdout))
+    print("\n" + "\n".join(f"{row[0]}: {row[2]}. {row[3]}" for row in summary.tables[0].rows))
+    assert done.code == 0, done.stderr
+    for name in REPRODUCTIONS:
+        document = json.loads((tmp_path / name / "result.json").read_text())
+        exhibit = reproduce_exhibit(document, where=name)
+        assert to_plain(exhibit) == document["exhibit"]
+        assert (tmp_path / name / "report.html").stat().st_size > 1000
+        for drawing in exhibit.drawings:
+            assert (tmp_path / name / f"{drawing.name}.svg").exists()
+            assert (tmp_path / name / f"{drawing.name}.png").exists()
+        for table in exhibit.tables:
+            assert (tmp_path / name / f"{table.name}.csv").exists()

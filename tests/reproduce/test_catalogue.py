@@ -1,0 +1,87 @@
+"""Names, documents and what every reproduction has in common."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import re
+from collections.abc import Callable
+
+import pytest
+
+from bfi_cli.errors import ConfigError, LogError
+from bfi_cli.exhibit import Exhibit
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import inject
+from bfi_cli.plain import to_plain
+from bfi_cli.provenance import provenance
+from bfi_cli.reproduce import Settings
+from bfi_cli.reproduce.catalogue import REPRODUCTIONS, find, run
+from bfi_cli.reproduce.document import list_exhibit, reproduce_document, reproduce_exhibit, summary_exhibit
+from bfi_cli.reproduce.record import thesis_record
+
+OURS = (
+    *("fir", "thesis-5-1", "thesis-5-2", "thesis-5-3", "thesis-5-4", "thesis-5-7", "thesis-5-13"),
+    *("thesis-A-1", "thesis-A-2", "thesis-A-3", "thesis-A-4", "isolation-noise"),
+)
+SOURCE = re.compile(r"\((table |figure |listing|sections? )?[\dA]-\d|figure [\dA]-\d|^-$")
+
+
+@pytest.mark.parametrize("name", REPRODUCTIONS)
+def test_every_name_has_a_function_that_takes_settings(name: str):
+    entry = REPRODUCTIONS[name]
+    module = importlib.import_module(f"bfi_cli.reproduce.{entry.module}")
+    first, *further = inspect.signature(getattr(module, entry.function)).parameters.values()
+    assert first.name == "settings"
+    assert all(one.default is not one.empty for one in further)
+
+
+def test_a_name_is_found_in_any_case_and_a_wrong_one_is_answered_with_the_nearest():
+    assert find("Thesis-a-1") == "thesis-A-1"
+    with pytest.raises(ConfigError, match="got 'thesis-5-31'; did you mean 'thesis-5-3'"):
+        run("thesis-5-31", Settings())
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[str], Exhibit]):
+    exhibit = made(name)
+    document = json.loads(json.dumps(reproduce_document(name, exhibit, provenance(log_sha256=""))))
+    assert (document["kind"], document["schema"], document["name"]) == ("reproduce", 1, name)
+    assert document["notes"] == list(exhibit.notes)
+    assert to_plain(reproduce_exhibit(document)) == to_plain(exhibit)
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_published_and_ours_stand_first_each_published_value_with_its_place(name: str, made: Callable[[str], Exhibit]):
+    exhibit = made(name)
+    first = exhibit.tables[0]
+    assert (first.name, first.heads) == ("comparison", ("quantity", "published", "ours"))
+    published = [row[1] for row in first.rows]
+    assert [text for text in published if not SOURCE.search(text)] == []
+    assert any(text != "-" for text in published)
+    assert all(len(cell) <= 60 for row in first.rows for cell in row)
+    assert exhibit.drawings
+    assert all(panel.curves for drawing in exhibit.drawings for panel in drawing.panels)
+    assert exhibit.notes
+
+
+def test_names_that_share_figures_share_the_function_and_every_figure_is_drawn(made: Callable[[str], Exhibit]):
+    drawn = {drawing.name for name in OURS for drawing in made(name).drawings}
+    figures = {name.lower().replace("-", "_") for name in OURS if name.startswith("thesis")}
+    assert figures <= drawn
+    assert len({(REPRODUCTIONS[f"thesis-A-{i}"].function) for i in range(1, 5)}) == 1
+
+
+def test_the_list_and_the_summary_name_everything(made: Callable[[str], Exhibit]):
+    assert [row[0] for row in list_exhibit().tables[0].rows] == list(REPRODUCTIONS)
+    summary = summary_exhibit([("fir", made("fir")), ("thesis-5-1", LogError("log.csv: too short"))])
+    assert summary.verdict == "Made 1 of 2 figures and tables; not thesis-5-1."
+    assert summary.tables[0].rows[0][2:] == (made("fir").heading, made("fir").verdict)
+    assert summary.tables[0].rows[1][2:] == ("not made", "log.csv: too short")
+
+
+def test_a_log_that_carries_faults_is_refused():
+    faulty = inject(thesis_record(Settings()), [Fault(shape="bias", onset_s=10.0)])
+    with pytest.raises(LogError, match="got a log with 1 injected; give the fault-free one"):
+        run("thesis-5-1", Settings(log=faulty))

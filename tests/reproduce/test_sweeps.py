@@ -1,0 +1,110 @@
+"""Monte Carlo figures: exact without noise, the same trials for every method, the record of a log as good as ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bfi_cli.exhibit import Exhibit
+from bfi_cli.kernels.sparsity import SparseStage, apply_sparsity
+from bfi_cli.montecarlo import load_sweep
+from bfi_cli.reproduce import Settings
+from bfi_cli.reproduce.record import thesis_record
+from bfi_cli.reproduce.sweep import Thin, methods, swept
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+PUBLISHED = ("rank_only", "sparse", "listing")
+ONE = Thin(trials=1, active=(1, 7), noise=(0.0, 1e-4))
+
+
+def rates(exhibit: Exhibit) -> list[dict[str, str]]:
+    table = next(table for table in exhibit.tables if table.name == "rates")
+    return [dict(zip(table.heads, row, strict=True)) for row in table.rows]
+
+
+@pytest.mark.parametrize("name", ["thesis-5-3", "thesis-A-1", "isolation-noise"])
+def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str, made: Callable[[str], Exhibit]):
+    clean = [row for row in rates(made(name)) if row["noise m/s"] == "0"]
+    assert clean
+    for row in clean:
+        assert row["isolated %"].startswith("100 "), row
+        assert float(row["median error"]) < 1e-8, row
+
+
+def test_with_noise_the_published_rule_declares_what_is_not_there_and_never_misses(made: Callable[[str], Exhibit]):
+    """Table 5-2 has seven signals: with all of them active nothing is left to be declared wrongly."""
+    for row in rates(made("thesis-A-1")):
+        if row["noise m/s"] != "0" and row["active"] == "7":
+            assert row["false alarms %"].startswith("0 "), row
+    published = [row for row in rates(made("isolation-noise")) if row["method"] == "thesis's rule"]
+    noisy = [row for row in published if row["noise m/s"] == "0.05"]
+    assert all(row["isolated %"].startswith("0 ") and row["false alarms %"].startswith("100 ") for row in noisy)
+
+
+def test_all_methods_and_noises_meet_the_same_faults_and_seeds():
+    sweep = load_sweep(Path(str(CONFIGS)).parent / "bfi_cli/reproduce/thesis_monte_carlo.yaml", trials=2)
+    seeds: dict[tuple[int, int], set[int]] = {}
+    for trial in sweep.trials():
+        seeds.setdefault((trial.scenario.n_active, trial.number), set()).add(trial.seed)
+    assert set(map(len, seeds.values())) == {1}
+
+
+def test_a_log_of_the_user_goes_the_way_of_the_simulated_record():
+    """Two roads to one number: the record flown by the sweep, and the same flight handed over as a log."""
+    ours = swept("thesis_monte_carlo", Settings(quick=True), compare=("rank_only",), quick=ONE)
+    given = swept(
+        "thesis_monte_carlo", Settings(quick=True, log=thesis_record(Settings())), compare=("rank_only",), quick=ONE
+    )
+    for one, other in zip(ours.cells, given.cells, strict=True):
+        assert (one.method, one.noise, one.active) == (other.method, other.noise, other.active)
+        assert one.summary.isolation == other.summary.isolation
+        if one.noise:
+            assert one.summary.magnitude_error == pytest.approx(other.summary.magnitude_error, rel=1e-4)
+
+
+def test_the_listing_is_the_algorithm_with_a_stage_that_moves_nothing():
+    rules = methods()["listing"]["risro"]
+    stage = SparseStage(kind="exp_l0", p0=rules["p0"], r=rules["r"])
+    z = np.array([5.0, 1e-9, -3.0, 0.0])
+    moved, updates = apply_sparsity(z, stage)
+    np.testing.assert_array_equal(moved, z)
+    assert updates == 0
+    assert rules["as_published"] is True
+
+
+def test_one_update_of_the_stage_takes_six_hundredths_off_what_is_nearly_zero():
+    """Alpha = 1, R = 10, P = I as in section 5-3 of the thesis, one of seven signals active."""
+    z = np.array([5.0, *([1e-6] * 6)])
+    moved, updates = apply_sparsity(z, SparseStage(kind="exp_l0"))
+    assert updates == 1
+    np.testing.assert_allclose(moved[1:], -0.06, rtol=0, atol=0.005)
+
+
+def test_the_methods_differ_in_what_they_say_and_in_nothing_else():
+    common = {"method": "risro", "conditioning": {"rate_hz": "none"}, "model": {"order": 4}}
+    for name in PUBLISHED:
+        assert {key: methods()[name][key] for key in common} == common
+    assert methods()["likelihood"] == {**common, "method": "ml"}
+    assert methods()["default"] == {}
+
+
+def test_progress_counts_every_trial():
+    heard: list[tuple[int, int]] = []
+    settings = Settings(quick=True, report=lambda done, total: heard.append((done, total)))
+    swept("thesis_monte_carlo", settings, compare=("rank_only",), quick=ONE)
+    assert heard == [(done, 4) for done in range(5)]
+
+
+@pytest.mark.slow
+def test_two_workers_give_the_same_numbers():
+    thin = Thin(trials=3, active=(1, 4), noise=(0.0, 1e-4))
+    one, two = (
+        swept("thesis_monte_carlo", Settings(quick=True, workers=n), compare=("sparse", "likelihood"), quick=thin)
+        for n in (1, 2)
+    )
+    for here, there in zip(one.cells, two.cells, strict=True):
+        assert here.summary.magnitude_error == there.summary.magnitude_error
+        assert here.summary.isolation == there.summary.isolation

@@ -90,8 +90,9 @@ def _oscillation(likelihood: Likelihood, peak: Peak, dispersion: float) -> tuple
     half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / one.frequency_hz))
     stride = -phases(record).step
     offsets = {*range(-half, half + 1, factor), *range(-BESIDE * factor, BESIDE * factor + 1, stride), 0}
-    earliest, latest = likelihood.order + record.sampling.lead, record.sampling.n_samples - likelihood.order
-    starts = sorted(one.start + k for k in offsets if earliest <= (one.start + k) / factor < latest)
+    earliest = (likelihood.order + record.sampling.lead) * factor
+    latest = (record.sampling.n_samples - likelihood.order) * factor if one.end is None else one.end - factor
+    starts = sorted(one.start + k for k in offsets if k == 0 or earliest <= one.start + k < latest)
     statistic, z = statistics(likelihood, peak, one, starts)
     statistic[starts.index(one.start)] = max(one.statistic, statistic.max())
     places = tuple(place(start, factor) for start in starts)

@@ -24,6 +24,7 @@ __all__ = ["Sinusoid", "measured", "place", "statistics"]
 FloatArray = NDArray[np.float64]
 
 BESIDE = (-0.8, -0.4, 0.0, 0.4, 0.8)
+MIDDLE = len(BESIDE) // 2
 LARGEST_STEP = 0.3
 DIFFERENCE = 0.01
 ITERATIONS = 8
@@ -104,7 +105,8 @@ def measured(likelihood: Likelihood, peak: Peak, *, dispersion: float = 1.0) -> 
     search, begin = _search(likelihood, peak)
     step = 1.0 / search.duration_s(begin)
     near = [replace(begin, frequency_hz=begin.frequency_hz + k * step) for k in BESIDE]
-    tried = [_tuned(search, one) for one in near if 0.0 < one.frequency_hz < 0.5 * likelihood.record.sampling.rate_hz]
+    low, high = likelihood.record.band_hz
+    tried = [_tuned(search, one) for one in near if one is near[MIDDLE] or low <= one.frequency_hz <= high]
     free = max(tried, key=lambda one: one.statistic)
     for _ in range(ROUNDS):
         free = _tuned(search, _shifted(search, free))
@@ -149,7 +151,7 @@ def _tuned(search: _Search, one: Sinusoid) -> Sinusoid:
         size = float(np.linalg.norm(change)) or 1.0
         fit = search.likelihood.on_output(np.hstack([signals, change / size]), search.form.output, np.append(z, 0.0))
         step = float(np.clip(fit.z[-1] / size, -limit, limit))
-        one = replace(one, frequency_hz=float(np.clip(one.frequency_hz + step, delta, 0.5 * search.native_hz)))
+        one = replace(one, frequency_hz=float(np.clip(one.frequency_hz + step, *search.record.band_hz)))
         signals, start = search.signals(one), fit.z[:-1]
         if abs(step) < SETTLED * limit:
             break
@@ -179,14 +181,16 @@ def _with_size(search: _Search, one: Sinusoid, signals: FloatArray, joint: Fit) 
 
 def _shifted(search: _Search, one: Sinusoid) -> Sinusoid:
     """Move start, then end, to where the statistic is largest: by parts of a period first, by single samples last."""
-    stride = max(1, round(search.native_hz / one.frequency_hz / PARTS))
-    reach = PARTS // 2
+    period = search.native_hz / one.frequency_hz
+    stride, reach = max(1, round(period / PARTS)), PARTS // 2
     while True:
-        starts = [one.start + k * stride for k in range(-reach, reach + 1)]
-        one = _best_of(search, [replace(one, start=k) for k in starts if search.first <= k < (one.end or search.last)])
+        starts = (one.start + k * stride for k in range(-reach, reach + 1))
+        latest = (search.last if one.end is None else one.end) - period
+        one = _best_of(search, [one, *(replace(one, start=k) for k in starts if search.first <= k <= latest)])
         if one.end is not None:
-            ends = [one.end + k * stride for k in range(-reach, reach + 1)]
-            one = _best_of(search, [replace(one, end=k) for k in ends if one.start < k <= search.last])
+            ends = (one.end + k * stride for k in range(-reach, reach + 1))
+            earliest = one.start + period
+            one = _best_of(search, [one, *(replace(one, end=k) for k in ends if earliest <= k <= search.last)])
         if stride == 1:
             return one
         stride, reach = max(1, stride // 4), 4

@@ -8,7 +8,7 @@ many onsets at each frequency, so that frequency and onset are found jointly; th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from .onset_scan import ENDING, STARTING, Profile, default_onsets, in_blocks, ma
 from .onset_shapes import sine
 from .onset_tables import Scan, tabulate
 
-__all__ = ["Tuned", "TunedSpan", "scan_frequency", "scan_frequency_ends"]
+__all__ = ["MIN_CYCLES", "Tuned", "TunedSpan", "scan_frequency", "scan_frequency_ends"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -28,6 +28,7 @@ Top = tuple[float, Pair, float]
 Climbed = Callable[[float, Pair], tuple[float, Pair]]
 
 STEP = 0.5
+MIN_CYCLES = 2.0
 PEAKS = 8
 FINAL_PEAKS = 3
 HALVINGS = (2, 9)
@@ -65,39 +66,52 @@ class TunedSpan:
     statistic: FloatArray
 
 
-def scan_frequency(scan: Scan, band: tuple[float, float], *, onsets: IntArray | None = None) -> Tuned:
+def scan_frequency(
+    scan: Scan, band: tuple[float, float], *, onsets: IntArray | None = None, min_cycles: float = MIN_CYCLES
+) -> Tuned:
     """Return the scan of a sine that lasts to the end of the record, at the frequency where its statistic is largest.
+
+    A sine of less than two periods cannot be told from a drift or a step, so the statistic of later onsets is zero.
 
     Parameters
     ----------
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5.
     onsets : samples to consider; the default of `scan_shape` if None.
+    min_cycles : periods between onset and end of the record, at least.
     """
     onsets = default_onsets(scan) if onsets is None else onsets
     grid = _grid(scan, band)
 
-    def screened(frequency: float, among: IntArray) -> FloatArray:
+    def screened(frequency: float, stride: int) -> float:
+        among = early(frequency, onsets[::stride])
+        if not among.size:
+            return 0.0
         waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
         tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - among)
         found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, among[b]), bound[b]))
-        return -scan.n_rows * found.F
+        return float(-scan.n_rows * found.F.min())
 
-    def profiled(frequency: float, among: IntArray) -> Profile:
-        return scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), among)
+    def profiled(frequency: float) -> Profile:
+        profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets)
+        late = ~np.isin(onsets, early(frequency, onsets))
+        return replace(profile, statistic=np.where(late, 0.0, profile.statistic), z=np.where(late, 0.0, profile.z))
+
+    def early(frequency: float, among: IntArray) -> IntArray:
+        return among[among <= scan.n_samples - min_cycles / frequency]
 
     def best(frequency: float, begin: Pair) -> tuple[float, Pair]:
-        return float(screened(frequency, onsets[:: max(1, _stride(frequency) // 2)]).max()), begin
+        return screened(frequency, max(1, _stride(frequency) // 2)), begin
 
-    statistic = np.array([screened(f, onsets[:: _stride(f)]).max() for f in grid])
+    statistic = np.array([screened(f, _stride(f)) for f in grid])
     everywhere = int(onsets[0]), scan.n_samples
     tops = _refined(best, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid)
-    exact = [(profiled(frequency, onsets), frequency) for _, _, frequency in tops]
+    exact = [(profiled(frequency), frequency) for _, _, frequency in tops]
     profile, frequency = max(exact, key=lambda one: float(one[0].statistic.max()))
     return Tuned(frequency=float(frequency), profile=profile, frequencies=grid, statistic=statistic)
 
 
-def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = 2.0) -> TunedSpan:
+def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = MIN_CYCLES) -> TunedSpan:
     """Return the best frequency, start and end of a sine.
 
     Parameters

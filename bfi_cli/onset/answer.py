@@ -93,14 +93,25 @@ def _until_nothing_is_left(record: ScanRecord, first: Sweep, rule: Rule) -> tupl
 
 
 def _likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> Estimate:
-    """Return the fault of the likeliest shape; of an oscillation that is known only once its phase has been freed."""
+    """Return the fault of the likeliest shape; of an oscillation that is known only once its phase has been freed.
+
+    What the first shape leaves unexplained counts against the freedom of the other.
+    """
     first = estimate(record, y, verdict.beyond[0], order=order)
     for peak in verdict.beyond[1:]:
         if peak.form.shape == "sine":
             sine = estimate(record, y, peak, order=order)
-            charge = (1 + peak.n_parameters - verdict.beyond[0].n_parameters) * float(np.log(len(y) - order))
-            return sine if sine.statistic > first.statistic + charge else first
+            freedom = (1 + peak.n_parameters - verdict.beyond[0].n_parameters) * float(np.log(len(y) - order))
+            charge = freedom * _dispersion(record, _less(y, first), first, order)
+            better = sine.is_told and sine.statistic > first.statistic + charge
+            return sine if better else first
     return first
+
+
+def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> float:
+    """Return the mean statistic of a shape in a record that no longer holds it; white errors make it 1."""
+    rest = peak_of(record, scan_of(record, y, order, output=fault.form.output), fault.form)
+    return max(1.0, float(np.mean(rest.profile.statistic)))
 
 
 def _settled(record: ScanRecord, estimates: list[Estimate], order: int) -> list[Estimate]:
@@ -141,8 +152,7 @@ def _again(record: ScanRecord, estimates: list[Estimate], i: int, order: int) ->
     """Return one of the faults estimated anew; its deviation admits what its shape shows elsewhere in the record."""
     others = _less(record.y, *estimates[:i], *estimates[i + 1 :])
     fault, output = estimates[i], estimates[i].form.output
-    rest = peak_of(record, scan_of(record, _less(others, fault), order, output=output), fault.form)
-    dispersion = max(1.0, float(np.mean(rest.profile.statistic)))
+    dispersion = _dispersion(record, _less(others, fault), fault, order)
     peak = peak_of(record, scan_of(record, others, order, output=output), fault.form)
     return estimate(record, others, peak, order=order, dispersion=dispersion)
 

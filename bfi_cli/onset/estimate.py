@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..kernels.onset_scan import Profile, scan_shape
 from ..kernels.onset_tables import Scan
 from .joint import Likelihood
-from .oscillation import measured, place, statistics
+from .oscillation import Sinusoid, measured, place, statistics
 from .pulses import Fine, phases, pulses, step_s, within
 from .record import DECIMALS, ScanRecord
 from .shapes import Form, Place, signal, waveform
@@ -41,6 +41,7 @@ class Estimate:
     z, sd : magnitude; the spread over the onsets in question is in `sd`.
     signal : (n_samples,) what it adds to its output, conditioned and scaled.
     statistic : of its shape at this onset.
+    is_told : the record tells the frequency of an oscillation; if not, other slow shapes do as well.
     """
 
     form: Form
@@ -51,6 +52,7 @@ class Estimate:
     sd: float
     signal: FloatArray
     statistic: float
+    is_told: bool = True
 
 
 def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispersion: float = 1.0) -> Estimate:
@@ -63,11 +65,14 @@ def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispe
     dispersion : how many times the statistic of other onsets exceeds what white noise would make it, at least 1.
     """
     if peak.form.shape == "sine":
-        form, fine, end, z = _oscillation(Likelihood(record=record, y=y, order=order), peak, dispersion)
+        one = measured(Likelihood(record=record, y=y, order=order), peak, dispersion=dispersion)
+        form = replace(peak.form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
+        fine, end = _around(Likelihood(record=record, y=y, order=order), peak, one)
+        z, is_told = one.z, one.is_told_by_the_record
     else:
         scan = scan_of(record, y, order, output=peak.form.output)
         form, (fine, end) = peak.form, _refined(record, scan, peak, DROP * dispersion)
-        z = float(fine.z[fine.best])
+        z, is_told = float(fine.z[fine.best]), True
     best, missing = fine.best, fine.statistic.max() - fine.statistic
     inside = np.flatnonzero(missing <= DROP * dispersion)
     return Estimate(
@@ -79,13 +84,13 @@ def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispe
         sd=_spread(fine, np.exp(-0.5 * missing / dispersion), dispersion),
         signal=z * signal(form, record.sampling, fine.places[best], end),
         statistic=float(fine.statistic[best]),
+        is_told=is_told,
     )
 
 
-def _oscillation(likelihood: Likelihood, peak: Peak, dispersion: float) -> tuple[Form, Fine, Place | None, float]:
-    """Return the form with frequency and phase, the profile over its start, the end and the amplitude."""
+def _around(likelihood: Likelihood, peak: Peak, one: Sinusoid) -> tuple[Fine, Place | None]:
+    """Return the profile over the start of an oscillation, and its end."""
     record = likelihood.record
-    one = measured(likelihood, peak, dispersion=dispersion)
     factor = record.sampling.factor
     half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / one.frequency_hz))
     stride = -phases(record).step
@@ -104,8 +109,7 @@ def _oscillation(likelihood: Likelihood, peak: Peak, dispersion: float) -> tuple
         statistic=statistic,
         step_s=step_s(record),
     )
-    form = replace(peak.form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
-    return form, fine, None if one.end is None else place(one.end, factor), one.z
+    return fine, None if one.end is None else place(one.end, factor)
 
 
 def _beyond(fine: Fine, last: int, side: int) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.bilinear import Fit
+from ..kernels.onset_frequency import MIN_CYCLES
 from .joint import Likelihood
 from .record import ScanRecord
 from .shapes import Form, Place, signal
@@ -31,6 +32,7 @@ ITERATIONS = 8
 SETTLED = 1e-4
 PARTS = 12
 ROUNDS = 2
+WORSE = 3.0
 EVIDENCE = 4.6
 
 
@@ -43,6 +45,7 @@ class Sinusoid:
     phase_rad : at the start; 0 where it is not `free`.
     z, sd : amplitude, scaled; statistic : 2 log of the likelihood ratio.
     sizes : magnitudes of its signals, scaled, None before a fit.
+    frequency_sd_hz : standard deviation of the frequency, infinite before a fit; duration_s : to its end.
     """
 
     frequency_hz: float
@@ -54,6 +57,17 @@ class Sinusoid:
     sd: float
     statistic: float
     sizes: FloatArray | None = None
+    frequency_sd_hz: float = np.inf
+    duration_s: float = np.nan
+
+    @property
+    def is_told_by_the_record(self) -> bool:
+        """Whether the frequency is known as well as an oscillation of this statistic tells it (Cramer-Rao bound).
+
+        A slow one that does no more than bend the record at its start is not: any other bend would do.
+        """
+        bound = np.sqrt(12.0) / (2.0 * np.pi * self.duration_s * np.sqrt(max(self.statistic, 1.0)))
+        return bool(self.frequency_sd_hz < WORSE * bound)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -141,8 +155,9 @@ def _search(likelihood: Likelihood, peak: Peak) -> tuple[_Search, Sinusoid]:
 
 def _tuned(search: _Search, one: Sinusoid) -> Sinusoid:
     """Return the sinusoid with amplitude, phase and frequency at their maximum, start and end kept (Gauss-Newton)."""
-    duration_s = search.duration_s(one)
+    duration_s, (lowest, highest) = search.duration_s(one), search.record.band_hz
     delta, limit = DIFFERENCE / duration_s, LARGEST_STEP / duration_s
+    lowest = min(max(lowest, MIN_CYCLES / duration_s), highest)
     signals, start = search.signals(one), one.sizes
     for _ in range(ITERATIONS):
         z = search.likelihood.on_output(signals, search.form.output, start).z
@@ -151,11 +166,20 @@ def _tuned(search: _Search, one: Sinusoid) -> Sinusoid:
         size = float(np.linalg.norm(change)) or 1.0
         fit = search.likelihood.on_output(np.hstack([signals, change / size]), search.form.output, np.append(z, 0.0))
         step = float(np.clip(fit.z[-1] / size, -limit, limit))
-        one = replace(one, frequency_hz=float(np.clip(one.frequency_hz + step, *search.record.band_hz)))
+        one = replace(one, frequency_hz=float(np.clip(one.frequency_hz + step, lowest, highest)))
         signals, start = search.signals(one), fit.z[:-1]
         if abs(step) < SETTLED * limit:
             break
-    return _with_size(search, one, signals, fit)
+    one = _with_size(search, one, signals, fit)
+    return replace(one, frequency_sd_hz=_deviation(fit) / size, duration_s=duration_s)
+
+
+def _deviation(joint: Fit) -> float:
+    """Return the standard deviation of the last magnitude; infinite where the record says nothing of it."""
+    information = joint.information
+    rest, cross = information[:-1, :-1], information[:-1, -1]
+    own = float(information[-1, -1] - cross @ np.linalg.pinv(rest, hermitian=True) @ cross)
+    return 1.0 / float(np.sqrt(own)) if own > 0.0 else np.inf
 
 
 def _with_size(search: _Search, one: Sinusoid, signals: FloatArray, joint: Fit) -> Sinusoid:
@@ -185,11 +209,11 @@ def _shifted(search: _Search, one: Sinusoid) -> Sinusoid:
     stride, reach = max(1, round(period / PARTS)), PARTS // 2
     while True:
         starts = (one.start + k * stride for k in range(-reach, reach + 1))
-        latest = (search.last if one.end is None else one.end) - period
+        latest = (search.last if one.end is None else one.end) - MIN_CYCLES * period
         one = _best_of(search, [one, *(replace(one, start=k) for k in starts if search.first <= k <= latest)])
         if one.end is not None:
             ends = (one.end + k * stride for k in range(-reach, reach + 1))
-            earliest = one.start + period
+            earliest = one.start + MIN_CYCLES * period
             one = _best_of(search, [one, *(replace(one, end=k) for k in ends if earliest <= k <= search.last)])
         if stride == 1:
             return one
@@ -207,7 +231,8 @@ def _tied(search: _Search, free: Sinusoid, begin: Sinusoid) -> Sinusoid:
     period = search.native_hz / free.frequency_hz
     since = free.phase_rad / (2.0 * np.pi) * period
     crossings = [round(free.start - since + 0.5 * k * period) for k in range(-2, 4)]
-    starts = [k for k in crossings if search.first <= k < (free.end or search.last)]
+    latest = (search.last if free.end is None else free.end) - MIN_CYCLES * period
+    starts = [k for k in crossings if search.first <= k <= latest]
     candidates = [replace(free, free=False, start=k, sizes=None) for k in starts]
     ranked = _ranked(search, [*candidates, replace(begin, free=False)])[:ROUNDS]
     found = []

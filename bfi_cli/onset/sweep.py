@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.onset_ends import peaks, scan_ends
-from ..kernels.onset_frequency import scan_frequency, scan_frequency_ends
+from ..kernels.onset_frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
 from ..kernels.onset_profile import screen
 from ..kernels.onset_scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from ..kernels.onset_shapes import sine
@@ -199,6 +199,9 @@ def _quick(record: ScanRecord, scan: Scan, form: Form, suspects: dict[int, list[
 def _screened(scan: Scan, frequency: float) -> float:
     wave = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
     onsets = default_onsets(scan)[:: max(1, int(1.0 / (PER_PERIOD * frequency)))]
+    onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
+    if not onsets.size:
+        return 0.0
     tables, bound = tabulate(scan, wave.samples), magnitude_bound(scan, wave, scan.n_samples - onsets)
     found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
     return float(-scan.n_rows * found.F.min())

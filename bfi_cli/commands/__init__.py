@@ -32,6 +32,7 @@ COMMANDS = {
     "identify": "Which faults of a dictionary are present, how large, how sure.",
     "start-time": "When a fault started (and ended), of which shape: the scan over all onsets.",
     "calibrate": "The scan's statistic on fault-free logs, for thresholds and p-values.",
+    "detect": "Which channel of a log fails, and when, without a dictionary: the null-space detector.",
     "montecarlo": "Sweeps over faults, noise and settings: rates with intervals, tables, figures.",
     "reproduce": "A published figure or table, ours beside theirs.",
     "report": "Draw the report of a stored result.",

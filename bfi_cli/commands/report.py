@@ -25,6 +25,7 @@ __all__ = ["command"]
 GIVE = "give the result.json of a command's --out"
 # The kinds that are laid out from their document: module and function that do it, and the schema they know.
 EXHIBITS = {
+    "detect": ("detect", "detect_exhibit", 1),
     "diagnosability": ("diagnosability", "diagnosability_exhibit", 1),
     "reproduce": ("reproduce.document", "reproduce_exhibit", 1),
     "start-time": ("onset", "onset_exhibit", 1),

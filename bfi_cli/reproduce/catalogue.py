@@ -55,6 +55,7 @@ REPRODUCTIONS = {
     "thesis-A-4": _entry("Thesis, figure A-4: isolation with sparsity stage", "thesis_sweeps:thesis_a"),
     "isolation-noise": _entry("Isolation against noise, the thesis's rule and ours", "isolation_noise:isolation_noise"),
     "f16-table2": _entry("F-16 diagnosability, table II", "f16_table2:f16_table2"),
+    "hankel-b747": _entry("Hankel null space, Boeing 747, figure 1", "hankel_b747:hankel_b747"),
 }
 
 

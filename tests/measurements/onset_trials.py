@@ -43,13 +43,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came out; statistics are the largest of each shape, thresholds theirs."""
+    """What came out; statistics are the largest of each shape, thresholds theirs. `defect` is what went wrong."""
 
     trial: Trial
     faults: tuple[OnsetFault, ...]
     statistics: dict[str, float]
     thresholds: dict[str, float]
     order: int
+    defect: str | None = None
 
     @property
     def shape(self) -> str:
@@ -79,6 +80,8 @@ class Outcome:
 
 def described(outcome: Outcome) -> str:
     """Return a trial and its answer on one line."""
+    if outcome.defect is not None:
+        return f"seed {outcome.trial.seed}: {outcome.trial.fault} -> {outcome.defect}"
     found = [
         f"{one.estimate.fault.shape} {one.estimate.magnitude:.3g} from {one.estimate.fault.onset_s:.2f} "
         f"({one.onset_ci95[0]:.2f} to {one.onset_ci95[1]:.2f}) until {one.estimate.fault.offset_s} "
@@ -99,9 +102,12 @@ def noisy(log: FlightLog, trial: Trial) -> FlightLog:
 
 
 def run(trial: Trial, *, log: FlightLog, config: Config) -> Outcome:
-    """Scan one trial."""
-    with threadpool_limits(1):
-        result: OnsetResult = find_onset(noisy(log, trial), config)
+    """Scan one trial; one that fails is an outcome, so that the others are counted."""
+    try:
+        with threadpool_limits(1):
+            result: OnsetResult = find_onset(noisy(log, trial), config)
+    except Exception as problem:
+        return Outcome(trial=trial, faults=(), statistics={}, thresholds={}, order=0, defect=repr(problem))
     return Outcome(
         trial=trial,
         faults=result.faults,

@@ -44,9 +44,11 @@ def config(request: pytest.FixtureRequest, flown: FlightLog, tmp_path_factory: p
 
 
 def shown(name: str, outcomes: list[Outcome], *, wrong: list[Outcome]) -> None:
+    """Print how many are right and what the others say; none may have failed."""
     print(f"\n{name}: {len(outcomes) - len(wrong)} of {len(outcomes)} as wanted")
     for outcome in wrong:
         print(f"  {described(outcome)}")
+    assert [outcome.trial.seed for outcome in outcomes if outcome.defect] == []
 
 
 def test_figure_5_14_bias(flown: FlightLog, config: Config) -> None:
@@ -80,7 +82,7 @@ def test_figure_5_15_drift(flown: FlightLog, config: Config) -> None:
 
 
 def test_figure_5_16_without_a_fault(flown: FlightLog, config: Config) -> None:
-    """The right shape is what the tests above ask for. A threshold for 1 % counted on 100 windows is known to 1 or 2 %."""
+    """Of what is above the right shape is asked; here of 1 % wanted up to 3 %, as 100 windows know it no better."""
     outcomes = run_all([Trial(seed, None, NOISE) for seed in SEEDS], flown, config)
     shown("no fault", outcomes, wrong=[one for one in outcomes if one.faults])
     assert not_below(float(np.mean([not one.faults for one in outcomes])), 0.97, len(outcomes))

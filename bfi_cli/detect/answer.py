@@ -1,0 +1,229 @@
+"""Detection from end to end: prepare, watch, lay out what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from ..flightlog import FlightLog
+from ..flightlog.record import frozen_array
+from ..kernels.nullspace import criteria
+from ..result import LogSummary
+from .record import Prepared, Sampled, prepare, sampled
+from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
+from .settings import DetectSettings
+from .watch import Failure, Watched, watch
+
+__all__ = ["detect_faults"]
+
+FloatArray = NDArray[np.float64]
+
+WIDTH = 10
+EXACT = 1e-7
+AFTER_S = 30.0
+
+
+def _silent(_done: int, _total: int) -> None:
+    pass
+
+
+def detect_faults(
+    log: FlightLog, settings: DetectSettings, *, report: Callable[[int, int], None] = _silent
+) -> DetectResult:
+    """Say which channel of a log fails, and when, without a model and without a dictionary.
+
+    Parameters
+    ----------
+    log : in SI units, see `bfi_cli.flightlog.read_log`.
+    settings : what to watch, and how.
+    report : told how many channels have been declared, of how many.
+
+    Raises
+    ------
+    LogError : the log cannot be used.
+    ConfigError : the healthy time is not in the log, or leaves nothing to watch.
+    """
+    with threadpool_limits(1):
+        prepared = prepare(log, settings)
+        exact = settings.method == "exact" or (settings.method == "auto" and prepared.exact)
+        return _exactly(log, prepared, settings) if exact else _by_parity(log, prepared, settings, report)
+
+
+def _exactly(log: FlightLog, prepared: Prepared, settings: DetectSettings) -> DetectResult:
+    """Apply the right null space of the last samples to each output, at the log's own rate (paper H)."""
+    record = prepared.record
+    found = criteria(record.y, record.u, width=WIDTH)
+    alarms, series = [], []
+    for i, name in enumerate(prepared.outputs):
+        beyond = np.flatnonzero(np.nan_to_num(found.channel[:, i]) > EXACT)
+        time_s = float(record.time_s[beyond[0]]) if beyond.size else None
+        if time_s is not None:
+            alarms.append(
+                Alarm(
+                    channel=name,
+                    time_s=time_s,
+                    onset_s=time_s,
+                    statistic=float(found.channel[beyond[0], i]),
+                    threshold=EXACT,
+                    size=None,
+                    unit=prepared.units[i],
+                )
+            )
+        series.append(_series(prepared, i, record.y, found.channel[:, i], EXACT, time_s))
+    alarms.sort(key=lambda alarm: alarm.time_s)
+    return DetectResult(
+        log=_summary(log, prepared, record.time_s, record.rate_hz),
+        decision="fault" if alarms else "no_fault",
+        method="exact",
+        inputs=prepared.inputs,
+        outputs=prepared.outputs,
+        false_alarm=settings.false_alarm,
+        alarms=tuple(alarms),
+        ready_s=None if found.ready is None else float(record.time_s[found.ready - 1]),
+        train=None,
+        calibration=None,
+        model=None,
+        width=WIDTH,
+        time_s=frozen_array(record.time_s),
+        series=tuple(series),
+        commands=_next(prepared, alarms),
+        notes=(
+            "a linear model explains the healthy time to round-off, so the criterion is that of noise-free data: a "
+            f"channel fails where it leaves more than {EXACT:g} of its own size",
+            *(() if found.ready is None else (f"ready after {found.ready} samples",)),
+        ),
+    )
+
+
+def _by_parity(
+    log: FlightLog, prepared: Prepared, settings: DetectSettings, report: Callable[[int, int], None]
+) -> DetectResult:
+    """Watch the parity residuals of the record at the rate of the analysis."""
+    samples = sampled(prepared, prepared.choice.factor)
+    failures, passes = watch(log.path, samples, false_alarm=settings.false_alarm, report=report)
+    alarms = [_alarm(prepared, samples, failure) for failure in failures]
+    return DetectResult(
+        log=_summary(log, prepared, samples.time_s, samples.rate_hz),
+        decision="fault" if alarms else "no_fault",
+        method="parity",
+        inputs=prepared.inputs,
+        outputs=prepared.outputs,
+        false_alarm=settings.false_alarm,
+        alarms=tuple(alarms),
+        ready_s=prepared.watch_s,
+        train=prepared.train,
+        calibration=_calibration(prepared, samples, passes[0]),
+        model=_model(prepared, passes[0]),
+        width=None,
+        time_s=frozen_array(samples.time_s),
+        series=tuple(_watched(prepared, samples, i, failures, passes) for i in range(len(prepared.outputs))),
+        commands=_next(prepared, alarms),
+        notes=(*prepared.notes, *_notes(prepared, passes[0])),
+    )
+
+
+def _alarm(prepared: Prepared, samples: Sampled, failure: Failure) -> Alarm:
+    return Alarm(
+        channel=prepared.outputs[failure.output],
+        time_s=float(samples.time_s[failure.sample] + samples.reach_s),
+        onset_s=float(samples.time_s[failure.onset]),
+        statistic=failure.deviate,
+        threshold=failure.level,
+        size=failure.size,
+        unit=prepared.units[failure.output],
+    )
+
+
+def _watched(
+    prepared: Prepared, samples: Sampled, i: int, failures: list[Failure], passes: list[Watched]
+) -> ChannelSeries:
+    """Return a channel as the last pass that watched it saw it."""
+    seen = [one for one in passes if i in one.channels][-1]
+    k = seen.channels.index(i)
+    statistic = np.full(len(samples.time_s), np.nan)
+    statistic[seen.model.samples[seen.model.errors.start :]] = seen.drops.amplitude[:, k]
+    failed = next((one for one in failures if one.output == i), None)
+    until_s = None if failed is None else float(samples.time_s[failed.sample])
+    return _series(prepared, i, samples.y, statistic, float(seen.threshold.level[k]), until_s)
+
+
+def _series(
+    prepared: Prepared, i: int, y: FloatArray, statistic: FloatArray, threshold: float, until_s: float | None
+) -> ChannelSeries:
+    return ChannelSeries(
+        channel=prepared.outputs[i],
+        unit=prepared.units[i],
+        measured=frozen_array(y[:, i]),
+        statistic=frozen_array(statistic),
+        threshold=threshold,
+        watched_until_s=until_s,
+    )
+
+
+def _calibration(prepared: Prepared, samples: Sampled, seen: Watched) -> Calibration:
+    model, threshold = seen.model, seen.threshold
+    first, last = model.samples[model.errors.start], model.samples[model.n_healthy - 1]
+    return Calibration(
+        held_back_s=(float(samples.time_s[first]), float(samples.time_s[last])),
+        n_blocks=len(threshold.maxima),
+        white_level=threshold.white,
+        level=threshold.white if threshold.tail is None else max(threshold.tail, threshold.white),
+        heavy=threshold.tail is not None and threshold.tail > threshold.white,
+        scale={prepared.outputs[i]: float(s) for i, s in zip(seen.channels, threshold.scale, strict=True)},
+        block_maxima=frozen_array(threshold.maxima),
+    )
+
+
+def _model(prepared: Prepared, seen: Watched) -> ParityModel:
+    model = seen.model
+    return ParityModel(
+        lags=model.lags,
+        rank=model.basis.shape[1],
+        n_stacked=model.basis.shape[0],
+        forgetting=model.forgetting,
+        n_fitted=model.n_healthy,
+        noise_sd={prepared.outputs[i]: float(sd) for i, sd in zip(seen.channels, model.unit, strict=True)},
+    )
+
+
+def _notes(prepared: Prepared, seen: Watched) -> tuple[str, ...]:
+    threshold = seen.threshold
+    notes = [f"rate: {prepared.choice.reason}"]
+    if threshold.tail is None:
+        notes.append(
+            f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see heavy "
+            "tails: the threshold assumes white noise; give a longer --train"
+        )
+    elif threshold.tail > threshold.white:
+        notes.append(
+            f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
+            f"{threshold.white:.3g} standard deviations): the threshold is that of their tail, taken to be exponential"
+        )
+    return tuple(notes)
+
+
+def _next(prepared: Prepared, alarms: list[Alarm]) -> tuple[str, ...]:
+    """Return the command that identifies the failure of the first channel."""
+    if not alarms:
+        return ()
+    first, start_s, stop_s = alarms[0], float(prepared.record.time_s[0]), float(prepared.record.time_s[-1])
+    from_s, to_s = max(start_s, first.onset_s - 2.0 * AFTER_S), min(stop_s, first.onset_s + 2.0 * AFTER_S)
+    inputs = "".join(f" --input {name}" for name in prepared.inputs)
+    command = (
+        f"bfi identify {prepared.record.path}{inputs} --output {first.channel} --from {from_s:.6g} --to {to_s:.6g}"
+    )
+    return (command,)
+
+
+def _summary(log: FlightLog, prepared: Prepared, time_s: FloatArray, rate_hz: float) -> LogSummary:
+    return LogSummary(
+        path=log.path,
+        rate_hz=rate_hz,
+        n_samples=len(time_s),
+        start_s=float(time_s[0]),
+        stop_s=float(time_s[-1]),
+        native_rate_hz=prepared.native_rate_hz,
+    )

@@ -1,0 +1,154 @@
+"""The regression that predicts the watched channels, chosen on the healthy time by how well it predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import LogError
+from ..kernels.lagged import lagged
+from ..kernels.parity import past_basis
+from ..kernels.recursion import Recursion, predictive_score, recursive_residuals
+from .record import Sampled
+
+__all__ = ["Predicted", "predicted"]
+
+FloatArray = NDArray[np.float64]
+
+SHORT_PASTS = (1, 2, 4, 6)
+LONG_PASTS = (10, 20)
+EDGE = 1.5
+FORGETTING = (1.0, 0.998, 0.995, 0.99, 0.98)
+INPUT_LAGS = 2
+SPARE = 5
+STILL = 1e-6
+RELATIVE_FLOOR = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Predicted:
+    """Watched channels, predicted.
+
+    Attributes
+    ----------
+    samples : (n_rows,) the sample each row predicts; rows of the healthy and of the watched time.
+    n_healthy : rows of the healthy time; those from `errors.start` on are predicted, not fitted.
+    lags, forgetting : those chosen.
+    basis : (lags * n_outputs, r) maps the stacked past to the last r regressors.
+    unit : (n_outputs,) of the outputs' errors.
+    """
+
+    samples: NDArray[np.intp]
+    n_healthy: int
+    lags: int
+    forgetting: float
+    basis: FloatArray
+    unit: FloatArray
+    errors: Recursion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Scaled:
+    """Outputs in units of their noise, inputs in units of their motion; the first `n_healthy` samples are healthy."""
+
+    y: FloatArray
+    u: FloatArray
+    kept: NDArray[np.bool_]
+    n_healthy: int
+    unit: FloatArray
+
+    @property
+    def half(self) -> int:
+        """The healthy sample from which on samples are predicted."""
+        return self.n_healthy // 2
+
+
+def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted:
+    """Predict the channels, each row from the rows before it.
+
+    Past and forgetting are those with which the second half of the healthy time is predicted best.
+
+    Parameters
+    ----------
+    path : of the log, for messages.
+    channels : which outputs are watched; the others are no regressors either.
+
+    Raises
+    ------
+    LogError : the healthy time is too short for any model.
+    """
+    data = _scaled(samples, channels)
+    pasts = list(_pasts(data))
+    if not pasts:
+        needed = 2 * (INPUT_LAGS + _n_regressors(data, len(channels)) + len(channels) + SPARE)
+        raise LogError(
+            f"{path}: the healthy time has {data.n_healthy} samples at {samples.rate_hz:.4g} Hz, {needed} are needed; "
+            "give a longer --train, a higher --rate, or fewer channels"
+        )
+    lags, rank = max(pasts, key=lambda past: _score(data, past, 1.0))
+    forgetting = max(FORGETTING, key=lambda weight: _score(data, (lags, rank), weight))
+    X, Y, basis, first = _rows(data, lags, rank)
+    kept = data.kept[first:]
+    return Predicted(
+        samples=first + np.flatnonzero(kept),
+        n_healthy=data.n_healthy - first,
+        lags=lags,
+        forgetting=forgetting,
+        basis=basis,
+        unit=data.unit,
+        errors=recursive_residuals(X[kept], Y[kept], start=data.half - first, forgetting=forgetting),
+    )
+
+
+def _scaled(samples: Sampled, channels: Sequence[int]) -> _Scaled:
+    n = int(np.count_nonzero(samples.healthy))
+    y = samples.y[:, list(channels)] - samples.y[:n, list(channels)].mean(axis=0)
+    u = samples.u - samples.u[:n].mean(axis=0)
+    extent, spread = np.abs(u).max(axis=0, initial=0.0), u[:n].std(axis=0)
+    u = u / np.where(spread > STILL * extent, spread, np.where(extent > 0.0, extent, 1.0))
+    spread = y[:n].std(axis=0)
+    spread = np.where(spread > 0.0, spread, np.maximum(np.abs(y).max(axis=0), np.finfo(float).tiny))
+    unit = spread * np.maximum(_one_step_sd(y[:n] / spread, u[:n]), RELATIVE_FLOOR)
+    return _Scaled(y=y / unit, u=u, kept=samples.healthy | samples.watched, n_healthy=n, unit=unit)
+
+
+def _one_step_sd(y: FloatArray, u: FloatArray) -> FloatArray:
+    """Return (n_outputs,) the root mean square of what one lag of all channels leaves of each."""
+    X = np.hstack([np.ones((len(y) - 1, 1)), lagged(y, [1]), u[1:]])
+    left = y[1:] - X @ np.linalg.lstsq(X, y[1:], rcond=None)[0]
+    return np.asarray(np.sqrt(np.sum(left**2, axis=0) / max(len(X) - X.shape[1], 1)))
+
+
+def _pasts(data: _Scaled) -> Iterator[tuple[int, int]]:
+    """Yield (lags, rank) that half of the healthy time can fit: short pasts whole, long ones off their null space."""
+    q = data.y.shape[1]
+    for lags in (*SHORT_PASTS, *LONG_PASTS):
+        spare = data.half - max(lags, INPUT_LAGS) - _n_regressors(data, 0) - q - SPARE
+        if spare > 0:
+            edge = 0.0 if lags in SHORT_PASTS else EDGE
+            rank = past_basis(data.y[: data.n_healthy], lags=lags, edge=edge)[0].shape[1]
+            if 0 < rank <= spare:
+                yield lags, rank
+
+
+def _n_regressors(data: _Scaled, rank: int) -> int:
+    return 1 + (INPUT_LAGS + 1) * int(data.u.shape[1]) + rank
+
+
+def _score(data: _Scaled, past: tuple[int, int], forgetting: float) -> float:
+    X, Y, _, first = _rows(data, *past)
+    rows = slice(data.n_healthy - first)
+    return predictive_score(recursive_residuals(X[rows], Y[rows], start=data.half - first, forgetting=forgetting))
+
+
+def _rows(data: _Scaled, lags: int, rank: int) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Return regressors [1 | inputs | past's components] and outputs from a first sample on, basis, that sample."""
+    first = max(lags, INPUT_LAGS)
+    basis, spread = past_basis(data.y[: data.n_healthy], lags=lags, rank=rank)
+    basis = basis / spread
+    past = lagged(data.y, range(1, lags + 1), first=first) @ basis
+    inputs = lagged(data.u, range(INPUT_LAGS + 1), first=first) if data.u.shape[1] else np.zeros((len(past), 0))
+    return np.hstack([np.ones((len(past), 1)), inputs, past]), data.y[first:], basis, first

@@ -1,0 +1,273 @@
+"""From a log and the settings to the record a detector works on, or to the line that says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..channels import INPUTS
+from ..conditioning import Choice, Record, choose_factor, is_exact
+from ..errors import ConfigError, LogError
+from ..flightlog import FlightLog, require_usable, resample
+from ..flightlog.timing import is_uniform
+from ..kernels.decimation import WHITE, decimate, lost_samples
+from .settings import DetectSettings
+
+__all__ = ["Prepared", "Sampled", "prepare", "sampled"]
+
+FloatArray = NDArray[np.float64]
+
+OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
+LATERAL = ("aileron", "rudder")
+BANK = ("roll", "yaw_rate")
+LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
+TURNS = "what turns do to longitudinal motion is explained by more inputs made of roll and yaw_rate (--no-turns: not)"
+STEEPEST = 0.2
+STILL = 1e-9
+DEPENDENT = 1e-6
+SAME = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """The window from the start of the healthy time on, at the log's own rate.
+
+    Attributes
+    ----------
+    record : inputs and outputs, no dictionary.
+    train : healthy time; watch_s : from when on the outputs are watched.
+    inputs, outputs, units : names, and the unit of each output.
+    choice : of the rate.
+    exact : a linear model explains the healthy time to round-off.
+    """
+
+    record: Record
+    native_rate_hz: float
+    train: tuple[float, float]
+    watch_s: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    choice: Choice
+    exact: bool
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sampled:
+    """The record at the rate of the analysis.
+
+    Attributes
+    ----------
+    time_s : (n,) of the samples; reach_s : how much later the last sample is that each of them was made of.
+    y : (n, n_outputs).
+    u : (n, n_inputs or twice as many) mean of each input since the sample before, and its first moment.
+    healthy : (n,) samples of the healthy time; watched : (n,) samples that are watched.
+    """
+
+    rate_hz: float
+    time_s: FloatArray
+    reach_s: float
+    y: FloatArray
+    u: FloatArray
+    healthy: NDArray[np.bool_]
+    watched: NDArray[np.bool_]
+
+
+def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
+    """Cut, check and, where the rate asks for it, resample a log.
+
+    Raises
+    ------
+    LogError : it cannot be analysed.
+    ConfigError : the healthy time is not in the log, or leaves nothing to watch.
+    """
+    part = log.window(settings.from_s, settings.to_s)
+    train = settings.train or _first_third(part)
+    start_s = train[0] if settings.train or settings.from_s is None else max(train[0], settings.from_s)
+    inputs, outputs = _channels(log.window(start_s, settings.to_s), settings)
+    bank = BANK if settings.turns and _turns(log, inputs, outputs) else ()
+    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
+    part = _at_rate(log, settings, start_s, (*inputs, *outputs, *bank, *helping))
+    watch_s = max(train[1], train[1] if settings.from_s is None else settings.from_s)
+    _require_times(part, train, watch_s)
+    record = Record(
+        path=part.path,
+        rate_hz=part.rate_hz,
+        time_s=part.time_s,
+        u=np.column_stack([np.zeros((part.n_samples, 0)), *_inputs(part, inputs, bank)]),
+        y=part.signals(outputs),
+        theta=np.zeros((part.n_samples, len(outputs), 0)),
+    )
+    healthy = _cut(record, part.time_s < train[1])
+    exact = is_exact(healthy)
+    return Prepared(
+        record=record,
+        native_rate_hz=log.rate_hz,
+        train=train,
+        watch_s=watch_s,
+        inputs=inputs,
+        outputs=outputs,
+        units=tuple(part.channel(name).unit for name in outputs),
+        choice=_choice(healthy, settings),
+        exact=exact,
+        notes=(*_notes(log, settings, train), *((TURNS,) if bank else ())),
+    )
+
+
+def sampled(prepared: Prepared, factor: int) -> Sampled:
+    """Return the record filtered and decimated by `factor`.
+
+    Between two samples an input may move in any way; its mean and first moment over that time say nearly all of what it
+    does to rigid-body motion, a single value at the sample does not.
+
+    Raises
+    ------
+    LogError : the window is shorter than the filter.
+    """
+    record = prepared.record
+    try:
+        y, u = decimate(record.y, factor, WHITE), decimate(_moments(record.u, factor), factor, WHITE)
+    except ValueError as problem:
+        raise LogError(f"{record.path}: {problem}; give a higher --rate or a longer window") from None
+    first, last = lost_samples(factor, WHITE) if factor > 1 else (0, 0)
+    time_s, reach_s = record.time_s[first::factor][: len(y)], last / record.rate_hz
+    return Sampled(
+        rate_hz=record.rate_hz / factor,
+        time_s=time_s,
+        reach_s=reach_s,
+        y=y,
+        u=_independent(u),
+        healthy=time_s + reach_s < prepared.train[1],
+        watched=time_s + reach_s >= prepared.watch_s,
+    )
+
+
+def _first_third(part: FlightLog) -> tuple[float, float]:
+    start, stop = float(part.time_s[0]), float(part.time_s[-1])
+    return start, start + (stop - start) / 3.0
+
+
+def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    inputs = settings.inputs or tuple(
+        name for name in INPUTS if name not in LATERAL and name in part.channels and _moves(part, name)
+    )
+    outputs = settings.outputs or tuple(
+        name for name in OUTPUTS if name in part.channels and name not in inputs and _moves(part, name)
+    )
+    if not outputs:
+        has = ", ".join(sorted(part.channels))
+        raise LogError(f"{part.path}: no output to watch; the log has: {has}; name some with --output")
+    for name in outputs:
+        if not _moves(part, name):
+            raise LogError(
+                f"{part.path}: output '{name}' does not change (stays at {part.channel(name).values[0]:.6g}); "
+                "choose other --output or another window"
+            )
+    return inputs, outputs
+
+
+def _turns(log: FlightLog, inputs: Sequence[str], outputs: Sequence[str]) -> bool:
+    free = all(name in log.channels and name not in (*inputs, *outputs) for name in BANK)
+    return free and not LONGITUDINAL.isdisjoint(outputs) and all(_moves(log, name) for name in BANK)
+
+
+def _inputs(part: FlightLog, inputs: Sequence[str], bank: Sequence[str]) -> list[FloatArray]:
+    """Return the inputs and, where the log has the bank angle, what a turn adds to longitudinal motion.
+
+    The pitch angle changes with q cos(roll) - r sin(roll), not with q; the load factor of a turn is 1 / cos(roll).
+    """
+    signals = [part.channel(name).values for name in inputs]
+    if bank:
+        roll, yaw_rate = (part.channel(name).values for name in bank)
+        level = np.maximum(np.cos(roll), STEEPEST)
+        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
+        if "pitch_rate" in part.channels:
+            signals.append(part.channel("pitch_rate").values * (1.0 - level))
+    return signals
+
+
+def _moves(part: FlightLog, name: str) -> bool:
+    values = part.channel(name).values
+    finite = values[np.isfinite(values)]
+    return bool(finite.size and np.ptp(finite) > STILL * np.max(np.abs(finite)))
+
+
+def _at_rate(log: FlightLog, settings: DetectSettings, start_s: float, names: Sequence[str]) -> FlightLog:
+    """Return the part from `start_s` on, resampled where the wanted rate cannot be reached by decimation."""
+    part, rate = log.window(start_s, settings.to_s), settings.rate_hz
+    if not isinstance(rate, str):
+        ratio = part.rate_hz / rate
+        whole = ratio > 1.0 - SAME and abs(ratio - round(ratio)) < SAME * ratio
+        if not (whole and is_uniform(part.time_s)):
+            part = resample(log, rate, from_s=start_s, to_s=settings.to_s)
+    require_usable(part, names)
+    return part
+
+
+def _require_times(part: FlightLog, train: tuple[float, float], watch_s: float) -> None:
+    first, last = float(part.time_s[0]), float(part.time_s[-1])
+    if train[0] < first - 1.0 / part.rate_hz or train[1] > last:
+        raise ConfigError(
+            f"--train: {train[0]:g}:{train[1]:g} is not inside the window, {first:g} s to {last:g} s; "
+            "change --train, --from or --to"
+        )
+    if watch_s >= last:
+        raise ConfigError(f"--train: nothing is left to watch after {watch_s:g} s; end it earlier")
+
+
+def _choice(healthy: Record, settings: DetectSettings) -> Choice:
+    if settings.rate_hz == "auto":
+        return choose_factor(healthy, (), exact=False)
+    if settings.rate_hz == "none":
+        return Choice(factor=1, reason="the log's own rate, as asked for")
+    assert not isinstance(settings.rate_hz, str)
+    return Choice(factor=max(1, round(healthy.rate_hz / settings.rate_hz)), reason="asked for")
+
+
+def _cut(record: Record, keep: NDArray[np.bool_]) -> Record:
+    return Record(
+        path=record.path,
+        rate_hz=record.rate_hz,
+        time_s=record.time_s[keep],
+        u=record.u[keep],
+        y=record.y[keep],
+        theta=record.theta[keep],
+    )
+
+
+def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float]) -> tuple[str, ...]:
+    notes = []
+    if settings.train is None:
+        notes.append(
+            f"no healthy time was given: the first third of the window, {train[0]:g} to {train[1]:g} s, is taken to be "
+            "free of faults; a fault that is in it is part of what is normal (--train A:B)"
+        )
+    elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
+        notes.append(f"what is before the healthy time, before {train[0]:g} s, is not looked at")
+    return tuple(notes)
+
+
+def _moments(u: FloatArray, factor: int) -> FloatArray:
+    """Return mean and first moment of each input over the last `factor` samples, at every sample."""
+    if factor == 1 or not u.shape[1]:
+        return u
+    held = np.vstack([np.repeat(u[:1], factor - 1, axis=0), u])
+    windows = np.lib.stride_tricks.sliding_window_view(held, factor, axis=0)
+    arms = (np.arange(factor) - 0.5 * (factor - 1)) / factor
+    return np.hstack([windows.mean(axis=2), windows @ arms / factor])
+
+
+def _independent(u: FloatArray) -> FloatArray:
+    """Return the columns of u that move and are no combination of those before them."""
+    centred = u - u.mean(axis=0) if len(u) else u
+    kept: list[int] = []
+    for j, size in enumerate(np.ptp(u, axis=0) if u.shape[1] else ()):
+        basis = np.linalg.qr(centred[:, kept])[0] if kept else np.zeros((len(u), 0))
+        left = centred[:, j] - basis @ (basis.T @ centred[:, j])
+        if size > 0.0 and np.linalg.norm(left) > DEPENDENT * np.linalg.norm(centred[:, j]):
+            kept.append(j)
+    return u[:, kept]

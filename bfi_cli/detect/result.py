@@ -1,0 +1,127 @@
+"""What a detection found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..result import Decision, LogSummary
+
+__all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "ParityModel"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alarm:
+    """A channel declared to have failed.
+
+    Attributes
+    ----------
+    time_s : of the last sample the decision needed, the filter's reach included.
+    onset_s : estimated beginning of the failure.
+    statistic, threshold : at that time; drop of chi-square, or the criterion relative to the channel's scale.
+    size : estimated step in the channel's unit, None where the method gives none.
+    """
+
+    channel: str
+    time_s: float
+    onset_s: float
+    statistic: float
+    threshold: float
+    size: float | None
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Calibration:
+    """Where the threshold comes from.
+
+    Attributes
+    ----------
+    held_back_s : healthy time that was predicted, not fitted, by the recursion.
+    n_blocks : independent stretches in it.
+    white_level : deviate that white noise exceeds with the wanted probability.
+    level : that of the threshold before it is scaled to a channel.
+    heavy : the held-back deviates are heavier than white noise, so that the tail decides.
+    scale : by channel, how much larger its deviates are than those of white noise.
+    block_maxima : (n_blocks,) largest deviate of each stretch.
+    """
+
+    held_back_s: tuple[float, float]
+    n_blocks: int
+    white_level: float
+    level: float
+    heavy: bool
+    scale: Mapping[str, float]
+    block_maxima: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParityModel:
+    """The regression that predicts the outputs.
+
+    Attributes
+    ----------
+    lags : of the stacked past; rank : its components that are used, of lags times outputs.
+    forgetting : weight of a row relative to the next; n_fitted : healthy rows.
+    noise_sd : by output, one-step prediction error on the held-back rows.
+    """
+
+    lags: int
+    rank: int
+    n_stacked: int
+    forgetting: float
+    n_fitted: int
+    noise_sd: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChannelSeries:
+    """One output over the analysed window, (n_samples,) each; NaN where there is no statistic.
+
+    `watched_until_s` is when the channel failed and was left out of what is watched, None where it never did.
+    """
+
+    channel: str
+    unit: str
+    measured: FloatArray
+    statistic: FloatArray
+    threshold: float | None
+    watched_until_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DetectResult:
+    """The answer.
+
+    Attributes
+    ----------
+    method : "exact", the right null space of the paper, or "parity", its form for noisy records.
+    inputs, outputs : those used.
+    ready_s : when the detector began to watch.
+    train : healthy time, None where none was needed.
+    time_s : (n_samples,) of the series.
+    commands : what to run next for the channels found.
+    """
+
+    log: LogSummary
+    decision: Decision
+    method: Literal["exact", "parity"]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    false_alarm: float
+    alarms: tuple[Alarm, ...]
+    ready_s: float | None
+    train: tuple[float, float] | None
+    calibration: Calibration | None
+    model: ParityModel | None
+    width: int | None
+    time_s: FloatArray
+    series: tuple[ChannelSeries, ...]
+    commands: tuple[str, ...]
+    notes: tuple[str, ...]

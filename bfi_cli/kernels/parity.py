@@ -1,0 +1,174 @@
+"""Parity residuals of a noisy record: the left null space of stacked data, estimated on what is known to be healthy.
+
+Stack the outputs of a sample on the regressors of its past, [y(i); x(i)]. Up to noise the stacked data of a healthy
+record have a left null space; its basis with the identity on y(i) is [I, -Theta'], and the parity residual
+y(i) - Theta' x(i) is a prediction error. Where noise is measured and motion slow, the past itself has a left null
+space: only the components of the stacked past outputs that stand out of the noise enter x (`past_basis`).
+
+Theta is estimated on the rows before (`recursion`); the residuals are independent and of equal covariance as long as
+the record is healthy. A sensor that goes wrong by a step adds a known pattern to them; by how much the chi-square drops
+when the step is admitted, channel by channel, says where it is. What the record was filtered with smears the step's
+first row, which therefore has a height of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from .lagged import lagged
+from .recursion import Recursion, running_covariances
+
+__all__ = ["Drops", "largest_drops", "past_basis", "step_response"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+FLOOR = 1e-12
+DEPENDENT = 1e-6
+STEP_FREEDOM = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drops:
+    """By how much a step in one channel lowers the chi-square of the last residuals, at the best onset.
+
+    Attributes
+    ----------
+    deviate : (n_rows, n_outputs) the drop, as the standard normal deviate that is as rare in a healthy record.
+    age : (n_rows, n_outputs) rows from the best onset to the row.
+    size : (n_rows, n_outputs) the step there after its first row, in the outputs' units; 0 in the first row itself.
+    """
+
+    deviate: FloatArray
+    age: IntArray
+    size: FloatArray
+
+
+def past_basis(
+    y: FloatArray, *, lags: int, rank: int | None = None, edge: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return the directions in which the stacked past outputs move, and the root mean square along each.
+
+    The stack is reduced by QR; no singular value decomposition sees the samples.
+
+    Parameters
+    ----------
+    y : (n_samples, n_outputs) healthy outputs, each in units of its own noise.
+    lags : the past is y(i - 1) ... y(i - lags).
+    rank : at most so many directions; None for all.
+    edge : directions along which the stack moves less are its left null space and left out.
+
+    Returns
+    -------
+    (lags * n_outputs, r) orthonormal directions, the largest first, and (r,) their root mean squares, none of them
+    smaller than round-off.
+
+    Raises
+    ------
+    ValueError : there are no more samples than lags.
+    """
+    if len(y) <= lags:
+        raise ValueError(f"{len(y)} samples have no past of {lags} lags")
+    stack = lagged(y, range(1, lags + 1))
+    triangle = np.linalg.qr(stack - stack.mean(axis=0), mode="r")
+    _, values, V = np.linalg.svd(triangle, full_matrices=False)
+    spread = values / np.sqrt(len(stack))
+    kept = spread > max(edge, FLOOR * spread[0])
+    if rank is not None:
+        kept[rank:] = False
+    return V[kept].T, spread[kept]
+
+
+def step_response(K: FloatArray, n: int) -> FloatArray:
+    """Return what a unit step in each channel adds to the prediction errors of the rows from its onset on.
+
+    Parameters
+    ----------
+    K : (lags, n_outputs, n_outputs), K[l - 1] maps y(i - l) to the prediction of y(i), as a row times a matrix.
+    n : rows.
+
+    Returns
+    -------
+    (n, n_outputs, n_outputs) by row, prediction error, faulty channel.
+    """
+    lags, q, _ = K.shape
+    absorbed = np.zeros((n, q, q))
+    known = min(lags, n - 1)
+    absorbed[1 : known + 1] = np.cumsum(K[:known], axis=0).transpose(0, 2, 1)
+    absorbed[known + 1 :] = absorbed[known]
+    return np.eye(q) - absorbed
+
+
+def largest_drops(errors: Recursion, basis: FloatArray, *, window: int, recent: int = 60) -> Drops:
+    """Return the largest drops of chi-square over the steps that begin in the last `window` rows, at every row.
+
+    The covariance of the residuals is that of all rows before the window. It is enlarged, never reduced, by how much
+    larger each channel's residuals were in the `recent` rows before the window, and by what a step leaves unexplained
+    of the rows since its onset: gusts and manoeuvres disturb many channels, a broken sensor is explained by its step.
+
+    Parameters
+    ----------
+    errors : of outputs in units of their own noise.
+    basis : (lags * n_outputs, r) maps the lag-major past outputs to the last r regressors.
+    window : longest time a step is looked back for.
+    """
+    n, q = errors.residual.shape
+    covariances, freedoms = running_covariances(errors, window=window, recent=recent)
+    onsets, every, r = _Onsets(window), np.arange(q), basis.shape[1]
+    white, shrink = np.zeros((window, q)), np.zeros(window)
+    deviate, size, age = np.zeros((n, q)), np.zeros((n, q)), np.zeros((n, q), dtype=np.intp)
+    for i in range(n):
+        whitener = np.linalg.inv(np.linalg.cholesky(covariances[i]))
+        K = (basis @ errors.coefficients[i, len(errors.coefficients[i]) - r :]).reshape(-1, q, q)
+        rows = slice(max(0, i - window + 1), i + 1)
+        place = slice(window - (rows.stop - rows.start), window)
+        white[place] = errors.residual[rows] @ whitener.T
+        shrink[place] = 1.0 / np.sqrt(1.0 + errors.leverage[rows])
+        drop, step = onsets.drops(white, shrink, whitener @ step_response(K, window))
+        best = drop.argmax(axis=0)
+        age[i], size[i] = best, step[best, every]
+        deviate[i] = _deviate(drop[best, every], max(freedoms[i] - q + 1.0, 1.0))
+    return Drops(deviate=deviate, age=age, size=size)
+
+
+class _Onsets:
+    """Sums over the rows since each onset of a window."""
+
+    def __init__(self, window: int) -> None:
+        ages, rows = np.arange(window)[:, None], np.arange(window)[None, :]
+        self.since = rows <= ages
+        self.place = np.where(self.since, window - 1 - ages + rows, 0)
+
+    def drops(self, white: FloatArray, shrink: FloatArray, pattern: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (window, n_outputs) drops, over what they leave per degree of freedom, and steps, by age and channel.
+
+        Parameters
+        ----------
+        white : (window, n_outputs) residuals of unit covariance; oldest first, zeros where there is no row.
+        shrink : (window,) one over the root of 1 + leverage, zero where there is no row.
+        pattern : (window, n_outputs, n_outputs) of a unit step, of unit covariance, by row, error, channel.
+        """
+        window, q = white.shape
+        later = np.concatenate([np.zeros((1, q, q)), pattern[:-1]])
+        first = pattern - later
+        seen = (white * shrink[:, None])[self.place] * self.since[:, :, None]
+        along = seen.reshape(window, -1) @ np.concatenate([first, later], axis=2).reshape(window * q, 2 * q)
+        a, s = along[:, :q], along[:, q:]
+        weight = (shrink**2)[self.place] * self.since
+        aa, as_, ss = (weight @ np.sum(x * y, axis=1) for x, y in ((first, first), (first, later), (later, later)))
+        aa = np.maximum(aa, FLOOR * max(float(aa.max()), 1.0))
+        own = ss - as_**2 / aa
+        step = np.where(own > DEPENDENT * aa, s - as_ * a / aa, 0.0) / np.maximum(own, DEPENDENT * aa)
+        drop = a**2 / aa + step**2 * np.maximum(own, 0.0)
+        total = np.cumsum(np.sum(white**2, axis=1)[::-1])[:, None]
+        spare = np.maximum(q * np.arange(1, window + 1) - STEP_FREEDOM, 1)[:, None]
+        return drop / np.maximum(1.0, (total - drop) / spare), step
+
+
+def _deviate(drop: FloatArray, freedom: float) -> FloatArray:
+    """Return the standard normal deviate that is as rare as F = drop / 2 with 2 and `freedom` degrees of freedom."""
+    return np.asarray(-special.ndtri_exp(-0.5 * freedom * np.log1p(drop / freedom) - np.log(2.0)))

@@ -1,0 +1,125 @@
+"""Recursive residuals: against a fresh solution per row, their sum of squares, and what they tell of the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bfi_cli.kernels.recursion import predictive_score, recursive_residuals, running_covariances
+
+START = 20
+
+
+def regression(n: int = 200, *, p: int = 4, q: int = 2, noise: float = 1.0, seed: int = 0):
+    """Return X, Y = X theta + noise, theta."""
+    rng = np.random.default_rng(seed)
+    X, theta = rng.standard_normal((n, p)), rng.standard_normal((p, q))
+    return X, X @ theta + noise * rng.standard_normal((n, q)), theta
+
+
+@pytest.mark.parametrize("forgetting", [1.0, 0.98])
+def test_every_row_is_predicted_as_least_squares_over_the_rows_before_it_would(forgetting):
+    X, Y, _ = regression(60)
+    prior = 0.1
+    found = recursive_residuals(X, Y, start=START, forgetting=forgetting, prior=prior)
+    for i in range(START, 60):
+        weight = np.sqrt(forgetting ** np.r_[np.full(START, i - START + 1.0), np.arange(i - START, 0, -1)])
+        before = forgetting ** (0.5 * (i - START + 1))
+        rows = np.vstack([before * prior * np.eye(4), weight[:, None] * X[:i]])
+        theta = np.linalg.lstsq(rows, np.vstack([np.zeros((4, 2)), weight[:, None] * Y[:i]]), rcond=None)[0]
+        leverage = X[i] @ np.linalg.solve(rows.T @ rows, X[i])
+        np.testing.assert_allclose(found.coefficients[i - START], theta, atol=1e-10)
+        np.testing.assert_allclose(found.leverage[i - START], leverage, rtol=1e-9)
+        np.testing.assert_allclose(found.residual[i - START], (Y[i] - X[i] @ theta) / np.sqrt(1 + leverage), atol=1e-10)
+
+
+def test_their_squares_add_up_to_the_residual_sum_of_squares_of_all_rows():
+    """Brown, Durbin and Evans (1975), lemma 3."""
+    X, Y, _ = regression()
+    found = recursive_residuals(X, Y, start=START, prior=1e-9)
+    rest = Y - X @ np.linalg.lstsq(X, Y, rcond=None)[0]
+    np.testing.assert_allclose(found.scatter + found.residual.T @ found.residual, rest.T @ rest, rtol=1e-9)
+    assert found.freedom == START - 4
+
+
+def test_a_regression_without_noise_is_predicted_to_round_off():
+    X, Y, theta = regression(noise=0.0)
+    found = recursive_residuals(X, Y, start=START, prior=1e-9)
+    np.testing.assert_allclose(found.residual, 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.coefficients[-1], theta, atol=1e-12)
+
+
+def test_residuals_are_white_and_of_the_noise_s_covariance_from_the_first_row_on():
+    """The first rows, of high leverage, alone: 400 records, bounds of four standard deviations."""
+    first = []
+    for seed in range(400):
+        X, Y, _ = regression(10, q=1, seed=seed)
+        first.append(recursive_residuals(X, Y, start=5).residual[:, 0])
+    w = np.array(first)
+    bound = 4.0 / np.sqrt(400)
+    assert np.abs(w.T @ w / 400 - np.eye(5)).max() < np.sqrt(2.0) * bound
+
+
+def test_a_regressor_that_has_not_moved_makes_the_prediction_uncertain_and_not_singular():
+    X, Y, _ = regression()
+    X[:100, 3] = 0.0
+    found = recursive_residuals(X, Y, start=START)
+    assert np.isfinite(found.residual).all()
+    assert found.leverage[100 - START] > 1e3 * found.leverage[: 100 - START].max()
+    assert found.leverage[101 - START :].max() < 1e3
+
+
+def test_the_covariance_of_a_row_knows_nothing_of_its_window():
+    X, Y, _ = regression()
+    found = recursive_residuals(X, Y, start=START)
+    changed = Y.copy()
+    changed[150:] += 100.0
+    other = recursive_residuals(X, changed, start=START)
+    before, freedom = running_covariances(found, window=10, recent=0)
+    after, _ = running_covariances(other, window=10, recent=0)
+    row = 150 - START
+    np.testing.assert_array_equal(before[: row + 10], after[: row + 10])
+    assert after[row + 10, 0, 0] > 2.0 * before[row + 10, 0, 0]
+    np.testing.assert_array_equal(freedom, START - 4 + np.maximum(np.arange(len(before)) - 9, 0))
+
+
+def test_a_rough_stretch_enlarges_the_variance_and_a_calm_one_does_not_reduce_it():
+    X, Y, theta = regression(400)
+    rough = Y.copy()
+    rough[200:300] += 4.0 * (rough - X @ theta)[200:300]
+    found = recursive_residuals(X, rough, start=START)
+    plain, _ = running_covariances(found, window=1, recent=0)
+    enlarged, _ = running_covariances(found, window=1, recent=60)
+    diagonal = np.diagonal(enlarged / plain, axis1=1, axis2=2)
+    assert diagonal.min() >= 1.0 - 1e-12
+    assert diagonal[280 - START].min() > 1.5
+    np.testing.assert_allclose(diagonal[375 - START], 1.0, rtol=1e-12)
+
+
+def test_the_score_prefers_the_regressors_the_data_were_made_of():
+    X, Y, _ = regression(300, noise=0.1)
+    scores = {p: predictive_score(recursive_residuals(X[:, :p], Y, start=START)) for p in (2, 4)}
+    more = np.hstack([X, np.random.default_rng(9).standard_normal((300, 12))])
+    assert scores[4] > scores[2] + 1.0
+    assert scores[4] > predictive_score(recursive_residuals(more, Y, start=START))
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"start": 4}, "between 4 regressors and 200 rows of X and 200 of Y, got 4"),
+        ({"start": 200}, "got 200"),
+        ({"start": 50, "forgetting": 0.0}, r"forgetting must lie in \(0, 1\], got 0"),
+        ({"start": 50, "forgetting": 1.1}, "got 1.1"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(options, text):
+    X, Y, _ = regression()
+    with pytest.raises(ValueError, match=text):
+        recursive_residuals(X, Y, **options)
+
+
+def test_rows_that_do_not_match_are_refused():
+    X, Y, _ = regression()
+    with pytest.raises(ValueError, match="200 rows of X and 199 of Y"):
+        recursive_residuals(X, Y[:-1], start=START)

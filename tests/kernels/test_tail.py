@@ -1,0 +1,88 @@
+"""Thresholds of the largest deviate: against exact distributions, simulation, and with few observed blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from bfi_cli.kernels.tail import FEWEST_BLOCKS, Tail, block_maxima, tail_of, white_excess, white_level
+
+
+@pytest.mark.parametrize("n_tests", [1, 10, 100_000])
+@pytest.mark.parametrize("false_alarm", [0.001, 0.05])
+def test_the_white_level_bounds_the_largest_of_independent_deviates_tightly(n_tests, false_alarm):
+    level = white_level(n_tests, false_alarm)
+    exact = -np.expm1(n_tests * np.log1p(-2.0 * stats.norm.sf(level)))
+    assert 0.95 * false_alarm < exact <= false_alarm * (1.0 + 1e-9)
+
+
+def test_the_white_excess_is_the_mean_excess_of_the_largest_over_its_median():
+    rng = np.random.default_rng(0)
+    for n_tests in (1, 50):
+        largest = np.abs(rng.standard_normal((20_000, n_tests))).max(axis=1)
+        above = largest[largest > np.median(largest)] - np.median(largest)
+        sd = above.std() / np.sqrt(len(above))
+        assert white_excess(n_tests) == pytest.approx(above.mean(), abs=5.0 * sd + 2e-3)
+
+
+def test_block_maxima_are_over_channels_and_whole_blocks():
+    deviates = np.array([[1.0, 2.0], [5.0, 0.0], [0.0, 3.0], [1.0, 1.0], [9.0, 9.0]])
+    np.testing.assert_array_equal(block_maxima(deviates, 2), [5.0, 3.0])
+    assert block_maxima(deviates, 6).shape == (0,)
+
+
+def test_too_few_blocks_have_no_tail():
+    assert tail_of(np.ones(FEWEST_BLOCKS - 1), white=0.3) is None
+    assert tail_of(np.arange(FEWEST_BLOCKS, dtype=float), white=0.3) is not None
+
+
+def test_the_mean_excess_counts_that_of_white_noise_as_some_more_blocks():
+    found = tail_of(np.r_[np.zeros(11), np.full(10, 2.0)], white=0.5)
+    assert found is not None
+    more = found.weight - 10
+    assert found.start == 0.0
+    assert 0 < more <= FEWEST_BLOCKS
+    assert found.excess == pytest.approx((10 * 2.0 + more * 0.5) / found.weight, rel=1e-12)
+
+
+def test_a_tail_known_from_many_blocks_is_exponential_and_from_few_lies_higher():
+    n_blocks, false_alarm = 30.0, 0.01
+    exponential = 4.0 + 0.5 * np.log(0.5 * n_blocks / false_alarm)
+    levels = [
+        Tail(start=4.0, excess=0.5, weight=weight).level(n_blocks, false_alarm) for weight in (10, 100, 10_000_000)
+    ]
+    assert levels[0] > levels[1] > levels[2]
+    assert levels[2] == pytest.approx(exponential, rel=1e-5)
+
+
+def test_the_level_rises_with_the_blocks_and_falls_with_the_rate_and_is_never_below_the_median():
+    tail = Tail(start=4.0, excess=0.5, weight=30)
+    assert tail.level(10, 0.01) < tail.level(100, 0.01) < tail.level(100, 0.001)
+    assert tail.level(1, 1.0) == 4.0
+
+
+@pytest.mark.parametrize("n_blocks", [12, 40])
+def test_blocks_with_an_exponential_tail_exceed_the_level_as_often_as_wanted(n_blocks):
+    """The level of few observed blocks, judged on as many new ones; the pseudo-blocks have the right mean here."""
+    rng, runs, false_alarm = np.random.default_rng(1), 4000, 0.05
+    alarms = 0
+    for _ in range(runs):
+        tail = tail_of(rng.exponential(size=n_blocks), white=1.0)
+        assert tail is not None
+        alarms += rng.exponential(size=n_blocks).max() > tail.level(n_blocks, false_alarm)
+    rate = alarms / runs
+    sd = np.sqrt(false_alarm * (1.0 - false_alarm) / runs)
+    print(f"{n_blocks} blocks: {100.0 * rate:.2f} % of runs alarm, wanted {100.0 * false_alarm:.0f} %")
+    assert 0.5 * false_alarm - 2.0 * sd < rate < 1.6 * false_alarm + 2.0 * sd
+
+
+def test_gusty_blocks_raise_the_level():
+    rng = np.random.default_rng(2)
+    calm, gusty = 4.0 + 0.3 * rng.exponential(size=50), 4.0 + 1.5 * rng.exponential(size=50)
+    levels = []
+    for maxima in (calm, gusty):
+        tail = tail_of(maxima, white=0.3)
+        assert tail is not None
+        levels.append(tail.level(20, 0.01))
+    assert levels[1] > levels[0] + 4.0

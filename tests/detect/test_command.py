@@ -1,0 +1,69 @@
+"""`bfi detect`: document, files, exit codes, complaints, and the report drawn again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, write_log
+
+
+@pytest.fixture(scope="module")
+def failing(flown: Callable[..., FlightLog], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("detect") / "failing.h5"
+    write_log(flown(Fault(shape="bias", channel="aoa", magnitude=0.02, onset_s=12.0)), path)
+    return path
+
+
+def test_the_document(bfi, failing: Path):
+    outcome = bfi("detect", failing, "--train", "0:8")
+    document = json.loads(outcome.stdout)
+    assert (outcome.code, outcome.stderr) == (0, "")
+    assert (document["kind"], document["schema"], document["decision"]) == ("detect", 1, "fault")
+    assert document["ready_s"] == pytest.approx(8.0)
+    alarm = document["alarms"][0]
+    assert {"channel", "time_s", "statistic", "threshold"} <= set(alarm)
+    assert alarm["channel"] == "aoa"
+    assert set(document) >= {"notes", "provenance", "log", "calibration", "series"}
+
+
+def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
+    outcome = bfi("detect", failing, "--train", "0:8", "--out", tmp_path / "out", "--fail-on", "fault")
+    assert outcome.code == 10
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names >= {"result.json", "report.html", "detection.png", "detection.svg", "alarms.csv", "channels.csv"}
+    assert bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again").code == 0
+    for name in ("detection.svg", "report.html"):
+        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+
+
+def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
+    document = json.loads(bfi("detect", failing, "--train", "0:8").stdout)
+    words = document["commands"][0].split()
+    assert words[:2] == ["bfi", "identify"]
+    outcome = bfi(*words[1:], "--rate", "10", "--order", "2")
+    assert outcome.code == 0, outcome.stderr
+    assert json.loads(outcome.stdout)["decision"] in ("fault", "no_fault", "not_identifiable")
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "complaint"),
+    [
+        (("--train", "8"), 2, "--train: not a stretch of time, got 8; write --train 1160:1500, in s"),
+        (("--train", "0:99"), 2, "--train: 0:99 is not inside the window"),
+        (("--rate", "banana"), 2, "--rate: not a number or one of the choices, got 'banana'"),
+        (("--output", "cas"), 3, "no channel 'cas'"),
+        (("--method", "hankel"), 2, "--method: not one of the choices, got 'hankel'"),
+        (("--false-alarm", "0"), 2, "--false-alarm: must lie between 0 and 1"),
+        (("--output", "aoa", "--input", "aoa"), 2, "--output: 'aoa' is both an input and an output"),
+    ],
+)
+def test_complaints_are_one_line(bfi, failing: Path, options: tuple[str, ...], code: int, complaint: str):
+    outcome = bfi("detect", failing, *options)
+    assert (outcome.code, outcome.stdout) == (code, "")
+    assert complaint in outcome.stderr
+    assert outcome.stderr.count("\n") == 1

@@ -1,0 +1,99 @@
+"""Which channel fails: exact without noise, the right one with noise, nothing where nothing fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.detect import DetectSettings, detect_faults
+from bfi_cli.errors import ConfigError, LogError
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.record import frozen_array
+
+TRAINED = DetectSettings(train=(0.0, 8.0))
+SPREADS = 5.0
+
+
+def spread(log: FlightLog, channel: str, share: float = 0.01) -> float:
+    return share * float(log.channel(channel).values.std())
+
+
+@pytest.mark.parametrize("channel", ["aoa", "pitch", "pitch_rate", "tas_rate"])
+def test_without_noise_the_channel_fails_at_its_very_sample(flown: Callable[..., FlightLog], channel: str):
+    step = 0.1 * spread(flown(noise=0.0), channel, 1.0)
+    result = detect_faults(
+        flown(Fault(shape="bias", channel=channel, magnitude=step, onset_s=12.0), noise=0.0), TRAINED
+    )
+    first = result.alarms[0]
+    assert (result.method, result.decision) == ("exact", "fault")
+    assert (first.channel, first.time_s) == (channel, pytest.approx(12.0))
+    assert result.ready_s < 0.1
+
+
+def test_without_noise_and_without_a_failure_nothing_is_declared(flown: Callable[..., FlightLog]):
+    result = detect_faults(flown(noise=0.0), TRAINED)
+    assert (result.method, result.decision, result.alarms, result.commands) == ("exact", "no_fault", (), ())
+
+
+@pytest.mark.parametrize("channel", ["aoa", "pitch_rate"])
+def test_with_noise_the_right_channel_is_declared_within_a_second(flown: Callable[..., FlightLog], channel: str):
+    log = flown()
+    step = SPREADS * spread(log, channel)
+    result = detect_faults(flown(Fault(shape="bias", channel=channel, magnitude=step, onset_s=12.0), seed=3), TRAINED)
+    (alarm,) = result.alarms
+    assert result.method == "parity"
+    assert alarm.channel == channel
+    assert 12.0 <= alarm.time_s <= 13.0
+    assert alarm.statistic > alarm.threshold
+    assert f"--output {channel}" in result.commands[0]
+
+
+def test_with_noise_and_without_a_failure_nothing_is_declared(flown: Callable[..., FlightLog]):
+    result = detect_faults(flown(seed=4), TRAINED)
+    assert (result.decision, result.alarms) == ("no_fault", ())
+    assert result.calibration.held_back_s[1] <= 8.0
+    assert result.ready_s == pytest.approx(8.0)
+
+
+def test_units_change_nothing_but_the_size(flown: Callable[..., FlightLog]):
+    log = flown(Fault(shape="bias", channel="aoa", magnitude=0.01, onset_s=12.0), seed=1)
+    aoa = log.channel("aoa")
+    other = replace(log, channels={**log.channels, "aoa": replace(aoa, values=frozen_array(-57.3 * aoa.values))})
+    one, two = (detect_faults(each, TRAINED) for each in (log, other))
+    assert [alarm.channel for alarm in one.alarms] == [alarm.channel for alarm in two.alarms]
+    assert [alarm.time_s for alarm in one.alarms] == [alarm.time_s for alarm in two.alarms]
+    assert two.alarms[0].statistic == pytest.approx(one.alarms[0].statistic, rel=1e-6)
+    assert two.alarms[0].size == pytest.approx(-57.3 * one.alarms[0].size, rel=1e-6)
+
+
+def test_what_is_healthy_is_asked_for(flown: Callable[..., FlightLog]):
+    result = detect_faults(flown(), DetectSettings())
+    assert any("no healthy time was given" in note for note in result.notes)
+    assert result.train == (0.0, pytest.approx(20.0 / 3.0, abs=0.01))
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"false_alarm": 2.0}, ConfigError, "--false-alarm: must lie between 0 and 1, got 2"),
+        ({"train": (8.0, 2.0)}, ConfigError, "--train: must end after it starts"),
+        ({"train": (30.0, 40.0)}, (ConfigError, LogError), "30"),
+        ({"train": (0.0, 0.2), "method": "parity"}, LogError, "give a longer --train"),
+        ({"outputs": ("cas",)}, LogError, "no channel 'cas'"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(flown: Callable[..., FlightLog], settings, error, message: str):
+    with pytest.raises(error) as refusal:
+        detect_faults(flown(), DetectSettings(**settings))
+    assert message in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_statistics_are_finite_where_the_channels_are_watched(flown: Callable[..., FlightLog]):
+    result = detect_faults(flown(seed=2), TRAINED)
+    after = result.time_s > 8.1
+    assert all(np.isfinite(one.statistic[after]).all() for one in result.series)

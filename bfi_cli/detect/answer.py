@@ -144,7 +144,7 @@ def _watched(
     seen = [one for one in passes if i in one.channels][-1]
     k = seen.channels.index(i)
     statistic = np.full(len(samples.time_s), np.nan)
-    statistic[seen.model.samples[seen.model.errors.start :]] = seen.drops.amplitude[:, k]
+    statistic[seen.model.samples[seen.model.errors.start :]] = seen.drops.deviate[:, k]
     failed = next((one for one in failures if one.output == i), None)
     until_s = None if failed is None else float(samples.time_s[failed.sample])
     return _series(prepared, i, samples.y, statistic, float(seen.threshold.level[k]), until_s)

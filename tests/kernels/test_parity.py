@@ -93,9 +93,9 @@ def test_the_step_response_is_what_a_step_adds_to_the_prediction_errors(rows):
 def test_a_step_is_attributed_to_its_channel_and_its_row_and_has_the_order_of_its_size(channel):
     found, row = stepped(channel, 20.0)
     healthy = [k for k in range(3) if k != channel]
-    assert found.amplitude[:row].max() < 5.5
+    assert found.deviate[:row].max() < 5.5
     for after in (0, 5, 15):
-        amplitude = found.amplitude[row + after]
+        amplitude = found.deviate[row + after]
         assert amplitude[channel] > 8.0
         assert amplitude[channel] > 1.1 * amplitude[healthy].max()
         assert found.age[row + after, channel] in (after, after + 1)
@@ -112,13 +112,13 @@ def test_the_drops_do_not_depend_on_which_way_is_up():
     y = noisy()
     y[ONSET:, 1] += 15.0
     mirrored = drops(-y)
-    np.testing.assert_allclose(mirrored.amplitude, plain.amplitude, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(mirrored.deviate, plain.deviate, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(mirrored.size, -plain.size, rtol=1e-6, atol=1e-6)
 
 
 def test_amplitudes_of_white_noise_are_those_of_the_largest_of_a_window_of_deviates():
     """The largest of 20 dependent deviates is seldom above 5."""
-    amplitude = np.concatenate([drops(noisy(400, seed)).amplitude for seed in range(3)])
+    amplitude = np.concatenate([drops(noisy(400, seed)).deviate for seed in range(3)])
     print(f"median {np.median(amplitude):.2f}, above 5: {np.mean(amplitude > 5.0):.4f}")
     assert 0.5 < np.median(amplitude) < 3.0
     assert np.mean(amplitude > 5.0) < 1e-2
@@ -130,4 +130,4 @@ def test_a_disturbance_of_every_channel_counts_less_than_a_step_of_its_size_in_o
     gust[ONSET:] += 15.0 * np.random.default_rng(5).standard_normal((len(gust) - ONSET, 3))
     plain, row = stepped(1, 15.0)
     rows = slice(row + 5, row + WINDOW)
-    assert drops(gust).amplitude[rows].max() < 0.75 * plain.amplitude[rows, 1].min()
+    assert drops(gust).deviate[rows].max() < 0.75 * plain.deviate[rows, 1].min()

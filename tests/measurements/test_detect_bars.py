@@ -1,0 +1,124 @@
+"""The null-space detector with noise: the Boeing 747 and a recorded flight."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trials import not_below, sized
+
+from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
+from bfi_cli.detect import DetectResult, DetectSettings, detect_faults
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, inject, read_log
+from bfi_cli.flightlog.record import frozen_array
+
+pytestmark = pytest.mark.slow
+
+MODEL = find_model("b747")
+TRAIN = DetectSettings(train=(0.0, 8.0))
+NOISE, STEP_SD, FAR_SD, GAIN = 0.01, 5.0, 20.0, 0.9
+EARLIEST_S, LATEST_S, WITHIN_S = 10.0, 18.0, 1.0
+CHANNELS = ("tas", "aoa", "pitch", "pitch_rate", "altitude")
+INPUTS = (("elevator",), ("elevator", "longitudinal_acc", "normal_acc"))
+
+
+@pytest.fixture(scope="module")
+def clean() -> FlightLog:
+    """Return 20 s without noise."""
+    return simulate(MODEL, manoeuvre("3211", time_axis(duration_s=20.0)), rng=np.random.default_rng(0))
+
+
+def noise_sd(clean: FlightLog) -> dict[str, float]:
+    return {name: NOISE * float(clean.channel(name).values.std()) for name in MODEL.outputs}
+
+
+def noisy(clean: FlightLog, seed: int) -> FlightLog:
+    flight = manoeuvre("3211", time_axis(duration_s=20.0))
+    return simulate(MODEL, flight, rng=np.random.default_rng([11, seed]), noise_sd=noise_sd(clean))
+
+
+def failed(log: FlightLog, clean: FlightLog, kind: str, seed: int) -> tuple[FlightLog, str, float]:
+    """Return a log in which one channel fails, its name and when."""
+    rng = np.random.default_rng([13, seed])
+    while True:
+        name = str(rng.choice(MODEL.outputs))
+        onset_s = round(float(rng.uniform(EARLIEST_S, LATEST_S)), 2)
+        sd = noise_sd(clean)[name]
+        channel = log.channel(name)
+        deviation = clean.channel(name).values - MODEL.trim.get(name, 0.0)
+        k = round(onset_s * log.rate_hz)
+        if kind == "bias":
+            return (
+                inject(log, [Fault(shape="bias", channel=name, magnitude=STEP_SD * sd, onset_s=onset_s)]),
+                name,
+                onset_s,
+            )
+        if abs(deviation[k]) >= FAR_SD * sd:
+            trim = MODEL.trim.get(name, 0.0)
+            values = channel.values.copy()
+            values[k:] = trim + GAIN * (values[k:] - trim)
+            channels = {**log.channels, name: replace(channel, values=frozen_array(values))}
+            return replace(log, channels=channels), name, onset_s
+
+
+def right(result: DetectResult, name: str, onset_s: float) -> bool:
+    """Say whether the first alarm is the channel, within a second."""
+    first = result.alarms[0] if result.alarms else None
+    return first is not None and first.channel == name and onset_s <= first.time_s <= onset_s + WITHIN_S
+
+
+def test_healthy_flights_raise_few_alarms(clean: FlightLog):
+    n = sized(400)
+    alarms = sum(bool(detect_faults(noisy(clean, seed), TRAIN).alarms) for seed in range(n))
+    print(f"\nhealthy: {alarms} alarms in {n} flights")
+    assert alarms / n <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / n)
+
+
+@pytest.mark.parametrize("kind", ["gain", "bias"])
+def test_a_failure_is_localised_within_a_second(clean: FlightLog, kind: str):
+    n, found, delays = sized(100), 0, []
+    for seed in range(n):
+        log, name, onset_s = failed(noisy(clean, 1000 + seed), clean, kind, seed)
+        result = detect_faults(log, TRAIN)
+        ok = right(result, name, onset_s)
+        found += ok
+        delays += [result.alarms[0].time_s - onset_s] if ok else []
+        if not ok:
+            print(f"\n  seed {seed}: {name} at {onset_s:g} s: {[(one.channel, one.time_s) for one in result.alarms]}")
+    print(f"\n{kind}: {found} of {n} localised, median delay {np.median(delays):.2f} s")
+    assert not_below(found / n, 0.90, n)
+
+
+def segments(flights: Path) -> list[FlightLog]:
+    logs = [read_log(flights / f"{name}.h5") for name in ("citation_20180312_f1", "citation_20190312_123416")]
+    return [
+        log.window(one.start_s, one.stop_s)
+        for log in logs
+        for one in log.segments
+        if one.label in ("manual_trim_curve", "trim_cgshift_phugoid_sp")
+    ]
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("inputs", INPUTS, ids=len)
+def test_hand_flown_segments(flights: Path, inputs: tuple[str, ...]):
+    settings = DetectSettings(outputs=CHANNELS, inputs=inputs)
+    faults = {"tas": 1.0, "aoa": np.deg2rad(0.5)}
+    found = dict.fromkeys(faults, 0)
+    logs = segments(flights)
+    alarms = 0
+    for log in logs:
+        start_s, length_s = float(log.time_s[0]), float(np.ptp(log.time_s))
+        alarms += bool(detect_faults(log, settings).alarms)
+        for channel, size in faults.items():
+            onset_s = start_s + 0.6 * length_s
+            fault = Fault(shape="bias", channel=channel, magnitude=size, onset_s=onset_s)
+            result = detect_faults(inject(log, [fault]), settings)
+            found[channel] += bool(result.alarms) and result.alarms[0].channel == channel
+    print(f"\ninputs {', '.join(inputs)}: {alarms} of {len(logs)} healthy segments alarm; localised {found}")
+    assert alarms == 0
+    assert found["aoa"] == len(logs)
+    assert found["tas"] >= len(logs) - 1

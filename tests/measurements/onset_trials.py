@@ -1,6 +1,6 @@
 """Faults of known start on simulated flights, the answer of the onset scan counted.
 
-`ONSET_SEEDS` is the number of seeds (20 give first numbers), `ONSET_WORKERS` that of the processes.
+`ONSET_SEEDS` is the number of seeds (default 8, or 100 where BFI_FULL=1), `ONSET_WORKERS` that of the processes.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
+from trials import sized
 
 from bfi_cli.calibration import Table, save_tables
 from bfi_cli.config import Config
@@ -25,7 +26,7 @@ from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import OnsetFault, OnsetResult, find_onset, table_of_windows
 from bfi_cli.provenance import provenance
 
-SEEDS = range(int(os.environ.get("ONSET_SEEDS", "100")))
+SEEDS = range(int(os.environ.get("ONSET_SEEDS", sized(100, 0.08))))
 WORKERS = int(os.environ.get("ONSET_WORKERS", "2"))
 FAULT_FREE = 10_000
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from scipy import stats
-from trials import CONFIGS, Trial, run_all
+from trials import CONFIGS, Trial, run_all, sized
 
 from bfi_cli.config import Config
 from bfi_cli.diagnosability import DiagnosabilityResult, Flights, Sizes, assess, assess_manoeuvres
@@ -19,7 +19,7 @@ DICTIONARY = load_dictionary(CONFIGS / "thesis_dictionary.yaml")
 NAMES = tuple(str(atom.name) for atom in DICTIONARY.atoms)
 NOISES = (0.003, 0.01, 0.03, 0.1)
 FACTORS = (0.5, 0.7, 1.0, 1.4)
-SEEDS = range(10)
+SEEDS = range(sized(10, 0.5))
 RANKED, NEAR_THE_LIMIT = 0.8, 0.7
 
 

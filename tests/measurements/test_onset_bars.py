@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from onset_trials import SEEDS, Outcome, Trial, calibrated, described, run, run_all
-from trials import not_below
+from trials import FULL, not_below, sized
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
@@ -21,12 +21,13 @@ DRIFT = Fault(shape="drift", magnitude=0.25, onset_s=16.0)
 AT_10_HZ = {"conditioning.rate_hz": 10.0}
 SAMPLE_S = 0.1
 NOISE = 0.01
-WINDOWS = 100
+WINDOWS = sized(100, 0.4)
 
 ENDS = {**AT_10_HZ, "start_time.ends": True}
 ENDS_NOISE, ENDS_WINDOWS = 0.02, 40
 BAND_HZ, MAGNITUDE, CYCLES = (0.2, 2.0), 0.5, 3.0
 FREE_START_S, FREE_END_S = 4.0, 2.5
+LONG = pytest.mark.skipif(not FULL, reason="half an hour: only where BFI_FULL=1 is set")
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +117,7 @@ def oscillation(seed: int, log: FlightLog) -> Fault:
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("calibration", ["shipped", "same noise"])
+@pytest.mark.parametrize("calibration", ["shipped", pytest.param("same noise", marks=LONG)])
 def test_oscillations_of_unknown_frequency_start_and_end(
     manoeuvred: FlightLog, tmp_path: Path, calibration: str
 ) -> None:

@@ -29,7 +29,8 @@ risro:
   {as_published: false, max_iterations: 50, tolerance: 1e-10, sparsity: none, alpha: 1.0, r: 10.0, p0: 1.0, updates: 1}
 selection: {criterion: ebic, evidence: 4.6, max_active: null, threshold: null}
 dictionary: null
-start_time: {shapes: [bias, drift, sine], samples: null, false_alarm: 0.01, calibration: null, ends: false, frequency_hz: null}
+start_time: {shapes: [bias, drift, sine], samples: null, false_alarm: 0.01, calibration: null, ends: false,
+  frequency_hz: null}
 seed: 0
 strict: false
 fail_on: null

@@ -10,8 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
-from ..kernels.nullspace import criteria
 from ..result import LogSummary
+from .exact import LEVEL, Exact, exactly
 from .record import Prepared, Sampled, prepare, sampled
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 from .settings import DetectSettings
@@ -21,9 +21,8 @@ __all__ = ["detect_faults"]
 
 FloatArray = NDArray[np.float64]
 
-WIDTH = 10
-EXACT = 1e-7
 AFTER_S = 30.0
+SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
 
 
 def _silent(_done: int, _total: int) -> None:
@@ -48,32 +47,29 @@ def detect_faults(
     """
     with threadpool_limits(1):
         prepared = prepare(log, settings)
-        exact = settings.method == "exact" or (settings.method == "auto" and prepared.exact)
-        return _exactly(log, prepared, settings) if exact else _by_parity(log, prepared, settings, report)
+        if settings.method == "exact" or (settings.method == "auto" and prepared.exact):
+            exact = exactly(prepared)
+            if exact.explained or settings.method == "exact":
+                return _exact(log, prepared, settings, exact)
+        return _by_parity(log, prepared, settings, report)
 
 
-def _exactly(log: FlightLog, prepared: Prepared, settings: DetectSettings) -> DetectResult:
-    """Apply the right null space of the last samples to each output, at the log's own rate (paper H)."""
-    record = prepared.record
-    found = criteria(record.y, record.u, width=WIDTH)
-    alarms, series = [], []
-    for i, name in enumerate(prepared.outputs):
-        beyond = np.flatnonzero(np.nan_to_num(found.channel[:, i]) > EXACT)
-        time_s = float(record.time_s[beyond[0]]) if beyond.size else None
-        if time_s is not None:
-            alarms.append(
-                Alarm(
-                    channel=name,
-                    time_s=time_s,
-                    onset_s=time_s,
-                    statistic=float(found.channel[beyond[0], i]),
-                    threshold=EXACT,
-                    size=None,
-                    unit=prepared.units[i],
-                )
-            )
-        series.append(_series(prepared, i, record.y, found.channel[:, i], EXACT, time_s))
-    alarms.sort(key=lambda alarm: alarm.time_s)
+def _exact(log: FlightLog, prepared: Prepared, settings: DetectSettings, exact: Exact) -> DetectResult:
+    """Lay out what the right null space of the last samples says of each output, at the log's own rate (paper H)."""
+    record, found = prepared.record, exact.found
+    alarms = [
+        Alarm(
+            channel=prepared.outputs[k],
+            time_s=float(record.time_s[i]),
+            onset_s=float(record.time_s[i]),
+            statistic=float(found.channel[i, k]),
+            threshold=LEVEL,
+            size=None,
+            unit=prepared.units[k],
+        )
+        for i, k in exact.failures
+    ]
+    first = {alarm.channel: alarm.time_s for alarm in reversed(alarms)}
     return DetectResult(
         log=_summary(log, prepared, record.time_s, record.rate_hz),
         decision="fault" if alarms else "no_fault",
@@ -83,18 +79,33 @@ def _exactly(log: FlightLog, prepared: Prepared, settings: DetectSettings) -> De
         false_alarm=settings.false_alarm,
         alarms=tuple(alarms),
         ready_s=None if found.ready is None else float(record.time_s[found.ready - 1]),
-        train=None,
+        train=prepared.train,
         calibration=None,
         model=None,
-        width=WIDTH,
+        width=exact.width,
         time_s=frozen_array(record.time_s),
-        series=tuple(series),
-        commands=_next(prepared, alarms),
-        notes=(
-            "a linear model explains the healthy time to round-off, so the criterion is that of noise-free data: a "
-            f"channel fails where it leaves more than {EXACT:g} of its own size",
-            *(() if found.ready is None else (f"ready after {found.ready} samples",)),
+        series=tuple(
+            _series(prepared, k, record.y, found.channel[:, k], LEVEL, first.get(name))
+            for k, name in enumerate(prepared.outputs)
         ),
+        commands=_next(prepared, alarms),
+        notes=_exact_notes(exact),
+    )
+
+
+def _exact_notes(exact: Exact) -> tuple[str, ...]:
+    ready = () if exact.found.ready is None else (f"ready after {exact.found.ready} samples",)
+    if not exact.explained:
+        return (
+            "the healthy time is not explained to round-off: this log has noise, or needs more channels, and the "
+            "alarms mean nothing; give --method parity",
+            *ready,
+        )
+    return (
+        f"a linear model of order {exact.lags} explains the healthy time to round-off, so the criterion is that of "
+        f"data without noise: a channel fails where more than {LEVEL:g} of its own size is left in a window of "
+        f"{exact.width} samples",
+        *ready,
     )
 
 
@@ -191,7 +202,7 @@ def _model(prepared: Prepared, seen: Watched) -> ParityModel:
 
 def _notes(prepared: Prepared, seen: Watched) -> tuple[str, ...]:
     threshold = seen.threshold
-    notes = [f"rate: {prepared.choice.reason}"]
+    notes = [f"rate: {prepared.choice.reason}", SLOW]
     if threshold.tail is None:
         notes.append(
             f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see heavy "

@@ -124,6 +124,7 @@ def test_a_table_of_other_settings_gives_no_p_value(flown, settings):
     assert any("order 4 instead of 3" in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_a_simulated_calibration_is_seeded(flown, settings):
     config = settings(2, shapes=("bias",))
     config = config.model_copy(update={"start_time": config.start_time.model_copy(update={"calibration": "gaussian"})})
@@ -156,6 +157,7 @@ def test_start_and_end_between_two_samples_of_the_analysis(flown, settings):
     assert found.estimate.magnitude == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_fault_is_found_on_the_output_that_has_it(flown):
     aoa = Fault(shape="bias", channel="aoa", magnitude=0.02, onset_s=12.0)
     written = {

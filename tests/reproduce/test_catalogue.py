@@ -43,6 +43,7 @@ def test_a_name_is_found_in_any_case_and_a_wrong_one_is_answered_with_the_neares
         run("thesis-5-31", Settings())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OURS)
 def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[str], Exhibit]):
     exhibit = made(name)
@@ -52,6 +53,7 @@ def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[st
     assert to_plain(reproduce_exhibit(document)) == to_plain(exhibit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OURS)
 def test_published_and_ours_stand_first_each_published_value_with_its_place(name: str, made: Callable[[str], Exhibit]):
     exhibit = made(name)

@@ -61,6 +61,7 @@ def test_one_factorisation_for_all_orders_gives_what_an_identification_gives(cle
     assert swept.names == tuple(one.name for one in alone.faults)
 
 
+@pytest.mark.slow
 def test_figure_5_8_the_fault_is_lost_and_the_airspeed_is_not():
     exhibit = thesis_5_8(QUICK)
     fault, output = curves(exhibit), curves(exhibit, 1)
@@ -72,6 +73,7 @@ def test_figure_5_8_the_fault_is_lost_and_the_airspeed_is_not():
     assert "," not in row(exhibit, "declared at kappa = 0.5, ours")[1]
 
 
+@pytest.mark.slow
 def test_figure_5_9_is_best_near_order_45():
     exhibit = thesis_5_9(QUICK)
     settled = curves(exhibit)[SETTLED_CURVE]
@@ -86,6 +88,7 @@ def test_figure_5_9_is_best_near_order_45():
     assert any("no rule" in note for note in exhibit.notes)
 
 
+@pytest.mark.slow
 def test_figure_5_10_everyone_follows_at_order_45():
     exhibit = thesis_5_10(QUICK)
     for name in ("published method", "DMAE", "ours"):
@@ -106,6 +109,7 @@ def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
     assert exhibit.heading == "Harmless for DMAE"
 
 
+@pytest.mark.slow
 def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it():
     exhibit = thesis_5_12(QUICK)
     assert share(row(exhibit, "VAF of the fault, published method, s = 45")[1]) < 5.0

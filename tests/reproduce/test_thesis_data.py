@@ -64,6 +64,7 @@ def test_the_starts_are_those_of_table_5_2_to_a_sample(made: Callable[[str], Exh
         assert float(ours.removesuffix(" s")) == pytest.approx(float(published.split(" s ")[0]), abs=0.011)
 
 
+@pytest.mark.slow
 def test_the_perturbed_fault_is_equation_5_8(made: Callable[[str], Exhibit]):
     fault = made("thesis-5-7").drawings[0].panels[-1].curves[0]
     expected = 4.0 * (fault.x >= 13.795) + 0.2 * np.cos(4.5 * np.pi * fault.x) * (fault.x >= 11.995)

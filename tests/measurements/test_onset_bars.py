@@ -16,6 +16,7 @@ from bfi_cli.flightlog import FlightLog, read_log
 
 pytestmark = pytest.mark.slow
 
+LONG = pytest.mark.skipif(not FULL, reason="half an hour: only where BFI_FULL=1 is set")
 BIAS = Fault(shape="bias", magnitude=5.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=0.25, onset_s=16.0)
 AT_10_HZ = {"conditioning.rate_hz": 10.0}
@@ -27,7 +28,6 @@ ENDS = {**AT_10_HZ, "start_time.ends": True}
 ENDS_NOISE, ENDS_WINDOWS = 0.02, 40
 BAND_HZ, MAGNITUDE, CYCLES = (0.2, 2.0), 0.5, 3.0
 FREE_START_S, FREE_END_S = 4.0, 2.5
-LONG = pytest.mark.skipif(not FULL, reason="half an hour: only where BFI_FULL=1 is set")
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,13 @@ def flown() -> FlightLog:
     return simulate(MODELS["citation"], manoeuvre("3211", time_axis()), rng=np.random.default_rng(0))
 
 
-@pytest.fixture(scope="module", params=[("bias", "drift"), ("bias", "drift", "sine")], ids=["figures", "default"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(("bias", "drift"), id="figures"),
+        pytest.param(("bias", "drift", "sine"), id="default", marks=LONG),
+    ],
+)
 def config(request: pytest.FixtureRequest, flown: FlightLog, tmp_path_factory: pytest.TempPathFactory) -> Config:
     """Return settings whose threshold comes from fault-free flights with the same noise."""
     plain = merge(Config(), {**AT_10_HZ, "start_time.shapes": list(request.param)})

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Look, plain, styled
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Look, plain, settled, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +50,7 @@ def draw(drawing: Drawing) -> Figure:
         _draw_panel(figure.add_subplot(grid[i // across, i % across]), panel, columns=columns)
     for i, heat_map in enumerate(drawing.heat_maps):
         _draw_map(figure.add_subplot(grid[len(rows) + i, :]), heat_map)
-    return figure
+    return settled(figure)
 
 
 def _legend_in(panel: Panel, columns: int) -> float:

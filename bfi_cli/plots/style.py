@@ -30,6 +30,7 @@ __all__ = [
     "legend_above",
     "page",
     "plain",
+    "settled",
     "styled",
     "to_png",
     "to_svg",
@@ -128,6 +129,21 @@ def page(
 def plain(text: str, width: int = 200) -> str:
     """Return `text` as drawn letter by letter: names out of a file are no mathematics."""
     return shortened(text, width).replace("$", r"\$")
+
+
+def settled(figure: Figure) -> Figure:
+    """Return the figure with the places its layout engine found, fixed to a millionth of the page.
+
+    The solver behind the engine is free in its last digits, and the names of clip paths in an SVG depend on all digits.
+    """
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return figure
+    engine.execute(figure)
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position([round(float(number), 6) for number in axes.get_position(original=True).bounds])
+    return figure
 
 
 def legend_above(axes: Axes) -> None:

@@ -55,6 +55,13 @@ def test_every_curve_level_span_and_map_is_drawn():
     assert [text.get_text() for one in axes for text in one.texts] == ["0.25"]
 
 
+def test_panels_stand_where_the_solver_put_them_to_a_millionth():
+    """Its last digits differ from run to run, and with them the names in the SVG."""
+    for axes in draw(DRAWING).axes:
+        bounds = axes.get_position().bounds
+        assert bounds == pytest.approx([round(number, 6) for number in bounds], rel=1e-14)
+
+
 def test_a_curve_is_drawn_as_given():
     only = Panel(x_label="", y_label="", curves=(curve("one", X, X**2),), log_y=True, y_limits=(1e-3, 2.0))
     (axes,) = draw(Drawing(name="one", caption="", panels=(only,))).axes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -39,10 +40,20 @@ SHARP = Lowpass(half_width=8, cutoff=0.8)
 WHITE = Lowpass(half_width=2, cutoff=1.2)
 
 
+@lru_cache(maxsize=32)
 def lowpass_taps(factor: int, lowpass: Lowpass = SHARP) -> FloatArray:
-    """Return the (n_taps,) low-pass taps in front of a decimation by `factor`, of unit gain at zero frequency."""
+    """Return the (n_taps,) low-pass taps in front of a decimation by `factor`, of unit gain at zero frequency.
+
+    The array is shared between calls and cannot be written to.
+    """
     if factor < 1:
         raise ValueError(f"factor must be at least 1, got {factor}")
+    taps = _taps(factor, lowpass)
+    taps.flags.writeable = False
+    return taps
+
+
+def _taps(factor: int, lowpass: Lowpass) -> FloatArray:
     if factor == 1:
         return np.ones(1)
     half = lowpass.half_width * factor

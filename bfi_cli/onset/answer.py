@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,6 @@ MOST_ROUNDS = 4
 UNMOVED = 0.1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
-    """One fault as it was first seen."""
-
-    verdict: Verdict
-    estimate: Estimate
-
-
 def find_onset(log: FlightLog, config: Config) -> OnsetResult:
     """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
 
@@ -58,14 +50,13 @@ def _found(log: FlightLog, config: Config) -> OnsetResult:
     record = prepare_record(log, config)
     first = sweep(record, record.y)
     rule = rule_for(log, record, config, order=first.order)
-    found, last = _until_nothing_is_left(record, first, rule)
-    estimates, verdicts = [one.estimate for one in found], [one.verdict for one in found]
+    verdicts, estimates, last = _until_nothing_is_left(record, first, rule)
     estimates = _settled(record, estimates, last.plain_order)
     while len(estimates) > 1 and (fewer := _without_one(record, estimates, last.plain_order, rule)) is not None:
         i, estimates = fewer
         del verdicts[i]
     y = _less(record.y, *estimates)
-    opening = found[0].verdict if found else rule.verdict(first)
+    opening = verdicts[0] if verdicts else rule.verdict(first)
     return laid_out(
         record,
         rule,
@@ -80,16 +71,22 @@ def _found(log: FlightLog, config: Config) -> OnsetResult:
     )
 
 
-def _until_nothing_is_left(record: ScanRecord, first: Sweep, rule: Rule) -> tuple[list[_Found], Sweep]:
-    """Return the faults in the order of their evidence, and the sweep in which there was none any more."""
-    found: list[_Found] = []
+def _until_nothing_is_left(record: ScanRecord, first: Sweep, rule: Rule) -> tuple[list[Verdict], list[Estimate], Sweep]:
+    """Return the faults in the order of their evidence, and the sweep in which there was none any more.
+
+    Each is estimated again as soon as another is known: what an error of the first leaves behind looks like a fault.
+    """
+    verdicts: list[Verdict] = []
+    found: list[Estimate] = []
     y, seen = record.y, first
     while len(found) < MOST_FAULTS and (verdict := rule.verdict(seen)).beyond:
-        fault = _likeliest(record, y, verdict, seen.order)
-        found.append(_Found(verdict=verdict, estimate=fault))
-        y = _less(y, fault)
+        verdicts.append(verdict)
+        found.append(_likeliest(record, y, verdict, seen.order))
+        if len(found) > 1:
+            found = _settled(record, found, seen.order)
+        y = _less(record.y, *found)
         seen = sweep(record, y)
-    return found, seen
+    return verdicts, found, seen
 
 
 def _likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> Estimate:
@@ -97,10 +94,12 @@ def _likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) 
 
     What the first shape leaves unexplained counts against the freedom of the other.
     """
-    first = estimate(record, y, verdict.beyond[0], order=order)
+    step = next((peak for peak in verdict.beyond if peak.form.shape == "bias"), None)
+    jump_s = None if step is None else estimate(record, y, step, order=order).onset_s
+    first = estimate(record, y, verdict.beyond[0], order=order, jump_s=jump_s)
     for peak in verdict.beyond[1:]:
         if peak.form.shape == "sine":
-            sine = estimate(record, y, peak, order=order)
+            sine = estimate(record, y, peak, order=order, jump_s=jump_s)
             freedom = (1 + peak.n_parameters - verdict.beyond[0].n_parameters) * float(np.log(len(y) - order))
             charge = freedom * _dispersion(record, _less(y, first), first, order)
             better = sine.is_told and sine.statistic > first.statistic + charge

@@ -55,7 +55,15 @@ class Estimate:
     is_told: bool = True
 
 
-def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispersion: float = 1.0) -> Estimate:
+def estimate(
+    record: ScanRecord,
+    y: FloatArray,
+    peak: Peak,
+    *,
+    order: int,
+    dispersion: float = 1.0,
+    jump_s: float | None = None,
+) -> Estimate:
     """Return the fault of a peak.
 
     Parameters
@@ -63,9 +71,15 @@ def estimate(record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispe
     y : (n_samples, n_outputs) what was scanned.
     order : of the model.
     dispersion : how many times the statistic of other onsets exceeds what white noise would make it, at least 1.
+    jump_s : where a step was seen, on the log's axis: where an oscillation of another phase than 0 may begin.
     """
     if peak.form.shape == "sine":
-        one = measured(Likelihood(record=record, y=y, order=order), peak, dispersion=dispersion)
+        one = measured(
+            Likelihood(record=record, y=y, order=order),
+            peak,
+            dispersion=dispersion,
+            jump=None if jump_s is None else record.native(jump_s),
+        )
         form = replace(peak.form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
         fine, end = _around(Likelihood(record=record, y=y, order=order), peak, one)
         z, is_told = one.z, one.is_told_by_the_record

@@ -26,6 +26,9 @@ FloatArray = NDArray[np.float64]
 
 BESIDE = (-0.8, -0.4, 0.0, 0.4, 0.8)
 MIDDLE = len(BESIDE) // 2
+APART = 0.4
+MOST_FREQUENCIES = 120
+CLIMBED = 2
 LARGEST_STEP = 0.3
 DIFFERENCE = 0.01
 ITERATIONS = 8
@@ -108,25 +111,40 @@ class _Search:
         return ((self.last if one.end is None else one.end) - one.start) / self.native_hz
 
 
-def measured(likelihood: Likelihood, peak: Peak, *, dispersion: float = 1.0) -> Sinusoid:
+def measured(likelihood: Likelihood, peak: Peak, *, dispersion: float = 1.0, jump: int | None = None) -> Sinusoid:
     """Return the oscillation near a peak of the scan.
 
     Parameters
     ----------
     likelihood : of the record that was scanned, at the order of the peak.
     dispersion : how many times the statistic exceeds what white noise would make it, at least 1.
+    jump : sample of the log's own rate at which a step was seen: an oscillation that does not begin at zero begins with
+        one, and its other frequencies and phases have hills of their own.
     """
     search, begin = _search(likelihood, peak)
     step = 1.0 / search.duration_s(begin)
     near = [replace(begin, frequency_hz=begin.frequency_hz + k * step) for k in BESIDE]
     low, high = likelihood.record.band_hz
-    tried = [_tuned(search, one) for one in near if one is near[MIDDLE] or low <= one.frequency_hz <= high]
+    near = [one for one in near if one is near[MIDDLE] or low <= one.frequency_hz <= high]
+    tried = [_tuned(search, one) for one in [*near, *_from_jump(search, begin, jump)]]
     free = max(tried, key=lambda one: one.statistic)
     for _ in range(ROUNDS):
         free = _tuned(search, _shifted(search, free))
     tied = _tied(search, free, begin)
     wanted = dispersion * (float(np.log(likelihood.n_rows)) + EVIDENCE)
     return free if free.statistic > tied.statistic + wanted else tied
+
+
+def _from_jump(search: _Search, begin: Sinusoid, jump: int | None) -> list[Sinusoid]:
+    """Return the likeliest sinusoids that begin at a sample, over the frequencies of the band nearest to the peak's."""
+    last = search.last if begin.end is None else begin.end
+    if jump is None or not search.first <= jump < last:
+        return []
+    begun = replace(begin, start=jump)
+    duration_s, (low, high) = search.duration_s(begun), search.record.band_hz
+    frequencies = np.arange(max(low, MIN_CYCLES / duration_s), high, APART / duration_s)
+    nearest = np.argsort(np.abs(frequencies - begin.frequency_hz))[:MOST_FREQUENCIES]
+    return _ranked(search, [replace(begun, frequency_hz=float(frequencies[k])) for k in nearest])[:CLIMBED]
 
 
 def _search(likelihood: Likelihood, peak: Peak) -> tuple[_Search, Sinusoid]:

@@ -66,6 +66,10 @@ class ScanRecord:
         after = (sample + phase / self.sampling.factor) / self.sampling.rate_hz
         return round(float(self.time_s[0]) + after, DECIMALS)
 
+    def native(self, time_s: float) -> int:
+        """Return the sample of the log's own rate at a time, counted from the first conditioned one."""
+        return round((time_s - float(self.time_s[0])) * self.sampling.rate_hz * self.sampling.factor)
+
 
 def prepare_record(log: FlightLog, config: Config) -> ScanRecord:
     """Return the window of a log made ready for the scan.

@@ -192,8 +192,8 @@ def _model(prepared: Prepared, seen: Watched) -> ParityModel:
     model = seen.model
     return ParityModel(
         lags=model.lags,
-        rank=model.basis.shape[1],
-        n_stacked=model.basis.shape[0],
+        rank=model.rank,
+        n_stacked=model.lags * len(seen.channels),
         forgetting=model.forgetting,
         n_fitted=model.n_healthy,
         noise_sd={prepared.outputs[i]: float(sd) for i, sd in zip(seen.channels, model.unit, strict=True)},
@@ -208,6 +208,12 @@ def _notes(prepared: Prepared, seen: Watched) -> tuple[str, ...]:
             f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see heavy "
             "tails: the threshold assumes white noise; give a longer --train"
         )
+        higher = [prepared.outputs[i] for i, s in zip(seen.channels, threshold.scale, strict=True) if s > 1.0]
+        if higher:
+            notes.append(
+                f"{', '.join(higher)}: held-back healthy data came close to the threshold of white noise or passed it, "
+                "so it is higher there: the model predicts the healthy time badly"
+            )
     elif threshold.tail > threshold.white:
         notes.append(
             f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "

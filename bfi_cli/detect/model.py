@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import LogError
 from ..kernels.lagged import lagged
 from ..kernels.parity import past_basis
-from ..kernels.recursion import Recursion, predictive_score, recursive_residuals
+from ..kernels.recursion import PRIOR, Recursion, predictive_score, recursive_residuals
 from .record import Sampled
 
 __all__ = ["Predicted", "predicted"]
@@ -25,6 +25,7 @@ FORGETTING = (1.0, 0.998, 0.995, 0.99, 0.98)
 INPUT_LAGS = 2
 SPARE = 5
 STILL = 1e-6
+UNSEEN_SD = 0.1
 RELATIVE_FLOOR = 1e-9
 
 
@@ -36,14 +37,15 @@ class Predicted:
     ----------
     samples : (n_rows,) the sample each row predicts; rows of the healthy and of the watched time.
     n_healthy : rows of the healthy time; those from `errors.start` on are predicted, not fitted.
-    lags, forgetting : those chosen.
-    basis : (lags * n_outputs, r) maps the stacked past to the last r regressors.
+    lags, rank, forgetting : those chosen: samples of the past, directions of it, weight of a row to the next.
+    basis : (at least lags * n_outputs, r) maps the stacked past to the last r regressors.
     unit : (n_outputs,) of the outputs' errors.
     """
 
     samples: NDArray[np.intp]
     n_healthy: int
     lags: int
+    rank: int
     forgetting: float
     basis: FloatArray
     unit: FloatArray
@@ -64,6 +66,16 @@ class _Scaled:
     def half(self) -> int:
         """The healthy sample from which on samples are predicted."""
         return self.n_healthy // 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rows:
+    """Regressors [1 | inputs | past's components] and outputs from sample `first` on; the basis of the components."""
+
+    X: FloatArray
+    Y: FloatArray
+    basis: FloatArray
+    first: int
 
 
 def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted:
@@ -90,16 +102,48 @@ def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted
         )
     lags, rank = max(pasts, key=lambda past: _score(data, past, 1.0))
     forgetting = max(FORGETTING, key=lambda weight: _score(data, (lags, rank), weight))
-    X, Y, basis, first = _rows(data, lags, rank)
-    kept = data.kept[first:]
+    chosen = _rows(data, lags, rank)
+    rows = _with_unseen(data, chosen)
+    unknown, uncertain = chosen.X.shape[1], rows.X.shape[1] - chosen.X.shape[1]
+    kept = data.kept[rows.first :]
     return Predicted(
-        samples=first + np.flatnonzero(kept),
-        n_healthy=data.n_healthy - first,
+        samples=rows.first + np.flatnonzero(kept),
+        n_healthy=data.n_healthy - rows.first,
         lags=lags,
+        rank=rank,
         forgetting=forgetting,
-        basis=basis,
+        basis=rows.basis,
         unit=data.unit,
-        errors=recursive_residuals(X[kept], Y[kept], start=data.half - first, forgetting=forgetting),
+        errors=recursive_residuals(
+            rows.X[kept],
+            rows.Y[kept],
+            start=data.half - rows.first,
+            forgetting=forgetting,
+            prior=np.repeat([PRIOR, 1.0 / UNSEEN_SD], [unknown, uncertain]),
+        ),
+    )
+
+
+def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
+    """Return the rows with one more regressor per direction in which a long healthy past did not stand out of noise.
+
+    On what the outputs owe to such a direction the healthy time says nothing; noise in the regressors even says that it
+    is nothing. With a coefficient known to UNSEEN_SD only, a prediction is the less certain the further the past moves
+    there, and the coefficient is learnt then.
+    """
+    q = data.y.shape[1]
+    own = len(chosen.basis) // q
+    longest = max(own, LONG_PASTS[0])
+    if data.half - longest - chosen.X.shape[1] - q < SPARE:
+        longest = own
+    seen = past_basis(data.y[: data.n_healthy], lags=longest, edge=EDGE)[0]
+    unseen = np.linalg.qr(seen, mode="complete")[0][:, seen.shape[1] :]
+    first = max(chosen.first, longest)
+    past = lagged(data.y, range(1, longest + 1), first=first) @ unseen
+    basis = np.pad(chosen.basis, ((0, (longest - own) * q), (0, 0)))
+    later = first - chosen.first
+    return _Rows(
+        X=np.hstack([chosen.X[later:], past]), Y=chosen.Y[later:], basis=np.hstack([basis, unseen]), first=first
     )
 
 
@@ -139,16 +183,17 @@ def _n_regressors(data: _Scaled, rank: int) -> int:
 
 
 def _score(data: _Scaled, past: tuple[int, int], forgetting: float) -> float:
-    X, Y, _, first = _rows(data, *past)
-    rows = slice(data.n_healthy - first)
-    return predictive_score(recursive_residuals(X[rows], Y[rows], start=data.half - first, forgetting=forgetting))
+    rows = _rows(data, *past)
+    healthy = slice(data.n_healthy - rows.first)
+    start = data.half - rows.first
+    return predictive_score(recursive_residuals(rows.X[healthy], rows.Y[healthy], start=start, forgetting=forgetting))
 
 
-def _rows(data: _Scaled, lags: int, rank: int) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """Return regressors [1 | inputs | past's components] and outputs from a first sample on, basis, that sample."""
+def _rows(data: _Scaled, lags: int, rank: int) -> _Rows:
     first = max(lags, INPUT_LAGS)
     basis, spread = past_basis(data.y[: data.n_healthy], lags=lags, rank=rank)
     basis = basis / spread
     past = lagged(data.y, range(1, lags + 1), first=first) @ basis
     inputs = lagged(data.u, range(INPUT_LAGS + 1), first=first) if data.u.shape[1] else np.zeros((len(past), 0))
-    return np.hstack([np.ones((len(past), 1)), inputs, past]), data.y[first:], basis, first
+    X = np.hstack([np.ones((len(past), 1)), inputs, past])
+    return _Rows(X=X, Y=data.y[first:], basis=basis, first=first)

@@ -128,7 +128,8 @@ def _threshold(model: Predicted, drops: Drops, window: int, false_alarm: float) 
     maxima = block_maxima(held / scale, window)
     tail = tail_of(maxima, white=white_excess(WHITE_ONSETS * q * window))
     if tail is None:
-        return Threshold(level=np.full(q, white), white=white, tail=None, scale=np.ones(q), maxima=maxima)
+        reached = np.maximum(ALLOWANCE * held.max(axis=0, initial=0.0) / white, 1.0)
+        return Threshold(level=white * reached, white=white, tail=None, scale=reached, maxima=maxima)
     level = tail.level(max(n_watched / window, 1.0), false_alarm)
     return Threshold(level=scale * max(level, white), white=white, tail=level, scale=scale, maxima=maxima)
 

@@ -133,7 +133,7 @@ def climb(
     for pair in begin:
         reached = -np.inf
         for _ in range(rounds):
-            _, pair = sweep("ends", pair[0])
+            _, pair = sweep("ends", min(pair[0], limits.last - limits.shortest))
             statistic, pair = sweep("starts", pair[1])
             if statistic <= reached:
                 break

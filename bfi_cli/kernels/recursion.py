@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-__all__ = ["Recursion", "predictive_score", "recursive_residuals", "running_covariances"]
+__all__ = ["PRIOR", "Recursion", "predictive_score", "recursive_residuals", "running_covariances"]
 
 FloatArray = NDArray[np.float64]
 
 PANEL = 16
 PRIOR = 1e-3
+KNOWN = 1.0
 FEWEST_RECENT = 20
 SMALLEST_SD = 1e-3
 
@@ -34,7 +35,7 @@ class Recursion:
     leverage : (n_rows - start,) uncertainty of the prediction relative to the noise.
     coefficients : (n_rows - start, n_regressors, n_outputs) each row was predicted with.
     scatter : (n_outputs, n_outputs) sum of squares of the residuals of the fitted rows.
-    freedom : their degrees of freedom.
+    freedom : their degrees of freedom, less one for each coefficient known a priori no better than to the noise.
     """
 
     start: int
@@ -46,7 +47,7 @@ class Recursion:
 
 
 def recursive_residuals(
-    X: FloatArray, Y: FloatArray, *, start: int, forgetting: float = 1.0, prior: float = PRIOR
+    X: FloatArray, Y: FloatArray, *, start: int, forgetting: float = 1.0, prior: float | FloatArray = PRIOR
 ) -> Recursion:
     """Predict every row from the rows before it, by updates of one triangular factor.
 
@@ -55,8 +56,8 @@ def recursive_residuals(
     X : (n_rows, n_regressors), Y : (n_rows, n_outputs).
     start : rows fitted before the first prediction.
     forgetting : weight of a row relative to the next.
-    prior : the coefficients are known a priori to be about noise / prior, so that a regressor that has not moved yet
-        makes the prediction uncertain, not the equations singular.
+    prior : (n_regressors,) or one for all; the coefficients are known a priori to be about noise / prior, so that a
+        regressor that has not moved yet makes the prediction uncertain, not the equations singular.
 
     Raises
     ------
@@ -64,12 +65,16 @@ def recursive_residuals(
     """
     X, Y = np.asarray(X, dtype=np.float64), np.asarray(Y, dtype=np.float64)
     (n, p), q = X.shape, Y.shape[1]
-    if len(Y) != n or not p < start < n:
-        raise ValueError(f"start must lie between {p} regressors and {n} rows of X and {len(Y)} of Y, got {start}")
+    prior = np.broadcast_to(np.asarray(prior, dtype=np.float64), (p,))
+    unknown = int(np.count_nonzero(prior < KNOWN))
+    if len(Y) != n or not unknown < start < n:
+        raise ValueError(
+            f"start must lie between {unknown} regressors and {n} rows of X and {len(Y)} of Y, got {start}"
+        )
     if not 0.0 < forgetting <= 1.0:
         raise ValueError(f"forgetting must lie in (0, 1], got {forgetting:g}")
     rows = np.hstack([X, Y])
-    first = np.vstack([np.eye(p, p + q) * prior, rows[:start]])
+    first = np.vstack([np.eye(p, p + q) * prior[:, None], rows[:start]])
     T = np.asfortranarray(np.linalg.qr(first, mode="r"))
     residual, leverage, coefficients = np.empty((n - start, q)), np.empty(n - start), np.empty((n - start, p, q))
     scatter = T[p:, p:].T @ T[p:, p:]
@@ -87,7 +92,7 @@ def recursive_residuals(
         leverage=leverage,
         coefficients=coefficients,
         scatter=scatter,
-        freedom=start - p,
+        freedom=start - unknown,
     )
 
 

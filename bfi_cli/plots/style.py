@@ -142,7 +142,8 @@ def settled(figure: Figure) -> Figure:
     engine.execute(figure)
     figure.set_layout_engine("none")
     for axes in figure.axes:
-        axes.set_position([round(float(number), 6) for number in axes.get_position(original=True).bounds])
+        left, bottom, width, height = (round(float(x), 6) for x in axes.get_position(original=True).bounds)
+        axes.set_position((left, bottom, width, height))
     return figure
 
 

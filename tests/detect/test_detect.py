@@ -59,6 +59,18 @@ def test_with_noise_and_without_a_failure_nothing_is_declared(flown: Callable[..
     assert result.ready_s == pytest.approx(8.0)
 
 
+@pytest.mark.parametrize("noise", [1e-4, 3e-4, 1e-3, 3e-3])
+def test_motion_that_the_healthy_time_did_not_hold_is_no_failure(flown: Callable[..., FlightLog], noise: float):
+    """The phugoid after the manoeuvre moves where the healthy time's own motion drowned in its noise."""
+    healthy = detect_faults(flown(seed=5, noise=noise), TRAINED)
+    assert (healthy.method, healthy.alarms) == ("parity", ())
+    step = 20.0 * noise * spread(flown(noise=0.0), "pitch", 1.0)
+    failing = flown(Fault(shape="bias", channel="pitch", magnitude=step, onset_s=12.0), seed=5, noise=noise)
+    first = detect_faults(failing, TRAINED).alarms[0]
+    assert first.channel == "pitch"
+    assert 12.0 <= first.time_s <= 13.0
+
+
 def test_units_change_nothing_but_the_size(flown: Callable[..., FlightLog]):
     log = flown(Fault(shape="bias", channel="aoa", magnitude=0.01, onset_s=12.0), seed=1)
     aoa = log.channel("aoa")

@@ -7,7 +7,7 @@ import pytest
 from plain_onset import plain_rss, random_record, record, signal, waveforms
 
 from bfi_cli.kernels import onset_shapes
-from bfi_cli.kernels.onset_ends import pair_limits, scan_ends
+from bfi_cli.kernels.onset_ends import climb, pair_limits, scan_ends
 from bfi_cli.kernels.onset_frequency import scan_frequency, scan_frequency_ends
 from bfi_cli.kernels.onset_pairs import scan_pairs, screen_pairs, tabulate_ends
 from bfi_cli.kernels.onset_scan import scan_shape
@@ -96,6 +96,15 @@ def test_the_best_pair_is_found_in_94_of_100_random_cases(capsys):
     with capsys.disabled():
         print(f"\nbest of all pairs missed in {count} of 200 random cases")
     assert count <= 12
+
+
+def test_a_climb_from_a_start_with_no_room_behind_it_begins_at_the_last_that_has():
+    scan = prepare_scan(*record(120), order=4)
+    tables = tabulate_ends(scan, onset_shapes.bias(scan.n_samples))
+    limits = pair_limits(scan, onset_shapes.bias(scan.n_samples))
+    latest = limits.last - limits.shortest
+    reached = [climb(scan, tables, limits=limits, begin=[(start, limits.last)]) for start in (latest, latest + 3)]
+    assert reached[0] == reached[1]
 
 
 def test_a_fault_that_does_not_fit_is_refused():

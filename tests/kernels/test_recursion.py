@@ -17,15 +17,15 @@ def regression(n: int = 200, *, p: int = 4, q: int = 2, noise: float = 1.0, seed
     return X, X @ theta + noise * rng.standard_normal((n, q)), theta
 
 
+@pytest.mark.parametrize("prior", [0.1, np.array([0.1, 0.2, 3.0, 20.0])], ids=["one", "each"])
 @pytest.mark.parametrize("forgetting", [1.0, 0.98])
-def test_every_row_is_predicted_as_least_squares_over_the_rows_before_it_would(forgetting):
+def test_every_row_is_predicted_as_least_squares_over_the_rows_before_it_would(forgetting, prior):
     X, Y, _ = regression(60)
-    prior = 0.1
     found = recursive_residuals(X, Y, start=START, forgetting=forgetting, prior=prior)
     for i in range(START, 60):
         weight = np.sqrt(forgetting ** np.r_[np.full(START, i - START + 1.0), np.arange(i - START, 0, -1)])
         before = forgetting ** (0.5 * (i - START + 1))
-        rows = np.vstack([before * prior * np.eye(4), weight[:, None] * X[:i]])
+        rows = np.vstack([before * np.diag(np.full(4, prior)), weight[:, None] * X[:i]])
         theta = np.linalg.lstsq(rows, np.vstack([np.zeros((4, 2)), weight[:, None] * Y[:i]]), rcond=None)[0]
         leverage = X[i] @ np.linalg.solve(rows.T @ rows, X[i])
         np.testing.assert_allclose(found.coefficients[i - START], theta, atol=1e-10)
@@ -58,6 +58,21 @@ def test_residuals_are_white_and_of_the_noise_s_covariance_from_the_first_row_on
     w = np.array(first)
     bound = 4.0 / np.sqrt(400)
     assert np.abs(w.T @ w / 400 - np.eye(5)).max() < np.sqrt(2.0) * bound
+
+
+def test_they_are_white_where_coefficients_are_as_uncertain_as_was_said_however_many_they_are():
+    """More coefficients than rows, drawn from their prior: 400 records, bounds of four standard deviations."""
+    rng = np.random.default_rng(3)
+    p, rows, prior = 12, 10, 2.0
+    first = []
+    for _ in range(400):
+        X, theta = rng.standard_normal((rows, p)), rng.standard_normal((p, 1)) / prior
+        found = recursive_residuals(X, X @ theta + rng.standard_normal((rows, 1)), start=4, prior=prior)
+        first.append(np.append(found.residual[:, 0], found.scatter[0, 0] / found.freedom))
+    w = np.array(first)
+    assert found.freedom == 4
+    assert np.abs(w[:, :-1].T @ w[:, :-1] / 400 - np.eye(6)).max() < 4.0 * np.sqrt(2.0 / 400)
+    assert np.mean(w[:, -1]) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 4.0 / 400))
 
 
 def test_a_regressor_that_has_not_moved_makes_the_prediction_uncertain_and_not_singular():

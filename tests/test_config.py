@@ -31,6 +31,10 @@ selection: {criterion: ebic, evidence: 4.6, max_active: null, threshold: null}
 dictionary: null
 start_time: {shapes: [bias, drift, sine], samples: null, false_alarm: 0.01, calibration: null, ends: false,
   frequency_hz: null}
+detect: {train: null, false_alarm: 0.01, method: auto, turns: true}
+diagnosability: {magnitude: 1.0, magnitudes: {}, at_limit: false, model: null,
+  manoeuvres: ["3211", doublet, multisine], noise: {}, amplitude_rad: 0.035, start_s: 0.2, step_s: 1.0,
+  duration_s: 31.72, turbulence_m_s: 0.0, draws: 5}
 seed: 0
 strict: false
 fail_on: null
@@ -91,7 +95,8 @@ def test_the_shipped_schema_is_the_one_of_the_models():
 
 def test_every_key_has_help_in_the_schema_or_says_its_choices():
     schema = json_schema()
-    parts = [schema, *(schema["$defs"][name] for name in ("Window", "Conditioning", "Model", "Selection", "StartTime"))]
+    sections = ("Window", "Conditioning", "Model", "Selection", "StartTime", "Detect", "Diagnosability")
+    parts = [schema, *(schema["$defs"][name] for name in sections)]
     bare = [
         key for part in parts for key, entry in part["properties"].items() if not entry.keys() & {"description", "$ref"}
     ]

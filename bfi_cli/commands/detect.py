@@ -9,70 +9,82 @@ import click
 
 from ..errors import ConfigError
 from .answered import give
-from .options import channel_options, json_option, log_argument, number_or_word, window_options
+from .options import channel_options, configured, json_option, log_argument, number_or_word, window_options
 from .progress import progress
 
 if TYPE_CHECKING:
-    from ..detect import DetectSettings
+    from ..config import Config
+    from ..detect import DetectResult
 
 __all__ = ["command"]
 
+NO_ANSWER = 4
 FAULT_DECLARED = 10
-METHODS = ("auto", "exact", "parity")
 
 
 @click.command("detect")
 @log_argument
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
 @click.option("--train", metavar="A:B", help="Time known to be healthy.  [default: the first third of the window]")
 @click.option("--input", "inputs", multiple=True, metavar="NAME", help="Repeatable.  [default: those of the log]")
 @click.option("--output", "outputs", multiple=True, metavar="NAME", help="Watched; repeatable.  [default: of the log]")
-@click.option("--false-alarm", type=float, default=0.01, show_default=True, metavar="P", help="Accepted, per record.")
-@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True, help="exact: no noise at all.")
-@click.option("--turns/--no-turns", default=True, show_default=True, help="Explain turns by roll and yaw_rate.")
+@click.option("--false-alarm", type=float, metavar="P", help="Accepted, per record.  [default: 0.01]")
+@click.option("--method", metavar="auto|exact|parity", help="exact: no noise at all.  [default: auto]")
+@click.option("--turns/--no-turns", default=None, help="Explain turns by roll and yaw_rate.  [default: turns]")
 @window_options
 @channel_options
-@click.option("--rate", metavar="HZ|none|auto", default="auto", show_default=True, help="Rate of the analysis.")
+@click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
-@click.option("--fail-on", type=click.Choice(["fault"]), help="Exit 10 where a channel fails.")
+@click.option("--strict", is_flag=True, default=None, help="Exit 4 where the threshold cannot be trusted.")
+@click.option("--fail-on", metavar="fault", help="Exit 10 where a channel fails.")
 @click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
 @json_option
 @click.pass_context
-def command(context: click.Context, /, log: str, **options: Any) -> None:
+def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say which channel of LOG fails, and when: null-space detection, without a model and without a dictionary.
 
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
-    from ..detect import detect_document, detect_exhibit, detect_faults
+    from ..detect import detect_document, detect_exhibit, detect_faults, settings_of
     from ..flightlog import read_log
     from ..provenance import provenance
 
-    settings = _settings(options)
-    flight = read_log(log, group=options["group"], channel_map=options["channel_map"], unit_map=options["unit_map"])
+    config = _config(config_path, options)
+    settings = settings_of(config)
+    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, settings, report=report)
-    origin = provenance(log_sha256=flight.sha256)
+    origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
     give(detect_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"])
-    context.exit(FAULT_DECLARED if options["fail_on"] and result.decision == "fault" else 0)
+    context.exit(_exit_code(result, config))
 
 
-def _settings(options: dict[str, Any]) -> DetectSettings:
-    from ..detect import DetectSettings
-
-    rate = number_or_word(options["rate"])
-    if isinstance(rate, str) and rate not in ("none", "auto"):
-        raise ConfigError(f"--rate: not a number or one of the choices, got '{rate}'; give one in Hz, none or auto")
-    return DetectSettings(
-        inputs=options["inputs"],
-        outputs=options["outputs"],
-        from_s=options["from_s"],
-        to_s=options["to_s"],
-        train=_train(options["train"]),
-        false_alarm=options["false_alarm"],
-        rate_hz=rate if isinstance(rate, str) else float(rate),  # type: ignore[arg-type]
-        method=options["method"],
-        turns=options["turns"],
+def _config(path: str | None, options: dict[str, Any]) -> Config:
+    return configured(
+        path,
+        {
+            "inputs": options["inputs"] or None,
+            "outputs": options["outputs"] or None,
+            "channels": options["channel_map"],
+            "units": options["unit_map"],
+            "window.from_s": options["from_s"],
+            "window.to_s": options["to_s"],
+            "conditioning.rate_hz": number_or_word(options["rate"]),
+            "detect.train": _train(options["train"]),
+            "detect.false_alarm": options["false_alarm"],
+            "detect.method": options["method"],
+            "detect.turns": options["turns"],
+            "strict": options["strict"],
+            "fail_on": options["fail_on"],
+        },
     )
+
+
+def _exit_code(result: DetectResult, config: Config) -> int:
+    if config.strict and not result.is_calibrated:
+        return NO_ANSWER
+    return FAULT_DECLARED if config.fail_on == "fault" and result.decision == "fault" else 0
 
 
 def _train(text: str | None) -> tuple[float, float] | None:

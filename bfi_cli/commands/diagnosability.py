@@ -15,7 +15,7 @@ from .progress import progress
 
 if TYPE_CHECKING:
     from ..config import Config
-    from ..diagnosability import DiagnosabilityResult, Sizes
+    from ..diagnosability import DiagnosabilityResult
     from ..dictionary import Dictionary
 
 __all__ = ["command"]
@@ -43,7 +43,9 @@ FLIGHT = {
     metavar="Z|NAME=Z",
     help="Root mean square of all magnitudes, or of one fault's; repeatable.  [default: 1]",
 )
-@click.option("--at-limit", is_flag=True, help="Magnitudes count in minimal detectable ones: 1 is at the limit.")
+@click.option(
+    "--at-limit", is_flag=True, default=None, help="Magnitudes count in minimal detectable ones: 1 is at the limit."
+)
 @click.option("--model", metavar="NAME", help="Fly this model of bfi simulate in place of a LOG.")
 @click.option(
     "--manoeuvre",
@@ -79,8 +81,8 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     from ..diagnosability import diagnosability_document, diagnosability_exhibit
     from ..provenance import provenance
 
-    _check(log, options)
     config = _config(config_path, options)
+    _check(log, config, options)
     dictionary = config.load_dictionary()
     if dictionary is None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
@@ -92,11 +94,12 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     give(diagnosability_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"])
 
 
-def _check(log: str | None, options: Mapping[str, Any]) -> None:
-    if (log is None) == (options["model"] is None):
-        given = "nothing" if log is None else "both"
-        raise click.UsageError(f"needs a LOG or a --model, got {given}; give one of the two")
+def _check(log: str | None, config: Config, options: Mapping[str, Any]) -> None:
+    if log is None and config.diagnosability.model is None:
+        raise click.UsageError("needs a LOG or a --model, got nothing; give one of the two")
     if log is not None:
+        if options["model"] is not None:
+            raise click.UsageError("needs a LOG or a --model, got both; give one of the two")
         for key, option in FLIGHT.items():
             if options[key] not in (None, ()):
                 raise click.UsageError(f"{option} is about the flight of a model; give --model in place of the log")
@@ -107,45 +110,37 @@ def _assessed(
 ) -> tuple[DiagnosabilityResult, str]:
     from threadpoolctl import threadpool_limits
 
-    from ..diagnosability import Flights, assess, assess_manoeuvres
+    from ..diagnosability import assess, assess_manoeuvres, flights_of, sizes_of
     from ..flightlog import read_log
 
-    sizes = _sizes(options)
+    sizes = sizes_of(config)
     if log is not None:
         flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
         with threadpool_limits(1):
             return assess(flight, dictionary, config, sizes=sizes), flight.sha256
-    given = {key: options[key] for key in FLIGHT if key != "noise" and options[key] not in (None, ())}
-    noise = dict(_by_name("--noise tas=0.01", options["noise"]))
-    flights = Flights(model=options["model"], noise_sd=noise, seed=config.seed, **given)
     with threadpool_limits(1), progress("records", wanted=options["progress"]) as report:
-        return assess_manoeuvres(flights, dictionary, config, sizes=sizes, report=report), ""
+        return assess_manoeuvres(flights_of(config), dictionary, config, sizes=sizes, report=report), ""
 
 
-def _sizes(options: Mapping[str, Any]) -> Sizes:
-    from ..diagnosability import Sizes
-
-    named = dict(_by_name("--magnitude 0.5 or --magnitude NAME=0.5", options["magnitudes"], bare=True))
-    common = named.pop("", 1.0)
-    return Sizes(common=common, named=named, in_limits=options["at_limit"])
-
-
-def _by_name(example: str, texts: tuple[str, ...], *, bare: bool = False) -> list[tuple[str, float]]:
-    """Return (name, number) of texts NAME=NUMBER; the name of a number alone is "", where that is allowed."""
+def _by_name(example: str, texts: tuple[str, ...], *, bare: bool = False) -> dict[str, float]:
+    """Return number by name of texts NAME=NUMBER; the name of a number alone is "", where that is allowed."""
     option = example.partition(" ")[0]
-    pairs: list[tuple[str, float]] = []
+    found: dict[str, float] = {}
     for text in texts:
         name, _, size = ("", "", text) if bare and "=" not in text else text.rpartition("=")
         value = number_or_word(size.strip())
         if not isinstance(value, int | float) or not (name.strip() or (bare and "=" not in text)):
             raise ConfigError(f"{option}: not a size, got '{text}'; write {example}")
-        if name.strip() in dict(pairs):
+        if name.strip() in found:
             raise ConfigError(f"{option}: '{name.strip() or 'all'}' is given twice, got {' '.join(texts)}; keep one")
-        pairs.append((name.strip(), float(value)))
-    return pairs
+        found[name.strip()] = float(value)
+    return found
 
 
 def _config(path: str | None, options: Mapping[str, Any]) -> Config:
+    sizes = _by_name("--magnitude 0.5 or --magnitude NAME=0.5", options["magnitudes"], bare=True)
+    noise = _by_name("--noise tas=0.01", options["noise"])
+    flown = {f"diagnosability.{key}": options[key] for key in ("model", *FLIGHT) if options[key] not in (None, ())}
     return configured(
         path,
         {
@@ -159,6 +154,11 @@ def _config(path: str | None, options: Mapping[str, Any]) -> Config:
             "model.order": number_or_word(options["order"]),
             "model.feedthrough": options["feedthrough"],
             "dictionary": options["dictionary"],
+            "diagnosability.magnitude": sizes.pop("", None),
+            "diagnosability.magnitudes": sizes or None,
+            "diagnosability.at_limit": options["at_limit"],
+            **flown,
+            "diagnosability.noise": noise or None,
             "seed": options["seed"],
         },
     )

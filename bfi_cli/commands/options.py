@@ -41,6 +41,23 @@ PLACES = {
     "start_time.ends": "--ends",
     "start_time.frequency_hz": "--frequency",
     "start_time": "--shape",
+    "detect.train": "--train",
+    "detect.false_alarm": "--false-alarm",
+    "detect.method": "--method",
+    "detect.turns": "--turns",
+    "detect": "--train",
+    "diagnosability.magnitude": "--magnitude",
+    "diagnosability.magnitudes": "--magnitude",
+    "diagnosability.at_limit": "--at-limit",
+    "diagnosability.model": "--model",
+    "diagnosability.manoeuvres": "--manoeuvre",
+    "diagnosability.noise": "--noise",
+    "diagnosability.amplitude_rad": "--amplitude",
+    "diagnosability.start_s": "--start",
+    "diagnosability.step_s": "--step",
+    "diagnosability.duration_s": "--duration",
+    "diagnosability.turbulence_m_s": "--turbulence",
+    "diagnosability.draws": "--draws",
 }
 MAPS = ("channels", "units")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from .answer import detect_faults
 from .document import detect_document, detect_exhibit
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
-from .settings import DetectSettings
+from .settings import DetectSettings, settings_of
 
 __all__ = [
     "Alarm",
@@ -20,4 +20,5 @@ __all__ = [
     "detect_document",
     "detect_exhibit",
     "detect_faults",
+    "settings_of",
 ]

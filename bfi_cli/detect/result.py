@@ -103,6 +103,8 @@ class DetectResult:
     ----------
     method : "exact", the right null space of the paper, or "parity", its form for noisy records.
     inputs, outputs : those used.
+    is_calibrated : the threshold is known to hold: noise-free data are explained to round-off, or the healthy time was
+        long enough to see how heavy the tails of its errors are.
     ready_s : when the detector began to watch.
     train : healthy time, None where none was needed.
     time_s : (n_samples,) of the series.
@@ -116,6 +118,7 @@ class DetectResult:
     outputs: tuple[str, ...]
     false_alarm: float
     alarms: tuple[Alarm, ...]
+    is_calibrated: bool
     ready_s: float | None
     train: tuple[float, float] | None
     calibration: Calibration | None

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ..config import Config
 from ..errors import ConfigError
 
-__all__ = ["DetectSettings", "Method"]
+__all__ = ["DetectSettings", "Method", "settings_of"]
 
 Method = Literal["auto", "exact", "parity"]
 
@@ -53,3 +54,24 @@ class DetectSettings:
         both = sorted(set(self.inputs) & set(self.outputs))
         if both:
             raise ConfigError(f"--output: '{both[0]}' is both an input and an output; keep one")
+
+
+def settings_of(config: Config) -> DetectSettings:
+    """Return the settings a configuration states; inputs and outputs it leaves to their defaults are those of the log.
+
+    Raises
+    ------
+    ConfigError : see `DetectSettings`.
+    """
+    given = config.model_fields_set
+    return DetectSettings(
+        inputs=config.inputs if "inputs" in given else (),
+        outputs=config.outputs if "outputs" in given else (),
+        from_s=config.window.from_s,
+        to_s=config.window.to_s,
+        train=config.detect.train,
+        false_alarm=config.detect.false_alarm,
+        rate_hz=config.conditioning.rate_hz,
+        method=config.detect.method,
+        turns=config.detect.turns,
+    )

@@ -7,9 +7,9 @@
 from .assessing import assess
 from .document import diagnosability_document
 from .exhibit import diagnosability_exhibit
-from .manoeuvres import Flights, assess_manoeuvres
+from .manoeuvres import Flights, assess_manoeuvres, flights_of
 from .result import DiagnosabilityResult
-from .sizes import Sizes
+from .sizes import Sizes, sizes_of
 
 __all__ = [
     "DiagnosabilityResult",
@@ -19,4 +19,6 @@ __all__ = [
     "assess_manoeuvres",
     "diagnosability_document",
     "diagnosability_exhibit",
+    "flights_of",
+    "sizes_of",
 ]

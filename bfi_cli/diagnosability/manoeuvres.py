@@ -19,7 +19,7 @@ from .measured import Measured, measure
 from .result import DiagnosabilityResult, ManoeuvreScore
 from .sizes import UNIT, Sizes
 
-__all__ = ["Flights", "assess_manoeuvres"]
+__all__ = ["Flights", "assess_manoeuvres", "flights_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -81,6 +81,30 @@ class Flights:
 
 def _silent(_done: int, _total: int) -> None:
     pass
+
+
+def flights_of(config: Config) -> Flights:
+    """Return the flights a configuration states.
+
+    Raises
+    ------
+    ConfigError : it names no model, or see `Flights`.
+    """
+    stated = config.diagnosability
+    if stated.model is None:
+        raise ConfigError("diagnosability.model: names no model; give one, such as citation")
+    return Flights(
+        model=stated.model,
+        manoeuvres=stated.manoeuvres,
+        noise_sd=stated.noise,
+        amplitude_rad=stated.amplitude_rad,
+        start_s=stated.start_s,
+        step_s=stated.step_s,
+        duration_s=stated.duration_s,
+        turbulence_m_s=stated.turbulence_m_s,
+        draws=stated.draws,
+        seed=config.seed,
+    )
 
 
 def assess_manoeuvres(

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..config import Config
 from ..errors import ConfigError
 from ..faults import did_you_mean
 
-__all__ = ["UNIT", "Sizes"]
+__all__ = ["UNIT", "Sizes", "sizes_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -61,3 +62,9 @@ class Sizes:
 
 
 UNIT = Sizes()
+
+
+def sizes_of(config: Config) -> Sizes:
+    """Return the magnitudes a configuration states."""
+    stated = config.diagnosability
+    return Sizes(common=stated.magnitude, named=stated.magnitudes, in_limits=stated.at_limit)

@@ -41,6 +41,33 @@ def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
 
 
+def test_every_key_of_the_configuration_acts_and_the_command_line_wins(bfi, failing: Path, tmp_path: Path):
+    file = tmp_path / "c.yaml"
+    file.write_text(
+        "inputs: [elevator_inner_left]\noutputs: [aoa, pitch]\nwindow: {from_s: 1, to_s: 18}\n"
+        "conditioning: {rate_hz: 10}\ndetect: {train: [1, 9], false_alarm: 0.05, method: parity, turns: false}\n"
+    )
+    document = json.loads(bfi("detect", failing, "-c", file).stdout)
+    options = ("--input", "elevator_inner_left", "--output", "aoa", "--output", "pitch", "--from", 1, "--to", 18)
+    more = ("--rate", 10, "--train", "1:9", "--false-alarm", 0.05, "--method", "parity", "--no-turns")
+    other = json.loads(bfi("detect", failing, *options, *more).stdout)
+    for one in (document, other):
+        del one["provenance"]
+    assert document == other
+    assert (document["train"], document["false_alarm"], document["log"]["rate_hz"]) == ([1.0, 9.0], 0.05, 10.0)
+    won = json.loads(bfi("detect", failing, "-c", file, "--train", "2:8", "--output", "aoa").stdout)
+    assert (won["train"], won["outputs"], won["inputs"]) == ([2.0, 8.0], ["aoa"], ["elevator_inner_left"])
+
+
+def test_strict_asks_for_a_threshold_that_is_known_to_hold(bfi, failing: Path, tmp_path: Path):
+    short = bfi("detect", failing, "--train", "0:8", "--strict", "--fail-on", "fault")
+    assert (short.code, json.loads(short.stdout)["is_calibrated"]) == (4, False)
+    exact = bfi("simulate", "b747", "-o", tmp_path / "clean.h5", "--duration", 20)
+    assert exact.code == 0
+    clean = bfi("detect", tmp_path / "clean.h5", "--strict")
+    assert (clean.code, json.loads(clean.stdout)["is_calibrated"]) == (0, True)
+
+
 def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
     document = json.loads(bfi("detect", failing, "--train", "0:8").stdout)
     words = document["commands"][0].split()
@@ -55,11 +82,12 @@ def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
     [
         (("--train", "8"), 2, "--train: not a stretch of time, got 8; write --train 1160:1500, in s"),
         (("--train", "0:99"), 2, "--train: 0:99 is not inside the window"),
+        (("--train", "8:2"), 2, "--train: must end after it starts, got 8 to 2 s"),
         (("--rate", "banana"), 2, "--rate: not a number or one of the choices, got 'banana'"),
         (("--output", "cas"), 3, "no channel 'cas'"),
         (("--method", "hankel"), 2, "--method: not one of the choices, got 'hankel'"),
-        (("--false-alarm", "0"), 2, "--false-alarm: must lie between 0 and 1"),
-        (("--output", "aoa", "--input", "aoa"), 2, "--output: 'aoa' is both an input and an output"),
+        (("--false-alarm", "0"), 2, "--false-alarm: must be greater than 0, got 0.0"),
+        (("--output", "aoa", "--input", "aoa"), 2, "command line: 'aoa' is both an input and an output"),
     ],
 )
 def test_complaints_are_one_line(bfi, failing: Path, options: tuple[str, ...], code: int, complaint: str):

@@ -52,6 +52,23 @@ def test_the_configuration_names_dictionary_and_window(bfi, tmp_path: Path):
     assert 2.0 <= document["log"]["start_s"] < document["log"]["stop_s"] < 25.0
 
 
+def test_every_key_of_the_configuration_acts(bfi, tmp_path):
+    file = tmp_path / "c.yaml"
+    file.write_text(
+        f"dictionary: {THESIS}\nseed: 3\n"
+        "diagnosability: {model: citation, manoeuvres: [doublet], noise: {tas: 0.01}, "
+        "magnitude: 0.5, magnitudes: {bias_6.35: 2}, at_limit: true, amplitude_rad: 0.02, start_s: 1.0, step_s: 0.8, "
+        "duration_s: 25, turbulence_m_s: 0.1, draws: 1}\n"
+    )
+    flight = ("--amplitude", 0.02, "--start", 1, "--step", 0.8, "--duration", 25, "--turbulence", 0.1, "--draws", 1)
+    sizes = ("--magnitude", 0.5, "--magnitude", "bias_6.35=2", "--at-limit", "--seed", 3)
+    words = ("-d", THESIS, "--model", "citation", "--manoeuvre", "doublet", "--noise", "tas=0.01", *flight, *sizes)
+    by_file, by_options = (json.loads(bfi("diagnosability", *given).stdout) for given in (("-c", file), words))
+    for one in (by_file, by_options):
+        del one["provenance"]
+    assert by_file == by_options
+
+
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [

@@ -98,7 +98,8 @@ def criteria(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float 
     ValueError : shapes disagree, the record has a single sample or a value is not finite.
     """
     y, u = _checked(y, u, width)
-    rows = np.hstack([y[:-1], u[:-1], u[1:], y[1:]])
+    Z = np.hstack([y[:-1], u[:-1], u[1:]])
+    rows = np.hstack([Z[:, _spanning(Z)], y[1:]])
     peaks = np.maximum.accumulate(np.abs(rows), axis=0)
     scales = np.where(peaks > 0.0, peaks, 1.0)
     n_z = rows.shape[1] - y.shape[1]
@@ -184,6 +185,20 @@ def _distances(rows: FloatArray, n_z: int, tolerance: float) -> tuple[FloatArray
     rank = int(np.count_nonzero(diagonal > tolerance * diagonal[0]))
     turned = lapack.dormqr("L", "T", packed, tau, rows[:, n_z:], 64 * rows.shape[1])[0][rank:]
     return np.sqrt(np.einsum("ij,ij->j", turned, turned)), rank
+
+
+def _spanning(Z: FloatArray) -> NDArray[np.intp]:
+    """Return which columns, one at least, span them all: none that stays zero, none that is a multiple of another.
+
+    Surfaces that move together are logged one by one; their columns change no distance and cost as much as others do.
+    """
+    size = np.abs(Z).max(axis=0)
+    moving = np.flatnonzero(size > 0.0)
+    if not moving.size:
+        return np.zeros(1, dtype=np.intp)
+    scaled = Z[:, moving] / size[moving]
+    signs = np.sign(scaled[np.abs(scaled).argmax(axis=0), np.arange(len(moving))])
+    return np.sort(moving[np.unique(scaled * signs, axis=1, return_index=True)[1]])
 
 
 def _checked(y: FloatArray, u: FloatArray, width: int) -> tuple[FloatArray, FloatArray]:

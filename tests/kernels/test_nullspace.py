@@ -139,6 +139,16 @@ def test_the_criteria_do_not_depend_on_the_units():
     np.testing.assert_array_equal(scaled.rank, found.rank)
 
 
+def test_surfaces_that_move_together_or_not_at_all_change_nothing():
+    y, u = flown(60)
+    y = np.where(np.arange(60)[:, None] < 40, y, 0.9 * y)
+    more = np.column_stack([u, -3.0 * u[:, 0], np.zeros(60), u[:, 0]])
+    plain, other = criteria(y, u), criteria(y, more)
+    assert np.nanmax(plain.channel[:40]) < ROUND_OFF < 1e-3 < plain.channel[40:].max()
+    np.testing.assert_allclose(other.channel, plain.channel, atol=ROUND_OFF)
+    np.testing.assert_array_equal(other.rank, plain.rank)
+
+
 def test_a_record_at_rest_has_criteria_of_zero():
     found = criteria(np.zeros((30, 2)), np.zeros((30, 1)), width=5)
     assert found.ready == 2

@@ -26,7 +26,9 @@ FAULT_DECLARED = 10
 @log_argument
 @click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
 @click.option("--train", metavar="A:B", help="Time known to be healthy.  [default: the first third of the window]")
-@click.option("--input", "inputs", multiple=True, metavar="NAME", help="Repeatable.  [default: those of the log]")
+@click.option(
+    "--input", "inputs", multiple=True, metavar="NAME", help="Repeatable.  [default: controls and accelerations]"
+)
 @click.option("--output", "outputs", multiple=True, metavar="NAME", help="Watched; repeatable.  [default: of the log]")
 @click.option("--false-alarm", type=float, metavar="P", help="Accepted, per record.  [default: 0.01]")
 @click.option("--method", metavar="auto|exact|parity", help="exact: no noise at all.  [default: auto]")

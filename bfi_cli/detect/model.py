@@ -58,6 +58,7 @@ class _Scaled:
 
     y: FloatArray
     u: FloatArray
+    weak: NDArray[np.bool_]
     kept: NDArray[np.bool_]
     n_healthy: int
     unit: FloatArray
@@ -70,10 +71,14 @@ class _Scaled:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
-    """Regressors [1 | inputs | past's components] and outputs from sample `first` on; the basis of the components."""
+    """Regressors [1 | inputs | past's components] and outputs from sample `first` on; the basis of the components.
+
+    `prior` is one over the standard deviation to which each coefficient is known, see `recursive_residuals`.
+    """
 
     X: FloatArray
     Y: FloatArray
+    prior: FloatArray
     basis: FloatArray
     first: int
 
@@ -104,7 +109,6 @@ def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted
     forgetting = max(FORGETTING, key=lambda weight: _score(data, (lags, rank), weight))
     chosen = _rows(data, lags, rank)
     rows = _with_unseen(data, chosen)
-    unknown, uncertain = chosen.X.shape[1], rows.X.shape[1] - chosen.X.shape[1]
     kept = data.kept[rows.first :]
     return Predicted(
         samples=rows.first + np.flatnonzero(kept),
@@ -119,7 +123,7 @@ def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted
             rows.Y[kept],
             start=data.half - rows.first,
             forgetting=forgetting,
-            prior=np.repeat([PRIOR, 1.0 / UNSEEN_SD], [unknown, uncertain]),
+            prior=rows.prior,
         ),
     )
 
@@ -134,7 +138,7 @@ def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
     q = data.y.shape[1]
     own = len(chosen.basis) // q
     longest = max(own, LONG_PASTS[0])
-    if data.half - longest - chosen.X.shape[1] - q < SPARE:
+    if data.half - longest - int(np.count_nonzero(chosen.prior == PRIOR)) - q < SPARE:
         longest = own
     seen = past_basis(data.y[: data.n_healthy], lags=longest, edge=EDGE)[0]
     unseen = np.linalg.qr(seen, mode="complete")[0][:, seen.shape[1] :]
@@ -143,7 +147,11 @@ def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
     basis = np.pad(chosen.basis, ((0, (longest - own) * q), (0, 0)))
     later = first - chosen.first
     return _Rows(
-        X=np.hstack([chosen.X[later:], past]), Y=chosen.Y[later:], basis=np.hstack([basis, unseen]), first=first
+        X=np.hstack([chosen.X[later:], past]),
+        Y=chosen.Y[later:],
+        prior=np.append(chosen.prior, np.full(unseen.shape[1], 1.0 / UNSEEN_SD)),
+        basis=np.hstack([basis, unseen]),
+        first=first,
     )
 
 
@@ -156,7 +164,7 @@ def _scaled(samples: Sampled, channels: Sequence[int]) -> _Scaled:
     spread = y[:n].std(axis=0)
     spread = np.where(spread > 0.0, spread, np.maximum(np.abs(y).max(axis=0), np.finfo(float).tiny))
     unit = spread * np.maximum(_one_step_sd(y[:n] / spread, u[:n]), RELATIVE_FLOOR)
-    return _Scaled(y=y / unit, u=u, kept=samples.healthy | samples.watched, n_healthy=n, unit=unit)
+    return _Scaled(y=y / unit, u=u, weak=samples.weak, kept=samples.healthy | samples.watched, n_healthy=n, unit=unit)
 
 
 def _one_step_sd(y: FloatArray, u: FloatArray) -> FloatArray:
@@ -179,14 +187,15 @@ def _pasts(data: _Scaled) -> Iterator[tuple[int, int]]:
 
 
 def _n_regressors(data: _Scaled, rank: int) -> int:
-    return 1 + (INPUT_LAGS + 1) * int(data.u.shape[1]) + rank
+    return 1 + (INPUT_LAGS + 1) * int(np.count_nonzero(~data.weak)) + rank
 
 
 def _score(data: _Scaled, past: tuple[int, int], forgetting: float) -> float:
     rows = _rows(data, *past)
     healthy = slice(data.n_healthy - rows.first)
     start = data.half - rows.first
-    return predictive_score(recursive_residuals(rows.X[healthy], rows.Y[healthy], start=start, forgetting=forgetting))
+    X, Y = rows.X[healthy], rows.Y[healthy]
+    return predictive_score(recursive_residuals(X, Y, start=start, forgetting=forgetting, prior=rows.prior))
 
 
 def _rows(data: _Scaled, lags: int, rank: int) -> _Rows:
@@ -196,4 +205,6 @@ def _rows(data: _Scaled, lags: int, rank: int) -> _Rows:
     past = lagged(data.y, range(1, lags + 1), first=first) @ basis
     inputs = lagged(data.u, range(INPUT_LAGS + 1), first=first) if data.u.shape[1] else np.zeros((len(past), 0))
     X = np.hstack([np.ones((len(past), 1)), inputs, past])
-    return _Rows(X=X, Y=data.y[first:], basis=basis, first=first)
+    prior = np.full(X.shape[1], PRIOR)
+    prior[1 : 1 + inputs.shape[1]][np.tile(data.weak, INPUT_LAGS + 1)] = 1.0 / UNSEEN_SD
+    return _Rows(X=X, Y=data.y[first:], prior=prior, basis=basis, first=first)

@@ -14,6 +14,7 @@ from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, decimate, lost_samples
+from .inputs import directions, independent, moments
 from .settings import DetectSettings
 
 __all__ = ["Prepared", "Sampled", "prepare", "sampled"]
@@ -22,12 +23,12 @@ FloatArray = NDArray[np.float64]
 
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
 LATERAL = ("aileron", "rudder")
+FELT = ("longitudinal_acc", "normal_acc")
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
 TURNS = "what turns do to longitudinal motion is explained by more inputs made of roll and yaw_rate (--no-turns: not)"
 STEEPEST = 0.2
 STILL = 1e-9
-DEPENDENT = 1e-6
 SAME = 1e-3
 
 
@@ -64,7 +65,8 @@ class Sampled:
     ----------
     time_s : (n,) of the samples; reach_s : how much later the last sample is that each of them was made of.
     y : (n, n_outputs).
-    u : (n, n_inputs or twice as many) mean of each input since the sample before, and its first moment.
+    u : (n, k) mean and first moment, since the sample before, of each direction the inputs move in.
+    weak : (k,) which of them are hardly more than noise in the healthy time.
     healthy : (n,) samples of the healthy time; watched : (n,) samples that are watched.
     """
 
@@ -73,6 +75,7 @@ class Sampled:
     reach_s: float
     y: FloatArray
     u: FloatArray
+    weak: NDArray[np.bool_]
     healthy: NDArray[np.bool_]
     watched: NDArray[np.bool_]
 
@@ -114,7 +117,7 @@ def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
         units=tuple(part.channel(name).unit for name in outputs),
         choice=_choice(healthy, settings),
         exact=exact,
-        notes=(*_notes(log, settings, train), *((TURNS,) if bank else ())),
+        notes=(*_notes(log, settings, train), *_trusted(settings, inputs), *((TURNS,) if bank else ())),
     )
 
 
@@ -129,18 +132,21 @@ def sampled(prepared: Prepared, factor: int) -> Sampled:
     LogError : the window is shorter than the filter.
     """
     record = prepared.record
+    signals, weak = directions(record.u, record.time_s < prepared.train[1])
     try:
-        y, u = decimate(record.y, factor, WHITE), decimate(_moments(record.u, factor), factor, WHITE)
+        y, u = decimate(record.y, factor, WHITE), decimate(moments(signals, factor), factor, WHITE)
     except ValueError as problem:
         raise LogError(f"{record.path}: {problem}; give a higher --rate or a longer window") from None
     first, last = lost_samples(factor, WHITE) if factor > 1 else (0, 0)
     time_s, reach_s = record.time_s[first::factor][: len(y)], last / record.rate_hz
+    kept = independent(u)
     return Sampled(
         rate_hz=record.rate_hz / factor,
         time_s=time_s,
         reach_s=reach_s,
         y=y,
-        u=_independent(u),
+        u=u[:, kept],
+        weak=np.resize(weak, u.shape[1])[kept],
         healthy=time_s + reach_s < prepared.train[1],
         watched=time_s + reach_s >= prepared.watch_s,
     )
@@ -153,7 +159,9 @@ def _first_third(part: FlightLog) -> tuple[float, float]:
 
 def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...], tuple[str, ...]]:
     inputs = settings.inputs or tuple(
-        name for name in INPUTS if name not in LATERAL and name in part.channels and _moves(part, name)
+        name
+        for name in (*INPUTS, *FELT)
+        if name not in (*LATERAL, *settings.outputs) and name in part.channels and _moves(part, name)
     )
     outputs = settings.outputs or tuple(
         name for name in OUTPUTS if name in part.channels and name not in inputs and _moves(part, name)
@@ -239,6 +247,15 @@ def _cut(record: Record, keep: NDArray[np.bool_]) -> Record:
     )
 
 
+def _trusted(settings: DetectSettings, inputs: Sequence[str]) -> tuple[str, ...]:
+    felt = [name for name in FELT if name in inputs and not settings.inputs]
+    if not felt:
+        return ()
+    return (
+        f"{' and '.join(felt)} count as inputs, for they feel gusts and thrust: they are taken to be right (--input)",
+    )
+
+
 def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float]) -> tuple[str, ...]:
     notes = []
     if settings.train is None:
@@ -249,25 +266,3 @@ def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float])
     elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
         notes.append(f"what is before the healthy time, before {train[0]:g} s, is not looked at")
     return tuple(notes)
-
-
-def _moments(u: FloatArray, factor: int) -> FloatArray:
-    """Return mean and first moment of each input over the last `factor` samples, at every sample."""
-    if factor == 1 or not u.shape[1]:
-        return u
-    held = np.vstack([np.repeat(u[:1], factor - 1, axis=0), u])
-    windows = np.lib.stride_tricks.sliding_window_view(held, factor, axis=0)
-    arms = (np.arange(factor) - 0.5 * (factor - 1)) / factor
-    return np.hstack([windows.mean(axis=2), windows @ arms / factor])
-
-
-def _independent(u: FloatArray) -> FloatArray:
-    """Return the columns of u that move and are no combination of those before them."""
-    centred = u - u.mean(axis=0) if len(u) else u
-    kept: list[int] = []
-    for j, size in enumerate(np.ptp(u, axis=0) if u.shape[1] else ()):
-        basis = np.linalg.qr(centred[:, kept])[0] if kept else np.zeros((len(u), 0))
-        left = centred[:, j] - basis @ (basis.T @ centred[:, j])
-        if size > 0.0 and np.linalg.norm(left) > DEPENDENT * np.linalg.norm(centred[:, j]):
-            kept.append(j)
-    return u[:, kept]

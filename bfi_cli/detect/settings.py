@@ -19,7 +19,7 @@ class DetectSettings:
 
     Attributes
     ----------
-    inputs, outputs : channels; where empty, those of the log that suit.
+    inputs, outputs : channels; where empty, those of the log that suit: controls and accelerations, flight data.
     from_s, to_s : window, None for the ends of the log.
     train : healthy time, None for the first third of the window.
     false_alarm : accepted probability that a healthy record of the monitored length raises an alarm.

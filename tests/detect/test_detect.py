@@ -82,6 +82,40 @@ def test_units_change_nothing_but_the_size(flown: Callable[..., FlightLog]):
     assert two.alarms[0].size == pytest.approx(-57.3 * one.alarms[0].size, rel=1e-6)
 
 
+def test_accelerations_count_as_inputs_unless_others_are_asked_for(flown: Callable[..., FlightLog]):
+    log = flown()
+    felt = replace(log.channel("tas_rate"), name="longitudinal_acc", source="ax")
+    log = replace(log, channels={**log.channels, "longitudinal_acc": felt})
+    elevators = tuple(name for name in detect_faults(flown(), TRAINED).inputs)
+    found = detect_faults(log, TRAINED)
+    assert found.inputs == (*elevators, "longitudinal_acc")
+    assert any(note.startswith("longitudinal_acc count as inputs") for note in found.notes)
+    asked = detect_faults(log, replace(TRAINED, inputs=elevators))
+    assert asked.inputs == elevators
+    assert not any("count as inputs" in note for note in asked.notes)
+    watched = detect_faults(log, replace(TRAINED, outputs=("longitudinal_acc", "pitch")))
+    assert (watched.inputs, watched.outputs) == (elevators, ("longitudinal_acc", "pitch"))
+
+
+def test_inputs_with_noise_of_their_own_that_move_together_count_as_one(flown: Callable[..., FlightLog]):
+    """Four elevators that were logged one by one predict as well as their mean does."""
+    rng, log = np.random.default_rng(1), flown(Fault(shape="bias", channel="aoa", magnitude=0.01, onset_s=12.0))
+    names = [name for name in log.channels if name.startswith("elevator")]
+    noisy = {
+        name: replace(one, values=frozen_array(one.values + 1e-4 * rng.standard_normal(log.n_samples)))
+        for name, one in log.channels.items()
+        if name in names
+    }
+    mean = replace(
+        noisy[names[0]], name="elevator", values=frozen_array(np.mean([x.values for x in noisy.values()], 0))
+    )
+    others = {name: one for name, one in log.channels.items() if name not in names}
+    four = detect_faults(replace(log, channels={**others, **noisy}), TRAINED)
+    one = detect_faults(replace(log, channels={**others, "elevator": mean}), TRAINED)
+    assert (four.alarms[0].channel, four.alarms[0].time_s) == (one.alarms[0].channel, one.alarms[0].time_s)
+    assert four.alarms[0].statistic == pytest.approx(one.alarms[0].statistic, rel=0.1)
+
+
 def test_what_is_healthy_is_asked_for(flown: Callable[..., FlightLog]):
     result = detect_faults(flown(), DetectSettings())
     assert any("no healthy time was given" in note for note in result.notes)

@@ -251,9 +251,7 @@ def _trusted(settings: DetectSettings, inputs: Sequence[str]) -> tuple[str, ...]
     felt = [name for name in FELT if name in inputs and not settings.inputs]
     if not felt:
         return ()
-    return (
-        f"{' and '.join(felt)} count as inputs, for they feel gusts and thrust: they are taken to be right (--input)",
-    )
+    return (f"taken as inputs, and to be right: {', '.join(felt)}, which feel gusts and thrust (--input chooses)",)
 
 
 def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float]) -> tuple[str, ...]:

@@ -49,6 +49,7 @@ def test_main_job_finds_the_injected_bias(bfi: Callable[..., object], checkout: 
     assert (checkout / "result" / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_tour(bfi: Callable[..., object], checkout: Path) -> None:
     for line in block("tour").splitlines():
         words = shlex.split(line)

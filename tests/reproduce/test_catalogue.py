@@ -68,6 +68,7 @@ def test_published_and_ours_stand_first_each_published_value_with_its_place(name
     assert exhibit.notes
 
 
+@pytest.mark.slow
 def test_names_that_share_figures_share_the_function_and_every_figure_is_drawn(made: Callable[[str], Exhibit]):
     drawn = {drawing.name for name in OURS for drawing in made(name).drawings}
     figures = {name.lower().replace("-", "_") for name in OURS if name.startswith("thesis")}

@@ -135,7 +135,7 @@ def _threshold(model: Predicted, drops: Drops, window: int, false_alarm: float) 
 
 
 def _first_failure(seen: Watched, begin: int) -> Failure | None:
-    """Return the first time after sample `begin` at which a deviate is above its level, and the largest deviate's."""
+    """Return the first time after sample `begin` at which a deviate is above its level; its size is told after that."""
     model, drops = seen.model, seen.drops
     at = model.samples[model.errors.start :]
     watched = (np.arange(len(at)) >= model.n_healthy - model.errors.start) & (at >= begin)
@@ -144,11 +144,12 @@ def _first_failure(seen: Watched, begin: int) -> Failure | None:
         return None
     row = int(above[0])
     k = int(drops.deviate[row].argmax())
+    clearest = row + int(drops.deviate[row : row + seen.window, k].argmax())
     return Failure(
         output=seen.channels[k],
         sample=int(at[row]),
         onset=int(at[row] - drops.age[row, k]),
         deviate=float(drops.deviate[row, k]),
         level=float(seen.threshold.level[k]),
-        size=float(drops.size[row, k] * model.unit[k]),
+        size=float(drops.size[clearest, k] * model.unit[k]),
     )

@@ -25,7 +25,7 @@ IntArray = NDArray[np.intp]
 DROP = 3.841458820694124
 NORMAL = 1.959963984540054
 BESIDE = 2
-MOST_PULSES = 120
+STRIDE = 3
 ROUNDS = 2
 
 
@@ -147,11 +147,11 @@ def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float) -> tuple[F
     if record.sampling.factor == 1:
         end = None if peak.end is None else (peak.end, 0)
         return _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
+    if peak.end is not None:
+        return _ending(record, scan, peak.form, ((peak.onset, 0), (peak.end, 0)), drop)
     close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
     nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
-    if peak.end is None:
-        return _lasting(record, scan, peak.form, nearby), None
-    return _ending(record, scan, peak.form, (nearby, (peak.onset, 0), (peak.end, 0)))
+    return _lasting(record, scan, peak.form, nearby), None
 
 
 def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray) -> Fine:
@@ -163,23 +163,32 @@ def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray) -> Fi
     return _joined(record, found, step_s(record))
 
 
-def _ending(
-    record: ScanRecord, scan: Scan, form: Form, around: tuple[IntArray, Place, Place | None]
-) -> tuple[Fine, Place | None]:
-    """Move end and start in turn between the conditioned samples; the search for both knew sharp edges only."""
-    nearby, start, end = around
-    apart = phases(record)
-    if len(nearby) * len(apart) > MOST_PULSES:
-        nearby = np.arange(start[0] - BESIDE, start[0] + BESIDE + 1)
-    starts = within(record, scan, [(int(k), phase) for k in nearby for phase in apart])
+def _ending(record: ScanRecord, scan: Scan, form: Form, span: tuple[Place, Place], drop: float) -> tuple[Fine, Place]:
+    """Move end and start in turn between the conditioned samples; the search for both knew sharp edges only.
+
+    The filter smears the edges, so the best start of sharp ones may be far off: starts everywhere are asked again.
+    """
+    start, end = span
+    end = _best_end(record, scan, form, start, end)
+    every = within(record, scan, [*{start, *((k, 0) for k in range(0, end[0] - 1, STRIDE))}])
+    coarse = pulses(record, scan, form, [(one, end) for one in every])
+    missing = coarse.statistic.max() - coarse.statistic
+    close = [one for one, less in zip(every, missing, strict=True) if less <= drop]
+    start = every[coarse.best]
     for _ in range(ROUNDS):
-        if end is not None:
-            latest = record.sampling.n_samples - 1
-            ends = [(min(end[0] + k, latest), phase) for k in range(-1, BESIDE) for phase in apart]
-            end = ends[pulses(record, scan, form, [(start, one) for one in ends]).best]
-        fine = pulses(record, scan, form, [(one, end) for one in starts])
+        end = _best_end(record, scan, form, start, end)
+        near = range(start[0] - BESIDE, start[0] + BESIDE + 1)
+        places = within(record, scan, [*{*close, *((k, phase) for k in near for phase in phases(record))}])
+        fine = pulses(record, scan, form, [(one, end) for one in places if one[0] < end[0] - 1])
         start = fine.places[fine.best]
     return fine, end
+
+
+def _best_end(record: ScanRecord, scan: Scan, form: Form, start: Place, end: Place) -> Place:
+    latest, factor = record.sampling.n_samples - 1, record.sampling.factor
+    ends = [(min(end[0] + k, latest), phase) for k in range(-1, BESIDE) for phase in phases(record)]
+    ends = [one for one in ends if one[0] * factor + one[1] > start[0] * factor + start[1]]
+    return ends[pulses(record, scan, form, [(start, one) for one in ends]).best]
 
 
 def _joined(record: ScanRecord, profiles: Sequence[tuple[int, Profile]], step: float) -> Fine:

@@ -17,7 +17,18 @@ from ..kernels.onset_tables import Scan, prepare_scan, tabulate
 from .record import ScanRecord
 from .shapes import Form, waveform
 
-__all__ = ["Peak", "Sweep", "best_of", "charged", "criterion", "peak_of", "plain_criterion", "scan_of", "sweep"]
+__all__ = [
+    "Peak",
+    "Sweep",
+    "best_of",
+    "charged",
+    "criterion",
+    "lasting_peak",
+    "peak_of",
+    "plain_criterion",
+    "scan_of",
+    "sweep",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -214,6 +225,11 @@ def peak_of(record: ScanRecord, scan: Scan, form: Form) -> Peak:
     if record.settings.ends:
         span = scan_ends(scan, waveform(form, record.sampling.sharp()))
         return Peak(form=form, profile=span.over_starts, end=span.end)
+    return lasting_peak(record, scan, form)
+
+
+def lasting_peak(record: ScanRecord, scan: Scan, form: Form) -> Peak:
+    """Return the exact scan of a form that does not end, with its frequency."""
     found = scan_shape(scan, waveform(form, record.sampling))
     return Peak(form=form, profile=replace(found, onsets=found.onsets + record.sampling.lead), end=None)
 

@@ -99,6 +99,27 @@ def test_a_bias_and_an_oscillation_of_another_phase_leave_nothing(flown, setting
     assert found["bias"] == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.parametrize("onset_s", [2.0, 31.0, 31.3])
+def test_a_step_near_an_end_of_the_record_keeps_its_size(flown, settings, onset_s):
+    """The order chosen without the fault may not look that close to the ends; what it finds instead is not taken."""
+    (found,) = find_onset(flown(replace(BIAS, onset_s=onset_s)), settings("auto")).faults
+    assert found.estimate.fault.onset_s == pytest.approx(onset_s, abs=0.02)
+    assert found.estimate.magnitude == pytest.approx(1.0, rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("slope", "start_s", "stop_s"), [(-1.0, 9.0, 14.0), (0.2, 12.0, 22.0)])
+def test_a_drift_that_ends_is_found_though_the_filter_smears_its_end(flown, settings, slope, start_s, stop_s):
+    fault = replace(DRIFT, magnitude=slope, onset_s=start_s, offset_s=stop_s)
+    found = max(find_onset(flown(fault), settings("auto", ends=True)).faults, key=lambda one: one.statistic)
+    low, high = found.estimate.ci95
+    assert low <= slope <= high
+    assert high - low < 0.3 * abs(slope)
+    assert found.onset_ci95[0] <= start_s <= found.onset_ci95[1]
+    assert found.estimate.fault.onset_s == pytest.approx(start_s, abs=0.3)
+    assert found.estimate.fault.offset_s == pytest.approx(stop_s, abs=0.03)
+
+
 def test_two_faults(flown, settings):
     later = replace(BIAS, magnitude=-2.0, onset_s=24.0)
     result = find_onset(flown(BIAS, later), settings())

@@ -63,9 +63,13 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     table = _table(flights, config, windows, options["progress"])
     kept = load_tables(out) if options["append"] and out.exists() else ()
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
-    text = save_tables(merged(kept, table), origin)
+    tables = merged(kept, table)
+    notes = _notes(tables[-1], flights)
+    text = save_tables(tables, origin, notes)
     replace_files({out.name: text.encode() + b"\n"}, out.parent)
     tell(f"wrote {out}")
+    for note in notes:
+        tell(note)
     _show(table, text, as_json=options["as_json"])
 
 
@@ -84,6 +88,26 @@ def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float
     ]
     with progress("windows", wanted=wanted) as report:
         return table_of_windows(pieces, config, report)
+
+
+def _notes(table: Table, flights: list[FlightLog]) -> tuple[str, ...]:
+    """Return what a reader of the table should know: too few windows, windows left out, windows unlike the others."""
+    from ..calibration import FEWEST_WINDOWS, null_of
+
+    n, notes = table.n_windows, []
+    if n < FEWEST_WINDOWS:
+        notes.append(f"{n} windows are too few, bfi start-time asks for {FEWEST_WINDOWS}; give more or longer flights")
+    unused = [flight.path for flight in flights if Path(flight.path).name not in table.logs]
+    if table.n_unusable:
+        where = f", among them all of {', '.join(unused)}" if unused else ""
+        notes.append(f"{table.n_unusable} windows could not be analysed{where}; bfi info says what ails a log")
+    if n >= FEWEST_WINDOWS:
+        null = null_of(table, table.settings.shapes)
+        for shape, values in table.statistics.items():
+            beyond = int((values > 2.0 * null.threshold(shape, 0.001)).sum())
+            if beyond:
+                notes.append(f"{shape}: {beyond} of {n} windows stand far out, as if they held a fault; leave them out")
+    return tuple(notes)
 
 
 def _show(table: Table, text: str, *, as_json: bool) -> None:

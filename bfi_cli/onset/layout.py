@@ -34,6 +34,8 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
+MOST, RARE, BESIDE_S = 0.5, 0.05, 1.5
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scanned:
@@ -212,14 +214,28 @@ def _suspect(profile: ShapeProfile) -> str:
     )
 
 
+def _moves_most_s(record: ScanRecord) -> FloatArray:
+    """Return the times at which an input changes by at least half of the most it ever does, where that is rare."""
+    steps = np.abs(np.diff(record.u, axis=0))
+    large = steps >= MOST * steps.max(axis=0, initial=0.0)
+    times: FloatArray = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
+    return times
+
+
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
     notes = [
         f"rate {record.settings.rate_hz:.4g} Hz: {record.intake.choice.reason}",
         f"onsets are sought from {record.onset_s(STARTING * order):.5g} s on; a fault from before is absorbed by the "
         "model",
     ]
+    moves_s = _moves_most_s(record)
     for one in faults:
         low, high = one.onset_ci95
+        if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
+            notes.append(
+                f"'{one.estimate.name}' begins while the inputs move most, where an error of the model looks like a "
+                "fault; see whether another --rate or more --input confirm it"
+            )
         if high - low > 0.25 * record.settings.duration_s:
             notes.append(f"the onset of '{one.estimate.name}' is hardly known: {low:.5g} to {high:.5g} s")
     return notes

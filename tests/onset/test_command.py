@@ -32,6 +32,13 @@ def calibrated(bfi, table: Path) -> Path:
     return table
 
 
+def test_a_table_says_what_is_wrong_with_it(bfi, tmp_path: Path):
+    outcome = bfi("calibrate", CLEAN, "-o", tmp_path / "few.json", "--length", 16, "--step", 5, *QUICK)
+    assert outcome.code == 0
+    few, *_ = json.loads((tmp_path / "few.json").read_text())["notes"]
+    assert "windows are too few, bfi start-time asks for 20" in few
+
+
 def test_the_document(bfi, calibrated: Path):
     outcome = bfi("start-time", BIAS, *QUICK, "--from", 5, "--to", 21, "--calibration", calibrated)
     document = json.loads(outcome.stdout)

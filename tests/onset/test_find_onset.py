@@ -99,6 +99,13 @@ def test_a_bias_and_an_oscillation_of_another_phase_leave_nothing(flown, setting
     assert found["bias"] == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.parametrize(("onset_s", "said"), [(3.2, True), (15.0, False)])
+def test_a_fault_that_begins_with_the_manoeuvre_is_said_to(flown, settings, onset_s, said):
+    result = find_onset(flown(replace(BIAS, onset_s=onset_s)), settings())
+    assert result.decision == "fault"
+    assert any("begins while the inputs move most" in note for note in result.notes) is said
+
+
 @pytest.mark.parametrize("onset_s", [2.0, 31.0, 31.3])
 def test_a_step_near_an_end_of_the_record_keeps_its_size(flown, settings, onset_s):
     """The order chosen without the fault may not look that close to the ends; what it finds instead is not taken."""

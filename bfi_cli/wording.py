@@ -10,6 +10,7 @@ from .result import Candidate, FaultEstimate, IdentifyResult
 __all__ = [
     "axis_label",
     "describe",
+    "instant",
     "interval",
     "number",
     "quantity",
@@ -42,6 +43,11 @@ def number(value: float | None, *, spread: float | None = None, digits: int = 4,
 
 def _without_negative_zero(text: str) -> str:
     return text if text.strip("-0.") else text.removeprefix("-")
+
+
+def instant(time_s: float) -> str:
+    """Return a time in s to 10 ms where the axis counts from 1970, to six digits elsewhere."""
+    return f"{time_s:.6g}" if abs(time_s) < 1e5 else f"{time_s:.2f}".rstrip("0").rstrip(".")
 
 
 def quantity(value: float | None, unit: str) -> str:
@@ -78,8 +84,8 @@ def axis_label(name: str, unit: str) -> str:
 def times(estimate: FaultEstimate) -> str:
     """Return when the fault acts: "from 13.8 s", "from 40 s to 60 s"."""
     fault = estimate.fault
-    until = "" if fault.offset_s is None else f" to {fault.offset_s:.6g} s"
-    return f"from {fault.onset_s:.6g} s{until}"
+    until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)} s"
+    return f"from {instant(fault.onset_s)} s{until}"
 
 
 def describe(estimate: FaultEstimate) -> str:

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..result import LogSummary
+from ..wording import instant
 from .exact import LEVEL, Exact, exactly
 from .record import Prepared, Sampled, prepare, sampled
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
@@ -231,9 +232,8 @@ def _next(prepared: Prepared, alarms: list[Alarm]) -> tuple[str, ...]:
     first, start_s, stop_s = alarms[0], float(prepared.record.time_s[0]), float(prepared.record.time_s[-1])
     from_s, to_s = max(start_s, first.onset_s - 2.0 * AFTER_S), min(stop_s, first.onset_s + 2.0 * AFTER_S)
     inputs = "".join(f" --input {name}" for name in prepared.inputs)
-    command = (
-        f"bfi identify {prepared.record.path}{inputs} --output {first.channel} --from {from_s:.6g} --to {to_s:.6g}"
-    )
+    window = f"--from {instant(from_s)} --to {instant(to_s)}"
+    command = f"bfi identify {prepared.record.path}{inputs} --output {first.channel} {window}"
     return (command,)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
 from ..plain import to_plain
 from ..result import Provenance
-from ..wording import number, quantity, shortened
+from ..wording import instant, number, quantity, shortened
 from .result import DetectResult
 
 __all__ = ["SCHEMA", "detect_document", "detect_exhibit"]
@@ -63,7 +63,7 @@ def _verdict(document: Plain) -> str:
     if not alarms:
         share = number(100.0 * document["false_alarm"])
         return f"No channel of {', '.join(document['outputs'])} fails at a false-alarm rate of {share} %."
-    told = (f"{alarm['channel']} from {alarm['onset_s']:.6g} s{_size(alarm)}" for alarm in alarms)
+    told = (f"{alarm['channel']} from {instant(alarm['onset_s'])} s{_size(alarm)}" for alarm in alarms)
     return f"Failing: {'; '.join(told)}."
 
 
@@ -81,12 +81,12 @@ def _facts(document: Plain) -> list[tuple[str, str]]:
         ("Ready", f"{number(document['ready_s'], digits=6)} s"),
     ]
     if document["train"] is not None:
-        rows.append(("Healthy time", f"{document['train'][0]:.6g} to {document['train'][1]:.6g} s"))
+        rows.append(("Healthy time", f"{instant(document['train'][0])} to {instant(document['train'][1])} s"))
     if model is not None:
         past = f"{model['rank']} of {model['n_stacked']} components of {model['lags']} lags"
         rows.append(("Predictor", f"{past}, forgetting {model['forgetting']:g}"))
     if use is not None:
-        held = f"{use['held_back_s'][0]:.6g} to {use['held_back_s'][1]:.6g} s, {use['n_blocks']} stretches"
+        held = f"{instant(use['held_back_s'][0])} to {instant(use['held_back_s'][1])} s, {use['n_blocks']} stretches"
         rows.append(("Calibrated on", f"{held} held back"))
         rows.append(("Level", f"{number(use['level'])} (white noise: {number(use['white_level'])})"))
     return rows
@@ -98,8 +98,8 @@ def _alarms(alarms: Sequence[Plain]) -> tuple[Table, ...]:
     rows = tuple(
         (
             str(alarm["channel"]),
-            f"{alarm['onset_s']:.6g} s",
-            f"{alarm['time_s']:.6g} s",
+            f"{instant(alarm['onset_s'])} s",
+            f"{instant(alarm['time_s'])} s",
             number(alarm["statistic"]),
             number(alarm["threshold"]),
             quantity(alarm["size"], alarm["unit"]),

@@ -14,6 +14,7 @@ from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, decimate, lost_samples
+from ..wording import instant
 from .inputs import directions, independent, moments
 from .settings import DetectSettings
 
@@ -220,11 +221,11 @@ def _require_times(part: FlightLog, train: tuple[float, float], watch_s: float) 
     first, last = float(part.time_s[0]), float(part.time_s[-1])
     if train[0] < first - 1.0 / part.rate_hz or train[1] > last:
         raise ConfigError(
-            f"--train: {train[0]:g}:{train[1]:g} is not inside the window, {first:g} s to {last:g} s; "
-            "change --train, --from or --to"
+            f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first)} s to "
+            f"{instant(last)} s; change --train, --from or --to"
         )
     if watch_s >= last:
-        raise ConfigError(f"--train: nothing is left to watch after {watch_s:g} s; end it earlier")
+        raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
 
 
 def _choice(healthy: Record, settings: DetectSettings) -> Choice:
@@ -258,9 +259,9 @@ def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float])
     notes = []
     if settings.train is None:
         notes.append(
-            f"no healthy time was given: the first third of the window, {train[0]:g} to {train[1]:g} s, is taken to be "
-            "free of faults; a fault that is in it is part of what is normal (--train A:B)"
+            f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
+            "is taken to be free of faults; a fault that is in it is part of what is normal (--train A:B)"
         )
     elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
-        notes.append(f"what is before the healthy time, before {train[0]:g} s, is not looked at")
+        notes.append(f"what is before the healthy time, before {instant(train[0])} s, is not looked at")
     return tuple(notes)

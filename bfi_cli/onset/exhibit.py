@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exhibit import Curve, Drawing, Exhibit, Panel, Span, Table, curve
-from ..wording import interval, number, quantity, shortened
+from ..wording import instant, interval, number, quantity, shortened
 
 __all__ = ["onset_exhibit"]
 
@@ -60,7 +60,7 @@ def _described(fault: Plain) -> str:
     value, unit = number(fault["magnitude"], spread=0.5 * (high - low)), fault["unit"]
     within = interval((low, high))
     size = f"{value} {unit}".rstrip() + (f" (95 % interval {within})" if within != "-" else "")
-    until = "" if fault["offset_s"] is None else f" to {fault['offset_s']:.6g} s"
+    until = "" if fault["offset_s"] is None else f" to {instant(fault['offset_s'])} s"
     first, last = _ends(fault["onset_ci95"])
     onset = number(fault["onset_s"], spread=0.5 * (last - first))
     when = f"from {onset} s ({interval((first, last))} s){until}"
@@ -99,9 +99,9 @@ def _facts(document: Plain) -> list[tuple[str, str]]:
 
 
 def _injected(fault: Plain) -> str:
-    until = "" if fault["offset_s"] is None else f" to {fault['offset_s']:.6g} s"
+    until = "" if fault["offset_s"] is None else f" to {instant(fault['offset_s'])} s"
     shape = _shape(fault["shape"], fault.get("frequency_hz"))
-    return f"{shape}, magnitude {fault['magnitude']:g}, on {fault['channel']} from {fault['onset_s']:.6g} s{until}"
+    return f"{shape}, magnitude {fault['magnitude']:g}, on {fault['channel']} from {instant(fault['onset_s'])} s{until}"
 
 
 def _faults(faults: Sequence[Plain]) -> tuple[Table, ...]:
@@ -128,7 +128,7 @@ def _fault_row(fault: Plain) -> tuple[str, ...]:
         fault["channel"],
         f"{number(fault['onset_s'], spread=0.5 * (when[1] - when[0]))} s",
         interval(when),
-        "-" if fault["offset_s"] is None else f"{fault['offset_s']:.6g} s",
+        "-" if fault["offset_s"] is None else f"{instant(fault['offset_s'])} s",
         f"{number(fault['magnitude'], spread=0.5 * (size[1] - size[0]), extra=1)} {fault['unit']}".rstrip(),
         interval(size),
         number(fault["statistic"]),
@@ -158,7 +158,7 @@ def _shapes(profile: Plain) -> Table:
             (
                 _shape(one["shape"], one["frequency_hz"]),
                 str(one["channel"]),
-                f"{one['onset_s'][best]:.6g} s",
+                f"{instant(one['onset_s'][best])} s",
                 quantity(float(one["magnitude"][best]), one["unit"]),
                 number(float(one["statistic"][best])),
                 number(one["threshold"]),

@@ -14,6 +14,7 @@ from ..kernels.lagged import lagged
 from ..kernels.onset_scan import STARTING
 from ..kernels.whiteness import exceedances, robust_sd
 from ..result import FaultEstimate, LogSummary, ModelSummary
+from ..wording import instant
 from .decision import Rule, Verdict
 from .estimate import NORMAL, Estimate
 from .record import ScanRecord
@@ -208,8 +209,8 @@ def _suspect(profile: ShapeProfile) -> str:
     size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
     return (
         f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
-        f"{profile.onset_s[best]:.5g} s, statistic {profile.statistic[best]:.3g} against {profile.threshold:.3g}; a "
-        "table for these settings "
+        f"{instant(profile.onset_s[best])} s, statistic {profile.statistic[best]:.3g} against "
+        f"{profile.threshold:.3g}; a table for these settings "
         "(bfi calibrate), or --calibration gaussian, may decide otherwise"
     )
 
@@ -225,8 +226,8 @@ def _moves_most_s(record: ScanRecord) -> FloatArray:
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
     notes = [
         f"rate {record.settings.rate_hz:.4g} Hz: {record.intake.choice.reason}",
-        f"onsets are sought from {record.onset_s(STARTING * order):.5g} s on; a fault from before is absorbed by the "
-        "model",
+        f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; a fault from before is absorbed by "
+        "the model",
     ]
     moves_s = _moves_most_s(record)
     for one in faults:
@@ -237,5 +238,5 @@ def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list
                 "fault; see whether another --rate or more --input confirm it"
             )
         if high - low > 0.25 * record.settings.duration_s:
-            notes.append(f"the onset of '{one.estimate.name}' is hardly known: {low:.5g} to {high:.5g} s")
+            notes.append(f"the onset of '{one.estimate.name}' is hardly known: {instant(low)} to {instant(high)} s")
     return notes

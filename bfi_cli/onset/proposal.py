@@ -10,6 +10,7 @@ import numpy as np
 from ..dictionary import Dictionary
 from ..faults import Fault
 from ..result import AgainstTruth, FaultEstimate
+from ..wording import instant
 from .result import OnsetResult, ShapeProfile
 
 __all__ = ["NAME", "compared", "proposed"]
@@ -35,7 +36,7 @@ def _strongest(profile: ShapeProfile) -> Fault:
         channel=profile.channel,
         onset_s=onset_s,
         frequency_hz=profile.frequency_hz,
-        name=f"{profile.shape}_{onset_s:.5g}",
+        name=f"{profile.shape}_{instant(onset_s)}",
     )
 
 
@@ -55,7 +56,7 @@ def compared(
     """
     partner = {i: _partner(fault, declared, tolerance_s) for i, fault in enumerate(true)}
     found = {j for j in partner.values() if j is not None}
-    missed = tuple(f"{fault.shape}_{fault.onset_s:.5g}" for i, fault in enumerate(true) if partner[i] is None)
+    missed = tuple(f"{fault.shape}_{instant(fault.onset_s)}" for i, fault in enumerate(true) if partner[i] is None)
     extra = tuple(one.name for j, one in enumerate(declared) if j not in found)
     error = None
     if true and not missed and not extra and len(found) == len(true):

@@ -17,6 +17,7 @@ from ..faults import Fault, Shape, unit_signal
 from ..kernels import onset_shapes
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.onset_shapes import Waveform
+from ..wording import instant
 
 __all__ = ["Form", "Place", "Sampling", "fault_of", "forms_of", "signal", "waveform"]
 
@@ -178,7 +179,7 @@ def fault_of(form: Form, channel: str, *, magnitude: float, onset_s: float, offs
         magnitude=magnitude,
         onset_s=onset_s,
         offset_s=offset_s,
-        name=f"{form.shape}_{onset_s:.5g}",
+        name=f"{form.shape}_{instant(onset_s)}",
         file=form.file,
         phase_rad=form.phase_rad if form.shape == "sine" else 0.0,
         **named,  # type: ignore[arg-type]

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 from made_results import fault_result, no_fault_result, not_identifiable_result, two_output_result
 
 from bfi_cli.faults import Fault
-from bfi_cli.wording import axis_label, describe, interval, number, quantity, shortened, verdict
+from bfi_cli.wording import axis_label, describe, instant, interval, number, quantity, shortened, verdict
+
+
+@pytest.mark.parametrize(
+    ("time_s", "text"),
+    [(13.8, "13.8"), (0.0, "0"), (-3.25, "-3.25"), (1.7e9 + 40.25, "1700000040.25"), (1.7e9, "1700000000")],
+)
+def test_two_times_of_an_axis_from_1970_are_told_apart(time_s, text):
+    assert instant(time_s) == text
 
 
 @given(value=st.floats(-1e6, 1e6), spread=st.floats(1e-6, 1e4))

@@ -7,19 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import ConfigError
 from .answered import give
-from .options import channel_options, configured, json_option, log_argument, number_or_word, window_options
+from .options import (
+    channel_options,
+    configured,
+    exit_code,
+    json_option,
+    log_argument,
+    two_numbers,
+    window_options,
+)
 from .progress import progress
 
 if TYPE_CHECKING:
     from ..config import Config
-    from ..detect import DetectResult
 
 __all__ = ["command"]
-
-NO_ANSWER = 4
-FAULT_DECLARED = 10
 
 
 @click.command("detect")
@@ -59,43 +62,18 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
     give(detect_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"])
-    context.exit(_exit_code(result, config))
+    context.exit(exit_code(config, trusted=result.is_calibrated, decision=result.decision))
 
 
 def _config(path: str | None, options: dict[str, Any]) -> Config:
+    train = two_numbers(options["train"], "a stretch of time", "--train 1160:1500, in s")
     return configured(
         path,
+        options,
         {
-            "inputs": options["inputs"] or None,
-            "outputs": options["outputs"] or None,
-            "channels": options["channel_map"],
-            "units": options["unit_map"],
-            "window.from_s": options["from_s"],
-            "window.to_s": options["to_s"],
-            "conditioning.rate_hz": number_or_word(options["rate"]),
-            "detect.train": _train(options["train"]),
+            "detect.train": train,
             "detect.false_alarm": options["false_alarm"],
             "detect.method": options["method"],
             "detect.turns": options["turns"],
-            "strict": options["strict"],
-            "fail_on": options["fail_on"],
         },
     )
-
-
-def _exit_code(result: DetectResult, config: Config) -> int:
-    if config.strict and not result.is_calibrated:
-        return NO_ANSWER
-    return FAULT_DECLARED if config.fail_on == "fault" and result.decision == "fault" else 0
-
-
-def _train(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    first, colon, last = text.partition(":")
-    try:
-        if colon:
-            return float(first), float(last)
-    except ValueError:
-        pass
-    raise ConfigError(f"--train: not a stretch of time, got {text}; write --train 1160:1500, in s")

@@ -143,22 +143,12 @@ def _config(path: str | None, options: Mapping[str, Any]) -> Config:
     flown = {f"diagnosability.{key}": options[key] for key in ("model", *FLIGHT) if options[key] not in (None, ())}
     return configured(
         path,
+        options,
         {
-            "inputs": options["inputs"] or None,
-            "outputs": options["outputs"] or None,
-            "channels": options["channel_map"],
-            "units": options["unit_map"],
-            "window.from_s": options["from_s"],
-            "window.to_s": options["to_s"],
-            "conditioning.rate_hz": number_or_word(options["rate"]),
-            "model.order": number_or_word(options["order"]),
-            "model.feedthrough": options["feedthrough"],
-            "dictionary": options["dictionary"],
             "diagnosability.magnitude": sizes.pop("", None),
             "diagnosability.magnitudes": sizes or None,
             "diagnosability.at_limit": options["at_limit"],
             **flown,
             "diagnosability.noise": noise or None,
-            "seed": options["seed"],
         },
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, json_option, number_or_word, tell, window_options
+from .options import channel_options, configured, json_option, tell, window_options
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -88,19 +88,7 @@ def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Confi
                 raise click.UsageError(f"{option} is about a log; give one after the dictionary")
     elif options["duration_s"] is not None:
         raise click.UsageError("--duration is for an audit without a log; give --from and --to")
-    return configured(
-        path,
-        {
-            "inputs": list(options["inputs"]) or None,
-            "outputs": list(options["outputs"]) or None,
-            "channels": options["channel_map"],
-            "units": options["unit_map"],
-            "window.from_s": options["from_s"],
-            "window.to_s": options["to_s"],
-            "conditioning.rate_hz": number_or_word(options["rate"]),
-            "model.order": number_or_word(options["order"]),
-        },
-    )
+    return configured(path, options)
 
 
 def _files(audit: Audit, origin: Provenance) -> dict[str, bytes]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, json_option, log_argument, number_or_word, tell, window_options
+from .options import channel_options, configured, exit_code, json_option, log_argument, tell, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 ONSET_SAMPLES = 1.5
-NO_ANSWER = 4
-FAULT_DECLARED = 10
 
 
 @click.command("identify")
@@ -53,7 +51,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..identify import identify_faults
     from ..provenance import provenance
 
-    config = _config(config_path, options)
+    config = configured(config_path, options, {"method": options["method"]})
     dictionary = config.load_dictionary()
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
     if dictionary is None:
@@ -72,7 +70,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         write_results(result, origin, options["out"])
         tell(f"wrote {options['out'] / 'report.html'}")
     _show(result, identify_document(result, origin), as_json=options["as_json"])
-    context.exit(_exit_code(result, config))
+    context.exit(exit_code(config, trusted=result.decision != "not_identifiable", decision=result.decision))
 
 
 def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResult, Dictionary]:
@@ -102,32 +100,6 @@ def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResu
         tolerance_s = ONSET_SAMPLES / result.log.rate_hz
         truth = compared(truth, result.faults, scanned.truth or (), tolerance_s=tolerance_s)
     return replace(result, notes=notes, truth=truth), dictionary
-
-
-def _config(path: str | None, options: dict[str, Any]) -> Config:
-    return configured(
-        path,
-        {
-            "inputs": options["inputs"] or None,
-            "outputs": options["outputs"] or None,
-            "channels": options["channel_map"],
-            "units": options["unit_map"],
-            "window.from_s": options["from_s"],
-            "window.to_s": options["to_s"],
-            "conditioning.rate_hz": number_or_word(options["rate"]),
-            "model.order": number_or_word(options["order"]),
-            **{place: options[place] for place in ("method", "dictionary", "seed", "strict", "fail_on")},
-            "model.feedthrough": options["feedthrough"],
-        },
-    )
-
-
-def _exit_code(result: IdentifyResult, config: Config) -> int:
-    if config.strict and result.decision == "not_identifiable":
-        return NO_ANSWER
-    if config.fail_on == "fault" and result.decision == "fault":
-        return FAULT_DECLARED
-    return 0
 
 
 def _show(result: IdentifyResult, document: dict[str, Any], *, as_json: bool) -> None:

@@ -13,7 +13,17 @@ from ..errors import ConfigError
 if TYPE_CHECKING:
     from ..config import Config
 
-__all__ = ["channel_options", "configured", "json_option", "log_argument", "number_or_word", "tell", "window_options"]
+__all__ = [
+    "channel_options",
+    "configured",
+    "exit_code",
+    "json_option",
+    "log_argument",
+    "number_or_word",
+    "tell",
+    "two_numbers",
+    "window_options",
+]
 
 Command = Callable[..., Any]
 
@@ -60,6 +70,7 @@ PLACES = {
     "diagnosability.draws": "--draws",
 }
 MAPS = ("channels", "units")
+NO_ANSWER, FAULT_DECLARED = 4, 10
 
 
 def log_argument(command: Command) -> Command:
@@ -117,13 +128,14 @@ def tell(sentence: str) -> None:
         click.echo(sentence, err=True)
 
 
-def configured(path: str | None, given: Mapping[str, Any]) -> Config:
+def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, Any] | None = None) -> Config:
     """Return the configuration of a file (the defaults where there is none) with the command line's values in it.
 
     Parameters
     ----------
-    given : value by its place in the configuration, one of `PLACES`; None where the option was not given. The
-        channels and units given are added to those of the file.
+    options : of the command; those that several commands have are put in their places, see `_shared`. The channels and
+        units given are added to those of the file.
+    own : value of the command's other options by place in the configuration, one of `PLACES`; None where not given.
 
     Raises
     ------
@@ -131,12 +143,54 @@ def configured(path: str | None, given: Mapping[str, Any]) -> Config:
     """
     from ..config import Config, load_config, merge
 
+    given = {**_shared(options), **(own or {})}
     config = load_config(path) if path is not None else Config()
     maps = {place: {**getattr(config, place), **given[place]} for place in MAPS if given.get(place)}
     try:
         return merge(config, {**given, **dict.fromkeys(MAPS), **maps})
     except ConfigError as error:
         raise ConfigError(_by_option(str(error))) from None
+
+
+def _shared(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of the options that most analyses of a log have, by place; None for what a command has not."""
+    return {
+        "inputs": options["inputs"] or None,
+        "outputs": options["outputs"] or None,
+        "channels": options["channel_map"],
+        "units": options["unit_map"],
+        "window.from_s": options["from_s"],
+        "window.to_s": options["to_s"],
+        "conditioning.rate_hz": number_or_word(options["rate"]),
+        "model.order": number_or_word(options.get("order")),
+        "model.feedthrough": options.get("feedthrough"),
+        **{place: options.get(place) for place in ("dictionary", "seed", "strict", "fail_on")},
+    }
+
+
+def exit_code(config: Config, *, trusted: bool, decision: str) -> int:
+    """Return the exit code of an answer: 4 for --strict without trust in it, 10 for --fail-on fault with one, 0."""
+    if config.strict and not trusted:
+        return NO_ANSWER
+    return FAULT_DECLARED if config.fail_on == "fault" and decision == "fault" else 0
+
+
+def two_numbers(text: str | None, what: str, example: str) -> tuple[float, float] | None:
+    """Return the numbers of an option's text A:B, None where it was not given.
+
+    Raises
+    ------
+    ConfigError : it is no such text; `what` it should be, and an `example` with the option's name.
+    """
+    if text is None:
+        return None
+    first, colon, last = text.partition(":")
+    try:
+        if colon:
+            return float(first), float(last)
+    except ValueError:
+        pass
+    raise ConfigError(f"{example.partition(' ')[0]}: not {what}, got {text}; write {example}")
 
 
 def _by_option(complaints: str) -> str:

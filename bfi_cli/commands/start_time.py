@@ -9,17 +9,22 @@ import click
 
 from ..errors import ConfigError
 from .answered import give
-from .options import channel_options, configured, json_option, log_argument, number_or_word, window_options
+from .options import (
+    channel_options,
+    configured,
+    exit_code,
+    json_option,
+    log_argument,
+    two_numbers,
+    window_options,
+)
 
 if TYPE_CHECKING:
     from ..config import Config
-    from ..onset import OnsetResult
 
 __all__ = ["SHAPES", "command", "scan_config"]
 
 SHAPES = "bias, drift, sine, lagged_bias, ramp_hold or samples; repeatable.  [default: bias, drift, sine]"
-NO_ANSWER = 4
-FAULT_DECLARED = 10
 METHODS = {"scan": "ml", "thesis": "risro"}
 
 
@@ -59,32 +64,23 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     document = onset_document(result, origin)
     tables = {name: text.encode() for name, text in onset_tables(result).items()}
     give(onset_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"], extra=tables)
-    context.exit(_exit_code(result, config))
+    trusted = result.decision != "not_identifiable" and result.p_value is not None
+    context.exit(exit_code(config, trusted=trusted, decision=result.decision))
 
 
 def scan_config(path: str | None, options: dict[str, Any]) -> Config:
     """Return the configuration that the options of `start-time` and `calibrate` make."""
-    places = ("seed", "strict", "fail_on")
     return configured(
         path,
+        options,
         {
-            "inputs": options["inputs"] or None,
-            "outputs": options["outputs"] or None,
-            "channels": options["channel_map"],
-            "units": options["unit_map"],
-            "window.from_s": options["from_s"],
-            "window.to_s": options["to_s"],
-            "conditioning.rate_hz": number_or_word(options["rate"]),
-            "model.order": number_or_word(options["order"]),
-            "model.feedthrough": options["feedthrough"],
             "method": _method(options.get("method")),
             "start_time.shapes": options["shapes"] or None,
             "start_time.samples": options["samples"],
             "start_time.false_alarm": options.get("false_alarm"),
             "start_time.calibration": options.get("calibration"),
             "start_time.ends": options["ends"],
-            "start_time.frequency_hz": _band(options["frequency"]),
-            **{place: options[place] for place in places if place in options},
+            "start_time.frequency_hz": two_numbers(options["frequency"], "a band", "--frequency 0.1:2, in Hz"),
         },
     )
 
@@ -93,24 +89,3 @@ def _method(word: str | None) -> str | None:
     if word is not None and word not in METHODS:
         raise ConfigError(f"--method: not a method, got {word}; known: {', '.join(METHODS)}")
     return METHODS.get(word or "")
-
-
-def _band(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    low, colon, high = text.partition(":")
-    try:
-        if colon:
-            return float(low), float(high)
-    except ValueError:
-        pass
-    raise ConfigError(f"--frequency: not a band, got {text}; write --frequency 0.1:2, in Hz")
-
-
-def _exit_code(result: OnsetResult, config: Config) -> int:
-    untrusted = result.decision == "not_identifiable" or result.p_value is None
-    if config.strict and untrusted:
-        return NO_ANSWER
-    if config.fail_on == "fault" and result.decision == "fault":
-        return FAULT_DECLARED
-    return 0

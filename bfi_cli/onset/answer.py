@@ -95,13 +95,14 @@ def _likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) 
 
     What the first shape leaves unexplained counts against the freedom of the other.
     """
-    step = next((peak for peak in verdict.beyond if peak.form.shape == "bias"), None)
-    jump_s = None if step is None else estimate(record, y, step, order=order).onset_s
-    first = estimate(record, y, verdict.beyond[0], order=order, jump_s=jump_s)
+    likeliest = verdict.beyond[0]
+    steps = [estimate(record, y, peak, order=order) for peak in verdict.beyond if peak.form.shape == "bias"]
+    jump_s = steps[0].onset_s if steps else None
+    first = steps[0] if likeliest.form.shape == "bias" else estimate(record, y, likeliest, order=order, jump_s=jump_s)
     for peak in verdict.beyond[1:]:
         if peak.form.shape == "sine":
             sine = estimate(record, y, peak, order=order, jump_s=jump_s)
-            freedom = (1 + peak.n_parameters - verdict.beyond[0].n_parameters) * float(np.log(len(y) - order))
+            freedom = (1 + peak.n_parameters - likeliest.n_parameters) * float(np.log(len(y) - order))
             charge = freedom * _dispersion(record, _less(y, first), first, order)
             better = sine.is_told and sine.statistic > first.statistic + charge
             return sine if better else first

@@ -150,4 +150,4 @@ def test_hand_flown_segments(flights: Path, inputs: tuple[str, ...]):
     print(f"\ninputs {', '.join(inputs) or 'by default'}: {alarms} of {len(logs)} segments alarm; localised {found}")
     assert alarms == 0
     assert found["aoa"] == len(logs)
-    assert found["tas"] >= len(logs) - (2 if inputs else 0)
+    assert found["tas"] >= len(logs) - bool(inputs)

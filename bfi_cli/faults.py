@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DictionaryError
+from .printable import shortened
 
 __all__ = [
     "SHAPES",
@@ -52,8 +53,10 @@ REQUIRED_KEYS = ("frequency_hz", "time_constant_s", "duration_s", "file")
 TEXT_KEYS = ("shape", "name", "channel", "file", "phase_reference")
 POSITIVE_KEYS = ("frequency_hz", "time_constant_s", "duration_s")
 ONSET_TOLERANCE_SAMPLES = 1e-6
+SHOWN_LETTERS = 120
 _ABRIDGED = reprlib.Repr()
 _ABRIDGED.maxstring = _ABRIDGED.maxother = 100
+_ABRIDGED.maxlevel = 3  # what lies deeper does not fit beside the rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,4 +300,6 @@ def unknown_key(key: str, known: Sequence[str]) -> str:
 def shown(value: object) -> str:
     """Return a value as a message shows it: YAML's words, quoted text, abridged."""
     words: dict[object, str] = {None: "null", True: "true", False: "false"}
-    return words[value] if value is None or isinstance(value, bool) else _ABRIDGED.repr(value)
+    if value is None or isinstance(value, bool):
+        return words[value]
+    return shortened(_ABRIDGED.repr(value), SHOWN_LETTERS)

@@ -98,14 +98,14 @@ def _origin(sweep: Sweep, records: dict[str, str]) -> Provenance:
 
 def _files(summary: Summary, done: list[tuple[Row, float]], document: dict[str, Any]) -> dict[str, bytes]:
     from ..montecarlo.journal import TIMING_COLUMNS, timing_cells
-    from ..montecarlo.row import COLUMNS, csv_text
+    from ..montecarlo.row import COLUMNS
     from ..plots.montecarlo import MONTECARLO_FIGURES
     from ..plots.style import to_png, to_svg
-    from ..serialize import to_json
+    from ..serialize import to_csv, to_json
 
     files = {
-        "trials.csv": csv_text([COLUMNS, *(row.cells() for row, _ in done)]).encode(),
-        "timings.csv": csv_text([TIMING_COLUMNS, *(timing_cells(*pair) for pair in done)]).encode(),
+        "trials.csv": to_csv([COLUMNS, *(row.cells() for row, _ in done)]).encode(),
+        "timings.csv": to_csv([TIMING_COLUMNS, *(timing_cells(*pair) for pair in done)]).encode(),
     }
     for name, plot in MONTECARLO_FIGURES.items():
         figure = plot(summary)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
+from ..printable import printable
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -125,7 +126,7 @@ def json_option(command: Command) -> Command:
 def tell(sentence: str) -> None:
     """Print a note for the person at the terminal to stderr; silent where stderr is none."""
     if sys.stderr.isatty():
-        click.echo(sentence, err=True)
+        click.echo(printable(sentence), err=True)
 
 
 def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, Any] | None = None) -> Config:

@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from ..errors import BfiError
 from ..faults import did_you_mean, shown, unknown_key
+from ..printable import shortened
 
 __all__ = ["Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
 
@@ -25,7 +26,8 @@ Text = Annotated[str, Field(min_length=1)]
 Loc = tuple[int | str, ...]
 M = TypeVar("M", bound=BaseModel)
 
-MAX_COMPLAINTS = 50
+MAX_COMPLAINTS = 5
+KEY_LETTERS = 40
 WRONG_KIND = {
     "bool_type": "must be true or false",
     "dict_type": "must be a mapping of key: value",
@@ -130,7 +132,8 @@ def _place(loc: Loc, kind: str) -> str:
         if isinstance(part, int):
             path += f"[{part}]"
         elif not (isinstance(before, int) or part.startswith("<")):
-            path += f".{part}" if path else part or "''"
+            key = shortened(part, KEY_LETTERS)
+            path += f".{key}" if path else key or "''"
     # A union without a tag of its own complains about the whole entry, and means its `shape`.
     return f"{path}.shape" if kind in ("union_tag_invalid", "union_tag_not_found") else path
 
@@ -142,7 +145,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
             return unknown_key(str(details["loc"][-1]), _known_keys(model, details["loc"]))
         case "union_tag_invalid":
             known = [tag.strip("' ") for tag in limits["expected_tags"].split(",")]
-            return f"unknown shape, got '{limits['tag']}'{did_you_mean(limits['tag'], known)}"
+            return f"unknown shape, got {shown(limits['tag'])}{did_you_mean(limits['tag'], known)}"
         case "missing" | "union_tag_not_found":
             return "missing; add it"
         case "literal_error":

@@ -17,6 +17,7 @@ from ..config import Config, merge
 from ..dictionary import Dictionary, DictionaryDocument, load_dictionary
 from ..dictionary.validation import validated
 from ..errors import ConfigError
+from ..printable import printable
 from ..yaml12 import load_yaml, read_text
 from .definition import FlownModel, RecordedLog, SweepRules
 
@@ -157,7 +158,7 @@ def _scenario(rules: SweepRules, chosen: Mapping[str, tuple[str, Any]], varying:
     words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
     labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
     return Scenario(
-        name=" ".join(words) or "all",
+        name=printable(" ".join(words)) or "all",  # as trials.csv has it, where --resume looks for it
         axes={**labels, **{f"noise.{channel}": sd for channel, sd in noise}, "active": value["active"], **settings},
         setting=_setting(value["record"], dictionary, noise, config),
         n_active=value["active"],

@@ -27,7 +27,7 @@ MAX_VALUES = 100_000
 # Those values at 40 letters each.
 MAX_BYTES = 4_000_000
 # A seed of 128 bits has 39; Python itself refuses to read and show numbers of more than 4300 digits.
-MAX_DIGITS = 40
+MAX_DIGITS = 50
 # Of what a complaint of PyYAML quotes: an alias, a tag, a token.
 PROBLEM_LETTERS = 160
 
@@ -48,23 +48,21 @@ class _Loader(yaml.SafeLoader):
         event, before = self.peek_event(), self.n_values
         if isinstance(event, yaml.AliasEvent):
             if event.anchor in self.anchors and event.anchor not in self.sizes:
-                raise yaml.composer.ComposerError(
-                    None, None, f"alias '{event.anchor}' stands in its own value; write it out", event.start_mark
-                )
+                raise self._refused(f"alias '{event.anchor}' stands in its own value; write it out")
             self.n_values += self.sizes.get(event.anchor, 0)
+            if self.n_values > MAX_VALUES:
+                raise self._refused(f"aliases expand to more than {MAX_VALUES} values; write them out")
         else:
             self.n_values += 1
-        if self.n_values > MAX_VALUES:
-            how = "aliases expand to more" if self.sizes else "more"
-            raise _TooManyValues(f"{how} than {MAX_VALUES} values; {'write them out' if self.sizes else 'shorten it'}")
+            if self.n_values > MAX_VALUES:
+                raise self._refused(f"more than {MAX_VALUES} values; shorten the document")
         node = super().compose_node(parent, index)
         if not isinstance(event, yaml.AliasEvent) and event.anchor is not None:
             self.sizes[event.anchor] = self.n_values - before
         return node
 
-
-class _TooManyValues(Exception):
-    """The document has more values than `MAX_VALUES`."""
+    def _refused(self, problem: str) -> yaml.MarkedYAMLError:
+        return yaml.composer.ComposerError(None, None, problem, self.peek_event().start_mark)
 
 
 def _refuse(node: yaml.Node, problem: str) -> NoReturn:
@@ -156,8 +154,6 @@ def load_yaml(source: str | Path, *, where: str | None = None, error: type[BfiEr
         line = text.count("\n", 0, fault.position) + 1
         column = fault.position - text.rfind("\n", 0, fault.position)
         raise error(f"{name}: line {line}, column {column}: a character YAML does not allow; remove it") from None
-    except _TooManyValues as fault:
-        raise error(f"{name}: {fault}") from None
     except RecursionError:
         raise error(f"{name}: nested too deeply; flatten the document") from None
     except (ValueError, OverflowError):  # PyYAML's own, of an escape such as "\\UFFFFFFFF"

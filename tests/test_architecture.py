@@ -23,6 +23,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels", "printable"),
+    ("sample_file",),
     ("units", "faults", "yaml12", "plain"),
     ("channels", "result", "serialize", "dictionary", "exhibit"),
     ("flightlog", "conditioning", "config", "provenance", "wording", "documents"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import json_option, tell
+from .options import json_option, outside_option, tell
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ __all__ = ["command"]
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: 1]")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the trials.")
 @click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write trials, summary and figures.")
 @click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
 @json_option
@@ -44,7 +45,7 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
     if options["resume"] and out is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
-    sweep = load_sweep(config_path, trials=options["trials"], seed=options["seed"])
+    sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
     records = check_records(sweep)
     digest = digest_of(sweep, records)
     total = sweep.n_trials * len(sweep.scenarios)

@@ -17,7 +17,7 @@ from ..errors import BfiError
 from ..faults import did_you_mean, shown, unknown_key
 from ..printable import shortened
 
-__all__ = ["Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
+__all__ = ["SENTENCE_LETTERS", "Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]
@@ -27,7 +27,7 @@ Loc = tuple[int | str, ...]
 M = TypeVar("M", bound=BaseModel)
 
 MAX_COMPLAINTS = 5
-KEY_LETTERS = 40
+KEY_LETTERS, SENTENCE_LETTERS = 40, 300
 WRONG_KIND = {
     "bool_type": "must be true or false",
     "dict_type": "must be a mapping of key: value",
@@ -67,9 +67,12 @@ def validated(
         return model.model_validate(data, context=dict(context or {}))
     except ValidationError as fault:
         details = [one for one in fault.errors(include_url=False) if not _follows_from_another(one)]
-    complaints = list(dict.fromkeys(_complaint(model, one) for one in details))
-    if len(complaints) > MAX_COMPLAINTS:
-        complaints = [*complaints[:MAX_COMPLAINTS], f"and {len(complaints) - MAX_COMPLAINTS} more"]
+    complaints: list[str] = []
+    for n, one in enumerate(details):
+        if len(complaints) == MAX_COMPLAINTS:
+            complaints.append(f"and {len(details) - n} more")
+            break
+        complaints += [text] if (text := _complaint(model, one)) not in complaints else []
     raise error(f"{where}: {' | '.join(complaints)}")
 
 
@@ -155,7 +158,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
             return f"{details['msg'].replace('Input should', 'must')}, got {value}"
         case "value_error":
-            return str(limits["error"])
+            return shortened(str(limits["error"]), SENTENCE_LETTERS)
     wrong = WRONG_KIND.get(kind) or details["msg"][:1].lower() + details["msg"][1:]
     what, semicolon, remedy = wrong.partition(";")
     return f"{what}, got {value}{semicolon}{remedy}"

@@ -259,8 +259,9 @@ def _value_problem(key: str, value: object) -> str | None:
 
 def did_you_mean(word: object, known: Sequence[str]) -> str:
     """Return "; did you mean 'onset_s'?", or "; known: ..." where nothing is close."""
-    is_word = isinstance(word, str) and len(word) <= SHOWN_LETTERS
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6) if is_word else []
+    close: list[str] = []
+    if isinstance(word, str) and len(word) <= SHOWN_LETTERS:
+        close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
 
 

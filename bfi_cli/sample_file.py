@@ -44,8 +44,8 @@ def read_samples(path: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
     Raises
     ------
-    DictionaryError : it cannot be read or is no such file. What the file holds is not quoted: it may be any file of this
-        machine that a stranger's dictionary names.
+    DictionaryError : it cannot be read or is no such file. What the file holds is not quoted: a stranger's dictionary
+        may name any file of this machine.
     """
     try:
         lines = sample_bytes(path).decode("utf-8-sig").splitlines()

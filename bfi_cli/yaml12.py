@@ -41,28 +41,26 @@ class _Loader(yaml.SafeLoader):
     def __init__(self, text: str) -> None:
         super().__init__(text)
         self.n_values = 0
-        self.sizes: dict[str, int] = {}
+        self.sizes: dict[str | None, int] = {}
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Compose a value and count it, an alias as all values of its anchor: none is ever written out beyond that."""
-        event, before = self.peek_event(), self.n_values
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        before = self.n_values
         if isinstance(event, yaml.AliasEvent):
             if event.anchor in self.anchors and event.anchor not in self.sizes:
-                raise self._refused(f"alias '{event.anchor}' stands in its own value; write it out")
+                _refuse(event, f"alias '{event.anchor}' stands in its own value; write it out")
             self.n_values += self.sizes.get(event.anchor, 0)
             if self.n_values > MAX_VALUES:
-                raise self._refused(f"aliases expand to more than {MAX_VALUES} values; write them out")
+                _refuse(event, f"aliases expand to more than {MAX_VALUES} values; write them out")
         else:
             self.n_values += 1
             if self.n_values > MAX_VALUES:
-                raise self._refused(f"more than {MAX_VALUES} values; shorten the document")
+                _refuse(event, f"more than {MAX_VALUES} values; shorten the document")
         node = super().compose_node(parent, index)
         if not isinstance(event, yaml.AliasEvent) and event.anchor is not None:
             self.sizes[event.anchor] = self.n_values - before
         return node
-
-    def _refused(self, problem: str) -> yaml.MarkedYAMLError:
-        return yaml.composer.ComposerError(None, None, problem, self.peek_event().start_mark)
 
 
 def _refuse(node: yaml.Node, problem: str) -> NoReturn:

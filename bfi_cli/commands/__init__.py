@@ -39,8 +39,8 @@ COMMANDS = {
     "report": "Draw the report of a stored result.",
 }
 USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130
-# Quoted values are shortened where they are quoted; this keeps the rest, as the names of a log of thousands of channels,
-# from filling more than 40 rows of a terminal of 100 columns. Where and what to do stand at the ends.
+# Quoted values are shortened where they are quoted; this keeps the rest, as the names of a log of many channels, from
+# filling more than 40 rows of a terminal of 100 columns. Where and what to do stand at the ends.
 LONGEST_LINE = 4000
 
 # What click says of a value, as a pattern, and as this program says it.

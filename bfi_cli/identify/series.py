@@ -152,9 +152,8 @@ def _matched(intake: Intake, truth: Truth) -> list[tuple[int | None, float, str]
     """Return (dictionary entry of the same signal or None, magnitude in its terms, name) of each injected fault."""
     time_s = intake.record.time_s
     found: list[tuple[int | None, float, str]] = []
-    named = {
-        os.path.abspath(fault.file) for fault in intake.faults if fault.file is not None
-    }  # no file is opened because a log names it
+    # No file is opened because a log names it.
+    named = {os.path.abspath(fault.file) for fault in intake.faults if fault.file is not None}
     for fault in truth.faults:
         channel = intake.log.channel(fault.channel).name
         name = fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}"

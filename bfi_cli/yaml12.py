@@ -63,7 +63,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-def _refuse(node: yaml.Node, problem: str) -> NoReturn:
+def _refuse(node: Any, problem: str) -> NoReturn:
     raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 

@@ -33,7 +33,7 @@ def sample_bytes(path: str) -> bytes:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or "no such file") from None
+        raise _unreadable(path, (getattr(error, "strerror", None) or "no such file").lower()) from None
     if len(content) > MAX_BYTES:
         raise _unreadable(path, f"larger than {MAX_BYTES / 1e6:g} MB")
     return content
@@ -72,4 +72,4 @@ def _sample(line: str) -> tuple[float, ...] | None:
 
 
 def _unreadable(path: str, reason: str) -> DictionaryError:
-    return DictionaryError(f"{path}: cannot read the samples, {reason.lower()}; give a CSV file of time, value")
+    return DictionaryError(f"{path}: cannot read the samples, {reason}; give a CSV file of time, value")

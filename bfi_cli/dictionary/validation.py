@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
+import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
@@ -26,7 +27,8 @@ Text = Annotated[str, Field(min_length=1)]
 Loc = tuple[int | str, ...]
 M = TypeVar("M", bound=BaseModel)
 
-MAX_COMPLAINTS = 5
+BRANCH = re.compile(r"<[a-z]+>")  # of a union, as its tag names it
+MAX_COMPLAINTS = 5  # more do not fit on a few rows of a terminal
 KEY_LETTERS, SENTENCE_LETTERS = 40, 300
 WRONG_KIND = {
     "bool_type": "must be true or false",
@@ -70,7 +72,7 @@ def validated(
     complaints: list[str] = []
     for n, one in enumerate(details):
         if len(complaints) == MAX_COMPLAINTS:
-            complaints.append(f"and {len(details) - n} more")
+            complaints.append(f"and {len(details) - n} more; mend these first")
             break
         complaints += [text] if (text := _complaint(model, one)) not in complaints else []
     raise error(f"{where}: {' | '.join(complaints)}")
@@ -134,7 +136,7 @@ def _place(loc: Loc, kind: str) -> str:
     for before, part in zip((None, *loc), loc, strict=False):
         if isinstance(part, int):
             path += f"[{part}]"
-        elif not (isinstance(before, int) or part.startswith("<")):
+        elif not (isinstance(before, int) or BRANCH.fullmatch(part)):
             key = shortened(part, KEY_LETTERS)
             path += f".{key}" if path else key or "''"
     # A union without a tag of its own complains about the whole entry, and means its `shape`.

@@ -35,6 +35,7 @@ WRONG_KIND = {
     "dict_type": "must be a mapping of key: value",
     "finite_number": "must be a finite number",
     "float_type": "must be a number",
+    "invalid_key": "a key must be text; put it in quotes",
     "int_from_float": "must be a whole number",
     "int_type": "must be a whole number",
     "mapping_type": "must be a mapping of key: value",
@@ -161,7 +162,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
             return f"{details['msg'].replace('Input should', 'must')}, got {value}"
         case "value_error":
             return shortened(str(limits["error"]), SENTENCE_LETTERS)
-    wrong = WRONG_KIND.get(kind) or details["msg"][:1].lower() + details["msg"][1:]
+    wrong = WRONG_KIND.get(kind) or f"{details['msg'][:1].lower()}{details['msg'][1:]}; write another value"
     what, semicolon, remedy = wrong.partition(";")
     return f"{what}, got {value}{semicolon}{remedy}"
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +10,7 @@ from .audit.comparison import pairs
 from .faults import SHAPE_KEYS, Fault, fault_to_dict
 from .plain import to_plain
 from .result import Provenance
+from .serialize import to_csv
 from .wording import number, quantity, shortened
 
 if TYPE_CHECKING:
@@ -89,26 +88,18 @@ def _compared_what(audit: Audit) -> str:
     return "raw signals" if audit.model is None else "filtered signatures"
 
 
-def audit_tables(audit: Audit) -> dict[str, str]:
-    """Return the CSV text of each table by its file name; coherence.csv only where the signals were compared."""
+def audit_tables(audit: Audit) -> dict[str, bytes]:
+    """Return the CSV file of each table by its file name; coherence.csv only where the signals were compared."""
     entries = [_atom_entry(atom) for atom in audit.atoms]
     for entry in entries:
         physical = entry["minimal_physical"] or {"value": None, "unit": None}
         entry |= {"minimal_physical": physical["value"], "physical_unit": physical["unit"]}
-    tables = {"atoms.csv": _csv(ATOM_COLUMNS, ([entry[column] for column in ATOM_COLUMNS] for entry in entries))}
+    tables = {"atoms.csv": to_csv(ATOM_COLUMNS, ([entry[column] for column in ATOM_COLUMNS] for entry in entries))}
     if audit.signatures is not None:
         names, matrix = audit.signatures.names, to_plain(audit.signatures.coherence)
         rows = ([name, *row] for name, row in zip(names, matrix, strict=True))
-        tables["coherence.csv"] = _csv(("name", *names), rows)
+        tables["coherence.csv"] = to_csv(("name", *names), rows)
     return tables
-
-
-def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([str(value).lower() if isinstance(value, bool) else value for value in row] for row in rows)
-    return text.getvalue()
 
 
 def print_audit(console: Console, audit: Audit) -> None:

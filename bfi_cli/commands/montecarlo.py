@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import json_option, tell
+from .answered import show
+from .options import inputs_of, json_option, out_options, tell
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
     from ..result import Provenance
 
 __all__ = ["command"]
+
+NAMES = (
+    *("trials.csv", "timings.csv", "summary.json"),
+    *("isolation.svg", "isolation.png", "magnitude_error.svg", "magnitude_error.png"),
+)
 
 
 @click.command("montecarlo")
@@ -29,7 +35,7 @@ __all__ = ["command"]
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: 1]")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the trials.")
 @click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write trials, summary and figures.")
+@out_options
 @click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
 @json_option
 def command(config_path: str, out: Path | None, **options: Any) -> None:
@@ -38,13 +44,18 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     CONFIG names the record, the dictionary and what varies; configs/montecarlo_thesis.yaml is an example. The numbers
     are the same for any number of workers, and for a sweep that was stopped and continued.
     """
+    from ..files import check_folder, replace_files
     from ..montecarlo import check_records, digest_of, load_sweep, summarise, summary_document
+    from ..montecarlo.table import print_summary
 
     if options["workers"] is not None and options["scheduler"] is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
     if options["resume"] and out is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
     sweep = load_sweep(config_path, trials=options["trials"], seed=options["seed"])
+    inputs, force = _inputs(sweep), options["force"]
+    if out is not None:
+        check_folder(out, NAMES, inputs=inputs, force=force)
     records = check_records(sweep)
     digest = digest_of(sweep, records)
     total = sweep.n_trials * len(sweep.scenarios)
@@ -54,12 +65,18 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     origin = _origin(sweep, records)
     document = summary_document(summary, origin, digest=digest)
     if out is not None:
-        from ..output import replace_files
-
-        replace_files(_files(summary, done, document), out)
+        replace_files(_files(summary, done, document), out, inputs=inputs, force=force)
         journal.remove()
         tell(f"wrote {out / 'summary.json'}")
-    _show(summary, document, as_json=options["as_json"])
+    show(document, lambda console: print_summary(console, summary), as_json=options["as_json"])
+
+
+def _inputs(sweep: Sweep) -> tuple[str, ...]:
+    """Return the files that a sweep reads."""
+    named = {sweep.path}
+    for setting in {id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values():
+        named.update(inputs_of(setting.config, getattr(setting.record, "log", None), dictionary=setting.dictionary))
+    return tuple(named)
 
 
 def _run(
@@ -67,7 +84,8 @@ def _run(
 ) -> tuple[list[tuple[Row, float]], Any]:
     from ..montecarlo import Journal, run_sweep
 
-    opened = nullcontext() if out is None else Journal(out, sweep, digest=digest, resume=options["resume"])
+    resume, force = options["resume"], options["force"]
+    opened = nullcontext() if out is None else Journal(out, sweep, digest=digest, resume=resume, force=force)
     with opened as journal:
         try:
             done = run_sweep(
@@ -98,29 +116,16 @@ def _origin(sweep: Sweep, records: dict[str, str]) -> Provenance:
 
 def _files(summary: Summary, done: list[tuple[Row, float]], document: dict[str, Any]) -> dict[str, bytes]:
     from ..montecarlo.journal import TIMING_COLUMNS, timing_cells
-    from ..montecarlo.row import COLUMNS, csv_text
+    from ..montecarlo.row import COLUMNS
     from ..plots.montecarlo import MONTECARLO_FIGURES
     from ..plots.style import to_png, to_svg
-    from ..serialize import to_json
+    from ..serialize import to_csv, to_json
 
     files = {
-        "trials.csv": csv_text([COLUMNS, *(row.cells() for row, _ in done)]).encode(),
-        "timings.csv": csv_text([TIMING_COLUMNS, *(timing_cells(*pair) for pair in done)]).encode(),
+        "trials.csv": to_csv(COLUMNS, (row.cells() for row, _ in done)),
+        "timings.csv": to_csv(TIMING_COLUMNS, (timing_cells(*pair) for pair in done)),
     }
     for name, plot in MONTECARLO_FIGURES.items():
         figure = plot(summary)
         files |= {f"{name}.svg": to_svg(figure), f"{name}.png": to_png(figure)}
     return {**files, "summary.json": to_json(document).encode() + b"\n"}
-
-
-def _show(summary: Summary, document: dict[str, Any], *, as_json: bool) -> None:
-    if as_json:
-        from ..serialize import to_json
-
-        click.echo(to_json(document))
-        return
-    from rich.console import Console
-
-    from ..montecarlo.table import print_summary
-
-    print_summary(Console(highlight=False), summary)

@@ -87,7 +87,8 @@ def show_lines(document: Mapping[str, Any], lines: Sequence[str], *, as_json: bo
     def draw(console: Console) -> None:
         from rich.text import Text
 
-        console.print(Text("\n".join(lines)))
+        # A pipe gets each line whole, for grep; a terminal gets it broken between words.
+        console.print(Text("\n".join(lines)), soft_wrap=not console.is_terminal)
 
     show(document, draw, as_json=as_json)
 

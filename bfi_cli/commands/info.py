@@ -61,12 +61,12 @@ def _draw(console: Console, report: LogReport) -> None:
     from rich.text import Text
 
     for line in _headline(report):
-        console.print(Text(line))
+        console.print(Text(line), soft_wrap=not console.is_terminal)
     for table in (_channels(report), _excitation(report), _windows(report), _segments(report)):
         if table.row_count:
             console.print(table)
     for note in report.notes:
-        console.print(Text(f"note: {note}"))
+        console.print(Text(f"note: {note}"), soft_wrap=not console.is_terminal)
 
 
 def _headline(report: LogReport) -> list[str]:

@@ -231,6 +231,43 @@ COMMANDS = {
     "simulate citation -o new.h5 --seed -1": (2, "--seed: too small, got -1; give 0 or more"),
     "simulate citation -o new.h5 --discretisation rk4": (2, "not one of the choices, got 'rk4'; known: 'zoh'"),
     "simulate citation -o new.h5 --noise tas": (2, "--noise: expected NAME=SD, got 'tas'; write --noise tas=0.01"),
+    "convert good.csv -o good.csv": (2, "good.csv: is an input of this command; give another --output"),
+    "convert good.csv -o folder/../good.csv --force": (2, "good.csv: is an input of this command; give another --out"),
+    "convert good.csv -o hard.csv --force": (2, "hard.csv: is an input of this command; give another --output"),
+    "convert good.csv -o soft.csv --force": (2, "soft.csv: is an input of this command; give another --output"),
+    "convert soft.csv -o good.csv --force": (2, "good.csv: is an input of this command; give another --output"),
+    "convert good.csv -o held.csv": (
+        2,
+        "held.csv: exists and was not written by bfi; give another --output, or --force",
+    ),
+    "inject good.csv -o good.csv --fault bias,onset_s=5": (2, "good.csv: is an input of this command; give another"),
+    "inject good.csv -o held.csv --fault bias,onset_s=5": (2, "held.csv: exists and was not written by bfi; give"),
+    "inject good.csv -o held.csv --force --fault samples,file=held.csv": (2, "held.csv: is an input of this command"),
+    "simulate citation -o good.csv": (2, "good.csv: exists and was not written by bfi; give another --output, or"),
+    "simulate citation -o truncated.h5": (2, "truncated.h5: exists and was not written by bfi; give another --output"),
+    "calibrate good.csv -o good.csv": (2, "good.csv: is an input of this command; give another -o"),
+    "calibrate good.csv -o other.json": (2, "other.json: exists and was not written by bfi; give another -o, or --for"),
+    "calibrate good.csv -o other.json --append": (
+        2,
+        "other.json: kind is 'None', not 'calibration'; give a file of bfi",
+    ),
+    "identify taken/series.csv --out taken --force": (2, "taken/series.csv: is an input of this command; give another"),
+    "identify good.csv -d taken/result.json --out taken --force": (2, "taken/result.json: is an input of this command"),
+    "identify good.csv -c c.yaml -d good.yaml --out taken": (
+        2,
+        "exists and was not written by bfi; give another --out",
+    ),
+    "start-time good.csv --out taken": (
+        2,
+        "taken/report.html: exists and was not written by bfi; give another --out, or",
+    ),
+    "detect good.csv --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out, or"),
+    "diagnosability good.csv -d good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi"),
+    "dictionary good.yaml --out taken": (2, "taken/result.json: exists and was not written by bfi; give another --out"),
+    "montecarlo -c sweep.yaml --out taken": (2, "taken/trials.csv: exists and was not written by bfi; give another"),
+    "montecarlo -c sweep.yaml --out begun": (2, "begun/unfinished/trials.csv: exists and was not written by bfi; give"),
+    "reproduce thesis-5-1 --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
+    "identify good.csv --series": (2, "bfi identify: --series is about --json; add --json"),
     "report absent.json": (2, "absent.json: no such file or directory; give the result.json of a command's --out"),
     "report folder": (2, "folder: is a directory; give the result.json of a command's --out"),
     "report good.csv": (2, "good.csv: not JSON"),
@@ -260,6 +297,14 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "good.csv").write_text(csv())
     (folder / "good.yaml").write_text(FAULTS)
     (folder / "in_the_way").write_text("a file")
+    (folder / "hard.csv").hardlink_to(folder / "good.csv")
+    (folder / "soft.csv").symlink_to("good.csv")
+    (folder / "sweep.yaml").write_text("record: {model: citation}\ndictionary: good.yaml\nactive: 1\ntrials: 1\n")
+    for name in ("taken/series.csv", "taken/result.json", "taken/report.html", "taken/trials.csv"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(FAULTS if name.endswith(".json") else csv())
+    (folder / "begun" / "unfinished").mkdir(parents=True)
+    (folder / "begun" / "unfinished" / "trials.csv").write_text(csv())
     (folder / "other.json").write_text("{}")
     (folder / "damaged.json").write_text('{"kind": "identify", "schema": 1}')
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")

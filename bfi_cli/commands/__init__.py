@@ -104,19 +104,23 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def _open_streams() -> None:
-    """Make the standard streams take any text; one that is closed is opened on the null device.
-
-    It is opened for reading, so that what is printed to it is an error and not lost; a file of ours would else take its
-    number. The order is that of the numbers.
-    """
+    """Make the standard streams take any text, and none of them be absent; the order is that of their numbers."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         stream: TextIO | None = getattr(sys, name)
+        file: int | None = None
         if stream is None:
-            nowhere = os.open(os.devnull, os.O_WRONLY if name == "stderr" else os.O_RDONLY)
-            mode = "w" if number else "r"
-            setattr(sys, name, open(nowhere, mode, encoding="utf-8", errors=SHOWN))  # noqa: SIM115
+            # Closed by the caller. A file of ours would else take its number, and be printed into. Stdout cannot be
+            # written then, so that an answer is not lost without a word.
+            file = os.open(os.devnull, os.O_WRONLY if name == "stderr" else os.O_RDONLY)
         elif number and isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=SHOWN)
+            if isinstance(stream.buffer, io.RawIOBase):
+                # PYTHONUNBUFFERED: a raw stream forgets what a full disk did not take of a long answer.
+                file = stream.fileno()
+        if file is not None:
+            encoding = "utf-8" if stream is None else stream.encoding
+            opened = open(file, "w" if number else "r", encoding=encoding, errors=SHOWN, closefd=False)  # noqa: SIM115
+            setattr(sys, name, opened)
 
 
 def _run(argv: Sequence[str] | None) -> int:
@@ -141,7 +145,7 @@ def _run(argv: Sequence[str] | None) -> int:
     except Exception as error:
         if isinstance(error, OSError) and (error.errno == errno.ENOSPC or not _flushed()):
             reason = (error.strerror or str(error)).lower()
-            return _complain(f"bfi: cannot write, {reason}; free some space, or write elsewhere", USAGE)
+            return _complain(f"stdout: cannot be written, {reason}; free some space, or write elsewhere", USAGE)
         return _complain(_crash(error), DEFECT)
     finally:
         _flushed()

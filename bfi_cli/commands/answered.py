@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..errors import ConfigError
 from .options import tell
 
 if TYPE_CHECKING:
@@ -95,5 +96,11 @@ def show_lines(document: Mapping[str, Any], lines: Sequence[str], *, as_json: bo
 
 def _print(text: str) -> None:
     """Write to stdout all that is left to write, so that a full disk is met here."""
-    sys.stdout.write(text)
-    sys.stdout.flush()
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ConfigError(f"stdout: cannot be written, {reason}; free some space, or write elsewhere") from error

@@ -49,7 +49,8 @@ def write_log(log: FlightLog, path: str | Path) -> None:
 def _write_hdf5(log: FlightLog, path: Path) -> None:
     import h5py
 
-    with h5py.File(path, "w") as file:
+    # Made in memory: on a full disk the HDF5 library prints tracebacks and ends the process.
+    with h5py.File(path, "w", driver="core", backing_store=False) as file:
         file.attrs[ATTRIBUTE] = OWNER
         _dataset(file, "time", log.time_s, unit="s")
         for name, channel in log.channels.items():
@@ -61,6 +62,8 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
             truth.attrs["faults"] = faults_to_json(log.truth.faults)
             for name, clean in log.truth.clean.items():
                 _dataset(truth, _link_name(name) + CLEAN, clean, unit=_unit_of(log, name))
+        file.flush()
+        path.write_bytes(file.id.get_file_image())
 
 
 def _dataset(node: h5py.Group, name: str, values: FloatArray, *, unit: str) -> None:

@@ -176,4 +176,4 @@ def test_a_full_disk_is_one_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT, check=False)
     assert done.returncode == 2
-    assert done.stderr == "bfi: cannot write, no space left on device; free some space, or write elsewhere\n"
+    assert done.stderr == "stdout: cannot be written, no space left on device; free some space, or write elsewhere\n"

@@ -249,11 +249,11 @@ COMMANDS = {
     "calibrate good.csv -o other.json": (2, "other.json: exists and was not written by bfi; give another -o, or --for"),
     "calibrate good.csv -o other.json --append": (
         2,
-        "other.json: kind is 'None', not 'calibration'; give a file of bfi",
+        "other.json: kind is 'None', not 'calibration'; give a file",
     ),
     "identify taken/series.csv --out taken --force": (2, "taken/series.csv: is an input of this command; give another"),
     "identify good.csv -d taken/result.json --out taken --force": (2, "taken/result.json: is an input of this command"),
-    "identify good.csv -c c.yaml -d good.yaml --out taken": (
+    "identify good.csv -d good.yaml --out taken": (
         2,
         "exists and was not written by bfi; give another --out",
     ),

@@ -46,9 +46,7 @@ def test_an_hdf5_file_is_ours_by_its_attribute(tmp_path: Path):
 
 def test_a_folder_of_results_is_ours_and_loses_nothing_else(tmp_path: Path):
     (tmp_path / "report.html").write_text("mine")
-    with pytest.raises(
-        ConfigError, match=r"report.html: exists and was not written by bfi; give another --out, or --fo"
-    ):
+    with pytest.raises(ConfigError, match="report.html: exists and was not written by bfi"):
         replace_files({"a.csv": b"", "report.html": b"new"}, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
     (tmp_path / "result.json").write_text(json.dumps(OURS))
@@ -66,9 +64,14 @@ def test_a_link_to_nothing_is_not_replaced(tmp_path: Path):
 def test_a_failure_leaves_neither_files_nor_folders(error: BaseException, tmp_path: Path):
     kind = ConfigError if isinstance(error, OSError) else type(error)
     folder = tmp_path / "deep" / "er"
-    with pytest.raises(kind), aside(folder, place=folder, option="--out") as new:
-        (new / "a").write_text("half")
-        raise error
+
+    def fail() -> None:
+        with aside(folder, place=folder, option="--out") as new:
+            (new / "a").write_text("half")
+            raise error
+
+    with pytest.raises(kind):
+        fail()
     assert list(tmp_path.iterdir()) == []
 
 

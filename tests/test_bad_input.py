@@ -222,8 +222,8 @@ OPTIONS = {
     "-d absent.yaml": (2, "absent.yaml: cannot be read, no such file or directory; check the path"),
     "-d folder": (2, "folder: cannot be read, is a directory; check the path"),
     "-d good.csv": (2, "good.csv: must be a mapping of key: value, got 'time [s],elevator [rad],tas [m/s]"),
-    "--out in_the_way": (2, "in_the_way: file exists; give another --out"),
-    "--out in_the_way/deeper": (2, "in_the_way/deeper: not a directory; give another --out"),
+    "--out in_the_way": (2, "in_the_way: cannot be written, not a directory; give another --out"),
+    "--out in_the_way/deeper": (2, "in_the_way/deeper: cannot be written, not a directory; give another --out"),
 }
 
 COMMANDS = {
@@ -250,10 +250,9 @@ COMMANDS = {
     "convert good.csv -o new.h5 --rate 1e-9": (3, "nothing is left of it at 1e-09 Hz; give a higher --rate"),
     "convert good.csv -o new.h5 --rate fast": (2, "--rate: not a number, got 'fast'; give one like 12.5"),
     "convert good.csv -o new.txt": (2, "new.txt: no format with the suffix '.txt'; name the file .h5 or .csv"),
-    "convert good.csv -o folder": (2, "folder: no format with the suffix ''; name the file .h5 or .csv"),
-    "convert good.csv -o nowhere/new.h5": (2, "nowhere/new.h5: cannot be written, no such file or directory; give"),
+    "convert good.csv -o folder": (2, "folder: cannot be written, is a directory; give another --output"),
     "convert good.csv -o in_the_way/new.h5": (2, "in_the_way/new.h5: cannot be written, not a directory; give"),
-    "convert good.csv -o folder.csv": (2, "folder.csv: cannot be written, is a directory; give another path"),
+    "convert good.csv -o folder.csv": (2, "folder.csv: cannot be written, is a directory; give another --output"),
     "convert truncated.h5 -o new.csv": (3, "truncated.h5: damaged or truncated HDF5 file"),
     "inject good.csv -o new.h5": (2, "bfi inject: --fault is missing; give --fault SPEC"),
     "inject good.csv -o new.h5 --fault bais,onset_s=3": (2, "shape: unknown shape, got 'bais'; did you mean 'bias'?"),
@@ -273,6 +272,43 @@ COMMANDS = {
     "simulate citation -o new.h5 --seed -1": (2, "--seed: too small, got -1; give 0 or more"),
     "simulate citation -o new.h5 --discretisation rk4": (2, "not one of the choices, got 'rk4'; known: 'zoh'"),
     "simulate citation -o new.h5 --noise tas": (2, "--noise: expected NAME=SD, got 'tas'; write --noise tas=0.01"),
+    "convert good.csv -o good.csv": (2, "good.csv: is an input of this command; give another --output"),
+    "convert good.csv -o folder/../good.csv --force": (2, "good.csv: is an input of this command; give another --out"),
+    "convert good.csv -o hard.csv --force": (2, "hard.csv: is an input of this command; give another --output"),
+    "convert good.csv -o soft.csv --force": (2, "soft.csv: is an input of this command; give another --output"),
+    "convert soft.csv -o good.csv --force": (2, "good.csv: is an input of this command; give another --output"),
+    "convert good.csv -o held.csv": (
+        2,
+        "held.csv: exists and was not written by bfi; give another --output, or --force",
+    ),
+    "inject good.csv -o good.csv --fault bias,onset_s=5": (2, "good.csv: is an input of this command; give another"),
+    "inject good.csv -o held.csv --fault bias,onset_s=5": (2, "held.csv: exists and was not written by bfi; give"),
+    "inject good.csv -o held.csv --force --fault samples,file=held.csv": (2, "held.csv: is an input of this command"),
+    "simulate citation -o good.csv": (2, "good.csv: exists and was not written by bfi; give another --output, or"),
+    "simulate citation -o truncated.h5": (2, "truncated.h5: exists and was not written by bfi; give another --output"),
+    "calibrate good.csv -o good.csv": (2, "good.csv: is an input of this command; give another -o"),
+    "calibrate good.csv -o other.json": (2, "other.json: exists and was not written by bfi; give another -o, or --for"),
+    "calibrate good.csv -o other.json --append": (
+        2,
+        "other.json: kind is 'None', not 'calibration'; give a file",
+    ),
+    "identify taken/series.csv --out taken --force": (2, "taken/series.csv: is an input of this command; give another"),
+    "identify good.csv -d taken/result.json --out taken --force": (2, "taken/result.json: is an input of this command"),
+    "identify good.csv -d good.yaml --out taken": (
+        2,
+        "exists and was not written by bfi; give another --out",
+    ),
+    "start-time good.csv --out taken": (
+        2,
+        "taken/report.html: exists and was not written by bfi; give another --out, or",
+    ),
+    "detect good.csv --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out, or"),
+    "diagnosability good.csv -d good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi"),
+    "dictionary good.yaml --out taken": (2, "taken/result.json: exists and was not written by bfi; give another --out"),
+    "montecarlo -c sweep.yaml --out taken": (2, "taken/trials.csv: exists and was not written by bfi; give another"),
+    "montecarlo -c sweep.yaml --out begun": (2, "begun/unfinished/trials.csv: exists and was not written by bfi; give"),
+    "reproduce thesis-5-1 --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
+    "identify good.csv --series": (2, "bfi identify: --series is about --json; add --json"),
     "report absent.json": (2, "absent.json: no such file or directory; give the result.json of a command's --out"),
     "report folder": (2, "folder: is a directory; give the result.json of a command's --out"),
     "report good.csv": (2, "good.csv: not JSON"),
@@ -313,6 +349,14 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     drawn = {"name": "../../drawn", "caption": "", "panels": [], "heat_maps": []}
     told = dict.fromkeys(("kicker", "title", "heading", "verdict"), "")
     (folder / "reproduced.json").write_text(json.dumps({**reproduced, "exhibit": {**told, "drawings": [drawn]}}))
+    (folder / "hard.csv").hardlink_to(folder / "good.csv")
+    (folder / "soft.csv").symlink_to("good.csv")
+    (folder / "sweep.yaml").write_text("record: {model: citation}\ndictionary: good.yaml\nactive: 1\ntrials: 1\n")
+    for name in ("taken/series.csv", "taken/result.json", "taken/report.html", "taken/trials.csv"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(FAULTS if name.endswith(".json") else csv())
+    (folder / "begun" / "unfinished").mkdir(parents=True)
+    (folder / "begun" / "unfinished" / "trials.csv").write_text(csv())
     (folder / "other.json").write_text("{}")
     (folder / "damaged.json").write_text('{"kind": "identify", "schema": 1}')
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")
@@ -361,7 +405,7 @@ def test_dead_duplicate_and_constant_faults_are_notes_while_one_is_live(bfi: Cal
     path = tmp_path / "mixed.yaml"
     onsets = {"live": 20, "again": 20, "late": 300, "constant": 0}
     path.write_text("atoms:\n" + "".join(f"- {{name: {k}, shape: bias, onset_s: {v}}}\n" for k, v in onsets.items()))
-    outcome = bfi("identify", desk / "good.csv", "-d", path)
+    outcome = bfi("identify", desk / "good.csv", "-d", path, "--json")
     document = json.loads(outcome.stdout)
     notes = {candidate["name"]: candidate["note"] for candidate in document["candidates"]}
     assert outcome.code == 0

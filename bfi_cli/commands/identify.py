@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from .answered import show
 from .options import (
     channel_options,
     configured,
     exit_code,
-    json_option,
+    inputs_of,
     log_argument,
+    out_options,
     outside_option,
+    series_option,
     tell,
     window_options,
 )
@@ -46,10 +48,10 @@ ONSET_SAMPLES = 1.5
 @click.option("--method", help="ml (maximum likelihood) or risro (as published).  [default: ml]")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
 @outside_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
+@out_options
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
-@json_option
+@series_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say which faults of a dictionary are in LOG, how large they are and how sure that is.
@@ -57,12 +59,18 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
     from ..documents import identify_document
+    from ..files import check_folder, replace_files
     from ..flightlog import read_log
     from ..identify import identify_faults
+    from ..output import IDENTIFY_NAMES, identify_files
     from ..provenance import provenance
+    from ..tables import print_identify
 
     config = configured(config_path, options, {"method": options["method"]})
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
+    inputs = inputs_of(config, log, dictionary=dictionary)
+    if options["out"] is not None:
+        check_folder(options["out"], IDENTIFY_NAMES, inputs=inputs, force=options["force"])
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
     if dictionary is None:
         result, dictionary = _without_dictionary(flight, config)
@@ -75,11 +83,15 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         seed=config.seed,
     )
     if options["out"] is not None:
-        from ..output import write_results
-
-        write_results(result, origin, options["out"])
+        replace_files(identify_files(result, origin), options["out"], inputs=inputs, force=options["force"])
         tell(f"wrote {options['out'] / 'report.html'}")
-    _show(result, identify_document(result, origin), as_json=options["as_json"])
+    document = identify_document(result, origin)
+    show(
+        document,
+        lambda console: print_identify(console, result),
+        as_json=options["as_json"],
+        series=options["series"],
+    )
     context.exit(exit_code(config, trusted=result.decision != "not_identifiable", decision=result.decision))
 
 
@@ -110,16 +122,3 @@ def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResu
         tolerance_s = ONSET_SAMPLES / result.log.rate_hz
         truth = compared(truth, result.faults, scanned.truth or (), tolerance_s=tolerance_s)
     return replace(result, notes=notes, truth=truth), dictionary
-
-
-def _show(result: IdentifyResult, document: dict[str, Any], *, as_json: bool) -> None:
-    if as_json:
-        from ..serialize import to_json
-
-        click.echo(to_json(document))
-        return
-    from rich.console import Console
-
-    from ..tables import print_identify
-
-    print_identify(Console(), result)

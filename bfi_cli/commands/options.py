@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,15 +14,20 @@ from ..printable import printable
 
 if TYPE_CHECKING:
     from ..config import Config
+    from ..dictionary import Dictionary
 
 __all__ = [
     "channel_options",
     "configured",
     "exit_code",
+    "force_option",
+    "inputs_of",
     "json_option",
     "log_argument",
     "number_or_word",
+    "out_options",
     "outside_option",
+    "series_option",
     "tell",
     "two_numbers",
     "window_options",
@@ -123,14 +129,44 @@ def outside_option(command: Command) -> Command:
 
 
 def json_option(command: Command) -> Command:
-    """Add --json, passed as `as_json`: true also where stdout is not a terminal."""
-    return click.option(
-        "--json",
-        "as_json",
-        is_flag=True,
-        callback=lambda _context, _option, given: given or not sys.stdout.isatty(),
-        help="JSON on stdout (the default when stdout is not a terminal).",
-    )(command)
+    """Add --json, passed as `as_json`."""
+    return click.option("--json", "as_json", is_flag=True, is_eager=True, help="JSON on stdout in place of a table.")(
+        command
+    )
+
+
+def series_option(command: Command) -> Command:
+    """Add --json and --series, passed as `as_json` and `series`."""
+
+    def with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:
+        if given and not context.params["as_json"]:
+            raise click.UsageError("--series is about --json; add --json", context)
+        return given
+
+    said = "With --json: what has an entry per sample or onset, too; result.json of --out always has it."
+    return json_option(click.option("--series", is_flag=True, callback=with_json, help=said)(command))
+
+
+def force_option(command: Command) -> Command:
+    """Add --force, passed as `force`."""
+    return click.option("--force", is_flag=True, help="Replace files that bfi did not write; never an input.")(command)
+
+
+def out_options(command: Command) -> Command:
+    """Add --out and --force, passed as the path `out` and `force`."""
+    path = click.Path(path_type=Path)
+    return click.option("--out", type=path, metavar="DIR", help="Write result, report, figures and tables.")(
+        force_option(command)
+    )
+
+
+def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
+    """Return the files that a command reads: `paths` and those that its configuration and dictionary name."""
+    asked = config.start_time
+    named = {*paths, config.path, asked.samples, asked.calibration}
+    if dictionary is not None:
+        named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
+    return tuple(path for path in named if path)
 
 
 def tell(sentence: str) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, json_option, tell, window_options
+from .options import channel_options, json_option, log_of, tell, window_options
 from .progress import progress
 from .start_time import SHAPES, scan_config
 
@@ -51,13 +51,11 @@ LENGTH = "Of a window.  [default: 120, or the whole of a shorter log]"
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""
     from ..calibration import load_tables, merged, save_tables
-    from ..flightlog import read_log
     from ..output import replace_files
     from ..provenance import provenance
 
     config = scan_config(config_path, options)
-    names = {"group": options["group"], "channel_map": dict(config.channels), "unit_map": dict(config.units)}
-    flights = [read_log(log, **names) for log in logs]
+    flights = [log_of(log, options["group"], config) for log in logs]
     length_s = options["length_s"] or min(LENGTH_S, *(_duration_s(flight, config) for flight in flights))
     windows = (length_s, options["step_s"] or 0.5 * length_s)
     table = _table(flights, config, windows, options["progress"])

@@ -14,6 +14,7 @@ from .options import (
     exit_code,
     json_option,
     log_argument,
+    log_of,
     two_numbers,
     window_options,
 )
@@ -51,12 +52,11 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
     from ..detect import detect_document, detect_exhibit, detect_faults, settings_of
-    from ..flightlog import read_log
     from ..provenance import provenance
 
     config = _config(config_path, options)
     settings = settings_of(config)
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, settings, report=report)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)

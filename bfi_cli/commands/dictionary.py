@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, json_option, tell, window_options
+from .options import channel_options, configured, json_option, log_of, tell, window_options
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -74,9 +74,7 @@ def _audited(dictionary: Dictionary, log: str | None, config: Config, options: d
         return audit(dictionary, config, duration_s=options["duration_s"]), ""
     from threadpoolctl import threadpool_limits
 
-    from ..flightlog import read_log
-
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     with threadpool_limits(1):
         return audit_on_log(flight, dictionary, config), flight.sha256
 

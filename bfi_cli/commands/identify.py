@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, exit_code, json_option, log_argument, tell, window_options
+from .options import channel_options, configured, exit_code, json_option, log_argument, log_of, tell, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -47,13 +47,12 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
     from ..documents import identify_document
-    from ..flightlog import read_log
     from ..identify import identify_faults
     from ..provenance import provenance
 
     config = configured(config_path, options, {"method": options["method"]})
     dictionary = config.load_dictionary()
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     if dictionary is None:
         result, dictionary = _without_dictionary(flight, config)
     else:

@@ -27,7 +27,7 @@ SCHEMA = 1
 @json_option
 def command(log: str, as_json: bool, from_s: float | None, to_s: float | None, **source: Any) -> None:
     """Show channels, units, rate, gaps, held samples, excitation of a log, and windows to analyse."""
-    flight = read_log(log, **source).window(from_s, to_s)
+    flight = read_log(log, from_s=from_s, to_s=to_s, **source).window(from_s, to_s)
     report = inspect_log(flight)
     if as_json:
         click.echo(to_json(_document(report) | {"provenance": provenance(log_sha256=flight.sha256)}))

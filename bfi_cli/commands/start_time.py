@@ -15,6 +15,7 @@ from .options import (
     exit_code,
     json_option,
     log_argument,
+    log_of,
     two_numbers,
     window_options,
 )
@@ -53,12 +54,11 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
-    from ..flightlog import read_log
     from ..onset import find_onset, onset_document, onset_exhibit, onset_tables
     from ..provenance import provenance
 
     config = scan_config(config_path, options)
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     result = find_onset(flight, config)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)

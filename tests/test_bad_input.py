@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from odd_logs import ODD
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.flightlog import write_log
@@ -242,6 +243,7 @@ COMMANDS = {
 
 ROWS = (
     *((f"identify {name} -d good.yaml", "", 3, fragment) for name, (_, fragment) in LOGS.items()),
+    *((f"identify {name} -d good.yaml", "", 3, fragment) for name, (_, fragment) in ODD.items()),
     *(("identify good.csv -d good.yaml -c c.yaml", text, 2, fragment) for text, fragment in CONFIGS.items()),
     *(("identify good.csv -d d.yaml", text, 2, fragment) for text, fragment in DICTIONARIES.items()),
     *((f"identify good.csv -d good.yaml {options}", "", *expected) for options, expected in OPTIONS.items()),
@@ -266,6 +268,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")
     write_log(FLIGHT, folder / "two.h5")
     (folder / "truncated.h5").write_bytes((folder / "two.h5").read_bytes()[:20_000])
+    for name, (write, _) in ODD.items():
+        write(folder / name)
     with h5py.File(folder / "no_signals.h5", "w") as file:
         file.attrs["comment"] = "nothing was recorded"
     return folder

@@ -52,19 +52,23 @@ def read_log(
         files; or it needs more memory than a log should.
     """
     name = str(path)
-    sha256 = _digest(name)
+    _require_file(name)
     channel_map, unit_map = channel_map or {}, unit_map or {}
     time_of = partial(time_column, channel_map=channel_map, unit_map=unit_map)
     raw = _read(name, group, (from_s, to_s), time_of)
-    return assemble(raw, path=name, sha256=sha256, channel_map=channel_map, unit_map=unit_map)
+    return assemble(raw, path=name, sha256=_digest(name), channel_map=channel_map, unit_map=unit_map)
 
 
 def _digest(path: str) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _require_file(path: str) -> None:
     if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
         raise LogError(f"{path}: is no file but a device or a pipe; write the log to a file first")
     try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        open(path, "rb").close()
     except IsADirectoryError:
         raise LogError(f"{path}: is a directory; give a log file in it") from None
     except FileNotFoundError:

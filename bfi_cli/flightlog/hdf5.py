@@ -207,10 +207,11 @@ def _between(path: str, at: Callable[[int], float], n: int, span: Span, source: 
         )
     start = first if span[0] is None else span[0]
     stop = np.inf if span[1] is None else span[1]
-    rows = slice(max(bisect_left(range(n), start, key=at) - 1, 0), min(bisect_left(range(n), stop, key=at) + 1, n))
-    if rows.stop - rows.start < 3 and (last < start or first > stop):
+    rounding = 1e-6 * (last - first) / n  # as `FlightLog.window` has it
+    begin, end = (bisect_left(range(n), time_s - rounding, key=at) for time_s in (start, stop))
+    if end - begin < 2:
         raise nothing_between(path, (start, stop), (first, last))
-    return rows
+    return slice(max(begin - 1, 0), min(end + 1, n))
 
 
 def _segments(path: str, node: h5py.Group) -> tuple[Segment, ...]:

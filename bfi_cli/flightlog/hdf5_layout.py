@@ -140,27 +140,29 @@ def require_readable(path: str, name: str, data: h5py.Dataset) -> None:
     ------
     LogError : it cannot.
     """
-    stored = data.id.get_storage_size()
-    if data.nbytes > MOST_PACKED * stored:
-        raise LogError(
-            f"{path}: '{name}' claims {data.size} samples, more than its {stored} bytes in the file can hold; "
-            "export it again"
-        )
     chunk = int(np.prod(data.chunks or (0,), dtype=object)) * data.dtype.itemsize
     if chunk > LARGEST_CHUNK:
         raise LogError(
             f"{path}: '{name}' is stored in chunks of {chunk / 1e9:.2g} GB, the limit is "
             f"{LARGEST_CHUNK / 1e9:.2g} GB; store it in smaller ones (h5repack does)"
         )
+    stored = data.id.get_storage_size()
+    if data.nbytes > MOST_PACKED * stored:
+        raise LogError(
+            f"{path}: '{name}' claims {data.size} samples, more than its {stored} bytes in the file can hold; "
+            "export it again"
+        )
 
 
 def attribute(node: Any, name: str) -> str | bytes | float | np.number[Any] | None:
     """Return the first value of an attribute, None where there is none or it is neither text nor a number."""
-    if name not in node.attrs or node.attrs.get_id(name).get_storage_size() > LARGEST_ATTRIBUTE:
+    if name not in node.attrs:
         return None
     try:
+        if node.attrs.get_id(name).get_storage_size() > LARGEST_ATTRIBUTE:
+            return None
         value = np.ravel(node.attrs[name])
-    except (TypeError, ValueError, NotImplementedError):  # of a type that numpy does not have
+    except (TypeError, ValueError, RuntimeError):  # empty, or of a type that numpy does not have
         return None
     first = value[0] if value.size else None
     return first if isinstance(first, str | bytes | int | float | np.number) else None

@@ -135,10 +135,10 @@ def test_a_link_to_another_file_is_refused_although_the_file_is_there(tmp_path: 
 def test_attributes_of_any_type_do_not_stop_the_reader(odd, tmp_path: Path):
     path = write_hdf5(tmp_path / "a.h5", time=TIME, remark=TAS)
     with h5py.File(path, "a") as file:
+        rows = np.empty(1, dtype=object)
+        rows[0] = TAS
+        made = {"reference": (file["time"].ref, h5py.ref_dtype), "ragged": (rows, h5py.vlen_dtype(np.float64))}
+        value, dtype = made[odd] if isinstance(odd, str) else (odd, None)
         for name in ("units", "MATLAB_class"):
-            if isinstance(odd, str):
-                dtype = h5py.ref_dtype if odd == "reference" else h5py.vlen_dtype(np.float64)
-                file["remark"].attrs.create(name, None, shape=(2,), dtype=dtype)
-            else:
-                file["remark"].attrs[name] = odd
+            file["remark"].attrs.create(name, value, dtype=dtype)
     np.testing.assert_array_equal(read_log(path).channels["remark"].values, TAS)

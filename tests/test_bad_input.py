@@ -11,6 +11,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from made_logs import write_hdf5
+from odd_logs import ODD
+from scipy.io import savemat
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.flightlog import write_log
@@ -226,6 +229,19 @@ OPTIONS = {
     "--out in_the_way/deeper": (2, "in_the_way/deeper: cannot be written, not a directory; give another --out"),
 }
 
+# Every command on logs of one, two and three samples; two are a log for `info`, `convert` and `inject`.
+SHORT = (
+    "info {}",
+    "identify {} -d good.yaml",
+    "identify {}",
+    "start-time {}",
+    "detect {}",
+    "diagnosability {} -d good.yaml",
+    "dictionary good.yaml {}",
+    "convert {} -o new.csv --rate 5",
+    "info {} --from 0 --to 0.1",
+)
+
 COMMANDS = {
     "identfy good.csv": (2, "bfi: unknown command 'identfy'; did you mean 'identify'?"),
     "xyzzy": (2, "bfi: unknown command 'xyzzy'; known: info, convert, "),
@@ -254,6 +270,17 @@ COMMANDS = {
     "convert good.csv -o in_the_way/new.h5": (2, "in_the_way/new.h5: cannot be written, not a directory; give"),
     "convert good.csv -o folder.csv": (2, "folder.csv: cannot be written, is a directory; give another --output"),
     "convert truncated.h5 -o new.csv": (3, "truncated.h5: damaged or truncated HDF5 file"),
+    **{
+        f"{command.format('one.' + kind)}": (3, f"one.{kind}: {said}")
+        for kind, said in (("h5", "no signals, got no array of more than one"), ("mat", "no signals, got no array of"))
+        for command in SHORT
+    },
+    **{f"{command.format('one_sample.csv')}": (3, "one_sample.csv: 1 samples below the header") for command in SHORT},
+    **{
+        f"{command.format(name)}": (3, f"{name}: ")
+        for name in ("two_samples.csv", "three_samples.csv")
+        for command in SHORT[1:]
+    },
     "inject good.csv -o new.h5": (2, "bfi inject: --fault is missing; give --fault SPEC"),
     "inject good.csv -o new.h5 --fault bais,onset_s=3": (2, "shape: unknown shape, got 'bais'; did you mean 'bias'?"),
     "inject good.csv -o new.h5 --fault ''": (2, "shape: unknown shape, got ''; known: bias, drift"),
@@ -320,6 +347,7 @@ COMMANDS = {
 
 ROWS = (
     *((f"identify {name} -d good.yaml", "", 3, fragment) for name, (_, fragment) in LOGS.items()),
+    *((f"identify {name} -d good.yaml", "", 3, fragment) for name, (_, fragment) in ODD.items()),
     *(("identify good.csv -d good.yaml -c c.yaml", text, 2, fragment) for text, fragment in CONFIGS.items()),
     *(("identify good.csv -d d.yaml", text, 2, fragment) for text, fragment in DICTIONARIES.items()),
     *((f"identify good.csv -d good.yaml {options}", "", *expected) for options, expected in OPTIONS.items()),
@@ -362,6 +390,14 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")
     write_log(FLIGHT, folder / "two.h5")
     (folder / "truncated.h5").write_bytes((folder / "two.h5").read_bytes()[:20_000])
+    rows = csv().splitlines(keepends=True)
+    (folder / "two_samples.csv").write_text("".join(rows[:3]))
+    (folder / "three_samples.csv").write_text("".join(rows[:4]))
+    one = {"time": T[:1], "elevator": ELEVATOR[:1], "tas": TAS[:1]}
+    write_hdf5(folder / "one.h5", **one)
+    savemat(folder / "one.mat", one)
+    for name, (write, _) in ODD.items():
+        write(folder / name)
     with h5py.File(folder / "no_signals.h5", "w") as file:
         file.attrs["comment"] = "nothing was recorded"
     return folder

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .answered import show_lines
-from .options import channel_options, force_option, inputs_of, json_option, outside_option, tell, window_options
+from .options import channel_options, force_option, inputs_of, json_option, log_of, outside_option, tell, window_options
 from .progress import progress
 from .start_time import SHAPES, scan_config
 
@@ -56,7 +56,6 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""
     from ..calibration import load_tables, merged, save_tables
     from ..files import aside, check_files
-    from ..flightlog import read_log
     from ..provenance import provenance
 
     config = scan_config(config_path, options)
@@ -64,8 +63,7 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     if joined:
         load_tables(out)
     check_files([out], inputs=inputs_of(config, *logs), force=joined or options["force"], option="-o")
-    names = {"group": options["group"], "channel_map": dict(config.channels), "unit_map": dict(config.units)}
-    flights = [read_log(log, **names) for log in logs]
+    flights = [log_of(log, options["group"], config) for log in logs]
     length_s = options["length_s"] or min(LENGTH_S, *(_duration_s(flight, config) for flight in flights))
     windows = (length_s, options["step_s"] or 0.5 * length_s)
     table = _table(flights, config, windows, options["progress"])

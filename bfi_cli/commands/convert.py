@@ -9,6 +9,7 @@ import click
 
 from ..files import check_files
 from ..flightlog import read_log, resample
+from ..flightlog.resampling import with_reach
 from .options import channel_options, json_option, log_argument, window_options
 from .written import out_option, write_and_show
 
@@ -35,6 +36,7 @@ def command(
 ) -> None:
     """Write a log as HDF5 or CSV, under standard names and in SI units, resampled with --rate."""
     check_files([out], inputs=[log], force=force)
-    flight = read_log(log, **source)
+    first_s, last_s = with_reach(rate_hz, from_s, to_s)
+    flight = read_log(log, from_s=first_s, to_s=last_s, **source)
     flight = flight.window(from_s, to_s) if rate_hz is None else resample(flight, rate_hz, from_s=from_s, to_s=to_s)
     write_and_show(flight, out, kind="convert", log_sha256=flight.sha256, as_json=as_json)

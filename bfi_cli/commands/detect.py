@@ -13,6 +13,7 @@ from .options import (
     exit_code,
     inputs_of,
     log_argument,
+    log_of,
     out_options,
     outside_option,
     series_option,
@@ -55,7 +56,6 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     """
     from ..detect import detect_document, detect_exhibit, detect_faults, settings_of
     from ..files import check_folder
-    from ..flightlog import read_log
     from ..output import exhibit_names
     from ..provenance import provenance
 
@@ -65,7 +65,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     if options["out"] is not None:
         names = exhibit_names(("detection",), ("alarms", "channels"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, settings, report=report)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)

@@ -13,6 +13,7 @@ from .options import (
     channel_options,
     configured,
     inputs_of,
+    log_of,
     number_or_word,
     out_options,
     outside_option,
@@ -126,11 +127,10 @@ def _assessed(
     from threadpoolctl import threadpool_limits
 
     from ..diagnosability import assess, assess_manoeuvres, flights_of, sizes_of
-    from ..flightlog import read_log
 
     sizes = sizes_of(config)
     if log is not None:
-        flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+        flight = log_of(log, options["group"], config)
         with threadpool_limits(1):
             return assess(flight, dictionary, config, sizes=sizes), flight.sha256
     with threadpool_limits(1), progress("records", wanted=options["progress"]) as report:

@@ -12,6 +12,7 @@ from .options import (
     configured,
     inputs_of,
     json_option,
+    log_of,
     out_options,
     outside_option,
     tell,
@@ -81,9 +82,7 @@ def _audited(dictionary: Dictionary, log: str | None, config: Config, options: d
         return audit(dictionary, config, duration_s=options["duration_s"]), ""
     from threadpoolctl import threadpool_limits
 
-    from ..flightlog import read_log
-
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     with threadpool_limits(1):
         return audit_on_log(flight, dictionary, config), flight.sha256
 

@@ -14,6 +14,7 @@ from .options import (
     exit_code,
     inputs_of,
     log_argument,
+    log_of,
     out_options,
     outside_option,
     series_option,
@@ -60,7 +61,6 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     """
     from ..documents import identify_document
     from ..files import check_folder, replace_files
-    from ..flightlog import read_log
     from ..identify import identify_faults
     from ..output import IDENTIFY_NAMES, identify_files
     from ..provenance import provenance
@@ -71,7 +71,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:
         check_folder(options["out"], IDENTIFY_NAMES, inputs=inputs, force=options["force"])
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     if dictionary is None:
         result, dictionary = _without_dictionary(flight, config)
     else:

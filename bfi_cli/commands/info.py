@@ -29,7 +29,7 @@ SCHEMA = 1
 @json_option
 def command(log: str, as_json: bool, from_s: float | None, to_s: float | None, **source: Any) -> None:
     """Show channels, units, rate, gaps, held samples, excitation of a log, and windows to analyse."""
-    flight = read_log(log, **source).window(from_s, to_s)
+    flight = read_log(log, from_s=from_s, to_s=to_s, **source).window(from_s, to_s)
     report = inspect_log(flight)
     document = _document(report) | {"provenance": provenance(log_sha256=flight.sha256)}
     show(document, lambda console: _draw(console, report), as_json=as_json)

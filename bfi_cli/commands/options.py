@@ -15,6 +15,7 @@ from ..printable import printable
 if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
+    from ..flightlog import FlightLog
 
 __all__ = [
     "channel_options",
@@ -24,6 +25,7 @@ __all__ = [
     "inputs_of",
     "json_option",
     "log_argument",
+    "log_of",
     "number_or_word",
     "out_options",
     "outside_option",
@@ -197,6 +199,24 @@ def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, A
         return merge(config, {**given, **dict.fromkeys(MAPS), **maps})
     except ConfigError as error:
         raise ConfigError(_by_option(str(error))) from None
+
+
+def log_of(path: str, group: str | None, config: Config) -> FlightLog:
+    """Read the log of an analysis; of one that is large only the window, the time to learn from and the filter's reach.
+
+    Raises
+    ------
+    LogError : it cannot be read.
+    """
+    from ..flightlog import read_log
+    from ..flightlog.resampling import with_reach
+
+    from_s, to_s, rate = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
+    if config.detect.train is not None and from_s is not None:
+        from_s = min(from_s, config.detect.train[0])
+    from_s, to_s = with_reach(rate if isinstance(rate, float) else None, from_s, to_s)
+    names = {"channel_map": dict(config.channels), "unit_map": dict(config.units)}
+    return read_log(path, group=group, from_s=from_s, to_s=to_s, **names)
 
 
 def _shared(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -87,6 +87,8 @@ def _log(options: dict[str, Any]) -> FlightLog | None:
         group=options["group"],
         channel_map=options["channel_map"],
         unit_map=options["unit_map"],
+        from_s=options["from_s"],
+        to_s=options["to_s"],
     )
     return log.window(options["from_s"], options["to_s"])
 

@@ -14,6 +14,7 @@ from .options import (
     exit_code,
     inputs_of,
     log_argument,
+    log_of,
     out_options,
     outside_option,
     series_option,
@@ -58,7 +59,6 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
     from ..files import check_folder
-    from ..flightlog import read_log
     from ..onset import find_onset, onset_document, onset_exhibit, onset_tables
     from ..output import exhibit_names
     from ..provenance import provenance
@@ -67,7 +67,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     inputs = inputs_of(config, log)
     if options["out"] is not None:
         check_folder(options["out"], exhibit_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     result = find_onset(flight, config)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)

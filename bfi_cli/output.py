@@ -15,6 +15,7 @@ import numpy as np
 from .documents import identify_document
 from .errors import ConfigError
 from .exhibit import Drawing, Exhibit
+from .kernels.progress import Report, parts, silent
 from .result import IdentifyResult, Provenance
 
 __all__ = ["exhibit_files", "identify_files", "replace_files", "write_results"]
@@ -28,12 +29,15 @@ DRAWING_COLUMNS = ("panel", "curve", "x", "y", "low", "high")
 SERIES = ("measured", "corrected", "predicted", "fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
 
 
-def write_results(result: IdentifyResult, provenance: Provenance, directory: Path) -> tuple[Path, ...]:
+def write_results(
+    result: IdentifyResult, provenance: Provenance, directory: Path, report: Report = silent
+) -> tuple[Path, ...]:
     """Write result.json, report.html, the figures (PNG, SVG) and the tables (CSV) of an identification.
 
     Parameters
     ----------
     directory : made if it does not exist; files of the same names are replaced, others left alone.
+    report : told how far it is.
 
     Returns
     -------
@@ -43,10 +47,10 @@ def write_results(result: IdentifyResult, provenance: Provenance, directory: Pat
     ------
     ConfigError : the directory cannot be written to.
     """
-    return replace_files(identify_files(result, provenance), directory)
+    return replace_files(identify_files(result, provenance, report), directory)
 
 
-def identify_files(result: IdentifyResult, provenance: Provenance) -> dict[str, bytes]:
+def identify_files(result: IdentifyResult, provenance: Provenance, report: Report = silent) -> dict[str, bytes]:
     """Return the content of every file of `bfi identify --out` by its name, result.json last."""
     from .plots import FIGURES, to_png, to_svg
     from .report import render_report
@@ -54,7 +58,7 @@ def identify_files(result: IdentifyResult, provenance: Provenance) -> dict[str, 
 
     files: dict[str, bytes] = {}
     vectors: dict[str, bytes] = {}
-    for name, plot in FIGURES.items():
+    for (name, plot), _ in parts(report, list(FIGURES.items())):
         figure = plot(result)
         vectors[name] = files[f"{name}.svg"] = to_svg(figure)
         files[f"{name}.png"] = to_png(figure)
@@ -64,12 +68,15 @@ def identify_files(result: IdentifyResult, provenance: Provenance) -> dict[str, 
     return files
 
 
-def exhibit_files(exhibit: Exhibit, document: Mapping[str, Any], origin: Provenance) -> dict[str, bytes]:
+def exhibit_files(
+    exhibit: Exhibit, document: Mapping[str, Any], origin: Provenance, report: Report = silent
+) -> dict[str, bytes]:
     """Return the content of every file of an exhibit by its name: figures, tables, report.html, result.json last.
 
     Parameters
     ----------
     document : what becomes result.json.
+    report : told how far it is.
     """
     from .plots.exhibit import draw
     from .plots.style import to_png, to_svg
@@ -78,7 +85,7 @@ def exhibit_files(exhibit: Exhibit, document: Mapping[str, Any], origin: Provena
 
     files: dict[str, bytes] = {}
     vectors: dict[str, bytes] = {}
-    for drawing in exhibit.drawings:
+    for drawing, _ in parts(report, exhibit.drawings):
         figure = draw(drawing)
         vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
         files[f"{drawing.name}.png"] = to_png(figure)

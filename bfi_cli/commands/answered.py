@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import tell
+from .progress import stages
 
 if TYPE_CHECKING:
     from ..exhibit import Exhibit
@@ -25,6 +27,7 @@ def give(
     out: Path | None,
     as_json: bool,
     extra: Mapping[str, bytes] | None = None,
+    wanted: bool | None = None,
 ) -> None:
     """Write the files of an answer to `out`, if given, and print the answer.
 
@@ -33,11 +36,14 @@ def give(
     exhibit, document : the same answer, laid out and as JSON.
     origin : its provenance.
     extra : further files by name; they win over those of the exhibit, as a table in full precision does.
+    wanted : show how far the files are; None for yes where stderr is a terminal.
     """
     if out is not None:
         from ..output import exhibit_files, replace_files
 
-        replace_files({**exhibit_files(exhibit, document, origin), **(extra or {})}, out)
+        with stages(wanted=wanted) as progress:
+            files = exhibit_files(exhibit, document, origin, partial(progress, "figures"))
+        replace_files({**files, **(extra or {})}, out)
         tell(f"wrote {out / 'report.html'}")
     if as_json:
         from ..serialize import to_json

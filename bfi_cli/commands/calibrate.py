@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import channel_options, json_option, tell, window_options
-from .progress import progress
+from .progress import stages
 from .start_time import SHAPES, scan_config
 
 if TYPE_CHECKING:
@@ -86,8 +87,8 @@ def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float
         for flight in flights
         for window in windows_of(flight, config, length_s=windows[0], step_s=windows[1])
     ]
-    with progress("windows", wanted=wanted) as report:
-        return table_of_windows(pieces, config, report)
+    with stages(wanted=wanted) as progress:
+        return table_of_windows(pieces, config, partial(progress, f"{len(pieces)} windows"))
 
 
 def _notes(table: Table, flights: list[FlightLog]) -> tuple[str, ...]:

@@ -12,14 +12,17 @@ from ..errors import ConfigError
 
 if TYPE_CHECKING:
     from ..config import Config
+    from ..flightlog import FlightLog
 
 __all__ = [
+    "advise",
     "channel_options",
     "configured",
     "exit_code",
     "json_option",
     "log_argument",
     "number_or_word",
+    "progress_option",
     "tell",
     "two_numbers",
     "window_options",
@@ -120,6 +123,25 @@ def json_option(command: Command) -> Command:
         callback=lambda _context, _option, given: given or not sys.stdout.isatty(),
         help="JSON on stdout (the default when stdout is not a terminal).",
     )(command)
+
+
+def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
+    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
+    from ..flightlog.quality import advice_on_windows
+
+    if (config.window.from_s, config.window.to_s) != (None, None):
+        return ()
+    note = advice_on_windows(flight)
+    if note is None:
+        return ()
+    tell(note)
+    return (note,)
+
+
+def progress_option(command: Command) -> Command:
+    """Add --progress/--no-progress, passed as `progress`: None where neither is given."""
+    shown = "Show it on stderr.  [default: on a terminal]"
+    return click.option("--progress/--no-progress", default=None, help=shown)(command)
 
 
 def tell(sentence: str) -> None:

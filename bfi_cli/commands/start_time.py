@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,14 +11,17 @@ import click
 from ..errors import ConfigError
 from .answered import give
 from .options import (
+    advise,
     channel_options,
     configured,
     exit_code,
     json_option,
     log_argument,
+    progress_option,
     two_numbers,
     window_options,
 )
+from .progress import stages
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -49,6 +53,7 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
+@progress_option
 @json_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
@@ -59,11 +64,22 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     config = scan_config(config_path, options)
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
-    result = find_onset(flight, config)
+    notes = advise(flight, config)
+    with stages(wanted=options["progress"]) as progress:
+        result = find_onset(flight, config, progress)
+    result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)
     tables = {name: text.encode() for name, text in onset_tables(result).items()}
-    give(onset_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"], extra=tables)
+    give(
+        onset_exhibit(document),
+        document,
+        origin=origin,
+        out=options["out"],
+        as_json=options["as_json"],
+        extra=tables,
+        wanted=options["progress"],
+    )
     trusted = result.decision != "not_identifiable" and result.p_value is not None
     context.exit(exit_code(config, trusted=trusted, decision=result.decision))
 

@@ -8,6 +8,7 @@ import errno
 import importlib
 import os
 import re
+import signal
 import sys
 import tempfile
 import traceback
@@ -93,6 +94,8 @@ def main(argv: list[str] | None = None) -> None:
     """Run the command line and exit with a code of the contract (never 1, never a traceback)."""
     if "_BFI_COMPLETE" in os.environ:
         cli(prog_name="bfi")
+    # What is open is closed, and the cursor shown again, before the shell's code for this signal is returned.
+    signal.signal(signal.SIGTERM, lambda number, _frame: sys.exit(128 + number))
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     sys.exit(_run(argv))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, json_option, tell, window_options
+from .options import channel_options, json_option, progress_option, tell, window_options
 from .progress import stages
 from .start_time import SHAPES, scan_config
 
@@ -47,7 +47,7 @@ LENGTH = "Of a window.  [default: 120, or the whole of a shorter log]"
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @json_option
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""

@@ -14,6 +14,7 @@ from .options import (
     exit_code,
     json_option,
     log_argument,
+    progress_option,
     two_numbers,
     window_options,
 )
@@ -42,7 +43,7 @@ __all__ = ["command"]
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where the threshold cannot be trusted.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a channel fails.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @json_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:

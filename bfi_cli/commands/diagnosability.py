@@ -10,7 +10,7 @@ import click
 
 from ..errors import ConfigError
 from .answered import give
-from .options import channel_options, configured, json_option, number_or_word, window_options
+from .options import channel_options, configured, json_option, number_or_word, progress_option, window_options
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ FLIGHT = {
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--seed", type=int, metavar="N", help="Of the noise of a model.  [default: 0]")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @json_option
 def command(log: str | None, config_path: str | None, **options: Any) -> None:
     """Say how well each fault of a dictionary can be seen in LOG, a log without faults, and told from the others.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import json_option, tell
+from .options import json_option, progress_option, tell
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ __all__ = ["command"]
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the trials.")
 @click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write trials, summary and figures.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @json_option
 def command(config_path: str, out: Path | None, **options: Any) -> None:
     """Add known faults to a record many times, identify them, and count how often the answer is right.

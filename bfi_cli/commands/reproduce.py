@@ -10,7 +10,7 @@ import click
 
 from ..errors import BfiError, ConfigError
 from .answered import give
-from .options import channel_options, json_option, tell, window_options
+from .options import channel_options, json_option, progress_option, tell, window_options
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ OF_A_LOG = {"from_s": "--from", "to_s": "--to", "channel_map": "--channel", "uni
 @window_options
 @channel_options
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures, tables.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @json_option
 @click.pass_context
 def command(context: click.Context, /, name: str, out: Path | None, **options: Any) -> None:

@@ -56,7 +56,8 @@ def _found(log: FlightLog, config: Config, progress: Progress) -> OnsetResult:
     first = sweep(record, record.y, report=partial(progress, "scan of all onsets"))
     rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
     verdicts, estimates, last = _until_nothing_is_left(record, first, rule, progress)
-    estimates = _settled(record, estimates, last.plain_order, partial(progress, "every fault again"))
+    if estimates:
+        estimates = _settled(record, estimates, last.plain_order, partial(progress, "every fault again"))
     while len(estimates) > 1:
         leaving = partial(progress, f"{len(estimates)} faults, each left out")
         if (fewer := _without_one(record, estimates, last.plain_order, rule, leaving)) is None:

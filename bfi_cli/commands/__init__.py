@@ -98,7 +98,14 @@ def main(argv: list[str] | None = None) -> None:
     signal.signal(signal.SIGTERM, lambda number, _frame: sys.exit(128 + number))
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
-    sys.exit(_run(argv))
+    code = _run(argv)
+    if code == INTERRUPTED:
+        # Python ends by the signal, whatever sys.exit says, where the interruption passed through an exec of text, as
+        # the making of a dataclass during an import is; scripts are promised 130.
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def _run(argv: Sequence[str] | None) -> int:

@@ -41,8 +41,7 @@ def by_likelihood(intake: Intake, study: Study, config: Config, progress: Progre
         answer = _by_rule(intake, study, answer, threshold)
     elsewhere = partial(progress, "the same shapes elsewhere")
     dispersion = overdispersion(intake, study, answer.best.fit, lowpass_of(config), elsewhere)
-    sizing = partial(progress, "magnitudes")
-    estimates = magnitudes(study, answer, coarse, dispersion, sizing)
+    estimates = magnitudes(study, answer, coarse, dispersion, partial(progress, "magnitudes"))
     notes: list[str] = []
     while threshold is None and (declined := _declined(study, answer, estimates, dispersion)) is not None:
         atom, reason = declined

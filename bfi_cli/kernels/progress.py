@@ -39,9 +39,10 @@ def _between(report: Report, low: float, high: float) -> Report:
 
 def parts(report: Report, items: Sequence[T]) -> Iterator[tuple[T, Report]]:
     """Yield the items of a loop and what the work on each reports to; an item is done when the next is asked for."""
-    for item, own in zip(items, shares(report, *[1.0] * len(items)), strict=True):
-        yield item, own
-        own(1.0)
+    n = len(items)
+    for k, item in enumerate(items):
+        yield item, _between(report, k / n, (k + 1) / n)
+        report((k + 1) / n)
 
 
 def steps(report: Report, about: int) -> Step:

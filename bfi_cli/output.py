@@ -9,6 +9,7 @@ import numpy as np
 
 from .documents import identify_document
 from .exhibit import Drawing, Exhibit
+from .kernels.progress import Report, parts, silent
 from .printable import SHOWN
 from .result import IdentifyResult, Provenance
 from .serialize import to_csv, to_json
@@ -28,14 +29,14 @@ DRAWING_COLUMNS = ("panel", "curve", "x", "y", "low", "high")
 SERIES = ("measured", "corrected", "predicted", "fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
 
 
-def identify_files(result: IdentifyResult, provenance: Provenance) -> dict[str, bytes]:
+def identify_files(result: IdentifyResult, provenance: Provenance, report: Report = silent) -> dict[str, bytes]:
     """Return the content of every file of `bfi identify --out` by its name, result.json last."""
     from .plots import FIGURES, to_png, to_svg
     from .report import render_report
 
     files: dict[str, bytes] = {}
     vectors: dict[str, bytes] = {}
-    for name, plot in FIGURES.items():
+    for (name, plot), _ in parts(report, list(FIGURES.items())):
         figure = plot(result)
         vectors[name] = files[f"{name}.svg"] = to_svg(figure)
         files[f"{name}.png"] = to_png(figure)
@@ -51,12 +52,15 @@ def exhibit_names(drawings: Sequence[str] = (), tables: Sequence[str] = ()) -> t
     return (*figures, *(f"{name}.csv" for name in tables), "report.html", "result.json")
 
 
-def exhibit_files(exhibit: Exhibit, document: Mapping[str, Any], origin: Provenance) -> dict[str, bytes]:
+def exhibit_files(
+    exhibit: Exhibit, document: Mapping[str, Any], origin: Provenance, report: Report = silent
+) -> dict[str, bytes]:
     """Return the content of every file of an exhibit by its name: figures, tables, report.html, result.json last.
 
     Parameters
     ----------
     document : what becomes result.json.
+    report : told how far it is.
     """
     from .plots.exhibit import draw
     from .plots.style import to_png, to_svg
@@ -64,7 +68,7 @@ def exhibit_files(exhibit: Exhibit, document: Mapping[str, Any], origin: Provena
 
     files: dict[str, bytes] = {}
     vectors: dict[str, bytes] = {}
-    for drawing in exhibit.drawings:
+    for drawing, _ in parts(report, exhibit.drawings):
         figure = draw(drawing)
         vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
         files[f"{drawing.name}.png"] = to_png(figure)

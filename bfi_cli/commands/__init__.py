@@ -10,6 +10,7 @@ import io
 import logging
 import os
 import re
+import signal
 import sys
 import tempfile
 import traceback
@@ -99,11 +100,20 @@ def main(argv: list[str] | None = None) -> None:
     """Run the command line and exit with a code of the contract (never 1, never a traceback)."""
     if "_BFI_COMPLETE" in os.environ:
         cli(prog_name="bfi")
+    # What is open is closed, and the cursor shown again, before the shell's code for this signal is returned.
+    signal.signal(signal.SIGTERM, lambda number, _frame: sys.exit(128 + number))
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written, fonts read anew
     _open_streams()
-    sys.exit(_run(argv))
+    code = _run(argv)
+    if code == INTERRUPTED:
+        # Python ends by the signal, whatever sys.exit says, where the interruption passed through an exec of text, as
+        # the making of a dataclass during an import is; scripts are promised 130.
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def _open_streams() -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConfigError
 from .options import tell
+from .progress import stages
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,7 +38,7 @@ def give(
     Parameters
     ----------
     exhibit, document : the same answer, laid out and as JSON.
-    options : of the command: `out`, `force`, `as_json`, `series`.
+    options : of the command: `out`, `force`, `as_json`, `series`, `progress`.
     origin : its provenance.
     inputs : the files that the command reads.
     extra : further files by name; they win over those of the exhibit, as a table in full precision does.
@@ -45,8 +47,9 @@ def give(
         from ..files import replace_files
         from ..output import exhibit_files
 
-        files = {**exhibit_files(exhibit, document, origin), **(extra or {})}
-        replace_files(files, options["out"], inputs=inputs, force=options["force"])
+        with stages(wanted=options["progress"]) as progress:
+            files = exhibit_files(exhibit, document, origin, partial(progress, "figures"))
+        replace_files({**files, **(extra or {})}, options["out"], inputs=inputs, force=options["force"])
         tell(f"wrote {options['out'] / 'report.html'}")
 
     def draw(console: Console) -> None:

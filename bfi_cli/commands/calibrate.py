@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .answered import show_lines
-from .options import channel_options, force_option, inputs_of, json_option, log_of, outside_option, tell, window_options
-from .progress import progress
+from .options import (
+    channel_options,
+    force_option,
+    inputs_of,
+    json_option,
+    log_of,
+    outside_option,
+    progress_option,
+    tell,
+    window_options,
+)
+from .progress import stages
 from .start_time import SHAPES, scan_config
 
 if TYPE_CHECKING:
@@ -49,7 +60,7 @@ LENGTH = "Of a window.  [default: 120, or the whole of a shorter log]"
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @outside_option
 @click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @force_option
 @json_option
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
@@ -93,8 +104,8 @@ def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float
         for flight in flights
         for window in windows_of(flight, config, length_s=windows[0], step_s=windows[1])
     ]
-    with progress("windows", wanted=wanted) as report:
-        return table_of_windows(pieces, config, report)
+    with stages(wanted=wanted) as progress:
+        return table_of_windows(pieces, config, partial(progress, f"{len(pieces)} windows"))
 
 
 def _notes(table: Table, flights: list[FlightLog]) -> tuple[str, ...]:

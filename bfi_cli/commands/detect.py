@@ -16,6 +16,7 @@ from .options import (
     log_of,
     out_options,
     outside_option,
+    progress_option,
     series_option,
     two_numbers,
     window_options,
@@ -46,7 +47,7 @@ __all__ = ["command"]
 @out_options
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where the threshold cannot be trusted.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a channel fails.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @series_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:

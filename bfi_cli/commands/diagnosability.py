@@ -17,6 +17,7 @@ from .options import (
     number_or_word,
     out_options,
     outside_option,
+    progress_option,
     series_option,
     window_options,
 )
@@ -80,7 +81,7 @@ FLIGHT = {
 @click.option("--seed", type=int, metavar="N", help="Of the noise of a model.  [default: 0]")
 @outside_option
 @out_options
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @series_option
 def command(log: str | None, config_path: str | None, **options: Any) -> None:
     """Say how well each fault of a dictionary can be seen in LOG, a log without faults, and told from the others.

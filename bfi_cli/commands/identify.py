@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .answered import show
 from .options import (
+    advise,
     channel_options,
     configured,
     exit_code,
@@ -17,15 +19,18 @@ from .options import (
     log_of,
     out_options,
     outside_option,
+    progress_option,
     series_option,
     tell,
     window_options,
 )
+from .progress import stages
 
 if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
+    from ..kernels.progress import Progress
     from ..result import IdentifyResult
 
 __all__ = ["command"]
@@ -52,6 +57,7 @@ ONSET_SAMPLES = 1.5
 @out_options
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
+@progress_option
 @series_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
@@ -72,10 +78,13 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     if options["out"] is not None:
         check_folder(options["out"], IDENTIFY_NAMES, inputs=inputs, force=options["force"])
     flight = log_of(log, options["group"], config)
-    if dictionary is None:
-        result, dictionary = _without_dictionary(flight, config)
-    else:
-        result = identify_faults(flight, dictionary, config)
+    notes = advise(flight, config)
+    with stages(wanted=options["progress"]) as progress:
+        if dictionary is None:
+            result, dictionary = _without_dictionary(flight, config, progress)
+        else:
+            result = identify_faults(flight, dictionary, config, progress)
+    result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(
         log_sha256=flight.sha256,
         config_sha256=config.sha256,
@@ -83,7 +92,9 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         seed=config.seed,
     )
     if options["out"] is not None:
-        replace_files(identify_files(result, origin), options["out"], inputs=inputs, force=options["force"])
+        with stages(wanted=options["progress"]) as progress:
+            files = identify_files(result, origin, partial(progress, "figures"))
+        replace_files(files, options["out"], inputs=inputs, force=options["force"])
         tell(f"wrote {options['out'] / 'report.html'}")
     document = identify_document(result, origin)
     show(
@@ -95,7 +106,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     context.exit(exit_code(config, trusted=result.decision != "not_identifiable", decision=result.decision))
 
 
-def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResult, Dictionary]:
+def _without_dictionary(flight: FlightLog, config: Config, progress: Progress) -> tuple[IdentifyResult, Dictionary]:
     """Identify what the onset scan proposes; where that is nothing, say how large each shape would have had to be.
 
     The evidence asked for is then that of the scan, so that its minimal detectable magnitudes are shown.
@@ -104,7 +115,7 @@ def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResu
     from ..identify import identify_faults
     from ..onset import compared, find_onset, proposed
 
-    scanned = find_onset(flight, merge(config, {"method": "ml"}))
+    scanned = find_onset(flight, merge(config, {"method": "ml"}), progress)
     dictionary = proposed(scanned)
     if scanned.faults:
         told = f"no dictionary: {len(scanned.faults)} found by the onset scan; their onsets are taken as known here"
@@ -115,7 +126,7 @@ def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResu
             f"no dictionary: the onset scan finds no fault at a false-alarm rate of {100.0 * scanned.false_alarm:.3g} "
             "%; the candidates are each shape at its most suspicious onset"
         )
-    result = identify_faults(flight, dictionary, config)
+    result = identify_faults(flight, dictionary, config, progress)
     notes = (told, *scanned.notes, *(note for note in result.notes if note not in scanned.notes))
     truth = result.truth
     if truth is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .answered import show
-from .options import inputs_of, json_option, out_options, outside_option, tell
+from .options import inputs_of, json_option, out_options, outside_option, progress_option, tell
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ NAMES = (
 @click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
 @outside_option
 @out_options
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @json_option
 def command(config_path: str, out: Path | None, **options: Any) -> None:
     """Add known faults to a record many times, identify them, and count how often the answer is right.

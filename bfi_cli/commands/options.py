@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..flightlog import FlightLog
 
 __all__ = [
+    "advise",
     "channel_options",
     "configured",
     "exit_code",
@@ -29,6 +30,7 @@ __all__ = [
     "number_or_word",
     "out_options",
     "outside_option",
+    "progress_option",
     "series_option",
     "tell",
     "two_numbers",
@@ -169,6 +171,25 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
     if dictionary is not None:
         named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
     return tuple(path for path in named if path)
+
+
+def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
+    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
+    from ..flightlog.quality import advice_on_windows
+
+    if (config.window.from_s, config.window.to_s) != (None, None):
+        return ()
+    note = advice_on_windows(flight)
+    if note is None:
+        return ()
+    tell(note)
+    return (note,)
+
+
+def progress_option(command: Command) -> Command:
+    """Add --progress/--no-progress, passed as `progress`: None where neither is given."""
+    shown = "Show it on stderr.  [default: on a terminal]"
+    return click.option("--progress/--no-progress", default=None, help=shown)(command)
 
 
 def tell(sentence: str) -> None:

@@ -10,7 +10,7 @@ import click
 
 from ..errors import BfiError, ConfigError
 from .answered import give
-from .options import channel_options, out_options, series_option, tell, window_options
+from .options import channel_options, out_options, progress_option, series_option, tell, window_options
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ OF_A_LOG = {"from_s": "--from", "to_s": "--to", "channel_map": "--channel", "uni
 @window_options
 @channel_options
 @out_options
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
 @series_option
 @click.pass_context
 def command(context: click.Context, /, name: str, **options: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -9,6 +10,7 @@ import click
 from ..errors import ConfigError
 from .answered import give
 from .options import (
+    advise,
     channel_options,
     configured,
     exit_code,
@@ -17,10 +19,12 @@ from .options import (
     log_of,
     out_options,
     outside_option,
+    progress_option,
     series_option,
     two_numbers,
     window_options,
 )
+from .progress import stages
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -54,6 +58,7 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 @out_options
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
+@progress_option
 @series_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
@@ -68,7 +73,10 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     if options["out"] is not None:
         check_folder(options["out"], exhibit_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
     flight = log_of(log, options["group"], config)
-    result = find_onset(flight, config)
+    notes = advise(flight, config)
+    with stages(wanted=options["progress"]) as progress:
+        result = find_onset(flight, config, progress)
+    result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)
     give(onset_exhibit(document), document, options, origin=origin, inputs=inputs, extra=onset_tables(result))

@@ -76,7 +76,7 @@ def test_a_terminal_gets_tables_on_stdout_and_notes_on_stderr(
     assert outcome.code == 0
     assert outcome.stdout.startswith("Fault: a bias of 4.004 m/s")
     assert "bias_13.8" in outcome.stdout
-    assert outcome.stderr == f"wrote {tmp_path / 'out' / 'report.html'}\n"
+    assert outcome.stderr.endswith(f"\nwrote {tmp_path / 'out' / 'report.html'}\n")
 
 
 @pytest.mark.parametrize("line", [("info", LOG), ("identify", LOG, "-d", FAULTS)], ids=["info", "identify"])

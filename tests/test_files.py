@@ -46,7 +46,7 @@ def test_an_hdf5_file_is_ours_by_its_attribute(tmp_path: Path):
 
 def test_a_folder_of_results_is_ours_and_loses_nothing_else(tmp_path: Path):
     (tmp_path / "report.html").write_text("mine")
-    with pytest.raises(ConfigError, match="report.html: exists and was not written by bfi"):
+    with pytest.raises(ConfigError, match=r"report\.html: exists and was not written by bfi"):
         replace_files({"a.csv": b"", "report.html": b"new"}, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
     (tmp_path / "result.json").write_text(json.dumps(OURS))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..conditioning import condition
 from ..config import Config
 from ..errors import LogError
-from ..kernels.selection import Scored
+from ..kernels.model_selection import ScoredFit
 from ..result import SolverSummary
 from ..study import Intake, Study, lowpass_of, study_of
 from ..study.elsewhere import overdispersion
@@ -98,7 +98,7 @@ def _declined(study: Study, answer: Answer, estimates: Magnitudes, dispersion: F
     return None
 
 
-def _plain(answer: Answer) -> Scored:
+def _plain(answer: Answer) -> ScoredFit:
     none = [scored for search in answer.searches if (scored := search.of(())) is not None]
     return min(none, key=lambda scored: scored.criterion)
 

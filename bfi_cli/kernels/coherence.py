@@ -11,7 +11,7 @@ from scipy.linalg import solve_triangular
 
 from .lagged import lagged
 
-__all__ = ["Dependence", "dependence", "detectable_deviations", "homogeneous_order", "mutual_coherence", "whitened"]
+__all__ = ["Dependence", "dependence", "detectable_deviations", "homogeneous_order", "mutual_coherence", "whiten"]
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class Dependence:
     weakest: FloatArray
 
 
-def whitened(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
+def whiten(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return signatures as columns whose inner products are those of the information matrix.
 
     Parameters

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from .bilinear import Fit
 from .lagged import lagged
+from .variable_projection import Fit
 
-__all__ = ["Layout", "Single", "Unfolded", "covariance", "single_additions", "unfold"]
+__all__ = ["FitRows", "Layout", "SingleAdditions", "covariance", "single_additions", "unfold"]
 
 FloatArray = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Unfolded:
+class FitRows:
     """A fit over the rows first..n_samples - 1.
 
     Attributes
@@ -59,14 +59,14 @@ class Unfolded:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Single:
+class SingleAdditions:
     """What adding one atom to the support would give, linearised at the fit: NaN where the data cannot see it."""
 
     magnitude: FloatArray
     variance: FloatArray
 
 
-def unfold(layout: Layout, fit: Fit) -> Unfolded:
+def unfold(layout: Layout, fit: Fit) -> FitRows:
     """Lay a fit out over the rows of its record."""
     n_y, p = layout.y.shape[1], fit.order
     corrected = layout.y - layout.theta[:, :, list(fit.atoms)] @ fit.z
@@ -83,7 +83,7 @@ def unfold(layout: Layout, fit: Fit) -> Unfolded:
     g = _filtered(layout, fit)
     flat = g.reshape(rows, -1)
     off = (flat - Q @ (Q.T @ flat)).reshape(rows, n_y, -1)
-    return Unfolded(
+    return FitRows(
         error=now - Q @ (Q.T @ now),
         signatures=off,
         raw_norm=np.sqrt(np.einsum("koj,koj->j", g, g)),
@@ -111,7 +111,7 @@ def _whiten(fit: Fit, signals: FloatArray) -> FloatArray:
     return np.moveaxis(np.asarray(white).reshape(n_y, rows, *signals.shape[2:]), 0, 1)
 
 
-def covariance(fit: Fit, unfolded: Unfolded) -> FloatArray:
+def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
     """Covariance of the magnitudes of the support: the information matrix's, widened where the scores are correlated.
 
     The sandwich uses a Bartlett window of n^(1/3) lags (Newey and West 1987). An atom seen by few samples makes the
@@ -141,7 +141,7 @@ def covariance(fit: Fit, unfolded: Unfolded) -> FloatArray:
     return np.asarray(bread * np.outer(wider, wider) * degrees)
 
 
-def single_additions(fit: Fit, unfolded: Unfolded) -> Single:
+def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
     """Return magnitude and variance that each atom would have if it were added alone to the support."""
     g, e = _whiten(fit, unfolded.signatures), _whiten(fit, unfolded.error)
     rows, n_y, n_z = g.shape
@@ -155,4 +155,4 @@ def single_additions(fit: Fit, unfolded: Unfolded) -> Single:
     safe = np.where(seen, power, 1.0)
     degrees = rows / max(rows - unfolded.n_regressors - len(fit.atoms) / n_y, 1.0)
     magnitude = np.where(seen, others.T @ e.reshape(-1) / safe, np.nan)
-    return Single(magnitude=magnitude, variance=np.where(seen, degrees / safe, np.nan))
+    return SingleAdditions(magnitude=magnitude, variance=np.where(seen, degrees / safe, np.nan))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from .lagged import lagged
-from .recursion import Recursion, running_covariances
+from .recursive_least_squares import RecursiveResiduals, running_covariances
 
 __all__ = ["Drops", "largest_drops", "past_basis", "step_response"]
 
@@ -103,7 +103,7 @@ def step_response(K: FloatArray, n: int) -> FloatArray:
     return np.eye(q) - absorbed
 
 
-def largest_drops(errors: Recursion, basis: FloatArray, *, window: int, recent: int = 60) -> Drops:
+def largest_drops(errors: RecursiveResiduals, basis: FloatArray, *, window: int, recent: int = 60) -> Drops:
     """Return the largest drops of chi-square over the steps that begin in the last `window` rows, at every row.
 
     The covariance of the residuals is that of all rows before the window. It is enlarged, never reduced, by how much

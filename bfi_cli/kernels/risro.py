@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from .termination import Iterate, Settings, Termination, iterate
+from .termination import Iterate, StoppingRule, Termination, iterate
 
 __all__ = ["NO_SKETCH", "Factors", "RisroSolution", "least_squares", "risro"]
 
@@ -97,7 +97,7 @@ def risro(
     T : (n, n_base) regressors without a rank constraint.
     initial : the start; by default the unconstrained least squares cut to the rank, or where the data do not
         determine that, the leading part of sum_k y_k A_k.
-    max_iterations, tolerance, fixed : see `termination.Settings`.
+    max_iterations, tolerance, fixed : see `termination.StoppingRule`.
     between : changes X after every step but the last (the sparsity stage).
 
     Raises
@@ -111,7 +111,7 @@ def risro(
         lambda state: _step(state, data),
         _state(initial or _initial(data, rank), data, NO_SKETCH),
         scale=float(np.linalg.norm(data.y)),
-        settings=Settings(max_iterations=max_iterations, tolerance=tolerance, fixed=fixed),
+        settings=StoppingRule(max_iterations=max_iterations, tolerance=tolerance, fixed=fixed),
         between=None if between is None else lambda state: _state(between(state.factors), data, state.sketch),
     )
     last = ending.last

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from .lagged import Compressed
 from .risro import NO_SKETCH, Factors, least_squares, risro
 from .sparsity import SparseStage, apply_sparsity
-from .termination import Settings, Termination, iterate
+from .termination import StoppingRule, Termination, iterate
 
 __all__ = ["Corner", "VarxSolution", "risro_varx"]
 
@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 Corner = Literal["free", "imposed"]
 
-PUBLISHED = Settings(max_iterations=50, fixed=True)
+PUBLISHED = StoppingRule(max_iterations=50, fixed=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,7 +67,7 @@ def risro_varx(
     *,
     initial: tuple[FloatArray, FloatArray] | None = None,
     corner: Corner = "imposed",
-    settings: Settings | None = None,
+    settings: StoppingRule | None = None,
     sparse: SparseStage | None = None,
     as_published: bool = False,
 ) -> VarxSolution:
@@ -90,7 +90,7 @@ def risro_varx(
     """
     _check(data)
     problem = _problem(data)
-    corner, settings = ("free", PUBLISHED) if as_published else (corner, settings or Settings())
+    corner, settings = ("free", PUBLISHED) if as_published else (corner, settings or StoppingRule())
     start = _start(problem) if initial is None else _pair(initial[0][problem.live], initial[1])
     stage = _Stage(sparse or SparseStage(), None if as_published else problem.scales)
     solve = _free if corner == "free" else _imposed
@@ -186,7 +186,7 @@ def _start(problem: _Problem) -> Factors:
     return _pair(X[:-1, -1], X[-1, :-1])
 
 
-def _free(problem: _Problem, start: Factors, *, settings: Settings, stage: _Stage) -> _Found:
+def _free(problem: _Problem, start: Factors, *, settings: StoppingRule, stage: _Stage) -> _Found:
     found = risro(
         problem.A,
         problem.y,
@@ -208,7 +208,7 @@ def _free(problem: _Problem, start: Factors, *, settings: Settings, stage: _Stag
     )
 
 
-def _imposed(problem: _Problem, start: Factors, *, settings: Settings, stage: _Stage) -> _Found:
+def _imposed(problem: _Problem, start: Factors, *, settings: StoppingRule, stage: _Stage) -> _Found:
     ending = iterate(
         lambda state: _step(problem, state),
         _state(problem, start, NO_SKETCH),

@@ -10,7 +10,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Ending", "Iterate", "Settings", "Termination", "iterate"]
+__all__ = ["Ending", "Iterate", "StoppingRule", "Termination", "iterate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ S = TypeVar("S", bound=Iterate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class StoppingRule:
     """When to stop.
 
     Attributes
@@ -73,7 +73,7 @@ def iterate(
     start: S,
     *,
     scale: float,
-    settings: Settings,
+    settings: StoppingRule,
     between: Callable[[S], S] | None = None,
 ) -> Ending[S]:
     """Repeat `step` until X settles, the data are reproduced to round-off, or nothing more can be gained.

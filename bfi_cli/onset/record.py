@@ -15,7 +15,7 @@ from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
-from ..kernels.onset_scan import ENDING, STARTING
+from ..kernels.onset.scan import ENDING, STARTING
 from ..study import Intake, floor_of, lowpass_of, study_of, take_in
 from .shapes import Form, Sampling, forms_of
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault, unit_signal
-from ..kernels.bilinear import Fit
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import Lowpass, decimate
+from ..kernels.variable_projection import Fit
 from .intake import Intake
 from .scaled import Study
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from bfi_cli.kernels import onset_shapes
 from bfi_cli.kernels.lagged import lagged
+from bfi_cli.kernels.onset import waveform as shapes
 
 STEP_S = 0.1
 
@@ -15,13 +15,13 @@ def waveforms(n):
     """Return one waveform of every kind over n samples."""
     walk = np.cumsum(np.random.default_rng(3).standard_normal(n))
     return {
-        "bias": onset_shapes.bias(n),
-        "drift": onset_shapes.drift(n, step_s=STEP_S),
-        "sine": onset_shapes.sine(n, angle=2 * np.pi * 0.05),
-        "slow sine": onset_shapes.sine(n, angle=2 * np.pi * 0.002),
-        "lagged bias": onset_shapes.lagged_bias(n, constant=20.0),
-        "ramp-hold": onset_shapes.ramp_hold(n, duration=17.5),
-        "samples": onset_shapes.sampled(walk),
+        "bias": shapes.bias(n),
+        "drift": shapes.drift(n, step_s=STEP_S),
+        "sine": shapes.sine(n, angle=2 * np.pi * 0.05),
+        "slow sine": shapes.sine(n, angle=2 * np.pi * 0.002),
+        "lagged bias": shapes.lagged_bias(n, constant=20.0),
+        "ramp-hold": shapes.ramp_hold(n, duration=17.5),
+        "samples": shapes.sampled(walk),
     }
 
 

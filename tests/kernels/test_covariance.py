@@ -9,9 +9,9 @@ import pytest
 from made_varx import dictionary, explicit_error, made, wave
 from scipy import signal, stats
 
-from bfi_cli.kernels.bilinear import bilinear, fit_magnitudes
 from bfi_cli.kernels.covariance import Layout, covariance, single_additions, unfold
 from bfi_cli.kernels.lagged import compress
+from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
 
 ORDER = 2
 FLOOR = 1e-12
@@ -21,7 +21,7 @@ def fitted(u, y, theta, atoms, *, order: int = ORDER, first: int | None = None, 
     """Return the layout and the fit of `atoms` on the rows from `first`."""
     first = order if first is None else first
     data = compress(u, y, theta, order=first, feedthrough=feedthrough)
-    fit = fit_magnitudes(bilinear(data, order, floor=FLOOR), atoms)
+    fit = fit_magnitudes(project_inputs(data, order, floor=FLOOR), atoms)
     return Layout(u=u, y=y, theta=theta, first=first, feedthrough=feedthrough), fit
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from bfi_cli.kernels.lagged import lagged
 from bfi_cli.kernels.parity import largest_drops, past_basis, step_response
-from bfi_cli.kernels.recursion import recursive_residuals
+from bfi_cli.kernels.recursive_least_squares import recursive_residuals
 
 flown = runpy.run_path(str(Path(__file__).with_name("made_linear.py")))["flown"]
 LAGS, START, WINDOW, ONSET = 3, 150, 20, 250

@@ -15,7 +15,7 @@ from bfi_cli.kernels.lagged import compress, lagged, restrict, with_fault
 from bfi_cli.kernels.risro import Factors, least_squares, risro
 from bfi_cli.kernels.risro_varx import risro_varx
 from bfi_cli.kernels.sparsity import SparseStage
-from bfi_cli.kernels.termination import Settings, Termination, iterate
+from bfi_cli.kernels.termination import StoppingRule, Termination, iterate
 
 ORDER = 4
 
@@ -134,7 +134,7 @@ def moving(*misfits: float):
     """Return the ending of an iteration that keeps moving, with these misfits."""
     found = iter([Fake(np.array([float(n)]), misfit) for n, misfit in enumerate(misfits, start=1)])
     start = Fake(np.zeros(1), misfits[0])
-    return iterate(lambda _: next(found), start, scale=1.0, settings=Settings(max_iterations=len(misfits)))
+    return iterate(lambda _: next(found), start, scale=1.0, settings=StoppingRule(max_iterations=len(misfits)))
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_a_trembling_estimate_of_constant_misfit_has_converged(tremble, terminat
         lambda state: Fake(2.0 - state.X, 0.5),
         Fake(np.array([1.0 + tremble]), 0.5),
         scale=1.0,
-        settings=Settings(),
+        settings=StoppingRule(),
     )
     assert ending.termination is termination
     assert ending.iterations < 12
@@ -240,7 +240,7 @@ def test_steps_on_the_factor_are_steps_on_all_rows_and_those_of_the_plain_algori
     A, rest = covariates(y[:, 0], theta[:, 0], ORDER), y[ORDER:, 0]
     U, V = (x / np.linalg.norm(x) for x in (start.left, start.right))
     for n, plain in enumerate(plain_risro(A, rest, T, U=U, V=V, steps=5), start=1):
-        fast = risro_varx(data, initial=(z0, K0), corner="free", settings=Settings(max_iterations=n, fixed=True))
+        fast = risro_varx(data, initial=(z0, K0), corner="free", settings=StoppingRule(max_iterations=n, fixed=True))
         explicit = risro(A, rest, rank=1, T=T, initial=start, max_iterations=n, fixed=True).factors.X
         np.testing.assert_allclose(explicit, plain, atol=1e-8)
         np.testing.assert_allclose(fast.z, plain[:-1, -1], atol=1e-8)
@@ -251,7 +251,9 @@ def test_steps_on_the_factor_are_steps_on_all_rows_and_those_of_the_plain_algori
 @pytest.mark.parametrize("feedthrough", [False, True])
 def test_imposed_corner_is_a_stationary_point_of_the_prediction_error(feedthrough):
     u, y, theta, _, _, _ = varx(noise=0.1)
-    found = risro_varx(compress(u, y, theta, order=ORDER, feedthrough=feedthrough), settings=Settings(tolerance=1e-12))
+    found = risro_varx(
+        compress(u, y, theta, order=ORDER, feedthrough=feedthrough), settings=StoppingRule(tolerance=1e-12)
+    )
     corrected = y - theta @ found.z
     past = lagged(corrected, range(1, ORDER + 1))
     inputs = lagged(u, range(1 - feedthrough, ORDER + 1), first=ORDER)
@@ -327,7 +329,7 @@ def test_sparsity_acts_after_every_step_but_the_last(corner):
     data = compress(u, y, theta, order=ORDER)
     stage = SparseStage(kind="exp_l0", updates=2, r=1.0)
     one, five, plain = (
-        risro_varx(data, corner=corner, sparse=sparse, settings=Settings(max_iterations=n, fixed=True))
+        risro_varx(data, corner=corner, sparse=sparse, settings=StoppingRule(max_iterations=n, fixed=True))
         for n, sparse in ((1, stage), (5, stage), (5, None))
     )
     assert (one.updates, five.updates, plain.updates) == (0, 8, 0)
@@ -339,7 +341,7 @@ def test_only_the_published_stage_depends_on_the_unit_of_a_magnitude(as_publishe
     u, y, theta, _, _, _ = varx(noise=0.02)
     unit = np.array([10.0, 1.0, 0.1, 1.0, 5.0, 1.0, 1.0])
     stage = SparseStage(kind="exp_l0")
-    settings = Settings(max_iterations=4, fixed=True)
+    settings = StoppingRule(max_iterations=4, fixed=True)
     z, other = (
         risro_varx(compress(u, y, x, order=ORDER), sparse=stage, settings=settings, as_published=as_published).z
         for x in (theta, theta * unit)

@@ -24,7 +24,7 @@ from scipy import special
 from .density import Density, convolved, kernel_density
 from .divergence import jensen_shannon_quadrature
 
-__all__ = ["Separation", "sample_bits", "separation", "window_bits"]
+__all__ = ["Distinguishability", "distinguishability", "sample_bits", "window_bits"]
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ RESOLVED = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Separation:
+class Distinguishability:
     """The information of a window on a fault, against the fault's size.
 
     Attributes
@@ -50,7 +50,7 @@ class Separation:
     bits: FloatArray
 
 
-def separation(errors: FloatArray) -> Separation:
+def distinguishability(errors: FloatArray) -> Distinguishability:
     """Return the information against the size of a fault.
 
     Parameters
@@ -62,10 +62,10 @@ def separation(errors: FloatArray) -> Separation:
     low, high = DECADES
     deviations = np.logspace(low, high, round((high - low) * PER_DECADE) + 1)
     bits = [jensen_shannon_quadrature(density, convolved(density, float(d))) for d in deviations]
-    return Separation(errors=density, deviations=deviations, bits=np.maximum.accumulate(bits))
+    return Distinguishability(errors=density, deviations=deviations, bits=np.maximum.accumulate(bits))
 
 
-def window_bits(found: Separation, deviations: FloatArray) -> FloatArray:
+def window_bits(found: Distinguishability, deviations: FloatArray) -> FloatArray:
     """Return the information at sizes of any shape, 0 below the range and for NaN, 1 above it.
 
     Monotone cubic interpolation of the logarithmic odds over the logarithm of the size, to about 1e-3 of the value.

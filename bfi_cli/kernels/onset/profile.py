@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .onset_elimination import eliminate, solve_last, solved_norm
+from .elimination import eliminate, solve_last, solved_norm
 
-__all__ = ["Minimum", "Pencil", "log_ratio", "minimise", "pencil", "screen"]
+__all__ = ["Minimum", "ProfilePolynomial", "log_ratio", "minimise", "pencil", "screen"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -31,7 +31,7 @@ SMALLEST_STEP = 1e-15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pencil:
+class ProfilePolynomial:
     """RSS of a stack of onsets as a function of z.
 
     Attributes
@@ -46,9 +46,9 @@ class Pencil:
     start: FloatArray
     n_outputs: int
 
-    def take(self, index: IntArray) -> Pencil:
+    def take(self, index: IntArray) -> ProfilePolynomial:
         """Return the pencil of some of the onsets."""
-        return Pencil(
+        return ProfilePolynomial(
             H1=self.H1[:, :, index],
             H2=self.H2[:, :, index],
             start=self.start[index],
@@ -65,7 +65,7 @@ class Minimum:
     curvature: FloatArray
 
 
-def pencil(C: FloatArray, S: FloatArray, W: FloatArray) -> Pencil:
+def pencil(C: FloatArray, S: FloatArray, W: FloatArray) -> ProfilePolynomial:
     """Return H1 and H2 from inner products.
 
     Parameters
@@ -78,7 +78,7 @@ def pencil(C: FloatArray, S: FloatArray, W: FloatArray) -> Pencil:
     m, width = Wt.shape
     A = np.matmul(Wt, C)
     H2 = (Wt @ np.matmul(Wt, S).reshape(width, -1)).reshape(m, m, -1)
-    return Pencil(H1=A + A.transpose(1, 0, 2), H2=H2, start=_start(A, H2, (C, S)), n_outputs=m - width + 1)
+    return ProfilePolynomial(H1=A + A.transpose(1, 0, 2), H2=H2, start=_start(A, H2, (C, S)), n_outputs=m - width + 1)
 
 
 def _start(A: FloatArray, H2: FloatArray, inner: tuple[FloatArray, FloatArray]) -> FloatArray:
@@ -95,13 +95,13 @@ def _start(A: FloatArray, H2: FloatArray, inner: tuple[FloatArray, FloatArray]) 
     return np.asarray(np.divide(top, bottom, out=np.zeros(n), where=bottom > 0.0))
 
 
-def log_ratio(stack: Pencil, z: FloatArray) -> FloatArray:
+def log_ratio(stack: ProfilePolynomial, z: FloatArray) -> FloatArray:
     """Return F (n_onsets,) at the magnitudes z (n_onsets,)."""
     H = _at(stack, z)
     return _log_det(eliminate(H, len(H) - stack.n_outputs))
 
 
-def minimise(stack: Pencil, bound: FloatArray) -> Minimum:
+def minimise(stack: ProfilePolynomial, bound: FloatArray) -> Minimum:
     """Return the global minimum over |z| <= bound (n_onsets,) of each onset."""
     grid = np.concatenate([-GRID[::-1], [0.0], GRID])[:, None] * bound
     seeds = np.concatenate([grid, np.clip(stack.start, -bound, bound)[None]])
@@ -117,7 +117,7 @@ def minimise(stack: Pencil, bound: FloatArray) -> Minimum:
     return best
 
 
-def screen(stack: Pencil, bound: FloatArray) -> Minimum:
+def screen(stack: ProfilePolynomial, bound: FloatArray) -> Minimum:
     """Return F at one magnitude near the minimum where a fault is well seen, at 0 where that is worse; no curvature."""
     z = np.clip(stack.start, -bound, bound)
     F = log_ratio(stack, z)
@@ -136,7 +136,7 @@ def _better(old: Minimum | None, new: Minimum, where: IntArray) -> Minimum:
     return Minimum(z=merged[0], F=merged[1], curvature=merged[2])
 
 
-def _newton(stack: Pencil, task: tuple[FloatArray, FloatArray], onsets: IntArray) -> Minimum:
+def _newton(stack: ProfilePolynomial, task: tuple[FloatArray, FloatArray], onsets: IntArray) -> Minimum:
     """Newton with step control from z, both of all onsets, within the bound, on some onsets."""
     z, bound = (x[onsets] for x in task)
     work, live = (stack if len(onsets) == len(task[0]) else stack.take(onsets)), np.arange(len(onsets))
@@ -167,7 +167,7 @@ def _step(z: FloatArray, bound: FloatArray, local: tuple[FloatArray, FloatArray,
     return np.asarray(np.clip(z + np.clip(step, -radius, radius), -bound, bound) - z)
 
 
-def _at(stack: Pencil, z: FloatArray) -> FloatArray:
+def _at(stack: ProfilePolynomial, z: FloatArray) -> FloatArray:
     H: FloatArray = z * stack.H2
     H -= stack.H1
     H *= z
@@ -179,7 +179,7 @@ def _log_det(S: FloatArray) -> FloatArray:
     return np.log(S[0, 0]) if len(S) == 1 else np.asarray(np.linalg.slogdet(S.transpose(2, 0, 1))[1])
 
 
-def _local(stack: Pencil, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _local(stack: ProfilePolynomial, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """F, its slope and its curvature."""
     H = _at(stack, z)
     s = len(H) - stack.n_outputs

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from plain_onset import plain_rss, random_record, record, signal, waveforms
 
-from bfi_cli.kernels import onset_shapes
-from bfi_cli.kernels.onset_ends import climb, pair_limits, scan_ends
-from bfi_cli.kernels.onset_frequency import scan_frequency, scan_frequency_ends
-from bfi_cli.kernels.onset_pairs import scan_pairs, screen_pairs, tabulate_ends
-from bfi_cli.kernels.onset_scan import scan_shape
-from bfi_cli.kernels.onset_tables import prepare_scan
+from bfi_cli.kernels.onset import waveform as shapes
+from bfi_cli.kernels.onset.correlations import prepare_scan
+from bfi_cli.kernels.onset.ends import climb, pair_limits, scan_ends
+from bfi_cli.kernels.onset.frequency import scan_frequency, scan_frequency_ends
+from bfi_cli.kernels.onset.pairs import scan_pairs, screen_pairs, tabulate_pairs
+from bfi_cli.kernels.onset.scan import scan_shape
 
 N = 400
 CLOSED = ("bias", "drift", "lagged bias", "ramp-hold", "sine", "slow sine")
@@ -26,7 +26,7 @@ def test_rss_of_a_pair_is_that_of_a_plain_least_squares(name, order, n_outputs):
     y[:, channel] += 20.0 * signal(waveform, 170, 260)
     scan = prepare_scan(u, y, order=order, channel=channel)
     pairs = np.array([[3 * order, 170, 172, 230], [3 * order + 18, 260, 320, N - 2 * order]])
-    found = scan_pairs(scan, tabulate_ends(scan, waveform), pairs)
+    found = scan_pairs(scan, tabulate_pairs(scan, waveform), pairs)
     for k, (start, end) in enumerate(pairs.T):
         theta = signal(waveform, start, end)
         expected = plain_rss(u, y, theta, z=found.z[k], order=order, channel=channel)
@@ -39,7 +39,7 @@ def test_an_end_after_the_last_sample_is_no_end(name):
     y[170:] += 0.3
     scan, waveform = prepare_scan(u, y, order=4), waveforms(N)[name]
     onsets = np.arange(20, 360, 7)
-    pairs = scan_pairs(scan, tabulate_ends(scan, waveform), np.stack([onsets, np.full_like(onsets, N)]))
+    pairs = scan_pairs(scan, tabulate_pairs(scan, waveform), np.stack([onsets, np.full_like(onsets, N)]))
     np.testing.assert_allclose(pairs.statistic, scan_shape(scan, waveform, onsets).statistic, rtol=1e-6, atol=1e-6)
 
 
@@ -49,7 +49,7 @@ def test_screening_never_promises_too_much(name):
     y[170:260] += 0.2
     scan, waveform = prepare_scan(u, y, order=4), waveforms(N)[name]
     pairs = pair_limits(scan, waveform).pairs(np.arange(12, 390, 23), np.arange(12, 390, 23))
-    tables = tabulate_ends(scan, waveform)
+    tables = tabulate_pairs(scan, waveform)
     rough, exact = screen_pairs(scan, tables, pairs), scan_pairs(scan, tables, pairs).statistic
     assert (rough >= 0.0).all()
     assert (rough <= exact + 1e-6).all()
@@ -82,7 +82,7 @@ def suboptimal(seed):
     scan = prepare_scan(u, y, order=order)
     limits = pair_limits(scan, waveform)
     every = np.arange(limits.first, limits.last + 1)
-    exhaustive = scan_pairs(scan, tabulate_ends(scan, waveform), limits.pairs(every, every))
+    exhaustive = scan_pairs(scan, tabulate_pairs(scan, waveform), limits.pairs(every, every))
     return scan_ends(scan, waveform).statistic < exhaustive.statistic.max() - 1e-3
 
 
@@ -100,8 +100,8 @@ def test_the_best_pair_is_found_in_94_of_100_random_cases(capsys):
 
 def test_a_climb_from_a_start_with_no_room_behind_it_begins_at_the_last_that_has():
     scan = prepare_scan(*record(120), order=4)
-    tables = tabulate_ends(scan, onset_shapes.bias(scan.n_samples))
-    limits = pair_limits(scan, onset_shapes.bias(scan.n_samples))
+    tables = tabulate_pairs(scan, shapes.bias(scan.n_samples))
+    limits = pair_limits(scan, shapes.bias(scan.n_samples))
     latest = limits.last - limits.shortest
     reached = [climb(scan, tables, limits=limits, begin=[(start, limits.last)]) for start in (latest, latest + 3)]
     assert reached[0] == reached[1]
@@ -110,8 +110,8 @@ def test_a_climb_from_a_start_with_no_room_behind_it_begins_at_the_last_that_has
 def test_a_fault_that_does_not_fit_is_refused():
     u, y = record(60)
     with pytest.raises(ValueError, match="a fault of 58 samples does not fit between samples 12 and 52"):
-        scan_ends(prepare_scan(u, y, order=4), onset_shapes.bias(60), min_duration=58)
-    ramp = onset_shapes.ramp_hold(60, duration=50.0)
+        scan_ends(prepare_scan(u, y, order=4), shapes.bias(60), min_duration=58)
+    ramp = shapes.ramp_hold(60, duration=50.0)
     with pytest.raises(ValueError, match="a fault of 50 samples does not fit"):
         scan_ends(prepare_scan(u, y, order=4), ramp)
 
@@ -119,7 +119,7 @@ def test_a_fault_that_does_not_fit_is_refused():
 @pytest.mark.parametrize("frequency", [0.0571, 0.1321])
 def test_an_unknown_frequency_is_found_with_its_onset(frequency):
     u, y = record(300)
-    waveform = onset_shapes.sine(300, angle=2 * np.pi * frequency)
+    waveform = shapes.sine(300, angle=2 * np.pi * frequency)
     y[:, 0] += 0.8 * signal(waveform, 143)
     scan = prepare_scan(u, y, order=4)
     found = scan_frequency(scan, (3 / 300, 0.2))
@@ -132,7 +132,7 @@ def test_an_unknown_frequency_is_found_with_its_onset(frequency):
 
 def test_frequency_start_and_end_are_found_together():
     u, y = record(240)
-    waveform = onset_shapes.sine(240, angle=2 * np.pi * 0.11)
+    waveform = shapes.sine(240, angle=2 * np.pi * 0.11)
     y[:, 0] += 0.8 * signal(waveform, 80, 121)
     scan = prepare_scan(u, y, order=4)
     found = scan_frequency_ends(scan, (3 / 240, 0.2))
@@ -144,7 +144,7 @@ def test_frequency_start_and_end_are_found_together():
 
 def test_frequencies_that_do_not_fit_the_record_are_cut():
     u, y = record(150)
-    y[:, 0] += 0.8 * signal(onset_shapes.sine(150, angle=2 * np.pi * 0.11), 50, 91)
+    y[:, 0] += 0.8 * signal(shapes.sine(150, angle=2 * np.pi * 0.11), 50, 91)
     found = scan_frequency_ends(prepare_scan(u, y, order=4), (1 / 150, 0.15), min_cycles=3.0)
     assert found.frequencies[0] == pytest.approx(3.0 / (150 - 5 * 4 - 1))
     assert found.span.end - found.span.start >= 3.0 / found.frequency

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .onset_ends import Limits, Pair, Span, climb, pair_limits, peaks, span_at, spread
-from .onset_pairs import EndTables, screen_pairs, tabulate_ends
-from .onset_profile import screen
-from .onset_scan import ENDING, STARTING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
-from .onset_shapes import sine
-from .onset_tables import Scan, tabulate
+from .correlations import Scan, tabulate
+from .ends import Pair, PairLimits, PairScan, climb, pair_limits, peaks, span_at, spread
+from .pairs import PairTables, screen_pairs, tabulate_pairs
+from .profile import screen
+from .scan import ENDING, STARTING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from .waveform import sine
 
-__all__ = ["MIN_CYCLES", "Tuned", "TunedSpan", "scan_frequency", "scan_frequency_ends"]
+__all__ = ["MIN_CYCLES", "FrequencyPairScan", "FrequencyScan", "scan_frequency", "scan_frequency_ends"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -40,7 +40,7 @@ FINALISTS = 48
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tuned:
+class FrequencyScan:
     """A scan at the best frequency.
 
     Attributes
@@ -57,18 +57,18 @@ class Tuned:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TunedSpan:
-    """A start and an end at the best frequency; fields as in `Tuned`."""
+class FrequencyPairScan:
+    """A start and an end at the best frequency; fields as in `FrequencyScan`."""
 
     frequency: float
-    span: Span
+    span: PairScan
     frequencies: FloatArray
     statistic: FloatArray
 
 
 def scan_frequency(
     scan: Scan, band: tuple[float, float], *, onsets: IntArray | None = None, min_cycles: float = MIN_CYCLES
-) -> Tuned:
+) -> FrequencyScan:
     """Return the scan of a sine that lasts to the end of the record, at the frequency where its statistic is largest.
 
     A sine of less than two periods cannot be told from a drift or a step, so the statistic of later onsets is zero.
@@ -108,10 +108,10 @@ def scan_frequency(
     tops = _refined(best, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid)
     exact = [(profiled(frequency), frequency) for _, _, frequency in tops]
     profile, frequency = max(exact, key=lambda one: float(one[0].statistic.max()))
-    return Tuned(frequency=float(frequency), profile=profile, frequencies=grid, statistic=statistic)
+    return FrequencyScan(frequency=float(frequency), profile=profile, frequencies=grid, statistic=statistic)
 
 
-def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = MIN_CYCLES) -> TunedSpan:
+def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = MIN_CYCLES) -> FrequencyPairScan:
     """Return the best frequency, start and end of a sine.
 
     Parameters
@@ -127,10 +127,10 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
     room = scan.n_samples - (STARTING + ENDING) * scan.order - 1
     grid = _grid(scan, (max(band[0], min_cycles / room) if band[0] > 0.0 < room else band[0], band[1]))
 
-    def prepared(frequency: float) -> tuple[EndTables, Limits]:
+    def prepared(frequency: float) -> tuple[PairTables, PairLimits]:
         waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
         shortest = max(int(np.ceil(min_cycles / frequency)), ENDING * scan.order)
-        return tabulate_ends(scan, waveform), pair_limits(scan, waveform, shortest)
+        return tabulate_pairs(scan, waveform), pair_limits(scan, waveform, shortest)
 
     def coarse(frequency: float) -> tuple[float, Pair]:
         tables, limits = prepared(frequency)
@@ -150,7 +150,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
     _, pair, frequency = _refined(climbed, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)[0]
     tables, limits = prepared(frequency)
     span = span_at(scan, tables, limits=limits, pair=pair)
-    return TunedSpan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
+    return FrequencyPairScan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
 
 
 def _grid(scan: Scan, band: tuple[float, float]) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-__all__ = ["PRIOR", "Recursion", "predictive_score", "recursive_residuals", "running_covariances"]
+__all__ = ["PRIOR", "RecursiveResiduals", "predictive_score", "recursive_residuals", "running_covariances"]
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ SMALLEST_SD = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recursion:
+class RecursiveResiduals:
     """Recursive residuals (Brown, Durbin and Evans 1975) of the rows from `start` on.
 
     Attributes
@@ -48,7 +48,7 @@ class Recursion:
 
 def recursive_residuals(
     X: FloatArray, Y: FloatArray, *, start: int, forgetting: float = 1.0, prior: float | FloatArray = PRIOR
-) -> Recursion:
+) -> RecursiveResiduals:
     """Predict every row from the rows before it, by updates of one triangular factor.
 
     Parameters
@@ -86,7 +86,7 @@ def recursive_residuals(
         coefficients[i - start] = theta
         residual[i - start] = (Y[i] - X[i] @ theta) / np.sqrt(1.0 + reach @ reach)
         T = lapack.dtpqrt(0, min(PANEL, p + q), T, rows[i : i + 1], overwrite_a=True)[0]
-    return Recursion(
+    return RecursiveResiduals(
         start=start,
         residual=residual,
         leverage=leverage,
@@ -96,7 +96,7 @@ def recursive_residuals(
     )
 
 
-def running_covariances(errors: Recursion, *, window: int, recent: int) -> tuple[FloatArray, FloatArray]:
+def running_covariances(errors: RecursiveResiduals, *, window: int, recent: int) -> tuple[FloatArray, FloatArray]:
     """Return (n, n_outputs, n_outputs) and (n,): what is known at each row of the residuals' covariance.
 
     Parameters
@@ -124,7 +124,7 @@ def running_covariances(errors: Recursion, *, window: int, recent: int) -> tuple
     return covariance * rough[:, :, None] * rough[:, None, :], freedom.astype(np.float64)
 
 
-def predictive_score(errors: Recursion) -> float:
+def predictive_score(errors: RecursiveResiduals) -> float:
     """Return the mean logarithm of the density with which every row was predicted (Student's t), up to a constant."""
     covariances, freedom = running_covariances(errors, window=1, recent=0)
     q = errors.residual.shape[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.kernels.recursion import predictive_score, recursive_residuals, running_covariances
+from bfi_cli.kernels.recursive_least_squares import predictive_score, recursive_residuals, running_covariances
 
 START = 20
 

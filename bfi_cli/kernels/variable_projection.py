@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 from .lagged import Compressed, restrict
 from .termination import Termination
 
-__all__ = ["Bilinear", "Fit", "bilinear", "fit_magnitudes", "relaxed"]
+__all__ = ["Fit", "ProjectedRegression", "fit_magnitudes", "project_inputs", "relaxed_bound"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -29,7 +29,7 @@ SETTLED = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bilinear:
+class ProjectedRegression:
     """The regression of one order with constant and inputs projected out.
 
     Attributes
@@ -89,7 +89,7 @@ class Fit:
     termination: Termination
 
 
-def bilinear(data: Compressed, order: int, *, floor: float = 0.0) -> Bilinear:
+def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> ProjectedRegression:
     """Return the regression of `order` on the rows of `data`, constant and inputs projected out."""
     lower = restrict(data, order=order)
     columns, R = lower.columns, lower.R
@@ -101,7 +101,9 @@ def bilinear(data: Compressed, order: int, *, floor: float = 0.0) -> Bilinear:
     y = np.empty((n, order + 1, columns.n_outputs))
     y[:, 0] = rest[:, columns.y]
     y[:, 1:] = rest[:, columns.y_lags].reshape(n, order, columns.n_outputs)
-    return Bilinear(theta=theta, y=y, signals=columns.signals, n_rows=data.n_rows, n_base=columns.n_base, floor=floor)
+    return ProjectedRegression(
+        theta=theta, y=y, signals=columns.signals, n_rows=data.n_rows, n_base=columns.n_base, floor=floor
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +118,7 @@ class _Predictor:
 
 
 def fit_magnitudes(
-    problem: Bilinear,
+    problem: ProjectedRegression,
     atoms: Sequence[int],
     start: FloatArray | None = None,
     *,
@@ -168,7 +170,7 @@ def fit_magnitudes(
     )
 
 
-def relaxed(problem: Bilinear, base: Fit | None, extra: int) -> tuple[float, float]:
+def relaxed_bound(problem: ProjectedRegression, base: Fit | None, extra: int) -> tuple[float, float]:
     """Free the lagged coefficients of atom `extra`: the bilinear constraint dropped.
 
     The atoms of `base` may move along their filtered signatures, so with a support the value is a guide rather than a
@@ -194,7 +196,7 @@ def relaxed(problem: Bilinear, base: Fit | None, extra: int) -> tuple[float, flo
     return log_det, float(np.mean(now[np.arange(len(outputs)), outputs])) if len(outputs) else 0.0
 
 
-def _support(problem: Bilinear, atoms: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+def _support(problem: ProjectedRegression, atoms: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     place = {atom: j for j, atom in enumerate(atoms)}
     kept = [n for n, (_, atom) in enumerate(problem.signals) if atom in place]
     scatter = np.zeros((len(kept), problem.n_outputs, len(atoms)))
@@ -204,7 +206,7 @@ def _support(problem: Bilinear, atoms: tuple[int, ...]) -> tuple[FloatArray, Flo
     return problem.theta[:, :, kept], scatter
 
 
-def _predict(problem: Bilinear, theta: FloatArray, scatter: FloatArray, z: FloatArray) -> _Predictor:
+def _predict(problem: ProjectedRegression, theta: FloatArray, scatter: FloatArray, z: FloatArray) -> _Predictor:
     corrected = problem.y - theta @ (scatter @ z)
     n, n_y = len(corrected), problem.n_outputs
     Q, _, K = _regress(corrected[:, 1:].reshape(n, -1), corrected[:, 0])
@@ -226,7 +228,7 @@ def _regress(X: FloatArray, Y: FloatArray) -> tuple[FloatArray, FloatArray, Floa
     return U, R, Vt.T @ ((U.T @ Y) / s[:, None])
 
 
-def _root(error: FloatArray, problem: Bilinear) -> tuple[FloatArray, float]:
+def _root(error: FloatArray, problem: ProjectedRegression) -> tuple[FloatArray, float]:
     """Triangular root of the floored residual covariance, and log det of that covariance."""
     floor = max(problem.floor, np.finfo(float).tiny ** 0.25)
     stacked = np.vstack([error / np.sqrt(problem.n_rows), floor * np.eye(problem.n_outputs)])
@@ -235,7 +237,7 @@ def _root(error: FloatArray, problem: Bilinear) -> tuple[FloatArray, float]:
 
 
 def _whitened(
-    problem: Bilinear, theta: FloatArray, scatter: FloatArray, at: _Predictor
+    problem: ProjectedRegression, theta: FloatArray, scatter: FloatArray, at: _Predictor
 ) -> tuple[FloatArray, FloatArray]:
     """Filtered signatures off the regressors and the prediction error, both whitened, outputs stacked."""
     n, n_y = len(theta), problem.n_outputs
@@ -265,7 +267,10 @@ def _least_squares(G: FloatArray, e: FloatArray) -> FloatArray:
 
 
 def _line_search(
-    problem: Bilinear, theta: FloatArray, scatter: FloatArray, state: tuple[FloatArray, FloatArray, _Predictor]
+    problem: ProjectedRegression,
+    theta: FloatArray,
+    scatter: FloatArray,
+    state: tuple[FloatArray, FloatArray, _Predictor],
 ) -> tuple[_Predictor | None, FloatArray]:
     z, step, at = state
     length = 1.0

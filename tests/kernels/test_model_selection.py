@@ -9,9 +9,9 @@ import pytest
 from made_varx import dictionary, made, wave
 from scipy import stats
 
-from bfi_cli.kernels.bilinear import bilinear, fit_magnitudes, relaxed
 from bfi_cli.kernels.lagged import compress
-from bfi_cli.kernels.selection import Penalty, Search, search_orders
+from bfi_cli.kernels.model_selection import OrderSearch, Penalty, search_orders
+from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs, relaxed_bound
 
 ORDER = 2
 FLOOR = 1e-10
@@ -22,7 +22,7 @@ def problem_of(seed: int, z=Z, *, n: int = 250, n_y: int = 1, noise_sd: float = 
     rng = np.random.default_rng(seed)
     u, y = made(rng, order=ORDER, n_y=n_y).fly(n, rng, noise_sd=noise_sd)
     theta = dictionary(n, n_y=n_y, n_atoms=len(z))
-    return bilinear(compress(u, y + theta @ np.array(z), theta, order=ORDER), ORDER, floor=FLOOR)
+    return project_inputs(compress(u, y + theta @ np.array(z), theta, order=ORDER), ORDER, floor=FLOOR)
 
 
 def penalty_of(problem, n_candidates: int, *, evidence: float = 6.0, n_effective: float | None = None) -> Penalty:
@@ -30,13 +30,13 @@ def penalty_of(problem, n_candidates: int, *, evidence: float = 6.0, n_effective
     return Penalty(n_rows=n, n_effective=n_effective or n, n_candidates=n_candidates, evidence=evidence)
 
 
-def search_order(problem, candidates, penalty, **limits) -> Search:
+def search_order(problem, candidates, penalty, **limits) -> OrderSearch:
     (search,) = search_orders([problem], candidates, penalty, **limits)
     return search
 
 
 def start_of(problem, atoms) -> np.ndarray:
-    return np.array([relaxed(problem, None, atom)[1] for atom in atoms])
+    return np.array([relaxed_bound(problem, None, atom)[1] for atom in atoms])
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -122,7 +122,7 @@ def test_an_atom_that_stood_in_for_two_is_dropped_when_both_are_there():
     k = np.arange(n)
     a, b, c, d, other = (np.sin(frequency * k) * (k > 60) for frequency in (0.9, 1.3, 1.7, 2.1, 2.5))
     theta = np.stack([a, b, a + b + 0.3 * other, c, d], axis=1)[:, None, :]
-    problem = bilinear(compress(u, y + theta @ [1.0, 1.0, 0.0, 0.0, 0.0], theta, order=ORDER), ORDER, floor=FLOOR)
+    problem = project_inputs(compress(u, y + theta @ [1.0, 1.0, 0.0, 0.0, 0.0], theta, order=ORDER), ORDER, floor=FLOOR)
     search = search_order(problem, range(5), penalty_of(problem, 5), max_active=4)
     assert search.best.fit.atoms == (0, 1)
     assert search.of((2,)) is not None
@@ -162,7 +162,7 @@ def test_more_atoms_than_rows():
     for j in range(n_atoms):
         theta[:, 0, j] = wave(n, 4 + j // 2, "step" if j % 2 else "wave")
     y = y + 5.0 * theta[:, :, 11]
-    problem = bilinear(compress(u, y, theta, order=1), 1, floor=FLOOR)
+    problem = project_inputs(compress(u, y, theta, order=1), 1, floor=FLOOR)
     search = search_order(problem, range(n_atoms), penalty_of(problem, n_atoms))
     assert 11 in search.best.fit.atoms
     assert np.isfinite([scored.criterion for scored in search.visited]).all()

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .onset_profile import Minimum, Pencil, log_ratio, minimise, pencil
-from .onset_shapes import Waveform
-from .onset_tables import Scan, Tables, tabulate
+from .correlations import Scan, ShapeTables, tabulate
+from .profile import Minimum, ProfilePolynomial, log_ratio, minimise, pencil
+from .waveform import Waveform
 
 __all__ = [
     "Profile",
@@ -101,7 +101,7 @@ def rss_at(scan: Scan, waveform: Waveform, onsets: IntArray, *, z: FloatArray) -
     return scan.rss0 * np.exp(log_ratio(stack, z * waveform.unit))
 
 
-def stack_onsets(scan: Scan, tables: Tables, onsets: IntArray) -> Pencil:
+def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePolynomial:
     """Gather the inner products of some onsets from the tables of a shape."""
     s, degrees = scan.order, scan.degrees
     C = np.stack([tables.P[a][scan.n_base :, onsets + s - j] for j, a in enumerate(degrees)], axis=1)

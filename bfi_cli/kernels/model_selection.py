@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .bilinear import Bilinear, Fit, fit_magnitudes, relaxed
+from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, relaxed_bound
 
-__all__ = ["Penalty", "Scored", "Search", "full_support", "search_orders"]
+__all__ = ["OrderSearch", "Penalty", "ScoredFit", "full_support", "search_orders"]
 
 FloatArray = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class Penalty:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scored:
+class ScoredFit:
     """A fit and its criterion."""
 
     criterion: float
@@ -66,25 +66,29 @@ class Scored:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class OrderSearch:
     """Every support visited at one order, the best visit of each."""
 
     order: int
-    visited: tuple[Scored, ...]
+    visited: tuple[ScoredFit, ...]
 
     @property
-    def best(self) -> Scored:
+    def best(self) -> ScoredFit:
         return min(self.visited, key=lambda scored: scored.criterion)
 
-    def of(self, atoms: Iterable[int]) -> Scored | None:
+    def of(self, atoms: Iterable[int]) -> ScoredFit | None:
         """Return the visit of a support, None where it was not visited."""
         wanted = tuple(sorted(atoms))
         return next((scored for scored in self.visited if scored.fit.atoms == wanted), None)
 
 
 def search_orders(
-    problems: Sequence[Bilinear], candidates: Sequence[int], penalty: Penalty, *, max_active: int | None = None
-) -> tuple[Search, ...]:
+    problems: Sequence[ProjectedRegression],
+    candidates: Sequence[int],
+    penalty: Penalty,
+    *,
+    max_active: int | None = None,
+) -> tuple[OrderSearch, ...]:
     """Search supports at every order: forward from none, backward from all (of a small dictionary) and from the best.
 
     Each order then starts again from the best answers of the others: a model with lags to spare can absorb an
@@ -108,7 +112,7 @@ def search_orders(
     return tuple(visits.search() for visits in every)
 
 
-def full_support(problem: Bilinear, atoms: tuple[int, ...], penalty: Penalty) -> Scored | None:
+def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> ScoredFit | None:
     """Return the fit of all atoms at once, None where the rows do not suffice."""
     return _Visits(problem, penalty).full(atoms) if len(atoms) <= _room(problem, penalty.n_rows) else None
 
@@ -123,7 +127,7 @@ def _explore(visits: _Visits, candidates: Sequence[int], max_active: int | None)
     visits.limit = limit
 
 
-def _room(problem: Bilinear, n_rows: int) -> int:
+def _room(problem: ProjectedRegression, n_rows: int) -> int:
     """How many magnitudes the rows leave room for beside the predictor."""
     return max(0, n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
 
@@ -131,44 +135,44 @@ def _room(problem: Bilinear, n_rows: int) -> int:
 class _Visits:
     """Fits of one order, each support's best remembered."""
 
-    def __init__(self, problem: Bilinear, penalty: Penalty) -> None:
+    def __init__(self, problem: ProjectedRegression, penalty: Penalty) -> None:
         self.problem = problem
         self.penalty = penalty
         self.limit = 0
-        self.scored: dict[tuple[int, ...], Scored] = {}
+        self.scored: dict[tuple[int, ...], ScoredFit] = {}
 
-    def search(self) -> Search:
+    def search(self) -> OrderSearch:
         """Return what was visited within the limit on the number of active atoms."""
         allowed = (scored for scored in self.scored.values() if len(scored.fit.atoms) <= self.limit)
-        return Search(order=self.problem.order, visited=tuple(allowed))
+        return OrderSearch(order=self.problem.order, visited=tuple(allowed))
 
-    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> Scored:
+    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> ScoredFit:
         """Fit a support (ascending) from several starts."""
         for start in starts:
             fit = fit_magnitudes(self.problem, atoms, np.asarray(start, dtype=np.float64))
             known = self.scored.get(atoms)
             if known is None or fit.log_det < known.fit.log_det:
-                self.scored[atoms] = Scored(criterion=self.penalty.criterion(fit), fit=fit)
+                self.scored[atoms] = ScoredFit(criterion=self.penalty.criterion(fit), fit=fit)
         return self.scored[atoms]
 
-    def add(self, base: Fit, atom: int, magnitude: float) -> Scored:
+    def add(self, base: Fit, atom: int, magnitude: float) -> ScoredFit:
         """Fit `base` with one more atom, from zero and from its relaxed magnitude."""
         atoms = tuple(sorted((*base.atoms, atom)))
         known = dict(zip(base.atoms, base.z, strict=True))
         return self.visit(atoms, ([(known | {atom: m})[a] for a in atoms] for m in (0.0, magnitude)))
 
-    def drop(self, base: Fit, atom: int) -> Scored:
+    def drop(self, base: Fit, atom: int) -> ScoredFit:
         """Fit `base` without one of its atoms."""
         kept = [j for j, a in enumerate(base.atoms) if a != atom]
         return self.visit(tuple(base.atoms[j] for j in kept), [base.z[kept]])
 
-    def full(self, atoms: tuple[int, ...]) -> Scored:
+    def full(self, atoms: tuple[int, ...]) -> ScoredFit:
         """Fit all atoms at once, from zero and from the magnitudes of the relaxed problem."""
-        guess = [relaxed(self.problem, None, atom)[1] for atom in atoms]
+        guess = [relaxed_bound(self.problem, None, atom)[1] for atom in atoms]
         return self.visit(atoms, [np.zeros(len(atoms)), guess])
 
 
-def _forward(visits: _Visits, candidates: Sequence[int], limit: int) -> Scored:
+def _forward(visits: _Visits, candidates: Sequence[int], limit: int) -> ScoredFit:
     best = current = visits.visit((), [[]])
     since = 0
     while len(current.fit.atoms) < limit and since < PATIENCE:
@@ -178,10 +182,10 @@ def _forward(visits: _Visits, candidates: Sequence[int], limit: int) -> Scored:
     return best
 
 
-def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> Scored:
+def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> ScoredFit:
     """Return the best single addition; atoms whose relaxed fit is worse than the best found are not fitted."""
-    bounds = [(*relaxed(visits.problem, base, atom), atom) for atom in candidates if atom not in base.atoms]
-    best: Scored | None = None
+    bounds = [(*relaxed_bound(visits.problem, base, atom), atom) for atom in candidates if atom not in base.atoms]
+    best: ScoredFit | None = None
     for bound, magnitude, atom in sorted(bounds):
         if best is not None and bound > best.fit.log_det + MARGIN:
             break
@@ -192,7 +196,7 @@ def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> Sco
     return best
 
 
-def _backward(visits: _Visits, start: Scored, limit: int) -> None:
+def _backward(visits: _Visits, start: ScoredFit, limit: int) -> None:
     current, since = start, 0
     best = start.criterion
     while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > limit):

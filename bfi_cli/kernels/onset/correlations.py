@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import lapack, qr
 
-from .lagged import lagged
+from ..lagged import lagged
 
-__all__ = ["Scan", "Tables", "correlations", "differenced", "prepare_scan", "tabulate"]
+__all__ = ["Scan", "ShapeTables", "correlations", "differenced", "prepare_scan", "tabulate"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -172,7 +172,7 @@ def differenced(rows: FloatArray, degree: int) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tables:
+class ShapeTables:
     """Inner products of a shape with a record and with itself, by start sample.
 
     Attributes
@@ -186,7 +186,7 @@ class Tables:
     G: dict[tuple[int, int, int], FloatArray]
 
 
-def tabulate(scan: Scan, h: FloatArray) -> Tables:
+def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
     """Return the tables of a shape h (n_samples,) that lasts to the end of the record."""
     n, degrees, n_base = scan.n_samples, scan.degrees, scan.n_base
     P = correlations(scan, h)
@@ -200,11 +200,11 @@ def tabulate(scan: Scan, h: FloatArray) -> Tables:
                 table[d:] = np.cumsum(shapes[a][: n - d] * shapes[b][d:])[::-1]
                 table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
                 G[a, b, d] = table
-    return Tables(P=P, G=G)
+    return ShapeTables(P=P, G=G)
 
 
 def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
-    """Return `Tables.P` of a shape h (n_samples,)."""
+    """Return `ShapeTables.P` of a shape h (n_samples,)."""
     sharpest = np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree))
     P = [_correlate(scan.Q, sharpest)]
     for _ in range(scan.degree):

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .onset_pairs import EndTables, scan_pairs, screen_pairs, tabulate_ends
-from .onset_scan import ENDING, STARTING, Profile
-from .onset_shapes import Waveform
-from .onset_tables import Scan
+from .correlations import Scan
+from .pairs import PairTables, scan_pairs, screen_pairs, tabulate_pairs
+from .scan import ENDING, STARTING, Profile
+from .waveform import Waveform
 
-__all__ = ["Limits", "Pair", "Span", "climb", "pair_limits", "peaks", "scan_ends", "span_at", "spread"]
+__all__ = ["Pair", "PairLimits", "PairScan", "climb", "pair_limits", "peaks", "scan_ends", "span_at", "spread"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -32,7 +32,7 @@ FINALISTS = 48
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class PairLimits:
     """Pairs to consider: starts from `first`, ends to `last`, at least `shortest` samples between them."""
 
     first: int
@@ -56,7 +56,7 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Span:
+class PairScan:
     """The best start and end.
 
     Attributes
@@ -76,7 +76,7 @@ class Span:
     over_ends: Profile
 
 
-def pair_limits(scan: Scan, waveform: Waveform, min_duration: int | None = None) -> Limits:
+def pair_limits(scan: Scan, waveform: Waveform, min_duration: int | None = None) -> PairLimits:
     """Return the pairs for which the minimum over z is well defined.
 
     Raises
@@ -87,10 +87,10 @@ def pair_limits(scan: Scan, waveform: Waveform, min_duration: int | None = None)
     first, last = STARTING * scan.order, scan.n_samples - ENDING * scan.order
     if last - first < shortest:
         raise ValueError(f"a fault of {shortest} samples does not fit between samples {first} and {last}")
-    return Limits(first=first, last=last, shortest=shortest)
+    return PairLimits(first=first, last=last, shortest=shortest)
 
 
-def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None) -> Span:
+def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None) -> PairScan:
     """Return the best start and end of a fault.
 
     Parameters
@@ -103,16 +103,16 @@ def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None
     ------
     ValueError : the record is too short for any pair.
     """
-    tables, limits = tabulate_ends(scan, waveform), pair_limits(scan, waveform, min_duration)
+    tables, limits = tabulate_pairs(scan, waveform), pair_limits(scan, waveform, min_duration)
     _, pair = climb(scan, tables, limits=limits, begin=_candidates(scan, tables, limits))
     return span_at(scan, tables, limits=limits, pair=pair)
 
 
 def climb(
     scan: Scan,
-    tables: EndTables,
+    tables: PairTables,
     *,
-    limits: Limits,
+    limits: PairLimits,
     begin: list[Pair],
     finalists: int = FINALISTS,
     rounds: int = ROUNDS,
@@ -142,7 +142,7 @@ def climb(
     return max(tops)
 
 
-def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair) -> Span:
+def span_at(scan: Scan, tables: PairTables, *, limits: PairLimits, pair: Pair) -> PairScan:
     """Return the result at a pair, moved where the exact sweeps over starts and ends find better."""
     start, end = pair
     for _ in range(ROUNDS):
@@ -154,7 +154,7 @@ def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair) -> Spa
         if start == over_starts.onsets[best]:
             break
         start = int(over_starts.onsets[best])
-    return Span(
+    return PairScan(
         start=start,
         end=end,
         z=float(over_starts.z[best]),
@@ -166,7 +166,7 @@ def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair) -> Spa
     )
 
 
-def _best(scan: Scan, tables: EndTables, pairs: IntArray, *, finalists: int) -> tuple[float, Pair]:
+def _best(scan: Scan, tables: PairTables, pairs: IntArray, *, finalists: int) -> tuple[float, Pair]:
     """Return statistic and pair of the best of pairs (2, n)."""
     statistic = screen_pairs(scan, tables, pairs)
     if finalists:
@@ -176,7 +176,7 @@ def _best(scan: Scan, tables: EndTables, pairs: IntArray, *, finalists: int) -> 
     return float(statistic[best]), (int(pairs[0, best]), int(pairs[1, best]))
 
 
-def _candidates(scan: Scan, tables: EndTables, limits: Limits) -> list[Pair]:
+def _candidates(scan: Scan, tables: PairTables, limits: PairLimits) -> list[Pair]:
     one_sided = limits.starts(limits.last), limits.ends(limits.first)
     high = [pairs[:, peaks(screen_pairs(scan, tables, pairs), PEAKS)] for pairs in one_sided]
     grid = np.linspace(limits.first, limits.last, GRID).astype(np.intp)

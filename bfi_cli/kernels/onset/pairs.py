@@ -11,19 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .onset_profile import Pencil, minimise, pencil, screen
-from .onset_scan import Profile, in_blocks, magnitude_bound, profile
-from .onset_shapes import Waveform
-from .onset_tables import Scan, correlations, differenced
+from .correlations import Scan, correlations, differenced
+from .profile import ProfilePolynomial, minimise, pencil, screen
+from .scan import Profile, in_blocks, magnitude_bound, profile
+from .waveform import Waveform
 
-__all__ = ["EndTables", "scan_pairs", "screen_pairs", "tabulate_ends"]
+__all__ = ["PairTables", "scan_pairs", "screen_pairs", "tabulate_pairs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EndTables:
+class PairTables:
     """What pairs of start and end are assembled from.
 
     Attributes
@@ -40,13 +40,13 @@ class EndTables:
     energy: FloatArray
 
 
-def tabulate_ends(scan: Scan, waveform: Waveform) -> EndTables:
+def tabulate_pairs(scan: Scan, waveform: Waveform) -> PairTables:
     """Return the tables of a shape for all starts and ends."""
     h, n, s = waveform.samples, scan.n_samples, scan.order
     energy = np.zeros((s + 1, n + 1))
     for d in range(s + 1):
         energy[d, 1 : n - d + 1] = np.cumsum(h[: n - d] * h[d:])
-    return EndTables(
+    return PairTables(
         waveform=waveform,
         starts=_padded(correlations(scan, h), s),
         tails=tuple(_padded(correlations(scan, tail), s) for tail in waveform.tails),
@@ -58,7 +58,7 @@ def _padded(tables: tuple[FloatArray, ...], order: int) -> tuple[FloatArray, ...
     return tuple(np.pad(P, ((0, 0), (0, order + 1))) for P in tables)
 
 
-def stack_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> Pencil:
+def stack_pairs(scan: Scan, tables: PairTables, pairs: IntArray) -> ProfilePolynomial:
     """Gather the inner products of pairs (2, n_pairs) of start and end."""
     s, n_base, (start, end) = scan.order, scan.n_base, pairs
     weights = tables.waveform.weights[:, end - start]
@@ -74,7 +74,7 @@ def stack_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> Pencil:
     return pencil(C[n_base:], S, scan.W)
 
 
-def _energies(scan: Scan, tables: EndTables, pairs: IntArray) -> FloatArray:
+def _energies(scan: Scan, tables: PairTables, pairs: IntArray) -> FloatArray:
     """T' T (s + 1, s + 1, n_pairs) of lags s .. 0, differenced only at the end: these sums of a drift are exact."""
     s, (start, end) = scan.order, pairs
     S = np.empty((s + 1, s + 1, len(start)))
@@ -85,14 +85,14 @@ def _energies(scan: Scan, tables: EndTables, pairs: IntArray) -> FloatArray:
     return differenced(differenced(S, scan.degree).transpose(1, 0, 2), scan.degree)
 
 
-def scan_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> Profile:
+def scan_pairs(scan: Scan, tables: PairTables, pairs: IntArray) -> Profile:
     """Return the exact profile over the magnitude of pairs (2, n_pairs); its `onsets` are the starts."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
     found = in_blocks(scan, bound, lambda b: minimise(stack_pairs(scan, tables, pairs[:, b]), bound[b]))
     return profile(scan, tables.waveform, onsets=pairs[0], found=found)
 
 
-def screen_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> FloatArray:
+def screen_pairs(scan: Scan, tables: PairTables, pairs: IntArray) -> FloatArray:
     """Return a lower bound (n_pairs,) of the statistic of pairs (2, n_pairs), usually close."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
     found = in_blocks(scan, bound, lambda b: screen(stack_pairs(scan, tables, pairs[:, b]), bound[b]))

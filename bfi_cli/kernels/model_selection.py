@@ -1,4 +1,4 @@
-"""Support and order chosen together by an extended Bayesian information criterion (METHOD section 3).
+"""Support and order chosen together by an extended Bayesian information criterion.
 
 Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on the scale of twice the log Bayes factor
 (Jeffreys 1961: ten to one, or 4.6, is strong evidence).
@@ -7,19 +7,20 @@ Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from . import FloatArray
 from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, relaxed_bound
 
 __all__ = ["OrderSearch", "Penalty", "ScoredFit", "full_support", "search_orders"]
 
-FloatArray = NDArray[np.float64]
-
+# The search backward from all candidates costs their number squared in fits, so only small dictionaries afford it.
 BACKWARD_LIMIT = 24
+# Steps forward or backward without a better criterion before a search ends: two atoms may help only together.
 PATIENCE = 2
+# log det by which a relaxed fit must be worse than the best addition before no further one is tried: round-off.
 MARGIN = 1e-9
 
 
@@ -71,15 +72,19 @@ class OrderSearch:
 
     order: int
     visited: tuple[ScoredFit, ...]
+    _by_support: dict[tuple[int, ...], ScoredFit] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Index the visits by their support."""
+        object.__setattr__(self, "_by_support", {scored.fit.atoms: scored for scored in self.visited})
 
     @property
     def best(self) -> ScoredFit:
-        return min(self.visited, key=lambda scored: scored.criterion)
+        return min(self.visited, key=_criterion)
 
     def of(self, atoms: Iterable[int]) -> ScoredFit | None:
         """Return the visit of a support, None where it was not visited."""
-        wanted = tuple(sorted(atoms))
-        return next((scored for scored in self.visited if scored.fit.atoms == wanted), None)
+        return self._by_support.get(tuple(sorted(atoms)))
 
 
 def search_orders(
@@ -91,8 +96,8 @@ def search_orders(
 ) -> tuple[OrderSearch, ...]:
     """Search supports at every order: forward from none, backward from all (of a small dictionary) and from the best.
 
-    Each order then starts again from the best answers of the others: a model with lags to spare can absorb an
-    oscillation, and what it settles at from zero may be a poor local maximum that a tighter model does not have.
+    Each order then starts again from the best fits of the others: a model with lags to spare can absorb an
+    oscillation, and what it reaches from zero may be a poor local maximum that a tighter model does not have.
 
     Parameters
     ----------
@@ -101,47 +106,41 @@ def search_orders(
     penalty : the criterion.
     max_active : largest support; None for all candidates.
     """
-    every = [_Visits(problem, penalty) for problem in problems]
+    limit = len(candidates) if max_active is None else min(max_active, len(candidates))
+    every = [_Visits(problem, penalty, limit) for problem in problems]
     for visits in every:
-        _explore(visits, candidates, max_active)
-    leaders = [visits.search().best.fit for visits in every]
+        forward = visits.search_forward(candidates)
+        if len(candidates) <= min(BACKWARD_LIMIT, visits.room):
+            visits.search_backward(visits.fit_all(tuple(candidates)))
+        visits.search_backward(forward)
+    leaders = [visits.result().best.fit for visits in every]
     for visits, own in zip(every, leaders, strict=True):
         for leader in leaders:
             if leader is not own and leader.atoms:
-                _backward(visits, visits.visit(leader.atoms, [leader.z]), visits.limit)
-    return tuple(visits.search() for visits in every)
+                visits.search_backward(visits.visit(leader.atoms, [leader.z]))
+    return tuple(visits.result() for visits in every)
 
 
 def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> ScoredFit | None:
     """Return the fit of all atoms at once, None where the rows do not suffice."""
-    return _Visits(problem, penalty).full(atoms) if len(atoms) <= _room(problem, penalty.n_rows) else None
-
-
-def _explore(visits: _Visits, candidates: Sequence[int], max_active: int | None) -> None:
-    room = _room(visits.problem, visits.penalty.n_rows)
-    limit = min(len(candidates) if max_active is None else max_active, len(candidates), room)
-    forward = _forward(visits, candidates, limit)
-    if len(candidates) <= min(BACKWARD_LIMIT, room):
-        _backward(visits, visits.full(tuple(candidates)), limit)
-    _backward(visits, forward, limit)
-    visits.limit = limit
-
-
-def _room(problem: ProjectedRegression, n_rows: int) -> int:
-    """How many magnitudes the rows leave room for beside the predictor."""
-    return max(0, n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
+    visits = _Visits(problem, penalty, len(atoms))
+    return visits.fit_all(atoms) if len(atoms) <= visits.room else None
 
 
 class _Visits:
-    """Fits of one order, each support's best remembered."""
+    """Fits of one order, each support's best remembered.
 
-    def __init__(self, problem: ProjectedRegression, penalty: Penalty) -> None:
-        self.problem = problem
-        self.penalty = penalty
-        self.limit = 0
+    `room` is the number of magnitudes that the rows can carry beside the predictor, `limit` the largest support that
+    may be the answer.
+    """
+
+    def __init__(self, problem: ProjectedRegression, penalty: Penalty, limit: int) -> None:
+        self.problem, self.penalty = problem, penalty
+        self.room = max(0, penalty.n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
+        self.limit = min(limit, self.room)
         self.scored: dict[tuple[int, ...], ScoredFit] = {}
 
-    def search(self) -> OrderSearch:
+    def result(self) -> OrderSearch:
         """Return what was visited within the limit on the number of active atoms."""
         allowed = (scored for scored in self.scored.values() if len(scored.fit.atoms) <= self.limit)
         return OrderSearch(order=self.problem.order, visited=tuple(allowed))
@@ -155,52 +154,51 @@ class _Visits:
                 self.scored[atoms] = ScoredFit(criterion=self.penalty.criterion(fit), fit=fit)
         return self.scored[atoms]
 
-    def add(self, base: Fit, atom: int, magnitude: float) -> ScoredFit:
-        """Fit `base` with one more atom, from zero and from its relaxed magnitude."""
-        atoms = tuple(sorted((*base.atoms, atom)))
-        known = dict(zip(base.atoms, base.z, strict=True))
-        return self.visit(atoms, ([(known | {atom: m})[a] for a in atoms] for m in (0.0, magnitude)))
-
-    def drop(self, base: Fit, atom: int) -> ScoredFit:
-        """Fit `base` without one of its atoms."""
-        kept = [j for j, a in enumerate(base.atoms) if a != atom]
-        return self.visit(tuple(base.atoms[j] for j in kept), [base.z[kept]])
-
-    def full(self, atoms: tuple[int, ...]) -> ScoredFit:
+    def fit_all(self, atoms: tuple[int, ...]) -> ScoredFit:
         """Fit all atoms at once, from zero and from the magnitudes of the relaxed problem."""
         guess = [relaxed_bound(self.problem, None, atom)[1] for atom in atoms]
         return self.visit(atoms, [np.zeros(len(atoms)), guess])
 
+    def search_forward(self, candidates: Sequence[int]) -> ScoredFit:
+        """Add the best atom again and again, from none; return the best support on the way."""
+        best = current = self.visit((), [[]])
+        since = 0
+        while len(current.fit.atoms) < self.limit and since < PATIENCE:
+            current = self.best_addition(current.fit, candidates)
+            since = 0 if current.criterion < best.criterion else since + 1
+            best = min(best, current, key=_criterion)
+        return best
 
-def _forward(visits: _Visits, candidates: Sequence[int], limit: int) -> ScoredFit:
-    best = current = visits.visit((), [[]])
-    since = 0
-    while len(current.fit.atoms) < limit and since < PATIENCE:
-        current = _best_addition(visits, current.fit, candidates)
-        since = 0 if current.criterion < best.criterion else since + 1
-        best = min(best, current, key=lambda scored: scored.criterion)
-    return best
+    def best_addition(self, base: Fit, candidates: Sequence[int]) -> ScoredFit:
+        """Return the best single addition, each fitted from zero and from its relaxed magnitude.
+
+        Atoms whose relaxed fit is worse than the best addition so far are not fitted.
+        """
+        known = dict(zip(base.atoms, base.z, strict=True))
+        bounds = [(*relaxed_bound(self.problem, base, atom), atom) for atom in candidates if atom not in known]
+        best: ScoredFit | None = None
+        for bound, magnitude, atom in sorted(bounds):
+            if best is not None and bound > best.fit.log_det + MARGIN:
+                break
+            atoms = tuple(sorted((*base.atoms, atom)))
+            starts = ([(known | {atom: start})[a] for a in atoms] for start in (0.0, magnitude))
+            trial = self.visit(atoms, starts)
+            if best is None or trial.fit.log_det < best.fit.log_det:
+                best = trial
+        assert best is not None
+        return best
+
+    def search_backward(self, start: ScoredFit) -> None:
+        """Drop the least atom again and again."""
+        current, since, best = start, 0, start.criterion
+        while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > self.limit):
+            atoms, z = current.fit.atoms, current.fit.z
+            current = min(
+                (self.visit(atoms[:j] + atoms[j + 1 :], [np.delete(z, j)]) for j in range(len(atoms))), key=_criterion
+            )
+            since = 0 if current.criterion < best else since + 1
+            best = min(best, current.criterion) if len(current.fit.atoms) <= self.limit else current.criterion
 
 
-def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> ScoredFit:
-    """Return the best single addition; atoms whose relaxed fit is worse than the best found are not fitted."""
-    bounds = [(*relaxed_bound(visits.problem, base, atom), atom) for atom in candidates if atom not in base.atoms]
-    best: ScoredFit | None = None
-    for bound, magnitude, atom in sorted(bounds):
-        if best is not None and bound > best.fit.log_det + MARGIN:
-            break
-        trial = visits.add(base, atom, magnitude)
-        if best is None or trial.fit.log_det < best.fit.log_det:
-            best = trial
-    assert best is not None
-    return best
-
-
-def _backward(visits: _Visits, start: ScoredFit, limit: int) -> None:
-    current, since = start, 0
-    best = start.criterion
-    while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > limit):
-        base = current.fit
-        current = min((visits.drop(base, atom) for atom in base.atoms), key=lambda scored: scored.criterion)
-        since = 0 if current.criterion < best else since + 1
-        best = min(best, current.criterion) if len(current.fit.atoms) <= limit else current.criterion
+def _criterion(scored: ScoredFit) -> float:
+    return scored.criterion

@@ -7,13 +7,11 @@ With the factors 1/2 of (15) in both terms and logarithms to base 2, which the r
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from . import FloatArray
 from .density import Density, draw, log_density
 
 __all__ = ["jensen_shannon_montecarlo", "jensen_shannon_quadrature"]
-
-FloatArray = NDArray[np.float64]
 
 REACH = 9.0
 CLOSE = 2.0

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
+
+from . import FloatArray
 
 __all__ = ["FEWEST_BLOCKS", "ExponentialTail", "block_maxima", "fit_tail", "white_excess", "white_level"]
 
-FloatArray = NDArray[np.float64]
 
 FEWEST_BLOCKS = 10
 WHITE_WEIGHT = 5

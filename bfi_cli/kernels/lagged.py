@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import lapack
 
-from . import FloatArray, IntArray
+from . import FloatArray
 
 __all__ = ["PANEL", "Columns", "Compressed", "add_rows", "compress", "lagged", "restrict", "with_fault"]
 

@@ -11,15 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from . import FloatArray
 from .termination import Termination
 
 __all__ = ["NuclearSolution", "largest_penalty", "nuclear_least_squares", "soft_threshold"]
 
-FloatArray = NDArray[np.float64]
-
+# Steps between two looks at the duality gap, which costs as much as a step.
 CHECK_EVERY = 10
+# Boyd et al. (2011), section 3.4.1: the penalty parameter changes by 2 where one residual is ten times the other.
 IMBALANCE = 10.0
 RESCALE = 2.0
 
@@ -79,7 +79,8 @@ def nuclear_least_squares(
             if gap <= tolerance:
                 termination = Termination.CONVERGED
                 break
-            factor = _rebalanced(fitted - X, X - before)
+            primal, dual = float(np.linalg.norm(fitted - X)), float(np.linalg.norm(X - before))
+            factor = RESCALE if primal > IMBALANCE * dual else 1.0 / RESCALE if dual > IMBALANCE * primal else 1.0
             rho, price = rho * factor, price / factor
     return NuclearSolution(
         X=X,
@@ -126,11 +127,3 @@ class _Problem:
         steepest = float(np.linalg.norm(gradient, 2))
         dual = residual * min(1.0, self.penalty / steepest) if steepest > 0.0 else residual
         return float(primal - dual @ (self.y - dual / 2.0)) / self.scale
-
-
-def _rebalanced(infeasible: FloatArray, moved: FloatArray) -> float:
-    """Return what to multiply rho by so that neither residual lags behind."""
-    primal, dual = float(np.linalg.norm(infeasible)), float(np.linalg.norm(moved))
-    if primal > IMBALANCE * dual:
-        return RESCALE
-    return 1.0 / RESCALE if dual > IMBALANCE * primal else 1.0

@@ -10,14 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
+
+from . import FloatArray
+from .lagged import add_rows
 
 __all__ = ["PRIOR", "RecursiveResiduals", "predictive_score", "recursive_residuals", "running_covariances"]
 
-FloatArray = NDArray[np.float64]
-
-PANEL = 16
 PRIOR = 1e-3
 KNOWN = 1.0
 FEWEST_RECENT = 20
@@ -85,7 +84,7 @@ def recursive_residuals(
         leverage[i - start] = reach @ reach
         coefficients[i - start] = theta
         residual[i - start] = (Y[i] - X[i] @ theta) / np.sqrt(1.0 + reach @ reach)
-        T = lapack.dtpqrt(0, min(PANEL, p + q), T, rows[i : i + 1], overwrite_a=True)[0]
+        T = add_rows(T, rows[i : i + 1])
     return RecursiveResiduals(
         start=start,
         residual=residual,

@@ -82,16 +82,6 @@ def test_lower_order_and_fewer_atoms_share_the_rows(order):
     assert_same_gram(there.R, here.R)
 
 
-def test_order_indices_pick_the_columns_of_the_lower_order():
-    u, y, theta = record(60)
-    whole = compress(u, y, theta, order=5, feedthrough=True).columns
-    S = stacked(u, y, theta, order=5, first=5, feedthrough=True, constant=True)
-    np.testing.assert_array_equal(S[:, whole.base_to(2)][:, 1:], lagged(u, range(3), first=5))
-    np.testing.assert_array_equal(S[:, whole.y_lags_to(2)], lagged(y, range(1, 3), first=5))
-    signals = np.stack([theta[:, i, j] for i, j in whole.signals], axis=1)
-    np.testing.assert_array_equal(S[:, whole.theta_lags_to(2)], lagged(signals, range(1, 3), first=5))
-
-
 @settings(max_examples=20, deadline=None)
 @given(z=st.lists(st.floats(-100, 100), min_size=3, max_size=3))
 def test_a_fault_added_to_the_factor_is_the_fault_added_to_the_record(z):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.onset.correlations import Scan, prepare_scan, tabulate
-from ..kernels.onset.ends import peaks, scan_ends
 from ..kernels.onset.frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
+from ..kernels.onset.pairs import peaks, scan_ends
 from ..kernels.onset.profile import screen
 from ..kernels.onset.scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from ..kernels.onset.waveform import sine

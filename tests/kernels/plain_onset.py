@@ -7,6 +7,9 @@ from scipy.signal import lfilter
 
 from bfi_cli.kernels.lagged import lagged
 from bfi_cli.kernels.onset import waveform as shapes
+from bfi_cli.kernels.onset.correlations import tabulate
+from bfi_cli.kernels.onset.profile import log_ratio
+from bfi_cli.kernels.onset.scan import stack_onsets
 
 STEP_S = 0.1
 
@@ -64,6 +67,12 @@ def regressors(u, corrected, order, *, feedthrough=True):
     ones = np.ones((len(u) - order, 1))
     inputs = lagged(u, range(0 if feedthrough else 1, order + 1), first=order)
     return np.hstack([ones, inputs, lagged(corrected - corrected.mean(axis=0), range(1, order + 1))])
+
+
+def rss_at(scan, waveform, onsets, *, z):
+    """Return the scan's own rss (n_onsets,) at given magnitudes (n_onsets,), to be compared with `plain_rss`."""
+    stack = stack_onsets(scan, tabulate(scan, waveform.samples), onsets)
+    return scan.rss0 * np.exp(log_ratio(stack, z * waveform.unit))
 
 
 def plain_rss(u, y, theta, *, z, order, feedthrough=True, channel=0):

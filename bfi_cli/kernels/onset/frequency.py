@@ -1,4 +1,4 @@
-"""A sine of unknown frequency, phase 0 at its onset (METHOD section 5, step 8).
+"""A sine of unknown frequency, phase 0 at its onset.
 
 The statistic's peak over the frequency is about 1 / duration wide, so a grid of half of that over the record misses
 none. The grid is screened at one magnitude per onset; its best few peaks are then refined by halving the grid's step,
@@ -7,36 +7,47 @@ many onsets at each frequency, so that frequency and onset are found jointly; th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .. import FloatArray, IntArray
 from .correlations import Scan, tabulate
-from .ends import Pair, PairLimits, PairScan, climb, pair_limits, peaks, span_at, spread
-from .pairs import PairTables, screen_pairs, tabulate_pairs
+from .pairs import (
+    Pair,
+    PairLimits,
+    PairScan,
+    PairTables,
+    climb,
+    pair_limits,
+    peaks,
+    screen_pairs,
+    spread,
+    sweep_around,
+    tabulate_pairs,
+)
 from .profile import screen
 from .scan import ENDING, STARTING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from .waveform import sine
 
 __all__ = ["MIN_CYCLES", "FrequencyPairScan", "FrequencyScan", "scan_frequency", "scan_frequency_ends"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-Top = tuple[float, Pair, float]
-Climbed = Callable[[float, Pair], tuple[float, Pair]]
-
+# Step of the grid over 1 / duration: half of the peak's width.
 STEP = 0.5
+# A sine of less than two periods cannot be told from a drift or a step.
 MIN_CYCLES = 2.0
+# Peaks of the grid that are refined, and how many of them are left for the further halvings and the exact profile.
 PEAKS = 8
 FINAL_PEAKS = 3
+# Halvings of the grid's step at all peaks, then at the last few: 1/2000 of the step in the end.
 HALVINGS = (2, 9)
+# Onsets screened per period, so that the nearest is at most a twelfth of a period away.
 ONSETS_PER_PERIOD = 6
+# Of pairs, per frequency of the grid: ends tried, pairs ranked, and branches that sweeps start from.
 ENDS = 10
 RANKED = 64
 BRANCHES = 3
-FINALISTS = 48
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +82,7 @@ def scan_frequency(
 ) -> FrequencyScan:
     """Return the scan of a sine that lasts to the end of the record, at the frequency where its statistic is largest.
 
-    A sine of less than two periods cannot be told from a drift or a step, so the statistic of later onsets is zero.
+    The statistic of onsets too late for `min_cycles` is zero.
 
     Parameters
     ----------
@@ -83,32 +94,19 @@ def scan_frequency(
     onsets = default_onsets(scan) if onsets is None else onsets
     grid = _grid(scan, band)
 
-    def screened(frequency: float, stride: int) -> float:
-        among = early(frequency, onsets[::stride])
-        if not among.size:
-            return 0.0
-        waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
-        tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - among)
-        found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, among[b]), bound[b]))
-        return float(-scan.n_rows * found.F.min())
+    def evaluate(frequency: float, pair: Pair) -> tuple[float, Pair]:
+        return _screened(scan, frequency, onsets[:: max(1, _stride(frequency) // 2)], min_cycles), pair
 
-    def profiled(frequency: float) -> Profile:
-        profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets)
-        late = ~np.isin(onsets, early(frequency, onsets))
-        return replace(profile, statistic=np.where(late, 0.0, profile.statistic), z=np.where(late, 0.0, profile.z))
-
-    def early(frequency: float, among: IntArray) -> IntArray:
-        return among[among <= scan.n_samples - min_cycles / frequency]
-
-    def best(frequency: float, begin: Pair) -> tuple[float, Pair]:
-        return screened(frequency, max(1, _stride(frequency) // 2)), begin
-
-    statistic = np.array([screened(f, _stride(f)) for f in grid])
+    statistic = np.array([_screened(scan, f, onsets[:: _stride(f)], min_cycles) for f in grid])
     everywhere = int(onsets[0]), scan.n_samples
-    tops = _refined(best, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid)
-    exact = [(profiled(frequency), frequency) for _, _, frequency in tops]
-    profile, frequency = max(exact, key=lambda one: float(one[0].statistic.max()))
-    return FrequencyScan(frequency=float(frequency), profile=profile, frequencies=grid, statistic=statistic)
+    profiles = []
+    for _, _, frequency in _refine(evaluate, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid):
+        exact = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets)
+        late = onsets > scan.n_samples - min_cycles / frequency
+        exact = replace(exact, statistic=np.where(late, 0.0, exact.statistic), z=np.where(late, 0.0, exact.z))
+        profiles.append((exact, float(frequency)))
+    profile, frequency = max(profiles, key=lambda pair: float(pair[0].statistic.max()))
+    return FrequencyScan(frequency=frequency, profile=profile, frequencies=grid, statistic=statistic)
 
 
 def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = MIN_CYCLES) -> FrequencyPairScan:
@@ -127,29 +125,28 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
     room = scan.n_samples - (STARTING + ENDING) * scan.order - 1
     grid = _grid(scan, (max(band[0], min_cycles / room) if band[0] > 0.0 < room else band[0], band[1]))
 
-    def prepared(frequency: float) -> tuple[PairTables, PairLimits]:
+    def prepare(frequency: float) -> tuple[PairTables, PairLimits]:
         waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
         shortest = max(int(np.ceil(min_cycles / frequency)), ENDING * scan.order)
         return tabulate_pairs(scan, waveform), pair_limits(scan, waveform, shortest)
 
-    def coarse(frequency: float) -> tuple[float, Pair]:
-        tables, limits = prepared(frequency)
+    def evaluate(frequency: float, pair: Pair) -> tuple[float, Pair]:
+        tables, limits = prepare(frequency)
+        return climb(scan, tables, limits=limits, begin=[pair])
+
+    rough = []
+    for frequency in grid:
+        tables, limits = prepare(frequency)
         starts = np.arange(limits.first, limits.last - limits.shortest + 1, _stride(frequency))
         ends = np.linspace(limits.first + limits.shortest, limits.last, ENDS).astype(np.intp)
         pairs = limits.pairs(starts, ends)
         ranked = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs))[:RANKED]]
         begin = spread(ranked, count=BRANCHES, reach=limits.shortest // 2)
-        return climb(scan, tables, limits=limits, begin=begin, finalists=0, rounds=2)
-
-    def climbed(frequency: float, begin: Pair) -> tuple[float, Pair]:
-        tables, limits = prepared(frequency)
-        return climb(scan, tables, limits=limits, begin=[begin])
-
-    rough = [coarse(f) for f in grid]
+        rough.append(climb(scan, tables, limits=limits, begin=begin, finalists=0, rounds=2))
     statistic = np.array([value for value, _ in rough])
-    _, pair, frequency = _refined(climbed, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)[0]
-    tables, limits = prepared(frequency)
-    span = span_at(scan, tables, limits=limits, pair=pair)
+    _, pair, frequency = _refine(evaluate, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)[0]
+    tables, limits = prepare(frequency)
+    span = sweep_around(scan, tables, limits=limits, pair=pair)
     return FrequencyPairScan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
 
 
@@ -164,21 +161,33 @@ def _stride(frequency: float) -> int:
     return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
 
 
-def _refined(climbed: Climbed, begin: list[tuple[float, Pair]], grid: FloatArray) -> list[Top]:
-    """Return the best few frequencies with their pairs: some halvings of the grid's step at each, more at the best."""
+def _screened(scan: Scan, frequency: float, onsets: IntArray, min_cycles: float) -> float:
+    """Return the largest screened statistic of a sine over some onsets, 0 where all are too late."""
+    onsets = onsets[onsets <= scan.n_samples - min_cycles / frequency]
+    if not onsets.size:
+        return 0.0
+    waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
+    found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
+    return float(-scan.n_rows * found.F.min())
+
+
+def _refine(
+    evaluate: Callable[[float, Pair], tuple[float, Pair]], begin: list[tuple[float, Pair]], grid: FloatArray
+) -> list[tuple[float, Pair, float]]:
+    """Return the best few statistics, pairs and frequencies: the grid's step is halved around each, the best are kept.
+
+    `evaluate` gives the best statistic at a frequency, and its pair, from the pair of a frequency nearby.
+    """
     step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
-    tops = [(*climbed(frequency, pair), frequency) for frequency, pair in begin]
+    tops = [(*evaluate(frequency, pair), frequency) for frequency, pair in begin]
     for halvings in HALVINGS:
-        tops = [_halved(climbed, top, (step * 0.5**k for k in range(1, halvings + 1)), grid) for top in tops]
+        for n, (value, pair, frequency) in enumerate(tops):
+            for half in (step * 0.5**k for k in range(1, halvings + 1)):
+                for beside in (frequency - half, frequency + half):
+                    if grid[0] <= beside <= grid[-1] and (trial := evaluate(beside, pair))[0] > value:
+                        (value, pair), frequency = trial, beside
+            tops[n] = value, pair, frequency
         tops = sorted(tops, reverse=True)[:FINAL_PEAKS]
         step *= 0.5**halvings
     return tops
-
-
-def _halved(climbed: Climbed, top: Top, steps: Iterable[float], grid: FloatArray) -> Top:
-    value, pair, frequency = top
-    for step in steps:
-        for beside in (frequency - step, frequency + step):
-            if grid[0] <= beside <= grid[-1] and (found := climbed(beside, pair))[0] > value:
-                (value, pair), frequency = found, beside
-    return value, pair, frequency

@@ -1,4 +1,4 @@
-"""One shape at every onset (METHOD section 5): the exact profile over the magnitude, and the statistic it gives."""
+"""One shape at every onset: the exact profile over the magnitude, and the statistic it gives."""
 
 from __future__ import annotations
 
@@ -6,28 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .. import FloatArray, IntArray
 from .correlations import Scan, ShapeTables, tabulate
-from .profile import Minimum, ProfilePolynomial, log_ratio, minimise, pencil
+from .profile import Minimum, ProfilePolynomial, minimise, profile_polynomial
 from .waveform import Waveform
 
-__all__ = [
-    "Profile",
-    "default_onsets",
-    "in_blocks",
-    "magnitude_bound",
-    "profile",
-    "rss_at",
-    "scan_shape",
-    "stack_onsets",
-]
+__all__ = ["Profile", "default_onsets", "in_blocks", "in_units", "magnitude_bound", "scan_shape", "stack_onsets"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-
+# Orders s between the record's start and the first onset, and between the last and the record's end: an onset nearer
+# than s to either has its minimum at an infinite magnitude.
 STARTING, ENDING = 3, 2
+# A fault so many times as large as all that the output does, beyond the base, is too large.
 GENEROUS = 10.0
+# Numbers per table of a stack that stays in the processor's cache: 1 MB.
 CACHE_DOUBLES = 120_000
 
 
@@ -63,10 +55,7 @@ def default_onsets(scan: Scan) -> IntArray:
 
 
 def magnitude_bound(scan: Scan, waveform: Waveform, lengths: IntArray) -> FloatArray:
-    """Return the largest |z|, in samples of the waveform, of a fault that acts for `lengths` samples.
-
-    A fault ten times as large as all that the output does, beyond the base, is too large.
-    """
+    """Return the largest |z|, in samples of the waveform, of a fault that acts for `lengths` samples."""
     reach = np.maximum.accumulate(np.abs(waveform.samples))[lengths - 1]
     return GENEROUS * scan.span / np.maximum(reach, np.finfo(float).tiny ** 0.25)
 
@@ -79,26 +68,23 @@ def scan_shape(
     Parameters
     ----------
     scan : from `prepare_scan`.
-    waveform : of the same number of samples, see `onset_shapes`.
+    waveform : of the same number of samples, see `waveform`.
     onsets : samples, each in s..n_samples - s - 1; `default_onsets` if None.
     max_magnitude : bound of |z|; `magnitude_bound` if None.
     """
     onsets = default_onsets(scan) if onsets is None else np.asarray(onsets, dtype=np.intp)
-    _check(scan, waveform, onsets)
+    if waveform.samples.shape != (scan.n_samples,):
+        raise ValueError(f"the shape has {len(waveform.samples)} samples, the record {scan.n_samples}")
+    first, last = scan.order, scan.n_samples - scan.order - 1
+    if onsets.size and not (first <= onsets.min() and onsets.max() <= last):
+        raise ValueError(f"onsets must lie in {first}..{last}, got {onsets.min()}..{onsets.max()}")
     tables = tabulate(scan, waveform.samples)
     if max_magnitude is None:
         bound = magnitude_bound(scan, waveform, scan.n_samples - onsets)
     else:
         bound = np.full(len(onsets), max_magnitude * waveform.unit)
     found = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]))
-    return profile(scan, waveform, onsets=onsets, found=found)
-
-
-def rss_at(scan: Scan, waveform: Waveform, onsets: IntArray, *, z: FloatArray) -> FloatArray:
-    """Return rss (n_onsets,) at given magnitudes (n_onsets,)."""
-    _check(scan, waveform, onsets)
-    stack = stack_onsets(scan, tabulate(scan, waveform.samples), onsets)
-    return scan.rss0 * np.exp(log_ratio(stack, z * waveform.unit))
+    return in_units(scan, waveform, onsets=onsets, found=found)
 
 
 def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePolynomial:
@@ -109,7 +95,7 @@ def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePo
     for i, a in enumerate(degrees):
         for j in range(i, s + 1):
             S[i, j] = S[j, i] = tables.G[a, degrees[j], j - i][onsets + s - i]
-    return pencil(C, S, scan.W)
+    return profile_polynomial(C, S, scan.W)
 
 
 def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimum]) -> Minimum:
@@ -120,7 +106,7 @@ def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimu
     return Minimum(z=z, F=F, curvature=curvature)
 
 
-def profile(scan: Scan, waveform: Waveform, *, onsets: IntArray, found: Minimum) -> Profile:
+def in_units(scan: Scan, waveform: Waveform, *, onsets: IntArray, found: Minimum) -> Profile:
     """Return minima in the units of a caller."""
     bent = np.where(found.curvature > 0.0, found.curvature, np.nan)
     return Profile(
@@ -131,11 +117,3 @@ def profile(scan: Scan, waveform: Waveform, *, onsets: IntArray, found: Minimum)
         rss0=scan.rss0,
         statistic=np.maximum(-scan.n_rows * found.F, 0.0),
     )
-
-
-def _check(scan: Scan, waveform: Waveform, onsets: IntArray) -> None:
-    if waveform.samples.shape != (scan.n_samples,):
-        raise ValueError(f"the shape has {len(waveform.samples)} samples, the record {scan.n_samples}")
-    first, last = scan.order, scan.n_samples - scan.order - 1
-    if onsets.size and not (first <= onsets.min() and onsets.max() <= last):
-        raise ValueError(f"onsets must lie in {first}..{last}, got {onsets.min()}..{onsets.max()}")

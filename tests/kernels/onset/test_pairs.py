@@ -8,9 +8,8 @@ from plain_onset import plain_rss, random_record, record, signal, waveforms
 
 from bfi_cli.kernels.onset import waveform as shapes
 from bfi_cli.kernels.onset.correlations import prepare_scan
-from bfi_cli.kernels.onset.ends import climb, pair_limits, scan_ends
 from bfi_cli.kernels.onset.frequency import scan_frequency, scan_frequency_ends
-from bfi_cli.kernels.onset.pairs import scan_pairs, screen_pairs, tabulate_pairs
+from bfi_cli.kernels.onset.pairs import climb, pair_limits, scan_ends, scan_pairs, screen_pairs, tabulate_pairs
 from bfi_cli.kernels.onset.scan import scan_shape
 
 N = 400

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record, signal, waveforms
+from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record, rss_at, signal, waveforms
 
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.onset import waveform as shapes
 from bfi_cli.kernels.onset.correlations import prepare_scan
-from bfi_cli.kernels.onset.elimination import eliminate, solve_last, solved_norm
-from bfi_cli.kernels.onset.scan import default_onsets, rss_at, scan_shape
+from bfi_cli.kernels.onset.profile import eliminate, solve_last, solved_norm
+from bfi_cli.kernels.onset.scan import default_onsets, scan_shape
 
 N = 400
 MAGNITUDES = (-50.0, -1.0, 0.01, 3.0, 50.0)

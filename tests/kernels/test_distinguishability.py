@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bfi_cli.kernels.density import Density, convolved, kernel_density
+from bfi_cli.kernels.density import Density, convolve, kernel_density
 from bfi_cli.kernels.distinguishability import distinguishability, sample_bits, window_bits
 from bfi_cli.kernels.divergence import jensen_shannon_quadrature
 
@@ -40,7 +40,7 @@ def test_rises_from_nothing_to_a_bit():
 
 def test_interpolates_what_quadrature_gives():
     sizes = 10.0 ** np.random.default_rng(2).uniform(-1.0, 5.0, 12)
-    exact = [jensen_shannon_quadrature(FOUND.errors, convolved(FOUND.errors, float(d))) for d in sizes]
+    exact = [jensen_shannon_quadrature(FOUND.errors, convolve(FOUND.errors, float(d))) for d in sizes]
     np.testing.assert_allclose(window_bits(FOUND, sizes), exact, atol=1e-3)
 
 

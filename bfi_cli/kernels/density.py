@@ -14,7 +14,7 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["Density", "convolve", "draw", "gaussian_density", "kernel_density", "log_density", "pilot_bandwidth"]
+__all__ = ["Density", "convolve", "draw", "gaussian_density", "kernel_density", "log_density"]
 
 # Samples that a bandwidth can be told from.
 FEWEST = 3
@@ -61,7 +61,11 @@ def kernel_density(samples: FloatArray, *, exponent: float | None = 0.5, bandwid
     ValueError : too few samples, all of them equal, not finite, or a setting that is out of range.
     """
     samples = _checked(samples)
-    h = pilot_bandwidth(samples) if bandwidth is None else bandwidth
+    spread = float(np.std(samples, ddof=1))
+    low, high = np.percentile(samples, [25.0, 75.0])
+    # (24); where half the samples are equal, the standard deviation alone is the spread.
+    narrow = min(spread, (high - low) / 1.34) if high > low else spread
+    h = float(0.9 * narrow * samples.size**-0.2) if bandwidth is None else bandwidth
     if not (np.isfinite(h) and h > 0.0):
         raise ValueError(f"bandwidth must be positive, got {h:g}")
     # (22) and (23): local factors of geometric mean 1, from the preliminary estimate with the own kernel included.
@@ -72,7 +76,7 @@ def kernel_density(samples: FloatArray, *, exponent: float | None = 0.5, bandwid
         exponent = float(EXPONENTS[np.argmax([_left_out(samples, h * np.exp(-a * relative)) for a in EXPONENTS])])
     if not (np.isfinite(exponent) and exponent >= 0.0):
         raise ValueError(f"exponent must not be negative, got {exponent:g}")
-    return _density(samples, h * np.exp(-exponent * relative), pilot_bandwidth=float(h), exponent=float(exponent))
+    return _density(samples, h * np.exp(-exponent * relative), pilot_bandwidth=h, exponent=float(exponent))
 
 
 def gaussian_density(samples: FloatArray) -> Density:
@@ -85,20 +89,6 @@ def gaussian_density(samples: FloatArray) -> Density:
     samples = _checked(samples)
     spread = float(np.std(samples, ddof=1))
     return _density(np.array([np.mean(samples)]), np.array([spread]), pilot_bandwidth=spread, exponent=0.0)
-
-
-def pilot_bandwidth(samples: FloatArray) -> float:
-    """Return h of (24) with the sample standard deviation; where half the samples are equal, that alone is the spread.
-
-    Raises
-    ------
-    ValueError : see `kernel_density`.
-    """
-    samples = _checked(samples)
-    spread = float(np.std(samples, ddof=1))
-    low, high = np.percentile(samples, [25.0, 75.0])
-    quartiles = float(high - low) / 1.34
-    return float(0.9 * (min(spread, quartiles) if quartiles > 0.0 else spread) * samples.size**-0.2)
 
 
 def log_density(density: Density, points: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """The Kalman filter of a linear time-invariant system, with the likelihood of every sample.
 
-The system is x(k+1) = A x(k) + B u(k) + w(k), y(k) = C x(k) + D u(k) + v(k), w and v white with covariances Q and R. The
-Joseph form of the update keeps the covariance positive for any gain.
+The system is x(k+1) = A x(k) + B u(k) + w(k), y(k) = C x(k) + D u(k) + v(k), w and v white with covariances Q and R.
+The Joseph form of the update keeps the covariance positive for any gain.
 """
 
 from __future__ import annotations

@@ -33,7 +33,6 @@ class Columns:
     n_inputs, n_outputs, n_atoms : widths of u, y and the dictionary.
     signals : (output, atom) of each theta column of one lag; a pair whose signal is zero everywhere has no column.
     feedthrough : the input lags start at 0 instead of 1.
-    constant : the first column is ones.
     """
 
     order: int
@@ -42,7 +41,6 @@ class Columns:
     n_atoms: int
     signals: tuple[tuple[int, int], ...]
     feedthrough: bool
-    constant: bool
 
     @property
     def input_lags(self) -> range:
@@ -52,17 +50,12 @@ class Columns:
     @property
     def n_base(self) -> int:
         """Number of columns of the constant and the inputs, which come first."""
-        return self.constant + len(self.input_lags) * self.n_inputs
+        return 1 + len(self.input_lags) * self.n_inputs
 
     @property
     def ones(self) -> slice:
-        """The constant's column; empty without one."""
-        return slice(0, int(self.constant))
-
-    @property
-    def inputs(self) -> slice:
-        """The lagged inputs."""
-        return slice(int(self.constant), self.n_base)
+        """The constant's column."""
+        return slice(0, 1)
 
     @property
     def theta_lags(self) -> slice:
@@ -143,7 +136,6 @@ def compress(
     *,
     order: int,
     feedthrough: bool = False,
-    constant: bool = True,
     block_rows: int = 1024,
 ) -> Compressed:
     """Return the triangular factor of the stacked lagged matrix, accumulated block by block.
@@ -155,7 +147,6 @@ def compress(
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms).
     order : largest lag s, at least 1.
     feedthrough : inputs act in the same sample too.
-    constant : include a column of ones.
     block_rows : lagged rows formed at a time.
 
     Raises
@@ -177,7 +168,6 @@ def compress(
         n_atoms=theta.shape[2],
         signals=signals,
         feedthrough=feedthrough,
-        constant=constant,
     )
     picked = np.array([i * columns.n_atoms + j for i, j in signals], dtype=np.intp)
     past = range(1, order + 1)
@@ -189,7 +179,7 @@ def compress(
         part = block[:, : len(atoms) - order]
         block[:, part.shape[1] :] = 0.0
         part[columns.ones] = 1.0
-        _fill(part[columns.inputs], u[rows], columns.input_lags)
+        _fill(part[1 : columns.n_base], u[rows], columns.input_lags)
         _fill(part[columns.theta_lags], atoms, past)
         _fill(part[columns.y_lags], y[rows], past)
         _fill(part[columns.theta], atoms, range(1))

@@ -31,14 +31,12 @@ class NuclearSolution:
     Attributes
     ----------
     X : (p1, p2), of low rank exactly.
-    singular_values : (min(p1, p2),) of X, largest first.
     misfit : 2-norm of y - A(X).
     gap : duality gap over 1/2 ||y||^2; the objective lies no more than that above its minimum.
     iterations, termination : steps made, and why no more were.
     """
 
     X: FloatArray
-    singular_values: FloatArray
     misfit: float
     gap: float
     iterations: int
@@ -84,7 +82,6 @@ def nuclear_least_squares(
             rho, price = rho * factor, price / factor
     return NuclearSolution(
         X=X,
-        singular_values=np.asarray(np.linalg.svd(X, compute_uv=False), dtype=np.float64),
         misfit=float(np.linalg.norm(y - np.tensordot(A, X))),
         gap=gap,
         iterations=count,

@@ -35,13 +35,11 @@ class Criteria:
     ----------
     channel : (n_samples, n_outputs) eq. 29 relative to the channel's largest magnitude so far times sqrt(h); NaN where
         the window has no null space yet.
-    total : (n_samples,) eq. 23 of the scaled rows, the root of the sum of squares of `channel`.
     rank : (n_samples,) of Z within the tolerance.
     ready : samples needed before the first window with a null space, None where there is none.
     """
 
     channel: FloatArray
-    total: FloatArray
     rank: IntArray
     ready: int | None
 
@@ -119,8 +117,7 @@ def criteria(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float 
             turned = lapack.dormqr("L", "T", packed, tau, condensed[:, n_z:], 64 * condensed.shape[1])[0]
             channel[i + 1] = np.linalg.norm(turned[rank[i + 1] :], axis=0) / np.sqrt(width)
     usable = np.flatnonzero(np.isfinite(channel[:, 0]))
-    total = np.sqrt(np.sum(channel**2, axis=1))
-    return Criteria(channel=channel, total=total, rank=rank, ready=int(usable[0]) + 1 if usable.size else None)
+    return Criteria(channel=channel, rank=rank, ready=int(usable[0]) + 1 if usable.size else None)
 
 
 class SlidingWindow:

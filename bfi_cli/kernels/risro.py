@@ -45,14 +45,12 @@ class RisroSolution:
     Attributes
     ----------
     factors : X = left @ right.T.
-    b : (n_base,) coefficients of T.
-    misfit : 2-norm of y - T b - A(X).
+    misfit : 2-norm of y - A(X).
     iterations, termination : steps made, and why no more were.
     condition_number : of the last sketched regressor, columns scaled to unit norm; infinite if there was none.
     """
 
     factors: Factors
-    b: FloatArray
     misfit: float
     iterations: int
     termination: Termination
@@ -78,21 +76,21 @@ def risro(
     y: FloatArray,
     *,
     rank: int,
-    T: FloatArray | None = None,
     initial: Factors | None = None,
     max_iterations: int = 50,
     tolerance: float = 1e-10,
     fixed: bool = False,
     between: Callable[[Factors], Factors] | None = None,
 ) -> RisroSolution:
-    """Minimise ||y - T b - A(X)|| over b and over X of the given rank (eq. 3-12 to 3-16, algorithm 3).
+    """Minimise ||y - A(X)|| over X of the given rank (eq. 3-12 to 3-16, algorithm 3).
+
+    Regressors without a rank constraint are projected out of A and y by the caller.
 
     Parameters
     ----------
     A : (n, p1, p2) covariates, A(X)_k = <A_k, X>.
     y : (n,).
     rank : of X, 1 <= rank <= min(p1, p2).
-    T : (n, n_base) regressors without a rank constraint.
     initial : the start; by default the unconstrained least squares cut to the rank, or where the data do not
         determine that, the leading part of sum_k y_k A_k.
     max_iterations, tolerance, fixed : see `termination.StoppingRule`.
@@ -106,18 +104,16 @@ def risro(
         raise ValueError(f"A must be (n, p1, p2) and y (n,), got {A.shape} and {y.shape}")
     if not 1 <= rank <= min(A.shape[1:]):
         raise ValueError(f"rank must lie in 1..{min(A.shape[1:])}, got {rank}")
-    problem = _Problem(A, y, np.zeros((len(y), 0)) if T is None else T)
     ending = iterate(
-        problem.step,
-        problem.state(problem.start(rank) if initial is None else initial, NO_SKETCH),
-        scale=float(np.linalg.norm(problem.y)),
+        lambda state: _step(A, y, state),
+        _state(A, y, _start(A, y, rank) if initial is None else initial, NO_SKETCH),
+        scale=float(np.linalg.norm(y)),
         settings=StoppingRule(max_iterations=max_iterations, tolerance=tolerance, fixed=fixed),
-        between=None if between is None else lambda state: problem.state(between(state.factors), state.sketch),
+        between=None if between is None else lambda state: _state(A, y, between(state.factors), state.sketch),
     )
     last = ending.last
     return RisroSolution(
         factors=last.factors,
-        b=problem.base_coefficients(y - A.reshape(len(y), -1) @ last.X.ravel()),
         misfit=last.misfit,
         iterations=ending.iterations,
         termination=ending.termination,
@@ -149,61 +145,41 @@ def least_squares(S: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]
     return x / norms, triangle
 
 
-class _Problem:
-    """Covariates A, and data y with the regressors without a rank constraint projected out.
+def _start(A: FloatArray, y: FloatArray, rank: int) -> Factors:
+    """Return the unconstrained least squares, or where it is undetermined sum_k y_k A_k, cut to the rank."""
+    n, p1, p2 = A.shape
+    flat = A.reshape(n, p1 * p2)
+    whole = flat.T @ y
+    if n >= p1 * p2:
+        x, triangle = least_squares(flat, y)
+        whole = x if lapack.dtrcon(triangle)[0] > DEFICIENT else whole
+    U, values, Vt = np.linalg.svd(whole.reshape(p1, p2), full_matrices=False)
+    return Factors(left=U[:, :rank] * values[:rank], right=Vt[:rank].T)
 
-    `Q`, `values` and `Wt` are the singular value decomposition of these regressors, T.
-    """
 
-    def __init__(self, A: FloatArray, y: FloatArray, T: FloatArray) -> None:
-        Q, values, Wt = np.linalg.svd(T, full_matrices=False)
-        kept = values > EPS * max(T.shape) * values.max(initial=0.0)
-        self.Q, self.values, self.Wt = Q[:, kept], values[kept], Wt[kept]
-        self.A, self.y = A, self.project(y)
+def _state(A: FloatArray, y: FloatArray, factors: Factors, sketch: FloatArray) -> _State:
+    r = factors.left.shape[1]
+    U, V_all = _orthonormal(factors.left)[:, :r], _orthonormal(factors.right)
+    V, V_perp = V_all[:, :r], V_all[:, r:]
+    same = Factors(left=factors.left @ (V.T @ factors.right).T, right=V)
+    AV = (A.reshape(-1, A.shape[2]) @ V).reshape(*A.shape[:2], -1)
+    misfit = float(np.linalg.norm(y - AV.reshape(len(A), -1) @ same.left.ravel()))
+    return _State(factors=same, X=same.X, U=U, V=V, V_perp=V_perp, AV=AV, misfit=misfit, sketch=sketch)
 
-    def project(self, S: FloatArray) -> FloatArray:
-        """Return what T leaves of the columns of S."""
-        return S - self.Q @ (self.Q.T @ S) if self.Q.shape[1] else S
 
-    def base_coefficients(self, y: FloatArray) -> FloatArray:
-        """Return the coefficients of T that fit y best."""
-        return np.asarray(self.Wt.T @ (self.Q.T @ y / self.values))
-
-    def start(self, rank: int) -> Factors:
-        """Return the unconstrained least squares, or where it is undetermined sum_k y_k A_k, cut to the rank."""
-        n, p1, p2 = self.A.shape
-        flat = self.A.reshape(n, p1 * p2)
-        whole = flat.T @ self.y
-        if n >= p1 * p2:
-            x, triangle = least_squares(self.project(flat), self.y)
-            whole = x if lapack.dtrcon(triangle)[0] > DEFICIENT else whole
-        U, values, Vt = np.linalg.svd(whole.reshape(p1, p2), full_matrices=False)
-        return Factors(left=U[:, :rank] * values[:rank], right=Vt[:rank].T)
-
-    def state(self, factors: Factors, sketch: FloatArray) -> _State:
-        """Return the iterate of some factors."""
-        A, r = self.A, factors.left.shape[1]
-        U, V_all = _orthonormal(factors.left)[:, :r], _orthonormal(factors.right)
-        V, V_perp = V_all[:, :r], V_all[:, r:]
-        same = Factors(left=factors.left @ (V.T @ factors.right).T, right=V)
-        AV = (A.reshape(-1, A.shape[2]) @ V).reshape(*A.shape[:2], -1)
-        misfit = float(np.linalg.norm(self.y - self.project(AV.reshape(len(A), -1) @ same.left.ravel())))
-        return _State(factors=same, X=same.X, U=U, V=V, V_perp=V_perp, AV=AV, misfit=misfit, sketch=sketch)
-
-    def step(self, state: _State) -> _State | None:
-        """Return the next iterate, None where the sketched core is singular."""
-        n, p1, p2 = self.A.shape
-        U, V, V_perp, r = state.U, state.V, state.V_perp, state.U.shape[1]
-        across = np.matmul(U.T, self.A) @ V_perp
-        S = np.hstack([state.AV.reshape(n, p1 * r), across.reshape(n, r * (p2 - r))])
-        x, sketch = least_squares(self.project(S), self.y)
-        X_U = x[: p1 * r].reshape(p1, r)
-        B = U.T @ X_U
-        X_V = V @ B.T + V_perp @ x[p1 * r :].reshape(r, p2 - r).T
-        left, values, right = np.linalg.svd(B)
-        if not values[-1] > EPS * p1 * np.linalg.norm(X_U):
-            return None
-        return self.state(Factors(left=X_U @ (right.T / values) @ left.T, right=X_V), sketch)
+def _step(A: FloatArray, y: FloatArray, state: _State) -> _State | None:
+    """Return the next iterate, None where the sketched core is singular."""
+    n, p1, p2 = A.shape
+    U, V, V_perp, r = state.U, state.V, state.V_perp, state.U.shape[1]
+    across = np.matmul(U.T, A) @ V_perp
+    x, sketch = least_squares(np.hstack([state.AV.reshape(n, p1 * r), across.reshape(n, r * (p2 - r))]), y)
+    X_U = x[: p1 * r].reshape(p1, r)
+    B = U.T @ X_U
+    X_V = V @ B.T + V_perp @ x[p1 * r :].reshape(r, p2 - r).T
+    left, values, right = np.linalg.svd(B)
+    if not values[-1] > EPS * p1 * np.linalg.norm(X_U):
+        return None
+    return _state(A, y, Factors(left=X_U @ (right.T / values) @ left.T, right=X_V), sketch)
 
 
 def _orthonormal(M: FloatArray) -> FloatArray:

@@ -40,8 +40,6 @@ class VarxSolution:
     ----------
     z : (n_atoms,) magnitudes, 0 for an atom that is zero in the whole record.
     K : (order,) coefficients of the past corrected outputs, lag 1 first.
-    B : (n_lags, n_inputs) coefficients of the inputs, from lag 0 with feedthrough, else from lag 1.
-    constant : 0 without one.
     misfit : 2-norm of the prediction error of this model.
     corner : X's corner; 1 where it is imposed.
     iterations, termination : steps made, and why no more were.
@@ -51,8 +49,6 @@ class VarxSolution:
 
     z: FloatArray
     K: FloatArray
-    B: FloatArray
-    constant: float
     misfit: float
     corner: float
     iterations: int
@@ -143,18 +139,11 @@ def risro_varx(
         iterations, termination = imposed.iterations, imposed.termination
         condition_number = float(np.linalg.cond(np.triu(imposed.last.sketch)))
 
-    # Constant and inputs fit what z and K leave, on the first rows of R.
-    top = data.R[:n_base]
-    corrected = top[:, columns.y.start] - top[:, columns.theta] @ z
-    past = top[:, columns.y_lags] - top[:, columns.theta_lags].reshape(n_base, s, n) @ z
-    base = least_squares(top[:, :n_base], corrected - past @ K)[0]
     whole = np.zeros(columns.n_atoms)
     whole[live] = z
     return VarxSolution(
         z=whole,
         K=K,
-        B=base[columns.inputs].reshape(len(columns.input_lags), -1),
-        constant=float(base[columns.ones].sum()),
         misfit=misfit,
         corner=corner_value,
         iterations=iterations,

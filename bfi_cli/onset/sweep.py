@@ -238,8 +238,8 @@ def _frequency(record: ScanRecord, scan: Scan) -> float:
     rate_hz = record.sampling.rate_hz
     band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
     if record.settings.ends:
-        return float(rate_hz * scan_frequency_ends(scan, band).frequency)
-    return float(rate_hz * scan_frequency(scan, band).frequency)
+        return float(rate_hz * scan_frequency_ends(scan, band))
+    return float(rate_hz * scan_frequency(scan, band))
 
 
 def best_of(peaks: Sequence[Peak]) -> Peak:

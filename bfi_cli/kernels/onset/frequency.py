@@ -8,7 +8,6 @@ many onsets at each frequency, so that frequency and onset are found jointly; th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,21 +16,19 @@ from .correlations import Scan, tabulate
 from .pairs import (
     Pair,
     PairLimits,
-    PairScan,
     PairTables,
     climb,
     pair_limits,
     peaks,
     screen_pairs,
     spread,
-    sweep_around,
     tabulate_pairs,
 )
 from .profile import screen
-from .scan import ENDING, STARTING, Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from .scan import ENDING, STARTING, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from .waveform import sine
 
-__all__ = ["MIN_CYCLES", "FrequencyPairScan", "FrequencyScan", "scan_frequency", "scan_frequency_ends"]
+__all__ = ["MIN_CYCLES", "scan_frequency", "scan_frequency_ends"]
 
 # Step of the grid over 1 / duration: half of the peak's width.
 STEP = 0.5
@@ -50,84 +47,47 @@ RANKED = 64
 BRANCHES = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrequencyScan:
-    """A scan at the best frequency.
-
-    Attributes
-    ----------
-    frequency : cycles per sample.
-    profile : over the onset at that frequency.
-    frequencies, statistic : (n_frequencies,) the coarse grid and the screened statistic on it, a lower bound.
-    """
-
-    frequency: float
-    profile: Profile
-    frequencies: FloatArray
-    statistic: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrequencyPairScan:
-    """A start and an end at the best frequency; fields as in `FrequencyScan`."""
-
-    frequency: float
-    span: PairScan
-    frequencies: FloatArray
-    statistic: FloatArray
-
-
-def scan_frequency(
-    scan: Scan, band: tuple[float, float], *, onsets: IntArray | None = None, min_cycles: float = MIN_CYCLES
-) -> FrequencyScan:
-    """Return the scan of a sine that lasts to the end of the record, at the frequency where its statistic is largest.
-
-    The statistic of onsets too late for `min_cycles` is zero.
+def scan_frequency(scan: Scan, band: tuple[float, float]) -> float:
+    """Return the frequency, cycles per sample, of the sine that explains most, lasting to the end of the record.
 
     Parameters
     ----------
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5.
-    onsets : samples to consider; the default of `scan_shape` if None.
-    min_cycles : periods between onset and end of the record, at least.
     """
-    onsets = default_onsets(scan) if onsets is None else onsets
-    grid = _grid(scan, band)
+    grid, onsets = _grid(scan, band), default_onsets(scan)
 
     def evaluate(frequency: float, pair: Pair) -> tuple[float, Pair]:
-        return _screened(scan, frequency, onsets[:: max(1, _stride(frequency) // 2)], min_cycles), pair
+        return _screened(scan, frequency, onsets[:: max(1, _stride(frequency) // 2)]), pair
 
-    statistic = np.array([_screened(scan, f, onsets[:: _stride(f)], min_cycles) for f in grid])
+    statistic = np.array([_screened(scan, f, onsets[:: _stride(f)]) for f in grid])
     everywhere = int(onsets[0]), scan.n_samples
-    profiles = []
+    exact = []
     for _, _, frequency in _refine(evaluate, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid):
-        exact = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets)
-        late = onsets > scan.n_samples - min_cycles / frequency
-        exact = replace(exact, statistic=np.where(late, 0.0, exact.statistic), z=np.where(late, 0.0, exact.z))
-        profiles.append((exact, float(frequency)))
-    profile, frequency = max(profiles, key=lambda pair: float(pair[0].statistic.max()))
-    return FrequencyScan(frequency=frequency, profile=profile, frequencies=grid, statistic=statistic)
+        profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets)
+        early = onsets <= scan.n_samples - MIN_CYCLES / frequency
+        exact.append((profile.statistic.max(initial=0.0, where=early), frequency))
+    return float(max(exact, key=lambda top: top[0])[1])
 
 
-def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: float = MIN_CYCLES) -> FrequencyPairScan:
-    """Return the best frequency, start and end of a sine.
+def scan_frequency_ends(scan: Scan, band: tuple[float, float]) -> float:
+    """Return the frequency, cycles per sample, of the sine that explains most between the best start and end.
 
     Parameters
     ----------
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5; frequencies too low for the record are cut.
-    min_cycles : periods between start and end, at least.
 
     Raises
     ------
-    ValueError : the band is empty, or the record too short for that many periods of its highest frequency.
+    ValueError : the band is empty, or the record too short for two periods of its highest frequency.
     """
     room = scan.n_samples - (STARTING + ENDING) * scan.order - 1
-    grid = _grid(scan, (max(band[0], min_cycles / room) if band[0] > 0.0 < room else band[0], band[1]))
+    grid = _grid(scan, (max(band[0], MIN_CYCLES / room) if band[0] > 0.0 < room else band[0], band[1]))
 
     def prepare(frequency: float) -> tuple[PairTables, PairLimits]:
         waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
-        shortest = max(int(np.ceil(min_cycles / frequency)), ENDING * scan.order)
+        shortest = max(int(np.ceil(MIN_CYCLES / frequency)), ENDING * scan.order)
         return tabulate_pairs(scan, waveform), pair_limits(scan, waveform, shortest)
 
     def evaluate(frequency: float, pair: Pair) -> tuple[float, Pair]:
@@ -144,10 +104,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], *, min_cycles: fl
         begin = spread(ranked, count=BRANCHES, reach=limits.shortest // 2)
         rough.append(climb(scan, tables, limits=limits, begin=begin, finalists=0, rounds=2))
     statistic = np.array([value for value, _ in rough])
-    _, pair, frequency = _refine(evaluate, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)[0]
-    tables, limits = prepare(frequency)
-    span = sweep_around(scan, tables, limits=limits, pair=pair)
-    return FrequencyPairScan(frequency=frequency, span=span, frequencies=grid, statistic=statistic)
+    return float(_refine(evaluate, [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)], grid)[0][2])
 
 
 def _grid(scan: Scan, band: tuple[float, float]) -> FloatArray:
@@ -161,9 +118,9 @@ def _stride(frequency: float) -> int:
     return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
 
 
-def _screened(scan: Scan, frequency: float, onsets: IntArray, min_cycles: float) -> float:
+def _screened(scan: Scan, frequency: float, onsets: IntArray) -> float:
     """Return the largest screened statistic of a sine over some onsets, 0 where all are too late."""
-    onsets = onsets[onsets <= scan.n_samples - min_cycles / frequency]
+    onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
     if not onsets.size:
         return 0.0
     waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)

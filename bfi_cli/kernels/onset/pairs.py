@@ -8,7 +8,7 @@ pair, and exactly only at the best; the sweeps around the pair returned are exac
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,7 +30,6 @@ __all__ = [
     "scan_pairs",
     "screen_pairs",
     "spread",
-    "sweep_around",
     "tabulate_pairs",
 ]
 
@@ -91,23 +90,20 @@ class PairLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PairScan:
-    """The best start and end.
+    """The best start and end: the fault acts on [start, `end`), the best start of the profile over all at this end."""
 
-    Attributes
-    ----------
-    start, end : samples; the fault acts on [start, end).
-    z, sd, rss, statistic : there, as in `Profile`.
-    over_starts : all starts at this end; over_ends : all ends at this start, its `onsets` being the ends.
-    """
-
-    start: int
     end: int
-    z: float
-    sd: float
-    rss: float
-    statistic: float
     over_starts: Profile
-    over_ends: Profile
+
+    @property
+    def start(self) -> int:
+        """Sample of the best start."""
+        return int(self.over_starts.onsets[self.over_starts.best])
+
+    @property
+    def statistic(self) -> float:
+        """The statistic of the best start and end."""
+        return float(self.over_starts.statistic.max())
 
 
 def tabulate_pairs(scan: Scan, waveform: Waveform) -> PairTables:
@@ -172,20 +168,19 @@ def pair_limits(scan: Scan, waveform: Waveform, min_duration: int | None = None)
     return PairLimits(first=first, last=last, shortest=shortest)
 
 
-def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None) -> PairScan:
+def scan_ends(scan: Scan, waveform: Waveform) -> PairScan:
     """Return the best start and end of a fault.
 
     Parameters
     ----------
     scan : from `prepare_scan`.
     waveform : of the same number of samples.
-    min_duration : samples between start and end, at least; 2 s if None.
 
     Raises
     ------
     ValueError : the record is too short for any pair.
     """
-    tables, limits = tabulate_pairs(scan, waveform), pair_limits(scan, waveform, min_duration)
+    tables, limits = tabulate_pairs(scan, waveform), pair_limits(scan, waveform)
     lasting, early = (
         pairs[:, peaks(screen_pairs(scan, tables, pairs), PEAKS)]
         for pairs in (limits.starts(limits.last), limits.ends(limits.first))
@@ -196,7 +191,16 @@ def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None
     ranked = ranked[:, np.argsort(-scan_pairs(scan, tables, ranked).statistic)]
     begin = spread(ranked, count=CLIMBS, reach=APART * max(1, (limits.last - limits.first) // GRID))
     _, pair = climb(scan, tables, limits=limits, begin=begin)
-    return sweep_around(scan, tables, limits=limits, pair=pair)
+    # Exact sweeps over starts and ends, as long as they find better.
+    start, _ = pair
+    for _ in range(ROUNDS):
+        ends = limits.ends(start)
+        end = int(ends[1, scan_pairs(scan, tables, ends).best])
+        result = PairScan(end=end, over_starts=scan_pairs(scan, tables, limits.starts(end)))
+        if start == result.start:
+            break
+        start = result.start
+    return result
 
 
 def climb(
@@ -236,30 +240,6 @@ def climb(
             reached = statistic
         tops.append((reached, pair))
     return max(tops)
-
-
-def sweep_around(scan: Scan, tables: PairTables, *, limits: PairLimits, pair: Pair) -> PairScan:
-    """Return the result at a pair, moved where the exact sweeps over starts and ends find better."""
-    start, end = pair
-    for _ in range(ROUNDS):
-        ends = limits.ends(start)
-        over_ends = scan_pairs(scan, tables, ends)
-        end = int(ends[1, over_ends.best])
-        over_starts = scan_pairs(scan, tables, limits.starts(end))
-        best = over_starts.best
-        if start == over_starts.onsets[best]:
-            break
-        start = int(over_starts.onsets[best])
-    return PairScan(
-        start=start,
-        end=end,
-        z=float(over_starts.z[best]),
-        sd=float(over_starts.sd[best]),
-        rss=float(over_starts.rss[best]),
-        statistic=float(over_starts.statistic[best]),
-        over_starts=over_starts,
-        over_ends=replace(over_ends, onsets=ends[1]),
-    )
 
 
 def spread(ranked: IntArray, *, count: int, reach: int) -> list[Pair]:

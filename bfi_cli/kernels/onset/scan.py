@@ -60,9 +60,7 @@ def magnitude_bound(scan: Scan, waveform: Waveform, lengths: IntArray) -> FloatA
     return GENEROUS * scan.span / np.maximum(reach, np.finfo(float).tiny ** 0.25)
 
 
-def scan_shape(
-    scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *, max_magnitude: float | None = None
-) -> Profile:
+def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None) -> Profile:
     """Return the exact profile over the magnitude of a fault that lasts to the end of the record.
 
     Parameters
@@ -70,7 +68,6 @@ def scan_shape(
     scan : from `prepare_scan`.
     waveform : of the same number of samples, see `waveform`.
     onsets : samples, each in s..n_samples - s - 1; `default_onsets` if None.
-    max_magnitude : bound of |z|; `magnitude_bound` if None.
     """
     onsets = default_onsets(scan) if onsets is None else np.asarray(onsets, dtype=np.intp)
     if waveform.samples.shape != (scan.n_samples,):
@@ -78,11 +75,7 @@ def scan_shape(
     first, last = scan.order, scan.n_samples - scan.order - 1
     if onsets.size and not (first <= onsets.min() and onsets.max() <= last):
         raise ValueError(f"onsets must lie in {first}..{last}, got {onsets.min()}..{onsets.max()}")
-    tables = tabulate(scan, waveform.samples)
-    if max_magnitude is None:
-        bound = magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    else:
-        bound = np.full(len(onsets), max_magnitude * waveform.unit)
+    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
     found = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]))
     return in_units(scan, waveform, onsets=onsets, found=found)
 

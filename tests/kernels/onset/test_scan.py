@@ -10,9 +10,9 @@ from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record,
 
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.onset import waveform as shapes
-from bfi_cli.kernels.onset.correlations import prepare_scan
-from bfi_cli.kernels.onset.profile import eliminate, solve_last, solved_norm
-from bfi_cli.kernels.onset.scan import default_onsets, scan_shape
+from bfi_cli.kernels.onset.correlations import prepare_scan, tabulate
+from bfi_cli.kernels.onset.profile import eliminate, minimise, solve_last, solved_norm
+from bfi_cli.kernels.onset.scan import default_onsets, scan_shape, stack_onsets
 
 N = 400
 MAGNITUDES = (-50.0, -1.0, 0.01, 3.0, 50.0)
@@ -163,9 +163,12 @@ def test_the_deviation_is_that_of_the_magnitudes():
 def test_the_bound_holds():
     u, y = record(N)
     y[170:] += 1.0
-    found = scan_shape(prepare_scan(u, y, order=4), shapes.bias(N), max_magnitude=0.4)
+    scan = prepare_scan(u, y, order=4)
+    onsets = default_onsets(scan)
+    stack = stack_onsets(scan, tabulate(scan, shapes.bias(N).samples), onsets)
+    found = minimise(stack, np.full(len(onsets), 0.4))
     assert np.abs(found.z).max() <= 0.4 * (1.0 + 1e-12)
-    assert found.z[found.onsets == 170] == pytest.approx(0.4)
+    assert found.z[onsets == 170] == pytest.approx(0.4)
 
 
 def missed(seed):
@@ -181,7 +184,7 @@ def missed(seed):
     onset = int(near if rng.random() < 0.5 else rng.integers(3 * order, n - 2 * order + 1))
     theta = signal(waveform, onset)
     bound = 10.0 * np.ptp(y) / np.abs(theta).max()
-    found = scan_shape(prepare_scan(u, y, order=order), waveform, np.array([onset]), max_magnitude=bound)
+    found = scan_shape(prepare_scan(u, y, order=order), waveform, np.array([onset]))
     dense = dense_minimum(u, y, theta, order=order, bound=bound)
     return (n - order) * np.log(found.rss[0] / dense) > 1e-3
 

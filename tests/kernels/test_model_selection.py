@@ -10,7 +10,7 @@ from made_varx import dictionary, made, wave
 from scipy import stats
 
 from bfi_cli.kernels.lagged import compress
-from bfi_cli.kernels.model_selection import OrderSearch, Penalty, search_orders
+from bfi_cli.kernels.model_selection import BACKWARD_LIMIT, OrderSearch, Penalty, full_support, search_orders
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs, relaxed_bound
 
 ORDER = 2
@@ -151,6 +151,23 @@ def test_visits_are_of_distinct_supports_and_can_be_looked_up():
     assert search.of((4, 0, 2)) is search.of([0, 2, 4]) is search.best
     assert search.of((0, 1, 2, 3, 4)) is not None
     assert search_order(problem, range(5), penalty_of(problem, 5), max_active=1).of((0, 1, 2)) is None
+
+
+def test_a_large_fault_is_fitted_from_its_relaxed_magnitude_too():
+    """From zero this drift ends in a worse maximum, in the search forward (no other starts here) and of all atoms."""
+    rng = np.random.default_rng(6)
+    u, y = made(rng, order=ORDER).fly(300, rng, noise_sd=0.1)
+    drift = dictionary(300)[:, :, 2:]
+    others = np.stack([wave(300, 60 + 8 * j, "step") for j in range(BACKWARD_LIMIT)], axis=1)[:, None, :]
+    theta = np.concatenate([drift, others], axis=2)
+    problem = project_inputs(compress(u, y + 20.0 * drift[:, :, 0], theta, order=ORDER), ORDER, floor=FLOOR)
+    best = fit_magnitudes(problem, (0,), np.array([20.0])).log_det
+    assert fit_magnitudes(problem, (0,)).log_det > best + 1.0
+    penalty = penalty_of(problem, theta.shape[2])
+    search = search_order(problem, range(theta.shape[2]), penalty, max_active=1)
+    assert search.best.fit.atoms == (0,)
+    assert search.best.fit.log_det == pytest.approx(best, abs=1e-6)
+    assert full_support(problem, (0,), penalty).fit.log_det == pytest.approx(best, abs=1e-6)
 
 
 def test_more_atoms_than_rows():

@@ -341,6 +341,24 @@ def test_sparsity_acts_after_every_step_but_the_last(corner):
     assert np.abs(five.z - plain.z).max() > 1e-6
 
 
+@pytest.mark.parametrize("corner", ["free", "imposed"])
+def test_the_stage_acts_on_magnitudes_times_the_rms_of_their_signals(corner):
+    """The second step starts from the first one's magnitudes after the update of eq. 3-20 to 3-22, written out."""
+    u, y, theta, _ = varx(noise=0.02)
+    data, alpha, r = compress(u, y, theta, order=ORDER), 0.7, 2.0
+    stage = SparseStage(kind="exp_l0", alpha=alpha, r=r)
+    one, two = (StoppingRule(max_iterations=n, fixed=True) for n in (1, 2))
+    first = risro_varx(data, corner=corner, settings=one)
+    rms = np.sqrt(np.mean(theta[ORDER:, 0] ** 2, axis=0))
+    x = first.z * rms
+    decay = np.exp(-alpha * np.abs(x))
+    H = alpha * np.sign(x) * decay
+    x -= H / (H @ H + r) * np.sum(1.0 - decay)
+    again = risro_varx(data, initial=(x / rms, first.K), corner=corner, settings=one)
+    np.testing.assert_allclose(risro_varx(data, corner=corner, sparse=stage, settings=two).z, again.z, atol=1e-8)
+    assert np.abs(again.z - risro_varx(data, corner=corner, settings=two).z).max() > 1e-4
+
+
 @pytest.mark.parametrize("as_published", [False, True])
 def test_only_the_published_stage_depends_on_the_unit_of_a_magnitude(as_published):
     u, y, theta, _ = varx(noise=0.02)

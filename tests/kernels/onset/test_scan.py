@@ -115,6 +115,12 @@ def test_all_onsets_at_once_are_the_onsets_one_by_one(name):
     assert (whole.statistic >= 0.0).all()
 
 
+@pytest.mark.parametrize("order", [1, 4, 10])
+def test_default_onsets_go_from_three_orders_after_the_start_to_two_before_the_end(order):
+    onsets = default_onsets(prepare_scan(*record(N), order=order))
+    assert onsets.tolist() == list(range(3 * order, N - 2 * order + 1))
+
+
 @pytest.mark.parametrize("order", [4, 10])
 @pytest.mark.parametrize(("name", "onset"), [("bias", 171), ("drift", 133), ("sine", 222), ("samples", 90)])
 def test_a_clear_fault_is_found_where_and_as_large_as_it_is(name, onset, order):
@@ -187,6 +193,21 @@ def missed(seed):
     found = scan_shape(prepare_scan(u, y, order=order), waveform, np.array([onset]))
     dense = dense_minimum(u, y, theta, order=order, bound=bound)
     return (n - order) * np.log(found.rss[0] / dense) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "onset"), [("drift", 29, 99), ("drift", 33, 83), ("lagged bias", 20, 35), ("samples", 34, 40)]
+)
+def test_the_minimum_is_found_where_the_lowest_start_leads_to_another(name, seed, onset):
+    rng = np.random.default_rng(seed)
+    n, order, waveform = 300, int(rng.choice([2, 4, 10])), waveforms(300)[name]
+    u, y = random_record(n, rng)
+    true = int(rng.integers(3 * order, n - 2 * order))
+    y = y + 10 ** rng.uniform(-1.3, 1.7) * signal(waveform, true)[:, None]
+    theta = signal(waveform, onset)
+    found = scan_shape(prepare_scan(u, y, order=order), waveform, np.array([onset]))
+    dense = dense_minimum(u, y, theta, order=order, bound=10.0 * np.ptp(y) / np.abs(theta).max())
+    assert (n - order) * np.log(found.rss[0] / dense) < 1e-3
 
 
 def test_the_minimum_is_global_in_random_cases():

@@ -17,9 +17,13 @@ from .lagged import add_rows
 
 __all__ = ["PRIOR", "RecursiveResiduals", "predictive_score", "recursive_residuals", "running_covariances"]
 
+# What is known of a coefficient before the record: it is about noise / PRIOR, that is, next to nothing.
 PRIOR = 1e-3
+# A coefficient known a priori to the noise or better takes no degree of freedom.
 KNOWN = 1.0
+# Recent rows from which a channel's variance is told.
 FEWEST_RECENT = 20
+# Floor of the residuals' standard deviation, in the units of the noise.
 SMALLEST_SD = 1e-3
 
 

@@ -12,8 +12,6 @@ from scipy.linalg import solve_triangular
 from . import FloatArray
 from .lagged import lagged
 
-__all__ = ["Dependence", "dependence", "detectable_deviations", "homogeneous_order", "mutual_coherence", "whiten"]
-
 # Singular values of unit signatures below this share of the largest are round-off; chosen, not tuned.
 RANK_TOLERANCE = 1e-10
 # Lagged copies are dependent where their smallest singular value is below this share of the largest; chosen likewise.

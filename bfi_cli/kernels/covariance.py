@@ -11,8 +11,6 @@ from .coherence import whiten
 from .lagged import lagged
 from .variable_projection import Fit
 
-__all__ = ["FitRows", "Layout", "SingleAdditions", "covariance", "single_additions", "unfold"]
-
 # An atom of which the regressors leave less than this share of its power is not seen: what is left is round-off.
 BLIND = 1e-10
 # Smallest singular value of the scaled regressors, relative to the largest, that is not round-off.

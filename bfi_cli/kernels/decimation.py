@@ -10,8 +10,6 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["SHARP", "WHITE", "Lowpass", "decimate", "lost_samples", "lowpass_taps"]
-
 Kind = Literal["linear-phase", "causal"]
 
 # Of the window (Kaiser 1974): a stop band 63 dB down.

@@ -14,8 +14,6 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["Density", "convolve", "draw", "gaussian_density", "kernel_density", "log_density"]
-
 # Samples that a bandwidth can be told from.
 FEWEST = 3
 # Distances between points and kernels that are in memory at a time: half a megabyte, which stays in the cache.
@@ -96,11 +94,11 @@ def log_density(density: Density, points: FloatArray) -> FloatArray:
     points = np.asarray(points, dtype=np.float64)
     weights = -np.log(density.bandwidths)
     most = float(np.max(weights))
-    found = np.empty(points.size)
+    logarithms = np.empty(points.size)
     for rows in _blocks(points.size, density.samples.size):
         off = (points.reshape(-1)[rows, None] - density.samples) / density.bandwidths
-        found[rows] = _log_sum_exp(-0.5 * off * off + (weights - most))
-    return np.asarray(found.reshape(points.shape) + (most - np.log(density.samples.size) - HALF_LOG_2_PI))
+        logarithms[rows] = _log_sum_exp(-0.5 * off * off + (weights - most))
+    return np.asarray(logarithms.reshape(points.shape) + (most - np.log(density.samples.size) - HALF_LOG_2_PI))
 
 
 def draw(density: Density, n: int, *, rng: np.random.Generator) -> FloatArray:
@@ -152,11 +150,11 @@ def _log_sum_exp(exponents: FloatArray) -> FloatArray:
     total = np.sum(np.exp(exponents), axis=1)
     far = ~((total > SMALL) & (total < 1.0 / SMALL))
     total[far] = 1.0
-    found = np.log(total)
+    logarithms = np.log(total)
     if np.any(far):
         top = np.max(exponents[far], axis=1, keepdims=True)
-        found[far] = top[:, 0] + np.log(np.sum(np.exp(exponents[far] - top), axis=1))
-    return np.asarray(found)
+        logarithms[far] = top[:, 0] + np.log(np.sum(np.exp(exponents[far] - top), axis=1))
+    return np.asarray(logarithms)
 
 
 def _blocks(n_points: int, n_kernels: int) -> Iterator[slice]:

@@ -24,8 +24,6 @@ from . import FloatArray
 from .density import Density, convolve, kernel_density
 from .divergence import jensen_shannon_quadrature
 
-__all__ = ["Distinguishability", "distinguishability", "sample_bits", "window_bits"]
-
 # Kernels of a density: of more samples, so many order statistics evenly through them; the quadrature costs the square.
 MOST_SAMPLES = 512
 # Sizes of the fault in deviations: from 0.03, where next to nothing is seen of it, to three million, powers of ten.
@@ -69,17 +67,17 @@ def distinguishability(errors: FloatArray) -> Distinguishability:
     return Distinguishability(errors=density, deviations=deviations, bits=np.maximum.accumulate(bits))
 
 
-def window_bits(found: Distinguishability, deviations: FloatArray) -> FloatArray:
+def window_bits(known: Distinguishability, deviations: FloatArray) -> FloatArray:
     """Return the information at sizes of any shape, 0 below the range and for NaN, 1 above it.
 
     Monotone cubic interpolation of the logarithmic odds over the logarithm of the size, to about 1e-3 of the value.
     """
     from scipy.interpolate import PchipInterpolator
 
-    inside = (found.bits > ACCURACY) & (found.bits < 1.0 - ACCURACY)
+    inside = (known.bits > ACCURACY) & (known.bits < 1.0 - ACCURACY)
     at = np.nan_to_num(np.asarray(deviations, dtype=np.float64), nan=0.0, posinf=np.inf)
-    sizes = found.deviations[inside]
-    curve = PchipInterpolator(np.log(sizes), special.logit(found.bits[inside]))
+    sizes = known.deviations[inside]
+    curve = PchipInterpolator(np.log(sizes), special.logit(known.bits[inside]))
     bits = special.expit(curve(np.log(np.clip(at, sizes[0], sizes[-1]))))
     return np.where(at < sizes[0], 0.0, np.where(at > sizes[-1], 1.0, bits))
 

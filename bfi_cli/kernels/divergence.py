@@ -11,8 +11,6 @@ import numpy as np
 from . import FloatArray
 from .density import Density, draw, log_density
 
-__all__ = ["jensen_shannon_montecarlo", "jensen_shannon_quadrature"]
-
 # Bandwidths from its centre at which a kernel ends: beyond, 2e-19 of it.
 REACH = 9.0
 # Bandwidths that a kernel's centre or end must lie off the last edge to make one.

@@ -14,9 +14,6 @@ from scipy import special
 
 from . import FloatArray
 
-__all__ = ["FEWEST_BLOCKS", "ExponentialTail", "block_maxima", "fit_tail", "white_excess", "white_level"]
-
-
 # Block maxima that a tail is fitted to, at least.
 FEWEST_BLOCKS = 10
 # The mean excess of white noise enters the estimate like so many observed excesses.

@@ -14,8 +14,6 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 
-__all__ = ["FilterStep", "Gaussian", "StateSpace", "predict", "update"]
-
 # An eigenvalue of Q below zero by less than this share of its largest entry is round-off.
 NEGATIVE = 1e-12
 

@@ -17,8 +17,6 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 
-__all__ = ["PANEL", "Columns", "Compressed", "add_rows", "compress", "lagged", "restrict", "with_fault"]
-
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.
 PANEL = 16
 

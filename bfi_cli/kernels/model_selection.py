@@ -14,8 +14,6 @@ import numpy as np
 from . import FloatArray
 from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, relaxed_bound
 
-__all__ = ["OrderSearch", "Penalty", "ScoredFit", "full_support", "search_orders"]
-
 # The search backward from all candidates costs their number squared in fits, so only small dictionaries afford it.
 BACKWARD_LIMIT = 24
 # Steps forward or backward without a better criterion before a search ends: two atoms may help only together.

@@ -17,22 +17,6 @@ import numpy as np
 from . import FloatArray
 from .kalman import FilterStep, Gaussian, StateSpace, predict, update
 
-__all__ = [
-    "FAULT",
-    "NO_FAULT",
-    "BankRun",
-    "FilterRun",
-    "Reset",
-    "SelectiveReinitialisation",
-    "augment",
-    "double_model",
-    "filter_bank",
-    "mixture",
-    "restart",
-    "state_and_fault",
-    "update_probabilities",
-]
-
 Systems = tuple[StateSpace, ...]
 Estimates = tuple[Gaussian, ...]
 Exchange = Callable[[Systems, tuple[FilterStep, ...], int], tuple[Systems, Estimates]]

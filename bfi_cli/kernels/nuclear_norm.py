@@ -15,8 +15,6 @@ import numpy as np
 from . import FloatArray
 from .termination import Termination
 
-__all__ = ["NuclearSolution", "largest_penalty", "nuclear_least_squares", "soft_threshold"]
-
 # Steps between two looks at the duality gap, which costs as much as a step.
 CHECK_EVERY = 10
 # Boyd et al. (2011), section 3.4.1: the penalty parameter changes by 2 where one residual is ten times the other.

@@ -19,8 +19,6 @@ from scipy.linalg import lapack
 from . import FloatArray, IntArray
 from .lagged import add_rows
 
-__all__ = ["TOLERANCE", "Criteria", "SlidingWindow", "criteria", "data_matrices", "right_null_space", "window_criteria"]
-
 # The data are taken to be accurate to this fraction of a channel's largest motion: double precision and a few digits.
 TOLERANCE = 1e-12
 # Rows that enter a factor together; it changes the speed only.

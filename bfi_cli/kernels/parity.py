@@ -22,8 +22,6 @@ from . import FloatArray, IntArray
 from .lagged import lagged
 from .recursive_least_squares import RecursiveResiduals, running_covariances
 
-__all__ = ["Drops", "largest_drops", "past_basis", "step_response"]
-
 # Motion or power below this share of the largest is round-off.
 FLOOR = 1e-12
 # A step after its first row is not told from that row where less than this share of its power is at right angles to it.

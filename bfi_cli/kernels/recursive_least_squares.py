@@ -15,8 +15,6 @@ from scipy.linalg import lapack
 from . import FloatArray
 from .lagged import add_rows
 
-__all__ = ["PRIOR", "RecursiveResiduals", "predictive_score", "recursive_residuals", "running_covariances"]
-
 # What is known of a coefficient before the record: it is about noise / PRIOR, that is, next to nothing.
 PRIOR = 1e-3
 # A coefficient known a priori to the noise or better takes no degree of freedom.

@@ -17,8 +17,6 @@ from . import FloatArray
 from .lagged import PANEL
 from .termination import Iterate, StoppingRule, Termination, iterate
 
-__all__ = ["NO_SKETCH", "Factors", "RisroSolution", "least_squares", "risro"]
-
 EPS = float(np.finfo(float).eps)
 # Condition number, inverted, beyond which a least squares is taken to be rank deficient: its solution has four digits.
 DEFICIENT = 1e-12

@@ -24,8 +24,6 @@ from .risro import NO_SKETCH, Factors, least_squares, risro
 from .sparsity import SparseStage, apply_sparsity
 from .termination import StoppingRule, Termination, iterate
 
-__all__ = ["Corner", "VarxSolution", "risro_varx"]
-
 Corner = Literal["free", "imposed"]
 
 # The thesis makes 50 steps and does not test for convergence.

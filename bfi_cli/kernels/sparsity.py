@@ -14,8 +14,6 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["KINDS", "SparseStage", "Sparsity", "apply_sparsity", "pseudo_norm"]
-
 Sparsity = Literal["none", "l1", "lp", "exp_l0"]
 KINDS: tuple[str, ...] = get_args(Sparsity)
 

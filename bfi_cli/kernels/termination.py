@@ -11,8 +11,6 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["Ending", "Iterate", "StoppingRule", "Termination", "iterate"]
-
 # Steps without a smaller misfit before the misfit is taken to have reached its floor.
 PATIENCE = 8
 # Misfit beside the data's norm that is a sum of rounding errors.

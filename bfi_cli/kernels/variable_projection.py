@@ -18,8 +18,6 @@ from . import FloatArray
 from .lagged import Compressed, restrict
 from .termination import Termination
 
-__all__ = ["Fit", "ProjectedRegression", "fit_magnitudes", "project_inputs", "relaxed_bound"]
-
 # Below this share of the largest, a direction of the regressors is round-off: 1e5 times the precision of a double.
 RANK_TOLERANCE = 1e-11
 # A step is halved so often before the search along it is given up: the last trial is 1/2000 of the step.

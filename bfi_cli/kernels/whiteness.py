@@ -7,8 +7,6 @@ from scipy import special
 
 from . import FloatArray, IntArray
 
-__all__ = ["autocorrelation", "effective_rows", "exceedances", "ljung_box", "robust_sd"]
-
 
 def autocorrelation(e: FloatArray, n_lags: int) -> FloatArray:
     """Return (n_lags,) autocorrelations of (n_rows,) `e` at lags 1..n_lags; zeros for a constant."""

@@ -170,6 +170,63 @@ def test_a_large_fault_is_fitted_from_its_relaxed_magnitude_too():
     assert full_support(problem, (0,), penalty).fit.log_det == pytest.approx(best, abs=1e-6)
 
 
+MANY = BACKWARD_LIMIT + 2
+
+
+def oscillations(seed: int, *, noise_sd: float = 0.3):
+    """Return u, y without a fault, and more oscillations (n, 1, MANY) than the search backward from all takes."""
+    rng, k = np.random.default_rng(seed), np.arange(200)
+    u, y = made(rng, order=ORDER).fly(len(k), rng, noise_sd=noise_sd)
+    return u, y, np.stack([np.sin((0.2 + 0.09 * j) * k) * (k > 40 + 3 * j) for j in range(MANY)], axis=1)[:, None, :]
+
+
+@pytest.mark.parametrize("seed", [2, 3, 7])
+def test_every_order_visits_the_best_support_of_every_other(seed):
+    u, y, theta = oscillations(seed)
+    data = compress(u, y + 0.5 * theta[:, :, 3] + 0.4 * theta[:, :, 9], theta, order=8)
+    problems = [project_inputs(data, order, floor=FLOOR) for order in (1, 2, 8)]
+    penalty = penalty_of(problems[0], MANY, evidence=2.0)
+    alone = [search_order(problem, range(MANY), penalty) for problem in problems]
+    leaders = [search.best.fit.atoms for search in alone]
+    together = search_orders(problems, range(MANY), penalty)
+    assert None in [search.of(leader) for search in alone for leader in leaders]
+    assert None not in [search.of(leader) for search in together for leader in leaders]
+    for one, other in zip(together, alone, strict=True):
+        assert one.best.criterion <= other.best.criterion
+
+
+def test_two_atoms_that_only_help_together_are_found():
+    """Their difference is the fault; what they share is far larger, so that neither alone pays for itself."""
+    u, y, theta = oscillations(0, noise_sd=0.1)
+    shared, fault = 10.0 * theta[:, :, 4], theta[:, :, 0].copy()
+    theta[:, :, 0], theta[:, :, 1] = shared + fault, shared - fault
+    theta[:, :, 4] = theta[:, :, 5]
+    problem = project_inputs(compress(u, y + 0.4 * fault, theta, order=ORDER), ORDER, floor=FLOOR)
+    search = search_order(problem, range(MANY), penalty_of(problem, MANY))
+    assert search.best.fit.atoms == (0, 1)
+    first = min((scored for scored in search.visited if len(scored.fit.atoms) == 1), key=lambda one: one.criterion)
+    assert first.criterion > search.of(()).criterion
+
+
+@pytest.mark.parametrize("n_candidates", [BACKWARD_LIMIT, BACKWARD_LIMIT + 1])
+def test_small_dictionaries_are_searched_from_all_atoms_too(n_candidates):
+    u, y, theta = oscillations(1)
+    problem = project_inputs(compress(u, y, theta, order=ORDER), ORDER, floor=FLOOR)
+    search = search_order(problem, range(n_candidates), penalty_of(problem, n_candidates))
+    assert (search.of(range(n_candidates)) is not None) == (n_candidates <= BACKWARD_LIMIT)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+def test_a_support_leaves_two_rows_beside_its_parameters(n_y):
+    problem = problem_of(0, np.zeros(5), n=14, n_y=n_y)
+    regressors = 1 + ORDER + ORDER * n_y
+    for n_rows in range(regressors + 2, regressors + 9):
+        fit = full_support(
+            problem, (0, 1, 2, 3, 4), Penalty(n_rows=n_rows, n_effective=9.0, n_candidates=5, evidence=0.0)
+        )
+        assert (fit is not None) == (n_rows - regressors - 5 >= 2)
+
+
 def test_more_atoms_than_rows():
     """The support stays within what the rows can carry, and the answer is finite."""
     rng = np.random.default_rng(5)

@@ -20,8 +20,6 @@ from scipy.linalg import lapack, qr
 from .. import FloatArray
 from ..lagged import lagged
 
-__all__ = ["Scan", "ShapeTables", "correlations", "difference", "prepare_scan", "tabulate"]
-
 # Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
 RANK_TOLERANCE = 1e-11
 # White noise that noise-free outputs are taken to carry, relative to their rms off the base.
@@ -160,7 +158,7 @@ class ShapeTables:
     ----------
     P : per difference 0..degree, (n_base + m, n_samples): [Q0 Q1]' times the shape started at each sample.
     G : by the differences (a, b) of two lags and the samples d the second starts before the first, (n_samples,): their
-        inner product off the base, at the first's start. None where nobody asked.
+        inner product off the base, at the first's start.
     """
 
     P: tuple[FloatArray, ...]

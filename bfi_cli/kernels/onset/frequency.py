@@ -28,8 +28,6 @@ from .profile import screen
 from .scan import ENDING, STARTING, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from .waveform import sine
 
-__all__ = ["MIN_CYCLES", "scan_frequency", "scan_frequency_ends"]
-
 # Step of the grid over 1 / duration: half of the peak's width.
 STEP = 0.5
 # A sine of less than two periods cannot be told from a drift or a step.
@@ -125,8 +123,8 @@ def _screened(scan: Scan, frequency: float, onsets: IntArray) -> float:
         return 0.0
     waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
     tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
-    return float(-scan.n_rows * found.F.min())
+    minimum = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
+    return float(-scan.n_rows * minimum.F.min())
 
 
 def _refine(

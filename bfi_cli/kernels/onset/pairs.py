@@ -18,21 +18,6 @@ from .profile import ProfilePolynomial, minimise, profile_polynomial, screen
 from .scan import ENDING, STARTING, Profile, in_blocks, in_units, magnitude_bound
 from .waveform import Waveform
 
-__all__ = [
-    "Pair",
-    "PairLimits",
-    "PairScan",
-    "PairTables",
-    "climb",
-    "pair_limits",
-    "peaks",
-    "scan_ends",
-    "scan_pairs",
-    "screen_pairs",
-    "spread",
-    "tabulate_pairs",
-]
-
 Pair = tuple[int, int]
 
 # With these the search finds the best of all pairs in at least 94 of 100 random records, as a slow test asserts:
@@ -121,15 +106,15 @@ def tabulate_pairs(scan: Scan, waveform: Waveform) -> PairTables:
 def scan_pairs(scan: Scan, tables: PairTables, pairs: IntArray) -> Profile:
     """Return the exact profile over the magnitude of pairs (2, n_pairs); its `onsets` are the starts."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
-    found = in_blocks(scan, bound, lambda b: minimise(_stack_pairs(scan, tables, pairs[:, b]), bound[b]))
-    return in_units(scan, tables.waveform, onsets=pairs[0], found=found)
+    minimum = in_blocks(scan, bound, lambda b: minimise(_stack_pairs(scan, tables, pairs[:, b]), bound[b]))
+    return in_units(scan, tables.waveform, onsets=pairs[0], minimum=minimum)
 
 
 def screen_pairs(scan: Scan, tables: PairTables, pairs: IntArray) -> FloatArray:
     """Return a lower bound (n_pairs,) of the statistic of pairs (2, n_pairs), usually close."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
-    found = in_blocks(scan, bound, lambda b: screen(_stack_pairs(scan, tables, pairs[:, b]), bound[b]))
-    return -scan.n_rows * found.F
+    minimum = in_blocks(scan, bound, lambda b: screen(_stack_pairs(scan, tables, pairs[:, b]), bound[b]))
+    return -scan.n_rows * minimum.F
 
 
 def _stack_pairs(scan: Scan, tables: PairTables, pairs: IntArray) -> ProfilePolynomial:

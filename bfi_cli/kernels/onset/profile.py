@@ -19,18 +19,6 @@ import numpy as np
 
 from .. import FloatArray, IntArray
 
-__all__ = [
-    "Minimum",
-    "ProfilePolynomial",
-    "eliminate",
-    "log_ratio",
-    "minimise",
-    "profile_polynomial",
-    "screen",
-    "solve_last",
-    "solved_norm",
-]
-
 # Magnitudes of the grid relative to the bound, of either sign.
 GRID = np.geomspace(1e-4, 1.0, 6)
 # Starts of Newton's method per onset; from z = 0 alone it misses the minimum at 5 to 9 % of the onsets of true drifts.

@@ -12,8 +12,6 @@ from .correlations import Scan, ShapeTables, tabulate
 from .profile import Minimum, ProfilePolynomial, minimise, profile_polynomial
 from .waveform import Waveform
 
-__all__ = ["Profile", "default_onsets", "in_blocks", "in_units", "magnitude_bound", "scan_shape", "stack_onsets"]
-
 # Orders s between the record's start and the first onset, and between the last and the record's end: an onset nearer
 # than s to either has its minimum at an infinite magnitude.
 STARTING, ENDING = 3, 2
@@ -76,8 +74,8 @@ def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None) -
     if onsets.size and not (first <= onsets.min() and onsets.max() <= last):
         raise ValueError(f"onsets must lie in {first}..{last}, got {onsets.min()}..{onsets.max()}")
     tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    found = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]))
-    return in_units(scan, waveform, onsets=onsets, found=found)
+    minimum = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]))
+    return in_units(scan, waveform, onsets=onsets, minimum=minimum)
 
 
 def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePolynomial:
@@ -99,14 +97,14 @@ def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimu
     return Minimum(z=z, F=F, curvature=curvature)
 
 
-def in_units(scan: Scan, waveform: Waveform, *, onsets: IntArray, found: Minimum) -> Profile:
+def in_units(scan: Scan, waveform: Waveform, *, onsets: IntArray, minimum: Minimum) -> Profile:
     """Return minima in the units of a caller."""
-    bent = np.where(found.curvature > 0.0, found.curvature, np.nan)
+    bent = np.where(minimum.curvature > 0.0, minimum.curvature, np.nan)
     return Profile(
         onsets=onsets,
-        z=found.z / waveform.unit,
+        z=minimum.z / waveform.unit,
         sd=np.sqrt(2.0 / (bent * scan.n_rows)) / waveform.unit,
-        rss=scan.rss0 * np.exp(found.F),
+        rss=scan.rss0 * np.exp(minimum.F),
         rss0=scan.rss0,
-        statistic=np.maximum(-scan.n_rows * found.F, 0.0),
+        statistic=np.maximum(-scan.n_rows * minimum.F, 0.0),
     )

@@ -13,8 +13,6 @@ import numpy as np
 
 from .. import FloatArray
 
-__all__ = ["Waveform", "bias", "drift", "lagged_bias", "ramp_hold", "sampled", "sine"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Waveform:

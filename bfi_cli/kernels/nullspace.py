@@ -95,8 +95,17 @@ def criteria(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float 
     ValueError : shapes disagree, the record has a single sample or a value is not finite.
     """
     y, u = _checked(y, u, width)
+    # Columns that span the rest, one at least: none that stays zero, none that is a multiple of another. Surfaces that
+    # move together are logged one by one; their columns change no distance and cost as much as others do.
     Z = np.hstack([y[:-1], u[:-1], u[1:]])
-    rows = np.hstack([Z[:, _spanning(Z)], y[1:]])
+    size = np.abs(Z).max(axis=0)
+    moving = np.flatnonzero(size > 0.0)
+    if moving.size:
+        scaled = Z[:, moving] / size[moving]
+        signs = np.sign(scaled[np.abs(scaled).argmax(axis=0), np.arange(len(moving))])
+        moving = np.sort(moving[np.unique(scaled * signs, axis=1, return_index=True)[1]])
+    rows = np.hstack([Z[:, moving if moving.size else [0]], y[1:]])
+
     peaks = np.maximum.accumulate(np.abs(rows), axis=0)
     scales = np.where(peaks > 0.0, peaks, 1.0)
     n_z = rows.shape[1] - y.shape[1]
@@ -161,20 +170,6 @@ class SlidingWindow:
         parts = (self._old[block], self._new, self._rows[first:whole], self._rows[last : self._end])
         stack = np.empty((2 * n_columns + whole - first + self._end - last, n_columns), order="F")
         return np.concatenate(parts, out=stack)
-
-
-def _spanning(Z: FloatArray) -> IntArray:
-    """Return which columns, one at least, span them all: none that stays zero, none that is a multiple of another.
-
-    Surfaces that move together are logged one by one; their columns change no distance and cost as much as others do.
-    """
-    size = np.abs(Z).max(axis=0)
-    moving = np.flatnonzero(size > 0.0)
-    if not moving.size:
-        return np.zeros(1, dtype=np.intp)
-    scaled = Z[:, moving] / size[moving]
-    signs = np.sign(scaled[np.abs(scaled).argmax(axis=0), np.arange(len(moving))])
-    return np.sort(moving[np.unique(scaled * signs, axis=1, return_index=True)[1]])
 
 
 def _checked(y: FloatArray, u: FloatArray, width: int) -> tuple[FloatArray, FloatArray]:

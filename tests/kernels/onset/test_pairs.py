@@ -69,6 +69,16 @@ def test_a_clear_fault_is_found_from_start_to_end(name, order):
     assert profile.statistic[best] == found.statistic
 
 
+def test_pairs_to_consider_are_all_that_fit():
+    scan = prepare_scan(*record(60), order=4)
+    limits = pair_limits(scan, shapes.bias(60))
+    fitting = {(a, b) for a in range(60) for b in range(61) if a >= 12 and b <= 60 - 8 and b - a >= 8}
+    starts = {tuple(pair) for end in range(20, 53) for pair in limits.starts(end).T.tolist()}
+    ends = {tuple(pair) for start in range(12, 45) for pair in limits.ends(start).T.tolist()}
+    everything = {tuple(pair) for pair in limits.pairs(np.arange(12, 53), np.arange(12, 53)).T.tolist()}
+    assert starts == ends == everything == fitting
+
+
 def suboptimal(seed):
     """Return whether the scan of every pair beats the search, in a random record with or without a fault."""
     rng = np.random.default_rng(seed)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .errors import ConfigError, DictionaryError
 from .faults import did_you_mean
 from .flightlog.record import frozen_array
-from .kernels.nuclear import largest_penalty, nuclear_least_squares
+from .kernels.nuclear_norm import largest_penalty, nuclear_least_squares
 from .kernels.risro import risro
 from .kernels.termination import Termination
 

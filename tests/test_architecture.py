@@ -1,4 +1,4 @@
-"""The shape of the house: imports point down, each library has one place, files and functions stay small."""
+"""The shape of the house: imports point down and each library has one place."""
 
 from __future__ import annotations
 

@@ -18,9 +18,9 @@ from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.identify.estimation import magnitudes_of
-from bfi_cli.kernels.bilinear import fit_magnitudes
 from bfi_cli.kernels.covariance import unfold
-from bfi_cli.kernels.selection import Penalty, Scored
+from bfi_cli.kernels.model_selection import Penalty, ScoredFit
+from bfi_cli.kernels.variable_projection import fit_magnitudes
 from bfi_cli.kernels.whiteness import effective_rows
 from bfi_cli.study.intake import take_in
 from bfi_cli.study.scaled import floor_of, prepare
@@ -57,7 +57,7 @@ def test_the_limits_are_those_of_an_identification_with_the_same_model(clean, on
     penalty = Penalty(
         n_rows=study.n_rows, n_effective=min(rows, study.n_rows), n_candidates=7, evidence=Config().selection.evidence
     )
-    expected = magnitudes_of(study, Scored(criterion=0.0, fit=fit), penalty).minimal_detectable
+    expected = magnitudes_of(study, ScoredFit(criterion=0.0, fit=fit), penalty).minimal_detectable
     np.testing.assert_allclose([entry.minimal_detectable for entry in on_clean.atoms], expected, rtol=1e-6)
 
 

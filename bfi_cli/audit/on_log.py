@@ -8,7 +8,7 @@ from ..conditioning import SAMPLES_PER_CYCLE
 from ..config import Config
 from ..dictionary import Dictionary
 from ..flightlog import FlightLog
-from ..kernels.coherence import whitened
+from ..kernels.coherence import whiten
 from ..study import Intake, take_in
 from ..study.predicted import Predicted, about_the_log, predicted, without_injected
 from .comparison import advised, compare, own_channel, sentences
@@ -44,7 +44,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     study, unfolded = fitted.study, fitted.unfolded
     time_s = study.conditioned.time_s[study.layout.first :]
     names = [listing.names[j] for j in listing.live]
-    G = whitened(unfolded.signatures, fitted.fit.sigma) * seen
+    G = whiten(unfolded.signatures, fitted.fit.sigma) * seen
     signatures, found = compare(names, time_s, own_channel(unfolded.signatures * study.unit[:, None]) * seen, G)
     fastest = fastest_hz(intake.faults)
     return Audit(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import LogError
 from ..kernels.lagged import lagged
 from ..kernels.parity import past_basis
-from ..kernels.recursion import PRIOR, Recursion, predictive_score, recursive_residuals
+from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
 from .record import Sampled
 
 __all__ = ["Predicted", "predicted"]
@@ -49,7 +49,7 @@ class Predicted:
     forgetting: float
     basis: FloatArray
     unit: FloatArray
-    errors: Recursion
+    errors: RecursiveResiduals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

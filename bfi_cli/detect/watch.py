@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.exponential_tail import block_maxima, fit_tail, white_excess, white_level
 from ..kernels.parity import Drops, largest_drops
-from ..kernels.tail import block_maxima, tail_of, white_excess, white_level
 from .model import Predicted, predicted
 from .record import Sampled
 
@@ -126,7 +126,7 @@ def _threshold(model: Predicted, drops: Drops, window: int, false_alarm: float) 
     usual = white_level(WHITE_ONSETS, 1.0 - HIGH)
     scale = np.maximum(np.quantile(held, HIGH, axis=0) / usual, 1.0) if len(held) else np.ones(q)
     maxima = block_maxima(held / scale, window)
-    tail = tail_of(maxima, white=white_excess(WHITE_ONSETS * q * window))
+    tail = fit_tail(maxima, white=white_excess(WHITE_ONSETS * q * window))
     if tail is None:
         reached = np.maximum(ALLOWANCE * held.max(axis=0, initial=0.0) / white, 1.0)
         return Threshold(level=white * reached, white=white, tail=None, scale=reached, maxima=maxima)

@@ -11,7 +11,7 @@ from ..config import Config
 from ..dictionary import Dictionary
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
-from ..kernels.separation import window_bits
+from ..kernels.distinguishability import window_bits
 from .judged import in_samples, judge, limits_of
 from .measured import Measured, measure
 from .result import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore

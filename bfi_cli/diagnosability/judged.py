@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.separation import sample_bits, window_bits
+from ..kernels.distinguishability import sample_bits, window_bits
 from .measured import Measured
 
 __all__ = ["Judged", "apart", "in_samples", "judge", "limits_of"]

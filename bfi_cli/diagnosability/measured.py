@@ -13,8 +13,8 @@ from ..config import Config
 from ..dictionary import Dictionary
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
-from ..kernels.coherence import mutual_coherence, whitened
-from ..kernels.separation import Separation, separation
+from ..kernels.coherence import mutual_coherence, whiten
+from ..kernels.distinguishability import Distinguishability, distinguishability
 from ..result import LogSummary, ModelSummary
 from ..study import Intake, lowpass_of, take_in
 from ..study.elsewhere import overdispersion
@@ -54,7 +54,7 @@ class Measured:
     sd: FloatArray
     deviations: float
     coherence: FloatArray
-    separation: Separation
+    separation: Distinguishability
     errors: FloatArray
     traces: FloatArray
     places: tuple[int, ...]
@@ -81,7 +81,7 @@ def measure(log: FlightLog, dictionary: Dictionary, config: Config) -> Measured:
     seen = np.isfinite(found.sd)
     excess = overdispersion(intake, replace(found.study, live=intake.live), found.fit, lowpass_of(config))
     sd[live] = np.where(seen, found.sd * np.sqrt(excess), np.inf)
-    G = whitened(found.unfolded.signatures, found.fit.sigma) * seen
+    G = whiten(found.unfolded.signatures, found.fit.sigma) * seen
     coherence[np.ix_(live, live)] = mutual_coherence(G)
     places = tuple(max(0, _place(config, fault)) for fault in intake.faults)
     return Measured(
@@ -94,7 +94,7 @@ def measure(log: FlightLog, dictionary: Dictionary, config: Config) -> Measured:
         sd=sd,
         deviations=found.deviations,
         coherence=coherence,
-        separation=separation(whitened(found.unfolded.error[:, :, None], found.fit.sigma)),
+        separation=distinguishability(whiten(found.unfolded.error[:, :, None], found.fit.sigma)),
         errors=found.unfolded.error * found.study.unit,
         traces=_traces(intake, found, places),
         places=places,

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.coherence import detectable_deviations
-from ..kernels.covariance import Unfolded, covariance, single_additions, unfold
+from ..kernels.covariance import FitRows, covariance, single_additions, unfold
+from ..kernels.model_selection import OrderSearch, Penalty, ScoredFit, full_support, search_orders
 from ..kernels.progress import Report, parts, shares, silent
-from ..kernels.selection import Penalty, Scored, Search, full_support, search_orders
+from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows
 from ..study import Study
 
@@ -39,11 +39,11 @@ class Answer:
     unfolded : `best` over the rows.
     """
 
-    best: Scored
-    fits: tuple[Scored, ...]
-    searches: tuple[Search, ...]
+    best: ScoredFit
+    fits: tuple[ScoredFit, ...]
+    searches: tuple[OrderSearch, ...]
     penalty: Penalty
-    unfolded: Unfolded
+    unfolded: FitRows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,7 +139,7 @@ def deviance(study: Study, answer: Answer, atom: int) -> float:
     return answer.penalty.n_effective * (_at(study, search, smaller, answer.penalty).fit.log_det - best.log_det)
 
 
-def _answer(study: Study, searches: tuple[Search, ...], penalty: Penalty) -> Answer:
+def _answer(study: Study, searches: tuple[OrderSearch, ...], penalty: Penalty) -> Answer:
     best = min((search.best for search in searches), key=lambda scored: scored.criterion)
     return Answer(
         best=best,
@@ -150,17 +150,17 @@ def _answer(study: Study, searches: tuple[Search, ...], penalty: Penalty) -> Ans
     )
 
 
-def _rescored(search: Search, penalty: Penalty) -> Search:
+def _rescored(search: OrderSearch, penalty: Penalty) -> OrderSearch:
     visited = tuple(replace(scored, criterion=penalty.criterion(scored.fit)) for scored in search.visited)
     return replace(search, visited=visited)
 
 
-def _at(study: Study, search: Search, fit: Fit, penalty: Penalty) -> Scored:
+def _at(study: Study, search: OrderSearch, fit: Fit, penalty: Penalty) -> ScoredFit:
     known = search.of(fit.atoms)
     if known is not None:
         return known
     found = fit_magnitudes(study.problem(search.order), fit.atoms, fit.z)
-    return Scored(criterion=penalty.criterion(found), fit=found)
+    return ScoredFit(criterion=penalty.criterion(found), fit=found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -192,7 +192,7 @@ def magnitudes(
         start = at.value[active] / coarse.magnitude_unit[active]
         fits = [fit_magnitudes(coarse.problem(order), active, start) for order, _ in parts(fitting, coarse.orders)]
         penalty = replace(answer.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
-        scored = [Scored(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
+        scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
         other = _averaged(coarse, scored, overdispersion, there)
         excess = (other.value - at.value) ** 2 - np.maximum(at.variance, other.variance)
         variance += RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
@@ -207,7 +207,7 @@ def magnitudes(
     )
 
 
-def magnitudes_of(study: Study, scored: Scored, penalty: Penalty) -> Magnitudes:
+def magnitudes_of(study: Study, scored: ScoredFit, penalty: Penalty) -> Magnitudes:
     """Return the magnitudes of one fit, nothing averaged."""
     at = _averaged(study, [scored], np.ones(len(study.live)))
     return Magnitudes(
@@ -224,7 +224,9 @@ def _deviations(penalty: Penalty) -> float:
     return detectable_deviations(penalty.n_candidates, charge=charge, false_alarm=FALSE_ALARM, power=POWER)
 
 
-def _averaged(study: Study, fits: Sequence[Scored], overdispersion: FloatArray, report: Report = silent) -> _Averaged:
+def _averaged(
+    study: Study, fits: Sequence[ScoredFit], overdispersion: FloatArray, report: Report = silent
+) -> _Averaged:
     """The best order's magnitudes with the spread of the others around them."""
     criteria = np.array([scored.criterion for scored in fits])
     weights = np.exp(-0.5 * (criteria - criteria.min()))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scipy import special
 
-from ..kernels.selection import Scored
+from ..kernels.model_selection import ScoredFit
 from ..result import SolverSummary
 from .estimation import Magnitudes
 
@@ -26,8 +26,8 @@ class Found:
     orders, criterion_no_fault, criterion_best : the order selection curve, empty for one order.
     """
 
-    scored: Scored
-    plain: Scored
+    scored: ScoredFit
+    plain: ScoredFit
     magnitudes: Magnitudes
     orders: tuple[int, ...]
     criterion_no_fault: tuple[float, ...]

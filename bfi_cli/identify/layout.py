@@ -6,7 +6,7 @@ import numpy as np
 
 from ..config import Config
 from ..faults import magnitude_unit, physical
-from ..kernels.covariance import Unfolded, unfold
+from ..kernels.covariance import FitRows, unfold
 from ..result import Candidate, Decision, FaultEstimate, IdentifyResult, LogSummary, ModelSummary
 from ..study import Intake, Study, lowpass_of
 from .found import Found, interval_quantile
@@ -69,7 +69,7 @@ def _log_summary(intake: Intake, study: Study) -> LogSummary:
     )
 
 
-def _model_summary(study: Study, config: Config, found: Found, unfolded: Unfolded) -> ModelSummary:
+def _model_summary(study: Study, config: Config, found: Found, unfolded: FitRows) -> ModelSummary:
     sd = np.sqrt(np.mean(unfolded.error**2, axis=0)) * study.unit
     return ModelSummary(
         order=found.scored.fit.order,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..conditioning import condition
 from ..config import Config
 from ..errors import LogError
+from ..kernels.model_selection import ScoredFit
 from ..kernels.progress import Progress, Report
-from ..kernels.selection import Scored
 from ..result import SolverSummary
 from ..study import Intake, Study, lowpass_of, study_of
 from ..study.elsewhere import overdispersion
@@ -103,7 +103,7 @@ def _declined(study: Study, answer: Answer, estimates: Magnitudes, dispersion: F
     return None
 
 
-def _plain(answer: Answer) -> Scored:
+def _plain(answer: Answer) -> ScoredFit:
     none = [scored for search in answer.searches if (scored := search.of(())) is not None]
     return min(none, key=lambda scored: scored.criterion)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.selection import Scored
+from ..kernels.model_selection import ScoredFit
 from ..kernels.whiteness import exceedances
 from ..result import OutputSeries, ResidualSummary
 from ..study import Intake, Study
@@ -54,10 +54,10 @@ def blind(study: Study, magnitudes: Magnitudes) -> tuple[bool, ...]:
     return tuple(answers)
 
 
-def rivals(answer: Answer, evidence: float = STRONG) -> list[Scored]:
+def rivals(answer: Answer, evidence: float = STRONG) -> list[ScoredFit]:
     """Return the other supports of the same size that explain the log nearly as well, best first."""
     best = answer.best
-    by_support: dict[tuple[int, ...], Scored] = {}
+    by_support: dict[tuple[int, ...], ScoredFit] = {}
     for search in answer.searches:
         for scored in search.visited:
             known = by_support.get(scored.fit.atoms)

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import ConfigError
-from ..kernels.bilinear import fit_magnitudes
 from ..kernels.lagged import Compressed, restrict
+from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts
 from ..kernels.risro_varx import VarxSolution, risro_varx
-from ..kernels.selection import Penalty, Scored
 from ..kernels.sparsity import SparseStage
-from ..kernels.termination import Settings
+from ..kernels.termination import StoppingRule
+from ..kernels.variable_projection import fit_magnitudes
 from ..result import SolverSummary
 from ..study import Study
 from .estimation import Magnitudes, choose, magnitudes_of
@@ -45,8 +45,8 @@ class _Published:
     solution: VarxSolution
     z: FloatArray
     active: tuple[int, ...]
-    whole: Scored
-    scored: Scored
+    whole: ScoredFit
+    scored: ScoredFit
     penalty: Penalty
 
 
@@ -77,8 +77,8 @@ def _run(study: Study, config: Config, report: Report) -> _Published:
         solution=solution,
         z=z,
         active=active,
-        whole=Scored(criterion=costs[order], fit=whole),
-        scored=Scored(criterion=penalty.criterion(fit), fit=fit),
+        whole=ScoredFit(criterion=costs[order], fit=whole),
+        scored=ScoredFit(criterion=penalty.criterion(fit), fit=fit),
         penalty=penalty,
     )
 
@@ -89,7 +89,7 @@ def solve(data: Compressed, config: Config) -> VarxSolution:
     stage = None
     if rules.sparsity != "none":
         stage = SparseStage(kind=rules.sparsity, alpha=rules.alpha, r=rules.r, p0=rules.p0, updates=rules.updates)
-    settings = Settings(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
+    settings = StoppingRule(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
     return risro_varx(data, settings=settings, sparse=stage, as_published=rules.as_published)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..faults import active_samples, unit_signal
 from ..flightlog.record import Truth, frozen_array
-from ..kernels.covariance import Unfolded
+from ..kernels.covariance import FitRows
 from ..kernels.decimation import Lowpass, decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..result import AgainstTruth, OutputSeries, ResidualSummary
@@ -38,8 +38,8 @@ class Reconstruction:
     atoms: tuple[int, ...]
     z: FloatArray
     covariance: FloatArray
-    unfolded: Unfolded
-    plain: Unfolded
+    unfolded: FitRows
+    plain: FitRows
 
 
 def output_series(

@@ -1,1 +1,9 @@
 """Arrays in, arrays out: numpy and scipy only, no files, no configuration; what is wrong is a `ValueError`."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["FloatArray", "IntArray"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]

@@ -1,4 +1,4 @@
-"""How alike and how visible the signatures of a dictionary are (METHOD section 4)."""
+"""How alike and how visible the signatures of a dictionary are."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.linalg import solve_triangular
 
+from . import FloatArray
 from .lagged import lagged
 
-__all__ = ["Dependence", "dependence", "detectable_deviations", "homogeneous_order", "mutual_coherence", "whitened"]
-
-FloatArray = NDArray[np.float64]
-
+# Singular values of unit signatures below this share of the largest are round-off; chosen, not tuned.
 RANK_TOLERANCE = 1e-10
-HOMOGENEOUS = 1e-9
+# Lagged copies are dependent where their smallest singular value is below this share of the largest; chosen likewise.
+HOMOGENEITY_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,7 +34,7 @@ class Dependence:
     weakest: FloatArray
 
 
-def whitened(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
+def whiten(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return signatures as columns whose inner products are those of the information matrix.
 
     Parameters
@@ -107,7 +106,7 @@ def homogeneous_order(x: FloatArray, max_order: int) -> int | None:
         return 0
     for order in range(1, min(max_order, (len(x) - 1) // 3) + 1):
         s = np.linalg.svd(lagged(x[:, None] / peak, range(order + 1)), compute_uv=False)
-        if s[-1] <= HOMOGENEOUS * s[0]:
+        if s[-1] <= HOMOGENEITY_TOLERANCE * s[0]:
             return order
     return None
 
@@ -117,7 +116,7 @@ def detectable_deviations(n_candidates: int, *, charge: float, false_alarm: floa
 
     Parameters
     ----------
-    n_candidates : signals that share the false-alarm rate, two-sided (METHOD section 3).
+    n_candidates : signals that share the false-alarm rate, two-sided.
     charge : what a criterion on the scale of twice the log-likelihood asks of one more signal; 0 for none.
     """
     tail = -float(special.ndtri(false_alarm / (2.0 * max(n_candidates, 1))))

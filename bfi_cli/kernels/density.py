@@ -11,24 +11,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = [
-    "Density",
-    "choose_exponent",
-    "convolved",
-    "draw",
-    "gaussian_density",
-    "kernel_density",
-    "log_density",
-    "pilot_bandwidth",
-]
+from . import FloatArray
 
-FloatArray = NDArray[np.float64]
-
+# Samples that a bandwidth can be told from.
 FEWEST = 3
+# Distances between points and kernels that are in memory at a time: half a megabyte, which stays in the cache.
 BLOCK = 1 << 16
+# Sums of exponentials this far from overflow and underflow need no scaling by the largest.
 SMALL = 1e-250
+# The exponents a of (22) to choose from. They end at 1 because on a multimodal residual the likelihood may rise beyond
+# any sensible exponent.
 EXPONENTS = np.linspace(0.0, 1.0, 21)
 HALF_LOG_2_PI = 0.5 * np.log(2.0 * np.pi)
 
@@ -57,7 +50,8 @@ def kernel_density(samples: FloatArray, *, exponent: float | None = 0.5, bandwid
     Parameters
     ----------
     samples : (n,) of any unit, three or more.
-    exponent : a of (22), 0 for one bandwidth everywhere; None for the most likely, see `choose_exponent`.
+    exponent : a of (22), 0 for one bandwidth everywhere; None for the one of 0, 0.05 .. 1 with the
+        largest leave-one-out likelihood (25).
     bandwidth : in place of the rule of thumb (24), in the samples' unit.
 
     Raises
@@ -65,14 +59,22 @@ def kernel_density(samples: FloatArray, *, exponent: float | None = 0.5, bandwid
     ValueError : too few samples, all of them equal, not finite, or a setting that is out of range.
     """
     samples = _checked(samples)
-    h = pilot_bandwidth(samples) if bandwidth is None else bandwidth
+    spread = float(np.std(samples, ddof=1))
+    low, high = np.percentile(samples, [25.0, 75.0])
+    # (24); where half the samples are equal, the standard deviation alone is the spread.
+    narrow = min(spread, (high - low) / 1.34) if high > low else spread
+    h = float(0.9 * narrow * samples.size**-0.2) if bandwidth is None else bandwidth
     if not (np.isfinite(h) and h > 0.0):
         raise ValueError(f"bandwidth must be positive, got {h:g}")
-    pilot = _log_pilot(samples, h)
-    a = _most_likely(samples, h, pilot) if exponent is None else float(exponent)
-    if not (np.isfinite(a) and a >= 0.0):
-        raise ValueError(f"exponent must not be negative, got {a:g}")
-    return _density(samples, h * _factors(pilot, a), pilot_bandwidth=float(h), exponent=a)
+    # (22) and (23): local factors of geometric mean 1, from the preliminary estimate with the own kernel included.
+    alike = Density(samples=samples, bandwidths=np.full(samples.size, h), pilot_bandwidth=h, exponent=0.0)
+    relative = log_density(alike, samples)
+    relative = relative - np.mean(relative)
+    if exponent is None:
+        exponent = float(EXPONENTS[np.argmax([_left_out(samples, h * np.exp(-a * relative)) for a in EXPONENTS])])
+    if not (np.isfinite(exponent) and exponent >= 0.0):
+        raise ValueError(f"exponent must not be negative, got {exponent:g}")
+    return _density(samples, h * np.exp(-exponent * relative), pilot_bandwidth=h, exponent=float(exponent))
 
 
 def gaussian_density(samples: FloatArray) -> Density:
@@ -87,44 +89,16 @@ def gaussian_density(samples: FloatArray) -> Density:
     return _density(np.array([np.mean(samples)]), np.array([spread]), pilot_bandwidth=spread, exponent=0.0)
 
 
-def choose_exponent(samples: FloatArray) -> float:
-    """Return the exponent a of (22) with the largest leave-one-out likelihood (25), of 0, 0.05 .. 1.
-
-    The grid ends at 1 because on a multimodal residual the likelihood may rise beyond any sensible exponent.
-
-    Raises
-    ------
-    ValueError : see `kernel_density`.
-    """
-    samples = _checked(samples)
-    h = pilot_bandwidth(samples)
-    return _most_likely(samples, h, _log_pilot(samples, h))
-
-
-def pilot_bandwidth(samples: FloatArray) -> float:
-    """Return h of (24) with the sample standard deviation; where half the samples are equal, that alone is the spread.
-
-    Raises
-    ------
-    ValueError : see `kernel_density`.
-    """
-    samples = _checked(samples)
-    spread = float(np.std(samples, ddof=1))
-    low, high = np.percentile(samples, [25.0, 75.0])
-    quartiles = float(high - low) / 1.34
-    return float(0.9 * (min(spread, quartiles) if quartiles > 0.0 else spread) * samples.size**-0.2)
-
-
 def log_density(density: Density, points: FloatArray) -> FloatArray:
     """Return the natural logarithm of the density at points of any shape; finite however far out."""
     points = np.asarray(points, dtype=np.float64)
     weights = -np.log(density.bandwidths)
     most = float(np.max(weights))
-    found = np.empty(points.size)
+    logarithms = np.empty(points.size)
     for rows in _blocks(points.size, density.samples.size):
         off = (points.reshape(-1)[rows, None] - density.samples) / density.bandwidths
-        found[rows] = _log_sum_exp(-0.5 * off * off + (weights - most))
-    return np.asarray(found.reshape(points.shape) + (most - np.log(density.samples.size) - HALF_LOG_2_PI))
+        logarithms[rows] = _log_sum_exp(-0.5 * off * off + (weights - most))
+    return np.asarray(logarithms.reshape(points.shape) + (most - np.log(density.samples.size) - HALF_LOG_2_PI))
 
 
 def draw(density: Density, n: int, *, rng: np.random.Generator) -> FloatArray:
@@ -133,7 +107,7 @@ def draw(density: Density, n: int, *, rng: np.random.Generator) -> FloatArray:
     return np.asarray(density.samples[kernel] + density.bandwidths[kernel] * rng.standard_normal(n))
 
 
-def convolved(density: Density, sd: float) -> Density:
+def convolve(density: Density, sd: float) -> Density:
     """Return the density of a value with an independent Gaussian one of mean 0 and deviation `sd` added."""
     if not (np.isfinite(sd) and sd >= 0.0):
         raise ValueError(f"a deviation must not be negative, got {sd:g}")
@@ -160,22 +134,6 @@ def _density(samples: FloatArray, bandwidths: FloatArray, *, pilot_bandwidth: fl
     return Density(samples=samples, bandwidths=bandwidths, pilot_bandwidth=pilot_bandwidth, exponent=exponent)
 
 
-def _log_pilot(samples: FloatArray, h: float) -> FloatArray:
-    """The preliminary estimate of (22) at the samples, the own kernel of each included."""
-    alike = Density(samples=samples, bandwidths=np.full(samples.size, h), pilot_bandwidth=h, exponent=0.0)
-    return log_density(alike, samples)
-
-
-def _factors(log_pilot: FloatArray, a: float) -> FloatArray:
-    """The local factors of (22), whose geometric mean is 1, (23)."""
-    return np.asarray(np.exp(-a * (log_pilot - np.mean(log_pilot))))
-
-
-def _most_likely(samples: FloatArray, h: float, log_pilot: FloatArray) -> float:
-    likelihood = [_left_out(samples, h * _factors(log_pilot, a)) for a in EXPONENTS]
-    return float(EXPONENTS[int(np.argmax(likelihood))])
-
-
 def _left_out(samples: FloatArray, bandwidths: FloatArray) -> float:
     """Sum of the logarithms of (25), without the terms that no bandwidth changes."""
     total = 0.0
@@ -192,11 +150,11 @@ def _log_sum_exp(exponents: FloatArray) -> FloatArray:
     total = np.sum(np.exp(exponents), axis=1)
     far = ~((total > SMALL) & (total < 1.0 / SMALL))
     total[far] = 1.0
-    found = np.log(total)
+    logarithms = np.log(total)
     if np.any(far):
         top = np.max(exponents[far], axis=1, keepdims=True)
-        found[far] = top[:, 0] + np.log(np.sum(np.exp(exponents[far] - top), axis=1))
-    return np.asarray(found)
+        logarithms[far] = top[:, 0] + np.log(np.sum(np.exp(exponents[far] - top), axis=1))
+    return np.asarray(logarithms)
 
 
 def _blocks(n_points: int, n_kernels: int) -> Iterator[slice]:

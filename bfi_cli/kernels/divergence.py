@@ -7,16 +7,15 @@ With the factors 1/2 of (15) in both terms and logarithms to base 2, which the r
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from . import FloatArray
 from .density import Density, draw, log_density
 
-__all__ = ["jensen_shannon_montecarlo", "jensen_shannon_quadrature"]
-
-FloatArray = NDArray[np.float64]
-
+# Bandwidths from its centre at which a kernel ends: beyond, 2e-19 of it.
 REACH = 9.0
+# Bandwidths that a kernel's centre or end must lie off the last edge to make one.
 CLOSE = 2.0
+# Error of the whole integral that the panels share equally, and bisections of a panel at most.
 TOLERANCE = 1e-8
 ROUNDS = 30
 # Kronrod's 15 nodes on [-1, 1] from the centre outwards, their weights, and the weights of Gauss's 7 among them.
@@ -41,12 +40,21 @@ def jensen_shannon_quadrature(p: Density, q: Density) -> float:
 
     Adaptive Gauss-Kronrod quadrature on panels that end where kernels do, so that none falls between two nodes.
     """
-    edges = _edges(p, q)
+    # Centres and ends of the kernels of both, ascending, those close to the last left out.
+    widths = np.concatenate([p.bandwidths, q.bandwidths])
+    centres = np.concatenate([p.samples, q.samples])
+    points = np.concatenate([centres - REACH * widths, centres, centres + REACH * widths])
+    order = np.argsort(points, kind="stable")
+    kept = [float(points[order[0]])]
+    for point, width in zip(points[order].tolist(), np.tile(widths, 3)[order].tolist(), strict=True):
+        if point - kept[-1] > CLOSE * width:
+            kept.append(point)
+    edges = np.array(kept)
     left, right = edges[:-1], edges[1:]
     total = 0.0
     for _ in range(ROUNDS):
         value, error = _panels(p, q, left, right)
-        rough = error > TOLERANCE * 1.0 / edges.size
+        rough = error > TOLERANCE / edges.size
         total += float(np.sum(value[~rough]))
         if not np.any(rough):
             break
@@ -73,16 +81,15 @@ def jensen_shannon_montecarlo(p: Density, q: Density, n: int, *, rng: np.random.
     """
     if n < 2:
         raise ValueError(f"a standard error needs 2 values or more, got {n}")
-    terms = [_surprise(mine, other, draw(mine, n, rng=rng)) / np.log(2.0) for mine, other in ((p, q), (q, p))]
+    terms = []
+    for mine, other in ((p, q), (q, p)):
+        points = draw(mine, n, rng=rng)
+        own = log_density(mine, points)
+        # log(2 p / (p + q)), at most 1 bit.
+        terms.append(1.0 + (own - np.logaddexp(own, log_density(other, points))) / np.log(2.0))
     value = 0.5 * sum(float(np.mean(term)) for term in terms)
     variance = 0.25 * sum(float(np.var(term, ddof=1)) / n for term in terms)
     return value, float(np.sqrt(variance))
-
-
-def _surprise(mine: Density, other: Density, points: FloatArray) -> FloatArray:
-    """log(2 p / (p + q)), at most log 2."""
-    own = log_density(mine, points)
-    return np.asarray(own - np.logaddexp(own, log_density(other, points)) + np.log(2.0))
 
 
 def _panels(p: Density, q: Density, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -95,16 +102,3 @@ def _panels(p: Density, q: Density, left: FloatArray, right: FloatArray) -> tupl
     log_mean = np.logaddexp(log_p, log_q) - np.log(2.0)
     height = 0.5 * (np.exp(log_p) * (log_p - log_mean) + np.exp(log_q) * (log_q - log_mean))
     return half * (height @ kronrod), half * np.abs(height @ (kronrod - gauss))
-
-
-def _edges(p: Density, q: Density) -> FloatArray:
-    """Centres and ends of the kernels of both, ascending, those within two bandwidths of the last left out."""
-    centres = np.concatenate([p.samples, q.samples])
-    widths = np.concatenate([p.bandwidths, q.bandwidths])
-    points = np.concatenate([centres - REACH * widths, centres, centres + REACH * widths])
-    order = np.argsort(points, kind="stable")
-    kept = [float(points[order[0]])]
-    for point, width in zip(points[order].tolist(), np.tile(widths, 3)[order].tolist(), strict=True):
-        if point - kept[-1] > CLOSE * width:
-            kept.append(point)
-    return np.array(kept)

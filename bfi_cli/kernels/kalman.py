@@ -1,23 +1,20 @@
 """The Kalman filter of a linear time-invariant system, with the likelihood of every sample.
 
-The system is x(k+1) = A x(k) + B u(k) + w(k), y(k) = C x(k) + D u(k) + v(k), w and v white with covariances Q and R. A
-measurement is taken in by the Joseph form, which keeps the covariance positive for any gain.
+The system is x(k+1) = A x(k) + B u(k) + w(k), y(k) = C x(k) + D u(k) + v(k), w and v white with covariances Q and R.
+The Joseph form of the update keeps the covariance positive for any gain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-__all__ = ["FilterRun", "FilterStep", "Gaussian", "StateSpace", "kalman_filter", "predict", "recorded", "update"]
+from . import FloatArray
 
-FloatArray = NDArray[np.float64]
-
+# An eigenvalue of Q below zero by less than this share of its largest entry is round-off.
 NEGATIVE = 1e-12
 
 
@@ -65,30 +62,12 @@ class StateSpace:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilterStep:
-    """One measurement taken in: the estimate after it, and the innovation with its covariance and log-likelihood."""
+    """The estimate after one measurement, and the innovation with its covariance and log-likelihood."""
 
     estimate: Gaussian
     innovation: FloatArray
     innovation_covariance: FloatArray
     log_likelihood: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FilterRun:
-    """A filter over a record, row k after sample k.
-
-    Attributes
-    ----------
-    mean, covariance : (n_samples, n_x) and (n_samples, n_x, n_x), estimates that know y(0) to y(k).
-    innovation, innovation_covariance : (n_samples, n_y) and (n_samples, n_y, n_y), y(k) minus its prediction.
-    log_likelihood : (n_samples,), of y(k) given what came before.
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
-    innovation: FloatArray
-    innovation_covariance: FloatArray
-    log_likelihood: FloatArray
 
 
 def predict(posterior: Gaussian, system: StateSpace, *, u: FloatArray) -> Gaussian:
@@ -98,7 +77,7 @@ def predict(posterior: Gaussian, system: StateSpace, *, u: FloatArray) -> Gaussi
 
 
 def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray) -> FilterStep:
-    """Take in one measurement `y`, (n_y,), of the state that `prior` predicts; `u`, (n_u,), is the input with it.
+    """Correct the predicted state `prior` with a measurement `y`, (n_y,); `u`, (n_u,), is the input with it.
 
     Raises
     ------
@@ -120,33 +99,6 @@ def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray)
         innovation=innovation,
         innovation_covariance=S,
         log_likelihood=-0.5 * (len(y) * log(2.0 * pi) + log_det + float(white @ white)),
-    )
-
-
-def kalman_filter(system: StateSpace, y: FloatArray, u: FloatArray, *, initial: Gaussian) -> FilterRun:
-    """Filter a record.
-
-    Parameters
-    ----------
-    system : (A, B, C, D, Q, R).
-    y, u : (n_samples, n_y) and (n_samples, n_u).
-    initial : of the state at sample 0, before y(0).
-    """
-    steps, prior = [], initial
-    for y_k, u_k in zip(y, u, strict=True):
-        steps.append(update(prior, system, y=y_k, u=u_k))
-        prior = predict(steps[-1].estimate, system, u=u_k)
-    return recorded(steps)
-
-
-def recorded(steps: Sequence[FilterStep]) -> FilterRun:
-    """Return the steps of a record, at least one, stacked along axis 0."""
-    return FilterRun(
-        mean=np.array([step.estimate.mean for step in steps]),
-        covariance=np.array([step.estimate.covariance for step in steps]),
-        innovation=np.array([step.innovation for step in steps]),
-        innovation_covariance=np.array([step.innovation_covariance for step in steps]),
-        log_likelihood=np.array([step.log_likelihood for step in steps]),
     )
 
 

@@ -1,4 +1,4 @@
-"""Lagged regression, compressed: one triangular factor stands for a record of any length (METHOD section 2).
+"""Lagged regression, compressed: one triangular factor stands for a record of any length.
 
 The columns are ``[1 | u lags | theta lags 1..s | y lags 1..s | theta(k) | y(k)]``, rows k = s .. n_samples - 1. Their
 triangular factor R carries every inner product between columns, so any least squares over any subset of them, for any
@@ -13,16 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from . import FloatArray
 from .progress import Report, parts, silent
 
-__all__ = ["Columns", "Compressed", "compress", "lagged", "restrict", "with_fault"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-
+# Columns that LAPACK's blocked QR treats together; it changes the speed only.
 PANEL = 16
 
 
@@ -36,7 +32,6 @@ class Columns:
     n_inputs, n_outputs, n_atoms : widths of u, y and the dictionary.
     signals : (output, atom) of each theta column of one lag; a pair whose signal is zero everywhere has no column.
     feedthrough : the input lags start at 0 instead of 1.
-    constant : the first column is ones.
     """
 
     order: int
@@ -45,7 +40,6 @@ class Columns:
     n_atoms: int
     signals: tuple[tuple[int, int], ...]
     feedthrough: bool
-    constant: bool
 
     @property
     def input_lags(self) -> range:
@@ -55,17 +49,12 @@ class Columns:
     @property
     def n_base(self) -> int:
         """Number of columns of the constant and the inputs, which come first."""
-        return self.constant + len(self.input_lags) * self.n_inputs
+        return 1 + len(self.input_lags) * self.n_inputs
 
     @property
     def ones(self) -> slice:
-        """The constant's column; empty without one."""
-        return slice(0, int(self.constant))
-
-    @property
-    def inputs(self) -> slice:
-        """The lagged inputs."""
-        return slice(int(self.constant), self.n_base)
+        """The constant's column."""
+        return slice(0, 1)
 
     @property
     def theta_lags(self) -> slice:
@@ -91,24 +80,6 @@ class Columns:
     def size(self) -> int:
         """Number of columns."""
         return int(self.y.stop)
-
-    def base_to(self, order: int) -> IntArray:
-        """Return the indices of the constant and of the inputs up to lag `order`."""
-        lags = len(self.input_lags) - self.order + self._checked(order)
-        return np.arange(self.constant + lags * self.n_inputs)
-
-    def theta_lags_to(self, order: int) -> IntArray:
-        """Return the indices of the dictionary signals at lags 1..order."""
-        return np.arange(self._checked(order) * len(self.signals)) + int(self.theta_lags.start)
-
-    def y_lags_to(self, order: int) -> IntArray:
-        """Return the indices of the outputs at lags 1..order."""
-        return np.arange(self._checked(order) * self.n_outputs) + int(self.y_lags.start)
-
-    def _checked(self, order: int) -> int:
-        if not 1 <= order <= self.order:
-            raise ValueError(f"order must lie in 1..{self.order}, got {order}")
-        return order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,6 +123,11 @@ def lagged(x: FloatArray, lags: Sequence[int], *, first: int | None = None) -> F
     return rows.T
 
 
+def add_rows(R: FloatArray, rows: FloatArray, *, overwrite: bool = False) -> FloatArray:
+    """Return the triangular factor of the rows that `R`, (n, n), stands for and of `rows`, (m, n), below them."""
+    return np.asarray(lapack.dtpqrt(0, min(PANEL, len(R)), R, rows, overwrite_a=overwrite, overwrite_b=overwrite)[0])
+
+
 def compress(
     u: FloatArray,
     y: FloatArray,
@@ -159,7 +135,6 @@ def compress(
     *,
     order: int,
     feedthrough: bool = False,
-    constant: bool = True,
     block_rows: int = 1024,
     report: Report = silent,
 ) -> Compressed:
@@ -172,7 +147,6 @@ def compress(
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms).
     order : largest lag s, at least 1.
     feedthrough : inputs act in the same sample too.
-    constant : include a column of ones.
     block_rows : lagged rows formed at a time.
     report : told how far it is.
 
@@ -181,7 +155,12 @@ def compress(
     ValueError : shapes disagree, no row remains, or a value is not finite.
     """
     u, y, theta = (np.asarray(x, dtype=np.float64) for x in (u, y, theta))
-    _check(u, y, theta, order)
+    if u.ndim != 2 or y.ndim != 2 or theta.ndim != 3:
+        raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {u.ndim}, {y.ndim}, {theta.ndim}")
+    if len(u) != len(y) or theta.shape[:2] != y.shape:
+        raise ValueError(f"shapes disagree: u {u.shape}, y {y.shape}, theta {theta.shape}")
+    if not 1 <= order < len(y):
+        raise ValueError(f"order must lie in 1..{len(y) - 1} for {len(y)} samples, got {order}")
     signals = tuple((int(i), int(j)) for i, j in np.argwhere(np.any(theta, axis=0)))
     columns = Columns(
         order=order,
@@ -190,16 +169,23 @@ def compress(
         n_atoms=theta.shape[2],
         signals=signals,
         feedthrough=feedthrough,
-        constant=constant,
     )
     picked = np.array([i * columns.n_atoms + j for i, j in signals], dtype=np.intp)
+    past = range(1, order + 1)
     R = np.zeros((columns.size, columns.size), order="F")
     block = np.empty((columns.size, max(1, min(block_rows, len(y) - order))))
     for start, _ in parts(report, range(order, len(y), block.shape[1])):
         rows = slice(start - order, start + block.shape[1])
         atoms = theta[rows].reshape(len(y[rows]), -1)[:, picked]
-        _fill_block(block, columns, (u[rows], y[rows], atoms))
-        R = lapack.dtpqrt(0, min(PANEL, columns.size), R, block.T, overwrite_a=True, overwrite_b=True)[0]
+        part = block[:, : len(atoms) - order]
+        block[:, part.shape[1] :] = 0.0
+        part[columns.ones] = 1.0
+        _fill(part[1 : columns.n_base], u[rows], columns.input_lags)
+        _fill(part[columns.theta_lags], atoms, past)
+        _fill(part[columns.y_lags], y[rows], past)
+        _fill(part[columns.theta], atoms, range(1))
+        _fill(part[columns.y], y[rows], range(1))
+        R = add_rows(R, block.T, overwrite=True)
     return _compressed(R[: len(y) - order], columns, len(y) - order)
 
 
@@ -214,17 +200,23 @@ def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int]
     """
     whole = data.columns
     order = whole.order if order is None else order
+    if not 1 <= order <= whole.order:
+        raise ValueError(f"order must lie in 1..{whole.order}, got {order}")
     atoms = range(whole.n_atoms) if atoms is None else atoms
     place = {atom: n for n, atom in enumerate(atoms)}
     pairs = sorted((output, place[j], n) for n, (output, j) in enumerate(whole.signals) if j in place)
     kept = [n for _, _, n in pairs]
     signals = tuple((output, atom) for output, atom, _ in pairs)
     columns = replace(whole, order=order, n_atoms=len(atoms), signals=signals)
-    lags = whole.theta_lags_to(order).reshape(order, -1)[:, kept].ravel()
-    now = whole.theta.start + np.array(kept, dtype=np.intp)
-    outputs = np.arange(whole.y.start, whole.y.stop)
-    index = np.concatenate([whole.base_to(order), lags, whole.y_lags_to(order), now, outputs])
-    R: FloatArray = np.asarray(np.linalg.qr(data.R[:, index], mode="r"))
+    index = np.arange(whole.size)
+    parts = (
+        index[: columns.n_base],
+        index[whole.theta_lags].reshape(whole.order, -1)[:order, kept].ravel(),
+        index[whole.y_lags][: order * whole.n_outputs],
+        index[whole.theta][kept],
+        index[whole.y],
+    )
+    R = np.asarray(np.linalg.qr(data.R[:, np.concatenate(parts)], mode="r"))
     return _compressed(R, columns, data.n_rows)
 
 
@@ -243,30 +235,8 @@ def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
     return _compressed(R, columns, data.n_rows)
 
 
-def _check(u: FloatArray, y: FloatArray, theta: FloatArray, order: int) -> None:
-    if u.ndim != 2 or y.ndim != 2 or theta.ndim != 3:
-        raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {u.ndim}, {y.ndim}, {theta.ndim}")
-    if len(u) != len(y) or theta.shape[:2] != y.shape:
-        raise ValueError(f"shapes disagree: u {u.shape}, y {y.shape}, theta {theta.shape}")
-    if not 1 <= order < len(y):
-        raise ValueError(f"order must lie in 1..{len(y) - 1} for {len(y)} samples, got {order}")
-
-
-def _fill_block(block: FloatArray, columns: Columns, parts: tuple[FloatArray, FloatArray, FloatArray]) -> None:
-    u, y, theta = parts
-    rows = len(y) - columns.order
-    block[:, rows:] = 0.0
-    block = block[:, :rows]
-    block[columns.ones] = 1.0
-    past = range(1, columns.order + 1)
-    _fill(block[columns.inputs], u, columns.input_lags)
-    _fill(block[columns.theta_lags], theta, past)
-    _fill(block[columns.y_lags], y, past)
-    _fill(block[columns.theta], theta, range(1))
-    _fill(block[columns.y], y, range(1))
-
-
 def _fill(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:
+    """Write the lagged copies of (n_samples, n_channels) `x` into `rows`, one row per lag and channel."""
     channels, n, width = np.ascontiguousarray(x.T), rows.shape[1], x.shape[1]
     for j, lag in enumerate(lags):
         start = len(x) - n - lag

@@ -13,32 +13,33 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .kalman import FilterRun, FilterStep, Gaussian, StateSpace, predict, recorded, update
+from . import FloatArray
+from .kalman import FilterStep, Gaussian, StateSpace, predict, update
 
-__all__ = [
-    "FAULT",
-    "NO_FAULT",
-    "BankRun",
-    "Reset",
-    "SelectiveReinitialisation",
-    "augmented",
-    "double_model",
-    "filter_bank",
-    "mixed",
-    "restarted",
-    "reweighted",
-    "state_and_fault",
-    "without_fault",
-]
-
-FloatArray = NDArray[np.float64]
 Systems = tuple[StateSpace, ...]
 Estimates = tuple[Gaussian, ...]
 Exchange = Callable[[Systems, tuple[FilterStep, ...], int], tuple[Systems, Estimates]]
 
 NO_FAULT, FAULT = 0, 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FilterRun:
+    """A filter over a record, row k after sample k.
+
+    Attributes
+    ----------
+    mean, covariance : (n_samples, n_x) and (n_samples, n_x, n_x), estimates that know y(0) to y(k).
+    innovation, innovation_covariance : (n_samples, n_y) and (n_samples, n_y, n_y), y(k) minus its prediction.
+    log_likelihood : (n_samples,), of y(k) given what came before.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    innovation: FloatArray
+    innovation_covariance: FloatArray
+    log_likelihood: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,7 +58,7 @@ class Reset:
     variance: float = 100.0
 
 
-def reweighted(log_probability: FloatArray, log_likelihood: FloatArray, *, floor: float = 0.0) -> FloatArray:
+def update_probabilities(log_probability: FloatArray, log_likelihood: FloatArray, *, floor: float = 0.0) -> FloatArray:
     """Return log-probabilities after a sample, by Bayes.
 
     Parameters
@@ -92,7 +93,7 @@ def filter_bank(
     y, u : (n_samples, n_y) and (n_samples, n_u).
     initial : per filter, of the state at sample 0, before y(0).
     probability : (n_filters,), before y(0), positive.
-    floor : see `reweighted`.
+    floor : see `update_probabilities`.
     exchange : from the systems, their steps and the index of the most probable one to the systems and the estimates
         the next sample starts from; by default the filters know nothing of each other.
     """
@@ -100,18 +101,27 @@ def filter_bank(
     priors, steps, history = initial, [], []
     for y_k, u_k in zip(y, u, strict=True):
         now = tuple(update(prior, system, y=y_k, u=u_k) for prior, system in zip(priors, systems, strict=True))
-        log_p = reweighted(log_p, np.array([step.log_likelihood for step in now]), floor=floor)
+        log_p = update_probabilities(log_p, np.array([step.log_likelihood for step in now]), floor=floor)
         steps.append(now)
         history.append(log_p)
         posteriors = tuple(step.estimate for step in now)
         if exchange is not None:
             systems, posteriors = exchange(systems, now, int(np.argmax(log_p)))
         priors = tuple(predict(p, system, u=u_k) for p, system in zip(posteriors, systems, strict=True))
-    runs = tuple(recorded(of_filter) for of_filter in zip(*steps, strict=True))
-    return BankRun(filters=runs, probability=np.exp(np.array(history)))
+    runs = (
+        FilterRun(
+            mean=np.array([step.estimate.mean for step in of_filter]),
+            covariance=np.array([step.estimate.covariance for step in of_filter]),
+            innovation=np.array([step.innovation for step in of_filter]),
+            innovation_covariance=np.array([step.innovation_covariance for step in of_filter]),
+            log_likelihood=np.array([step.log_likelihood for step in of_filter]),
+        )
+        for of_filter in zip(*steps, strict=True)
+    )
+    return BankRun(filters=tuple(runs), probability=np.exp(np.array(history)))
 
 
-def mixed(mean: FloatArray, covariance: FloatArray, probability: FloatArray) -> Gaussian:
+def mixture(mean: FloatArray, covariance: FloatArray, probability: FloatArray) -> Gaussian:
     """Return mean and covariance of a mixture, sample by sample.
 
     Parameters
@@ -124,7 +134,7 @@ def mixed(mean: FloatArray, covariance: FloatArray, probability: FloatArray) -> 
     return Gaussian(mean=centre, covariance=np.einsum("km,kmij->kij", probability, spread))
 
 
-def augmented(system: StateSpace, channel: int, *, fault_variance: float = 0.0) -> StateSpace:
+def augment(system: StateSpace, channel: int, *, fault_variance: float = 0.0) -> StateSpace:
     """Return `system` with a last state, the additive fault of output `channel`.
 
     The fault is a random walk whose steps have the variance `fault_variance`, a constant where that is 0.
@@ -139,14 +149,9 @@ def augmented(system: StateSpace, channel: int, *, fault_variance: float = 0.0) 
     )
 
 
-def restarted(state: Gaussian, reset: Reset) -> Gaussian:
+def restart(state: Gaussian, reset: Reset) -> Gaussian:
     """Return the estimate of state and fault that takes over `state` and the fault of `reset`, uncorrelated."""
     return Gaussian(mean=np.append(state.mean, reset.value), covariance=_bordered(state.covariance, reset.variance))
-
-
-def without_fault(estimate: Gaussian) -> Gaussian:
-    """Return the state part of an estimate of state and fault."""
-    return Gaussian(mean=estimate.mean[:-1], covariance=estimate.covariance[:-1, :-1])
 
 
 class SelectiveReinitialisation:
@@ -170,18 +175,15 @@ class SelectiveReinitialisation:
         """Return what the next sample starts from; `winner` is `NO_FAULT` or `FAULT`."""
         free, faulty = (step.estimate for step in steps)
         if self.squares.maxlen:
-            systems = (systems[NO_FAULT], self._adapted(systems[FAULT], steps[FAULT]))
+            c, system, step = self.channel, systems[FAULT], steps[FAULT]
+            self.squares.append(float(step.innovation[c]) ** 2)
+            expected = float(step.innovation_covariance[c, c]) - self.excess
+            least = max(0.0, float(system.Q[-1, -1]) - self.excess)
+            self.excess = max(0.0, float(np.mean(self.squares)) - expected)
+            systems = systems[NO_FAULT], replace(system, Q=_bordered(system.Q[:-1, :-1], least + self.excess))
         if winner == NO_FAULT:
-            return systems, (free, restarted(free, self.reset))
-        return systems, (without_fault(faulty), faulty)
-
-    def _adapted(self, system: StateSpace, step: FilterStep) -> StateSpace:
-        c = self.channel
-        self.squares.append(float(step.innovation[c]) ** 2)
-        expected = float(step.innovation_covariance[c, c]) - self.excess
-        least = max(0.0, float(system.Q[-1, -1]) - self.excess)
-        self.excess = max(0.0, float(np.mean(self.squares)) - expected)
-        return replace(system, Q=_bordered(system.Q[:-1, :-1], least + self.excess))
+            return systems, (free, restart(free, self.reset))
+        return systems, (Gaussian(mean=faulty.mean[:-1], covariance=faulty.covariance[:-1, :-1]), faulty)
 
 
 def double_model(
@@ -216,10 +218,10 @@ def double_model(
     """
     reset = reset or Reset()
     return filter_bank(
-        (system, augmented(system, channel, fault_variance=fault_variance)),
+        (system, augment(system, channel, fault_variance=fault_variance)),
         y,
         u,
-        initial=(initial, restarted(initial, reset)),
+        initial=(initial, restart(initial, reset)),
         probability=(1.0 - prior_fault, prior_fault),
         floor=floor,
         exchange=SelectiveReinitialisation(reset, channel=channel, window=window),
@@ -227,11 +229,11 @@ def double_model(
 
 
 def state_and_fault(run: BankRun) -> Gaussian:
-    """Return state and fault of a double model, both hypotheses mixed; without a fault it is exactly 0."""
+    """Return state and fault of a double model, both hypotheses mixture; without a fault it is exactly 0."""
     free, faulty = run.filters[NO_FAULT], run.filters[FAULT]
     mean = np.stack([np.pad(free.mean, ((0, 0), (0, 1))), faulty.mean], axis=1)
     covariance = np.stack([np.pad(free.covariance, ((0, 0), (0, 1), (0, 1))), faulty.covariance], axis=1)
-    return mixed(mean, covariance, run.probability)
+    return mixture(mean, covariance, run.probability)
 
 
 def _bordered(M: FloatArray, corner: float) -> FloatArray:

@@ -14,15 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-__all__ = ["TOLERANCE", "Criteria", "SlidingWindow", "criteria", "data_matrices", "right_null_space", "window_criteria"]
+from . import FloatArray, IntArray
+from .lagged import add_rows
 
-FloatArray = NDArray[np.float64]
-
+# The data are taken to be accurate to this fraction of a channel's largest motion: double precision and a few digits.
 TOLERANCE = 1e-12
-PANEL = 16
+# Rows that enter a factor together; it changes the speed only.
 BLOCK = 8
 
 
@@ -34,14 +33,12 @@ class Criteria:
     ----------
     channel : (n_samples, n_outputs) eq. 29 relative to the channel's largest magnitude so far times sqrt(h); NaN where
         the window has no null space yet.
-    total : (n_samples,) eq. 23 of the scaled rows, the root of the sum of squares of `channel`.
     rank : (n_samples,) of Z within the tolerance.
     ready : samples needed before the first window with a null space, None where there is none.
     """
 
     channel: FloatArray
-    total: FloatArray
-    rank: NDArray[np.intp]
+    rank: IntArray
     ready: int | None
 
 
@@ -98,8 +95,17 @@ def criteria(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float 
     ValueError : shapes disagree, the record has a single sample or a value is not finite.
     """
     y, u = _checked(y, u, width)
+    # Columns that span the rest, one at least: none that stays zero, none that is a multiple of another. Surfaces that
+    # move together are logged one by one; their columns change no distance and cost as much as others do.
     Z = np.hstack([y[:-1], u[:-1], u[1:]])
-    rows = np.hstack([Z[:, _spanning(Z)], y[1:]])
+    size = np.abs(Z).max(axis=0)
+    moving = np.flatnonzero(size > 0.0)
+    if moving.size:
+        scaled = Z[:, moving] / size[moving]
+        signs = np.sign(scaled[np.abs(scaled).argmax(axis=0), np.arange(len(moving))])
+        moving = np.sort(moving[np.unique(scaled * signs, axis=1, return_index=True)[1]])
+    rows = np.hstack([Z[:, moving if moving.size else [0]], y[1:]])
+
     peaks = np.maximum.accumulate(np.abs(rows), axis=0)
     scales = np.where(peaks > 0.0, peaks, 1.0)
     n_z = rows.shape[1] - y.shape[1]
@@ -108,12 +114,17 @@ def criteria(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float 
     window = SlidingWindow(rows.shape[1], width)
     for i, row in enumerate(rows):
         window.append(row)
-        left, rank[i + 1] = _distances(window.condensed() / scales[i], n_z, tolerance)
+        # The distance of each output's column from the span of Z. Column pivoting stands in for the singular value
+        # decomposition: its diagonal falls with the singular values.
+        condensed = window.condensed() / scales[i]
+        packed, _, tau, _, _ = lapack.dgeqp3(condensed[:, :n_z])
+        diagonal = np.abs(packed.diagonal())
+        rank[i + 1] = np.count_nonzero(diagonal > tolerance * diagonal[0])
         if rank[i + 1] < min(i + 1, width):
-            channel[i + 1] = left / np.sqrt(width)
+            turned = lapack.dormqr("L", "T", packed, tau, condensed[:, n_z:], 64 * condensed.shape[1])[0]
+            channel[i + 1] = np.linalg.norm(turned[rank[i + 1] :], axis=0) / np.sqrt(width)
     usable = np.flatnonzero(np.isfinite(channel[:, 0]))
-    total = np.sqrt(np.sum(channel**2, axis=1))
-    return Criteria(channel=channel, total=total, rank=rank, ready=int(usable[0]) + 1 if usable.size else None)
+    return Criteria(channel=channel, rank=rank, ready=int(usable[0]) + 1 if usable.size else None)
 
 
 class SlidingWindow:
@@ -124,24 +135,27 @@ class SlidingWindow:
     block is then taking the partial factor before. What stands between blocks is kept as it is.
     """
 
-    __slots__ = ("_end", "_new", "_old", "_rows", "_width")
-
     def __init__(self, n_columns: int, width: int) -> None:
         """Start with rows of zeros, which add nothing; `width` is the number of rows kept."""
         self._width = width
         self._rows = np.zeros((2 * width, n_columns))
         self._end = width
-        self._new = _empty(n_columns)
+        self._new = self._empty = np.zeros((n_columns, n_columns), order="F")
         self._old = [self._new] * (-(-width // BLOCK) + 1)
 
     def append(self, row: FloatArray) -> None:
         """Add a row, (n_columns,), and drop the oldest."""
         if self._end == 2 * self._width:
-            self._turn_over()
+            # Turn over: the newer half becomes the older, factorised from its newest block backwards.
+            self._rows[: self._width] = self._rows[self._width :]
+            self._end, self._new, factor = self._width, self._empty, self._empty
+            for block in reversed(range(len(self._old) - 1)):
+                factor = add_rows(factor, self._rows[block * BLOCK : min((block + 1) * BLOCK, self._width)])
+                self._old[block] = factor
         self._rows[self._end] = row
         self._end += 1
         if (self._end - self._width) % BLOCK == 0:
-            self._new = _with_rows(self._new, self._rows[self._end - BLOCK : self._end])
+            self._new = add_rows(self._new, self._rows[self._end - BLOCK : self._end])
 
     def condensed(self) -> FloatArray:
         """Return rows, at least as many as columns, that have the inner products of the window's columns."""
@@ -156,49 +170,6 @@ class SlidingWindow:
         parts = (self._old[block], self._new, self._rows[first:whole], self._rows[last : self._end])
         stack = np.empty((2 * n_columns + whole - first + self._end - last, n_columns), order="F")
         return np.concatenate(parts, out=stack)
-
-    def _turn_over(self) -> None:
-        width = self._width
-        self._rows[:width] = self._rows[width:]
-        self._end, self._new = width, _empty(self._rows.shape[1])
-        factor = self._new
-        for block in reversed(range(len(self._old) - 1)):
-            factor = _with_rows(factor, self._rows[block * BLOCK : min((block + 1) * BLOCK, width)])
-            self._old[block] = factor
-
-
-def _empty(n_columns: int) -> FloatArray:
-    return np.zeros((n_columns, n_columns), order="F")
-
-
-def _with_rows(R: FloatArray, rows: FloatArray) -> FloatArray:
-    return np.asarray(lapack.dtpqrt(0, min(PANEL, len(R)), R, rows)[0])
-
-
-def _distances(rows: FloatArray, n_z: int, tolerance: float) -> tuple[FloatArray, int]:
-    """Return the distance of each output's column from the span of the first `n_z`, and the rank of these.
-
-    Column pivoting stands in for the singular value decomposition: its diagonal falls with the singular values.
-    """
-    packed, _, tau, _, _ = lapack.dgeqp3(rows[:, :n_z])
-    diagonal = np.abs(packed.diagonal())
-    rank = int(np.count_nonzero(diagonal > tolerance * diagonal[0]))
-    turned = lapack.dormqr("L", "T", packed, tau, rows[:, n_z:], 64 * rows.shape[1])[0][rank:]
-    return np.sqrt(np.einsum("ij,ij->j", turned, turned)), rank
-
-
-def _spanning(Z: FloatArray) -> NDArray[np.intp]:
-    """Return which columns, one at least, span them all: none that stays zero, none that is a multiple of another.
-
-    Surfaces that move together are logged one by one; their columns change no distance and cost as much as others do.
-    """
-    size = np.abs(Z).max(axis=0)
-    moving = np.flatnonzero(size > 0.0)
-    if not moving.size:
-        return np.zeros(1, dtype=np.intp)
-    scaled = Z[:, moving] / size[moving]
-    signs = np.sign(scaled[np.abs(scaled).argmax(axis=0), np.arange(len(moving))])
-    return np.sort(moving[np.unique(scaled * signs, axis=1, return_index=True)[1]])
 
 
 def _checked(y: FloatArray, u: FloatArray, width: int) -> tuple[FloatArray, FloatArray]:

@@ -16,19 +16,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from . import FloatArray, IntArray
 from .lagged import lagged
-from .recursion import Recursion, running_covariances
+from .recursive_least_squares import RecursiveResiduals, running_covariances
 
-__all__ = ["Drops", "largest_drops", "past_basis", "step_response"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-
+# Motion or power below this share of the largest is round-off.
 FLOOR = 1e-12
+# A step after its first row is not told from that row where less than this share of its power is at right angles to it.
 DEPENDENT = 1e-6
+# Heights that a step has: that of its first row, smeared by the filter, and that of all later ones.
 STEP_FREEDOM = 2
 
 
@@ -103,7 +101,7 @@ def step_response(K: FloatArray, n: int) -> FloatArray:
     return np.eye(q) - absorbed
 
 
-def largest_drops(errors: Recursion, basis: FloatArray, *, window: int, recent: int = 60) -> Drops:
+def largest_drops(errors: RecursiveResiduals, basis: FloatArray, *, window: int, recent: int = 60) -> Drops:
     """Return the largest drops of chi-square over the steps that begin in the last `window` rows, at every row.
 
     The covariance of the residuals is that of all rows before the window. It is enlarged, never reduced, by how much
@@ -118,57 +116,44 @@ def largest_drops(errors: Recursion, basis: FloatArray, *, window: int, recent: 
     """
     n, q = errors.residual.shape
     covariances, freedoms = running_covariances(errors, window=window, recent=recent)
-    onsets, every, r = _Onsets(window), np.arange(q), basis.shape[1]
+    every, r, ages = np.arange(q), basis.shape[1], np.arange(window)
+    # By age of the onset and rows since then: whether there is such a row, and its place among the last, oldest first.
+    since = ages <= ages[:, None]
+    place = np.where(since, window - 1 - ages[:, None] + ages, 0)
+    spare = np.maximum(q * (ages + 1) - STEP_FREEDOM, 1)[:, None]
+    # Whitened residuals, and one over the root of 1 + leverage; zero where the record has no row yet.
     white, shrink = np.zeros((window, q)), np.zeros(window)
     deviate, size, age = np.zeros((n, q)), np.zeros((n, q)), np.zeros((n, q), dtype=np.intp)
     for i in range(n):
         whitener = np.linalg.inv(np.linalg.cholesky(covariances[i]))
         K = (basis @ errors.coefficients[i, len(errors.coefficients[i]) - r :]).reshape(-1, q, q)
-        rows = slice(max(0, i - window + 1), i + 1)
-        place = slice(window - (rows.stop - rows.start), window)
-        white[place] = errors.residual[rows] @ whitener.T
-        shrink[place] = 1.0 / np.sqrt(1.0 + errors.leverage[rows])
-        drop, step = onsets.drops(white, shrink, whitener @ step_response(K, window))
-        best = drop.argmax(axis=0)
-        age[i], size[i] = best, step[best, every]
-        deviate[i] = _deviate(drop[best, every], max(freedoms[i] - q + 1.0, 1.0))
-    return Drops(deviate=deviate, age=age, size=size)
+        pattern = whitener @ step_response(K, window)
+        known = min(i + 1, window)
+        white[-known:] = errors.residual[i + 1 - known : i + 1] @ whitener.T
+        shrink[-known:] = 1.0 / np.sqrt(1.0 + errors.leverage[i + 1 - known : i + 1])
 
-
-class _Onsets:
-    """Sums over the rows since each onset of a window."""
-
-    def __init__(self, window: int) -> None:
-        ages, rows = np.arange(window)[:, None], np.arange(window)[None, :]
-        self.since = rows <= ages
-        self.place = np.where(self.since, window - 1 - ages + rows, 0)
-
-    def drops(self, white: FloatArray, shrink: FloatArray, pattern: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (window, n_outputs) drops, over what they leave per degree of freedom, and steps, by age and channel.
-
-        Parameters
-        ----------
-        white : (window, n_outputs) residuals of unit covariance; oldest first, zeros where there is no row.
-        shrink : (window,) one over the root of 1 + leverage, zero where there is no row.
-        pattern : (window, n_outputs, n_outputs) of a unit step, of unit covariance, by row, error, channel.
-        """
-        window, q = white.shape
+        # Inner products, by age and channel, of the residuals (a, s) and of each other (aa, as_, ss) of the patterns of
+        # a height of the first row alone and of one of all later rows.
         later = np.concatenate([np.zeros((1, q, q)), pattern[:-1]])
         first = pattern - later
-        seen = (white * shrink[:, None])[self.place] * self.since[:, :, None]
+        seen = (white * shrink[:, None])[place] * since[:, :, None]
         along = seen.reshape(window, -1) @ np.concatenate([first, later], axis=2).reshape(window * q, 2 * q)
         a, s = along[:, :q], along[:, q:]
-        weight = (shrink**2)[self.place] * self.since
+        weight = (shrink**2)[place] * since
         aa, as_, ss = (weight @ np.sum(x * y, axis=1) for x, y in ((first, first), (first, later), (later, later)))
         aa = np.maximum(aa, FLOOR * max(float(aa.max()), 1.0))
+
+        # The drop of chi-square over what it leaves per degree of freedom, at the best age of each channel.
         own = ss - as_**2 / aa
         step = np.where(own > DEPENDENT * aa, s - as_ * a / aa, 0.0) / np.maximum(own, DEPENDENT * aa)
         drop = a**2 / aa + step**2 * np.maximum(own, 0.0)
         total = np.cumsum(np.sum(white**2, axis=1)[::-1])[:, None]
-        spare = np.maximum(q * np.arange(1, window + 1) - STEP_FREEDOM, 1)[:, None]
-        return drop / np.maximum(1.0, (total - drop) / spare), step
+        drop /= np.maximum(1.0, (total - drop) / spare)
+        best = drop.argmax(axis=0)
+        age[i], size[i] = best, step[best, every]
 
-
-def _deviate(drop: FloatArray, freedom: float) -> FloatArray:
-    """Return the standard normal deviate that is as rare as F = drop / 2 with 2 and `freedom` degrees of freedom."""
-    return np.asarray(-special.ndtri_exp(-0.5 * freedom * np.log1p(drop / freedom) - np.log(2.0)))
+        # The standard normal deviate that is as rare as F = drop / 2 with 2 and `freedom` degrees of freedom.
+        freedom = max(freedoms[i] - q + 1.0, 1.0)
+        tail = -0.5 * freedom * np.log1p(drop[best, every] / freedom)
+        deviate[i] = -special.ndtri_exp(tail - np.log(2.0))
+    return Drops(deviate=deviate, age=age, size=size)

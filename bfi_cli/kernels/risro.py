@@ -11,19 +11,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from .termination import Iterate, Settings, Termination, iterate
-
-__all__ = ["NO_SKETCH", "Factors", "RisroSolution", "least_squares", "risro"]
-
-FloatArray = NDArray[np.float64]
-Sparsify = Callable[["Factors"], "Factors"]
+from . import FloatArray
+from .lagged import PANEL
+from .termination import Iterate, StoppingRule, Termination, iterate
 
 EPS = float(np.finfo(float).eps)
+# Condition number, inverted, beyond which a least squares is taken to be rank deficient: its solution has four digits.
 DEFICIENT = 1e-12
-PANEL = 16
 NO_SKETCH = np.zeros((1, 1))
 
 
@@ -47,14 +43,12 @@ class RisroSolution:
     Attributes
     ----------
     factors : X = left @ right.T.
-    b : (n_base,) coefficients of T.
-    misfit : 2-norm of y - T b - A(X).
+    misfit : 2-norm of y - A(X).
     iterations, termination : steps made, and why no more were.
     condition_number : of the last sketched regressor, columns scaled to unit norm; infinite if there was none.
     """
 
     factors: Factors
-    b: FloatArray
     misfit: float
     iterations: int
     termination: Termination
@@ -80,44 +74,44 @@ def risro(
     y: FloatArray,
     *,
     rank: int,
-    T: FloatArray | None = None,
     initial: Factors | None = None,
     max_iterations: int = 50,
     tolerance: float = 1e-10,
     fixed: bool = False,
-    between: Sparsify | None = None,
+    between: Callable[[Factors], Factors] | None = None,
 ) -> RisroSolution:
-    """Minimise ||y - T b - A(X)|| over b and over X of the given rank (eq. 3-12 to 3-16, algorithm 3).
+    """Minimise ||y - A(X)|| over X of the given rank (eq. 3-12 to 3-16, algorithm 3).
+
+    Regressors without a rank constraint are projected out of A and y by the caller.
 
     Parameters
     ----------
     A : (n, p1, p2) covariates, A(X)_k = <A_k, X>.
     y : (n,).
     rank : of X, 1 <= rank <= min(p1, p2).
-    T : (n, n_base) regressors without a rank constraint.
     initial : the start; by default the unconstrained least squares cut to the rank, or where the data do not
         determine that, the leading part of sum_k y_k A_k.
-    max_iterations, tolerance, fixed : see `termination.Settings`.
+    max_iterations, tolerance, fixed : see `termination.StoppingRule`.
     between : changes X after every step but the last (the sparsity stage).
 
     Raises
     ------
     ValueError : shapes disagree or the rank is out of range.
     """
-    _check(A, y, rank)
-    base = _Base(np.zeros((len(y), 0)) if T is None else T)
-    data = _Data(A=A, y=base.project(y), base=base)
+    if A.ndim != 3 or y.shape != (len(A),):
+        raise ValueError(f"A must be (n, p1, p2) and y (n,), got {A.shape} and {y.shape}")
+    if not 1 <= rank <= min(A.shape[1:]):
+        raise ValueError(f"rank must lie in 1..{min(A.shape[1:])}, got {rank}")
     ending = iterate(
-        lambda state: _step(state, data),
-        _state(initial or _initial(data, rank), data, NO_SKETCH),
-        scale=float(np.linalg.norm(data.y)),
-        settings=Settings(max_iterations=max_iterations, tolerance=tolerance, fixed=fixed),
-        between=None if between is None else lambda state: _state(between(state.factors), data, state.sketch),
+        lambda state: _step(A, y, state),
+        _state(A, y, _start(A, y, rank) if initial is None else initial, NO_SKETCH),
+        scale=float(np.linalg.norm(y)),
+        settings=StoppingRule(max_iterations=max_iterations, tolerance=tolerance, fixed=fixed),
+        between=None if between is None else lambda state: _state(A, y, between(state.factors), state.sketch),
     )
     last = ending.last
     return RisroSolution(
         factors=last.factors,
-        b=base.coefficients(y - A.reshape(len(y), -1) @ last.X.ravel()),
         misfit=last.misfit,
         iterations=ending.iterations,
         termination=ending.termination,
@@ -149,56 +143,41 @@ def least_squares(S: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]
     return x / norms, triangle
 
 
-class _Base:
-    """The regressors without a rank constraint: their orthonormal basis projects them out of everything else."""
-
-    def __init__(self, T: FloatArray) -> None:
-        self.Q, values, self.Wt = np.linalg.svd(T, full_matrices=False)
-        kept = values > EPS * max(T.shape) * values.max(initial=0.0)
-        self.Q, self.values, self.Wt = self.Q[:, kept], values[kept], self.Wt[kept]
-
-    def project(self, S: FloatArray) -> FloatArray:
-        """Return what the base leaves of the columns of S."""
-        return S - self.Q @ (self.Q.T @ S) if self.Q.shape[1] else S
-
-    def coefficients(self, y: FloatArray) -> FloatArray:
-        """Return the coefficients of the base that fit y best."""
-        return np.asarray(self.Wt.T @ (self.Q.T @ y / self.values))
+def _start(A: FloatArray, y: FloatArray, rank: int) -> Factors:
+    """Return the unconstrained least squares, or where it is undetermined sum_k y_k A_k, cut to the rank."""
+    n, p1, p2 = A.shape
+    flat = A.reshape(n, p1 * p2)
+    whole = flat.T @ y
+    if n >= p1 * p2:
+        x, triangle = least_squares(flat, y)
+        whole = x if lapack.dtrcon(triangle)[0] > DEFICIENT else whole
+    U, values, Vt = np.linalg.svd(whole.reshape(p1, p2), full_matrices=False)
+    return Factors(left=U[:, :rank] * values[:rank], right=Vt[:rank].T)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Data:
-    """The covariates, the data with the base projected out, and the base."""
+def _state(A: FloatArray, y: FloatArray, factors: Factors, sketch: FloatArray) -> _State:
+    r = factors.left.shape[1]
+    U, V_all = _orthonormal(factors.left)[:, :r], _orthonormal(factors.right)
+    V, V_perp = V_all[:, :r], V_all[:, r:]
+    same = Factors(left=factors.left @ (V.T @ factors.right).T, right=V)
+    AV = (A.reshape(-1, A.shape[2]) @ V).reshape(*A.shape[:2], -1)
+    misfit = float(np.linalg.norm(y - AV.reshape(len(A), -1) @ same.left.ravel()))
+    return _State(factors=same, X=same.X, U=U, V=V, V_perp=V_perp, AV=AV, misfit=misfit, sketch=sketch)
 
-    A: FloatArray
-    y: FloatArray
-    base: _Base
 
-
-def _step(state: _State, data: _Data) -> _State | None:
-    n, p1, p2 = data.A.shape
+def _step(A: FloatArray, y: FloatArray, state: _State) -> _State | None:
+    """Return the next iterate, None where the sketched core is singular."""
+    n, p1, p2 = A.shape
     U, V, V_perp, r = state.U, state.V, state.V_perp, state.U.shape[1]
-    across = np.matmul(U.T, data.A) @ V_perp
-    S = np.hstack([state.AV.reshape(n, p1 * r), across.reshape(n, r * (p2 - r))])
-    x, sketch = least_squares(data.base.project(S), data.y)
+    across = np.matmul(U.T, A) @ V_perp
+    x, sketch = least_squares(np.hstack([state.AV.reshape(n, p1 * r), across.reshape(n, r * (p2 - r))]), y)
     X_U = x[: p1 * r].reshape(p1, r)
     B = U.T @ X_U
     X_V = V @ B.T + V_perp @ x[p1 * r :].reshape(r, p2 - r).T
     left, values, right = np.linalg.svd(B)
     if not values[-1] > EPS * p1 * np.linalg.norm(X_U):
         return None
-    return _state(Factors(left=X_U @ (right.T / values) @ left.T, right=X_V), data, sketch)
-
-
-def _state(factors: Factors, data: _Data, sketch: FloatArray) -> _State:
-    A, r = data.A, factors.left.shape[1]
-    U, V_all = _orthonormal(factors.left)[:, :r], _orthonormal(factors.right)
-    V, V_perp = V_all[:, :r], V_all[:, r:]
-    same = Factors(left=factors.left @ (V.T @ factors.right).T, right=V)
-    AV = (A.reshape(-1, A.shape[2]) @ V).reshape(*A.shape[:2], -1)
-    fitted = AV.reshape(len(A), -1) @ same.left.ravel()
-    misfit = float(np.linalg.norm(data.y - data.base.project(fitted)))
-    return _State(factors=same, X=same.X, U=U, V=V, V_perp=V_perp, AV=AV, misfit=misfit, sketch=sketch)
+    return _state(A, y, Factors(left=X_U @ (right.T / values) @ left.T, right=X_V), sketch)
 
 
 def _orthonormal(M: FloatArray) -> FloatArray:
@@ -207,21 +186,3 @@ def _orthonormal(M: FloatArray) -> FloatArray:
     square = np.zeros((len(M), len(M)), order="F")
     square[:, : M.shape[1]] = reflectors
     return np.asarray(lapack.dorgqr(square, tau, overwrite_a=True)[0])
-
-
-def _initial(data: _Data, rank: int) -> Factors:
-    n, p1, p2 = data.A.shape
-    flat = data.A.reshape(n, p1 * p2)
-    whole = flat.T @ data.y
-    if n >= p1 * p2:
-        x, triangle = least_squares(data.base.project(flat), data.y)
-        whole = x if lapack.dtrcon(triangle)[0] > DEFICIENT else whole
-    U, values, Vt = np.linalg.svd(whole.reshape(p1, p2), full_matrices=False)
-    return Factors(left=U[:, :rank] * values[:rank], right=Vt[:rank].T)
-
-
-def _check(A: FloatArray, y: FloatArray, rank: int) -> None:
-    if A.ndim != 3 or y.shape != (len(A),):
-        raise ValueError(f"A must be (n, p1, p2) and y (n,), got {A.shape} and {y.shape}")
-    if not 1 <= rank <= min(A.shape[1:]):
-        raise ValueError(f"rank must lie in 1..{min(A.shape[1:])}, got {rank}")

@@ -17,20 +17,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from . import FloatArray
 from .lagged import Compressed
 from .risro import NO_SKETCH, Factors, least_squares, risro
 from .sparsity import SparseStage, apply_sparsity
-from .termination import Settings, Termination, iterate
+from .termination import StoppingRule, Termination, iterate
 
-__all__ = ["Corner", "VarxSolution", "risro_varx"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 Corner = Literal["free", "imposed"]
 
-PUBLISHED = Settings(max_iterations=50, fixed=True)
+# The thesis makes 50 steps and does not test for convergence.
+PUBLISHED = StoppingRule(max_iterations=50, fixed=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,8 +38,6 @@ class VarxSolution:
     ----------
     z : (n_atoms,) magnitudes, 0 for an atom that is zero in the whole record.
     K : (order,) coefficients of the past corrected outputs, lag 1 first.
-    B : (n_lags, n_inputs) coefficients of the inputs, from lag 0 with feedthrough, else from lag 1.
-    constant : 0 without one.
     misfit : 2-norm of the prediction error of this model.
     corner : X's corner; 1 where it is imposed.
     iterations, termination : steps made, and why no more were.
@@ -52,8 +47,6 @@ class VarxSolution:
 
     z: FloatArray
     K: FloatArray
-    B: FloatArray
-    constant: float
     misfit: float
     corner: float
     iterations: int
@@ -67,7 +60,7 @@ def risro_varx(
     *,
     initial: tuple[FloatArray, FloatArray] | None = None,
     corner: Corner = "imposed",
-    settings: Settings | None = None,
+    settings: StoppingRule | None = None,
     sparse: SparseStage | None = None,
     as_published: bool = False,
 ) -> VarxSolution:
@@ -88,34 +81,74 @@ def risro_varx(
     ------
     ValueError : several outputs, or fewer rows than unknowns.
     """
-    _check(data)
-    problem = _problem(data)
-    corner, settings = ("free", PUBLISHED) if as_published else (corner, settings or Settings())
-    start = _start(problem) if initial is None else _pair(initial[0][problem.live], initial[1])
-    stage = _Stage(sparse or SparseStage(), None if as_published else problem.scales)
-    solve = _free if corner == "free" else _imposed
-    found = solve(problem, start, settings=settings, stage=stage)
-    return _solution(data, problem, found, updates=stage.made)
+    columns, n_base, s = data.columns, data.columns.n_base, data.columns.order
+    if columns.n_outputs != 1:
+        raise ValueError(f"the rank-one form has one output, got {columns.n_outputs}; use the likelihood kernel")
+    unknowns = n_base + s + len(columns.signals) + 1
+    if data.n_rows < unknowns:
+        raise ValueError(f"{data.n_rows} rows are fewer than the {unknowns} unknowns; lower the order")
+    corner, settings = ("free", PUBLISHED) if as_published else (corner, settings or StoppingRule())
 
+    # The covariates A (n, n_live + 1, s + 1) and y (n,): the trailing block of R.
+    R, n = data.R[n_base:], len(columns.signals)
+    A = np.zeros((len(R), n + 1, s + 1))
+    A[:, :n, :s] = -R[:, columns.theta_lags].reshape(len(R), s, n).transpose(0, 2, 1)
+    A[:, :n, s] = R[:, columns.theta]
+    A[:, n, :s] = R[:, columns.y_lags]
+    y = R[:, columns.y.start]
+    live = np.array([atom for _, atom in columns.signals], dtype=np.intp)
+    start = _start(A, y) if initial is None else _pair(initial[0][live], initial[1])
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Problem:
-    """The trailing block of R as covariates: A (n, n_live + 1, order + 1), y (n,)."""
+    stage, updates = sparse or SparseStage(), 0
+    scales = None if as_published else data.scales[columns.theta] / np.sqrt(data.n_rows)
 
-    A: FloatArray
-    y: FloatArray
-    live: IntArray
-    scales: FloatArray
+    def sparsify(factors: Factors) -> Factors:
+        nonlocal updates
+        z, K = _read(factors)
+        z, made = apply_sparsity(z, stage, scales=scales)
+        updates += made
+        return _pair(z, K)
 
+    between = sparsify if stage.kind != "none" and stage.updates > 0 else None
+    if corner == "free":
+        free = risro(
+            A,
+            y,
+            rank=1,
+            initial=start,
+            max_iterations=settings.max_iterations,
+            tolerance=settings.tolerance,
+            fixed=settings.fixed,
+            between=between,
+        )
+        z, K = _read(free.factors)
+        misfit, corner_value = _state(A, y, _pair(z, K), NO_SKETCH).misfit, float(free.factors.X[-1, -1])
+        iterations, termination, condition_number = free.iterations, free.termination, free.condition_number
+    else:
+        imposed = iterate(
+            lambda state: _gauss_newton(A, y, state),
+            _state(A, y, start, NO_SKETCH),
+            scale=float(np.linalg.norm(y)),
+            settings=settings,
+            between=None if between is None else lambda state: _state(A, y, between(state.pair), state.sketch),
+        )
+        z, K = _read(imposed.last.pair)
+        misfit, corner_value = imposed.last.misfit, 1.0
+        iterations, termination = imposed.iterations, imposed.termination
+        condition_number = float(np.linalg.cond(np.triu(imposed.last.sketch)))
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
-    pair: Factors
-    corner: float
-    misfit: float
-    iterations: int
-    termination: Termination
-    condition_number: float
+    whole = np.zeros(columns.n_atoms)
+    whole[live] = z
+    return VarxSolution(
+        z=whole,
+        K=K,
+        misfit=misfit,
+        corner=corner_value,
+        iterations=iterations,
+        termination=termination,
+        condition_number=condition_number,
+        updates=updates,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -130,43 +163,26 @@ class _State:
     sketch: FloatArray
 
 
-class _Stage:
-    """The sparsity stage as a map of factors, counting the updates it makes."""
-
-    def __init__(self, stage: SparseStage, scales: FloatArray | None) -> None:
-        self.stage, self.scales, self.made = stage, scales, 0
-
-    def __call__(self, factors: Factors) -> Factors:
-        z, K = _read(factors)
-        z, made = apply_sparsity(z, self.stage, scales=self.scales)
-        self.made += made
-        return _pair(z, K)
-
-    @property
-    def active(self) -> bool:
-        """Whether there is anything to do."""
-        return self.stage.kind != "none" and self.stage.updates > 0
+def _state(A: FloatArray, y: FloatArray, pair: Factors, sketch: FloatArray) -> _State:
+    AV = A @ pair.right[:, 0]
+    residual = y - AV @ pair.left[:, 0]
+    misfit = float(np.linalg.norm(residual))
+    return _State(pair=pair, X=pair.X, AV=AV, residual=residual, misfit=misfit, sketch=sketch)
 
 
-def _check(data: Compressed) -> None:
-    columns = data.columns
-    if columns.n_outputs != 1:
-        raise ValueError(f"the rank-one form has one output, got {columns.n_outputs}; use the likelihood kernel")
-    unknowns = columns.n_base + columns.order + len(columns.signals) + 1
-    if data.n_rows < unknowns:
-        raise ValueError(f"{data.n_rows} rows are fewer than the {unknowns} unknowns; lower the order")
+def _gauss_newton(A: FloatArray, y: FloatArray, state: _State) -> _State:
+    """Return the iterate after a step in (z, K), the corner of X held at 1."""
+    left, right = state.pair.left[:, 0], state.pair.right[:, 0]
+    S = np.hstack([state.AV[:, :-1], (left @ A)[:, :-1]])
+    x, sketch = least_squares(S, state.residual)
+    n = len(left) - 1
+    return _state(A, y, _pair(left[:-1] + x[:n], right[:-1] + x[n:]), sketch)
 
 
-def _problem(data: Compressed) -> _Problem:
-    columns = data.columns
-    R, n, s = data.R[columns.n_base :], len(columns.signals), columns.order
-    A = np.zeros((len(R), n + 1, s + 1))
-    A[:, :n, :s] = -R[:, columns.theta_lags].reshape(len(R), s, n).transpose(0, 2, 1)
-    A[:, :n, s] = R[:, columns.theta]
-    A[:, n, :s] = R[:, columns.y_lags]
-    live = np.array([atom for _, atom in columns.signals], dtype=np.intp)
-    scales = data.scales[columns.theta] / np.sqrt(data.n_rows)
-    return _Problem(A=A, y=R[:, columns.y.start], live=live, scales=scales)
+def _start(A: FloatArray, y: FloatArray) -> Factors:
+    """Return z and K of the unconstrained least squares, X's corner being 1."""
+    X = np.append(least_squares(A.reshape(len(A), -1)[:, :-1], y)[0], 1.0).reshape(A.shape[1:])
+    return _pair(X[:-1, -1], X[-1, :-1])
 
 
 def _pair(z: FloatArray, K: FloatArray) -> Factors:
@@ -177,88 +193,3 @@ def _read(factors: Factors) -> tuple[FloatArray, FloatArray]:
     """Return z and K, X's last column and row."""
     left, right = factors.left[:, 0], factors.right[:, 0]
     return left[:-1] * right[-1], left[-1] * right[:-1]
-
-
-def _start(problem: _Problem) -> Factors:
-    n, p1, p2 = problem.A.shape
-    flat = problem.A.reshape(n, p1 * p2)[:, :-1]
-    X = np.append(least_squares(flat, problem.y)[0], 1.0).reshape(p1, p2)
-    return _pair(X[:-1, -1], X[-1, :-1])
-
-
-def _free(problem: _Problem, start: Factors, *, settings: Settings, stage: _Stage) -> _Found:
-    found = risro(
-        problem.A,
-        problem.y,
-        rank=1,
-        initial=start,
-        max_iterations=settings.max_iterations,
-        tolerance=settings.tolerance,
-        fixed=settings.fixed,
-        between=stage if stage.active else None,
-    )
-    pair = _pair(*_read(found.factors))
-    return _Found(
-        pair=pair,
-        corner=float(found.factors.left[-1, 0] * found.factors.right[-1, 0]),
-        misfit=_state(problem, pair, NO_SKETCH).misfit,
-        iterations=found.iterations,
-        termination=found.termination,
-        condition_number=found.condition_number,
-    )
-
-
-def _imposed(problem: _Problem, start: Factors, *, settings: Settings, stage: _Stage) -> _Found:
-    ending = iterate(
-        lambda state: _step(problem, state),
-        _state(problem, start, NO_SKETCH),
-        scale=float(np.linalg.norm(problem.y)),
-        settings=settings,
-        between=(lambda state: _state(problem, stage(state.pair), state.sketch)) if stage.active else None,
-    )
-    return _Found(
-        pair=ending.last.pair,
-        corner=1.0,
-        misfit=ending.last.misfit,
-        iterations=ending.iterations,
-        termination=ending.termination,
-        condition_number=float(np.linalg.cond(np.triu(ending.last.sketch))),
-    )
-
-
-def _step(problem: _Problem, state: _State) -> _State:
-    left, right = state.pair.left[:, 0], state.pair.right[:, 0]
-    n = len(left) - 1
-    S = np.hstack([state.AV[:, :-1], (left @ problem.A)[:, :-1]])
-    x, sketch = least_squares(S, state.residual)
-    return _state(problem, _pair(left[:-1] + x[:n], right[:-1] + x[n:]), sketch)
-
-
-def _state(problem: _Problem, pair: Factors, sketch: FloatArray) -> _State:
-    AV = problem.A @ pair.right[:, 0]
-    residual = problem.y - AV @ pair.left[:, 0]
-    misfit = float(np.linalg.norm(residual))
-    return _State(pair=pair, X=pair.X, AV=AV, residual=residual, misfit=misfit, sketch=sketch)
-
-
-def _solution(data: Compressed, problem: _Problem, found: _Found, *, updates: int) -> VarxSolution:
-    columns, n_base = data.columns, data.columns.n_base
-    z, K = _read(found.pair)
-    whole = np.zeros(columns.n_atoms)
-    whole[problem.live] = z
-    R = data.R[:n_base]
-    corrected = R[:, columns.y.start] - R[:, columns.theta] @ z
-    past = R[:, columns.y_lags] - R[:, columns.theta_lags].reshape(n_base, columns.order, len(z)) @ z
-    base = least_squares(R[:, :n_base], corrected - past @ K)[0]
-    return VarxSolution(
-        z=whole,
-        K=K,
-        B=base[columns.inputs].reshape(len(columns.input_lags), -1),
-        constant=float(base[columns.ones].sum()),
-        misfit=found.misfit,
-        corner=found.corner,
-        iterations=found.iterations,
-        termination=found.termination,
-        condition_number=found.condition_number,
-        updates=updates,
-    )

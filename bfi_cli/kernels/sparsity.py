@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["KINDS", "SparseStage", "Sparsity", "apply_sparsity", "pseudo_norm"]
+from . import FloatArray
 
-FloatArray = NDArray[np.float64]
 Sparsity = Literal["none", "l1", "lp", "exp_l0"]
 KINDS: tuple[str, ...] = get_args(Sparsity)
 

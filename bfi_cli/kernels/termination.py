@@ -8,14 +8,14 @@ from enum import Enum
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Ending", "Iterate", "Settings", "Termination", "iterate"]
+from . import FloatArray
 
-FloatArray = NDArray[np.float64]
-
+# Steps without a smaller misfit before the misfit is taken to have reached its floor.
 PATIENCE = 8
+# Misfit beside the data's norm that is a sum of rounding errors.
 ROUND_OFF = 10 * np.finfo(float).eps
+# Misfit beside the data's norm, which X = 0 leaves, at which the iteration is given up.
 RUNAWAY = 1e6
 
 
@@ -44,7 +44,7 @@ S = TypeVar("S", bound=Iterate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class StoppingRule:
     """When to stop.
 
     Attributes
@@ -73,7 +73,7 @@ def iterate(
     start: S,
     *,
     scale: float,
-    settings: Settings,
+    settings: StoppingRule,
     between: Callable[[S], S] | None = None,
 ) -> Ending[S]:
     """Repeat `step` until X settles, the data are reproduced to round-off, or nothing more can be gained.
@@ -100,24 +100,14 @@ def iterate(
             return Ending(last=best, iterations=count, termination=Termination.DIVERGED)
         improved = count == 1 or current.misfit < best.misfit * (1 - settings.tolerance)
         best, waited = (current, 0) if improved else (best, waited + 1)
-        reason = (
-            None
-            if settings.fixed
-            else _verdict(previous, current, scale=scale, tolerance=settings.tolerance, waited=waited)
-        )
-        if reason is not None:
-            last = best if reason is Termination.STAGNATED else current
-            return Ending(last=last, iterations=count, termination=reason)
+        if not settings.fixed:
+            change = float(np.linalg.norm(current.X - previous.X) / (np.linalg.norm(current.X) or 1.0))
+            done = change <= settings.tolerance or current.misfit <= ROUND_OFF * scale
+            if done or (waited >= PATIENCE and change <= settings.tolerance**0.5):
+                return Ending(last=current, iterations=count, termination=Termination.CONVERGED)
+            if waited >= PATIENCE:
+                return Ending(last=best, iterations=count, termination=Termination.STAGNATED)
         previous = current
     if settings.fixed:
         return Ending(last=previous, iterations=settings.max_iterations, termination=Termination.FIXED)
     return Ending(last=best, iterations=settings.max_iterations, termination=Termination.MAX_ITERATIONS)
-
-
-def _verdict(previous: Iterate, current: Iterate, *, scale: float, tolerance: float, waited: int) -> Termination | None:
-    change = float(np.linalg.norm(current.X - previous.X) / (np.linalg.norm(current.X) or 1.0))
-    if change <= tolerance or current.misfit <= ROUND_OFF * scale:
-        return Termination.CONVERGED
-    if waited < PATIENCE:
-        return None
-    return Termination.CONVERGED if change <= tolerance**0.5 else Termination.STAGNATED

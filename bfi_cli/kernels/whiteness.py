@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-__all__ = ["autocorrelation", "effective_rows", "exceedances", "ljung_box", "robust_sd"]
-
-FloatArray = NDArray[np.float64]
+from . import FloatArray, IntArray
 
 
 def autocorrelation(e: FloatArray, n_lags: int) -> FloatArray:
@@ -47,7 +44,7 @@ def robust_sd(e: FloatArray) -> float:
     return float(np.median(np.abs(e - np.median(e))) / special.ndtri(0.75))
 
 
-def exceedances(e: FloatArray, sigmas: float = 5.0) -> NDArray[np.intp]:
+def exceedances(e: FloatArray, sigmas: float = 5.0) -> IntArray:
     """Return the indices where |e| exceeds `sigmas` robust standard deviations."""
     sd = robust_sd(e)
     return np.flatnonzero(np.abs(e) > sigmas * sd) if sd > 0 else np.zeros(0, dtype=np.intp)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.onset_scan import Profile, scan_shape
-from ..kernels.onset_tables import Scan
+from ..kernels.onset.correlations import Scan
+from ..kernels.onset.scan import Profile, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
 from .joint import Likelihood
 from .oscillation import Sinusoid, measured, place, statistics

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.bilinear import Fit, bilinear, fit_magnitudes
 from ..kernels.lagged import compress
 from ..kernels.progress import Step
+from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from .record import ScanRecord
 
 __all__ = ["Likelihood"]
@@ -45,7 +45,7 @@ class Likelihood:
         if self.step is not None:
             self.step()
         data = compress(self.record.u, self.y, theta, order=self.order, feedthrough=self.record.feedthrough)
-        problem = bilinear(data, self.order, floor=FLOOR if self.record.floor is None else self.record.floor)
+        problem = project_inputs(data, self.order, floor=FLOOR if self.record.floor is None else self.record.floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
 
     def on_output(self, signals: FloatArray, output: int, start: FloatArray | None = None) -> Fit:

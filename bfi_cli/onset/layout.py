@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..faults import Fault, magnitude_unit, physical
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
-from ..kernels.onset_scan import STARTING
+from ..kernels.onset.scan import STARTING
 from ..kernels.whiteness import exceedances, robust_sd
 from ..result import FaultEstimate, LogSummary, ModelSummary
 from ..wording import instant

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.bilinear import Fit
-from ..kernels.onset_frequency import MIN_CYCLES
+from ..kernels.onset.frequency import MIN_CYCLES
+from ..kernels.variable_projection import Fit
 from .joint import Likelihood
 from .record import ScanRecord
 from .shapes import Form, Place, signal

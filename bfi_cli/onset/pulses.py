@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import onset_shapes
-from ..kernels.onset_scan import scan_shape
-from ..kernels.onset_tables import Scan
+from ..kernels.onset import waveform as waveforms
+from ..kernels.onset.correlations import Scan
+from ..kernels.onset.scan import scan_shape
 from ..kernels.progress import Step
 from .record import ScanRecord
 from .shapes import Form, Place, signal
@@ -63,7 +63,7 @@ def pulses(record: ScanRecord, scan: Scan, form: Form, spans: Sequence[tuple[Pla
         first = start[0] - sampling.lead
         samples = np.zeros(sampling.n_samples)
         samples[: sampling.n_samples - first] = signal(form, sampling, start, end)[first:]
-        found.append(scan_shape(scan, onset_shapes.sampled(samples), np.array([first])))
+        found.append(scan_shape(scan, waveforms.sampled(samples), np.array([first])))
     z, sd, statistic = (np.array([getattr(one, name)[0] for one in found]) for name in ("z", "sd", "statistic"))
     places = tuple(start for start, _ in spans)
     onset_s = np.array([record.onset_s(*place) for place in places])

@@ -14,7 +14,7 @@ from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
-from ..kernels.onset_scan import ENDING, STARTING
+from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.progress import Report, silent
 from ..sample_file import sample_bytes
 from ..study import Intake, floor_of, lowpass_of, study_of, take_in

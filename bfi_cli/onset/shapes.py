@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..config import StartTime
 from ..faults import Fault, Shape, unit_signal
-from ..kernels import onset_shapes
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
-from ..kernels.onset_shapes import Waveform
+from ..kernels.onset import waveform as waveforms
+from ..kernels.onset.waveform import Waveform
 from ..wording import instant
 
 __all__ = ["Form", "Place", "Sampling", "fault_of", "forms_of", "signal", "waveform"]
@@ -147,20 +147,20 @@ def _stretched(weights: FloatArray, factor: int, n: int) -> FloatArray:
 def _ideal(form: Form, n: int, rate_hz: float) -> Waveform:
     match form.shape:
         case "bias":
-            return onset_shapes.bias(n)
+            return waveforms.bias(n)
         case "drift":
-            return onset_shapes.drift(n, step_s=1.0 / rate_hz)
+            return waveforms.drift(n, step_s=1.0 / rate_hz)
         case "samples":
-            return onset_shapes.sampled(_sampled(form.file, n, rate_hz))
+            return waveforms.sampled(_sampled(form.file, n, rate_hz))
     if form.parameter is None:
         raise ValueError(f"a {form.shape} needs its parameter")
     match form.shape:
         case "sine":
-            return onset_shapes.sine(n, angle=2.0 * np.pi * form.parameter / rate_hz, phase=form.phase_rad)
+            return waveforms.sine(n, angle=2.0 * np.pi * form.parameter / rate_hz, phase=form.phase_rad)
         case "lagged_bias":
-            return onset_shapes.lagged_bias(n, constant=form.parameter * rate_hz)
+            return waveforms.lagged_bias(n, constant=form.parameter * rate_hz)
         case "ramp_hold":
-            return onset_shapes.ramp_hold(n, duration=form.parameter * rate_hz)
+            return waveforms.ramp_hold(n, duration=form.parameter * rate_hz)
     raise ValueError(f"a {form.shape} is not scanned")
 
 

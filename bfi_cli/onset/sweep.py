@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.onset_ends import peaks, scan_ends
-from ..kernels.onset_frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
-from ..kernels.onset_profile import screen
-from ..kernels.onset_scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
-from ..kernels.onset_shapes import sine
-from ..kernels.onset_tables import Scan, prepare_scan, tabulate
+from ..kernels.onset.correlations import Scan, prepare_scan, tabulate
+from ..kernels.onset.frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
+from ..kernels.onset.pairs import peaks, scan_ends
+from ..kernels.onset.profile import screen
+from ..kernels.onset.scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from ..kernels.onset.waveform import sine
 from ..kernels.progress import Report, parts, shares, silent
 from .record import ScanRecord
 from .shapes import Form, waveform
@@ -262,8 +262,8 @@ def _frequency(record: ScanRecord, scan: Scan, report: Report) -> float:
     rate_hz = record.sampling.rate_hz
     band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
     if record.settings.ends:
-        return float(rate_hz * scan_frequency_ends(scan, band, report=report).frequency)
-    return float(rate_hz * scan_frequency(scan, band, report=report).frequency)
+        return float(rate_hz * scan_frequency_ends(scan, band, report=report))
+    return float(rate_hz * scan_frequency(scan, band, report=report))
 
 
 def best_of(peaks: Sequence[Peak]) -> Peak:

@@ -17,11 +17,11 @@ from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import compress
-from ..kernels.onset_scan import Profile, default_onsets
-from ..kernels.onset_tables import Scan
+from ..kernels.onset.correlations import Scan
+from ..kernels.onset.scan import Profile, default_onsets
 from ..kernels.progress import Progress, Report, parts, unseen
 from ..kernels.risro_varx import VarxSolution, risro_varx
-from ..kernels.termination import Settings
+from ..kernels.termination import StoppingRule
 from .estimate import Estimate
 from .layout import log_summary, model_summary, onset_fault, series_of, shape_profile, truth_of
 from .record import ScanRecord, prepare_record
@@ -123,7 +123,7 @@ def _peak(record: ScanRecord, form: Form, order: int, config: Config, report: Re
 def _solve(record: ScanRecord, theta: FloatArray, order: int, config: Config) -> VarxSolution:
     data = compress(record.u, record.y, theta[:, None, None], order=order, feedthrough=record.feedthrough)
     rules = config.risro
-    settings = Settings(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
+    settings = StoppingRule(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
     return risro_varx(data, settings=settings, as_published=rules.as_published)
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault, unit_signal
-from ..kernels.bilinear import Fit
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import Lowpass, decimate
 from ..kernels.progress import Report, parts, silent
+from ..kernels.variable_projection import Fit
 from .intake import Intake
 from .scaled import Study
 

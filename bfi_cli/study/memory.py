@@ -9,8 +9,8 @@ from ..config import Config
 from ..errors import LogError
 from ..faults import Fault
 from ..kernels.decimation import Lowpass
+from ..kernels.model_selection import Penalty, full_support
 from ..kernels.progress import Report, parts, shares, silent
-from ..kernels.selection import Penalty, full_support
 from .scaled import study_of
 
 __all__ = ["slowed"]

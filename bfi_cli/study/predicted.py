@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..conditioning import is_exact
 from ..config import Config
 from ..flightlog import FlightLog
-from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.coherence import detectable_deviations
-from ..kernels.covariance import Unfolded, single_additions, unfold
-from ..kernels.selection import Penalty
+from ..kernels.covariance import FitRows, single_additions, unfold
+from ..kernels.model_selection import Penalty
+from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows, exceedances
 from .intake import Intake
 from .scaled import Study, study_of
@@ -43,7 +43,7 @@ class Predicted:
     study: Study
     fit: Fit
     penalty: Penalty
-    unfolded: Unfolded
+    unfolded: FitRows
     sd: FloatArray
     deviations: float
 

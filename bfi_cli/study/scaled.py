@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..conditioning import Conditioned
 from ..config import Config
 from ..errors import LogError
-from ..kernels.bilinear import Bilinear, bilinear
 from ..kernels.covariance import Layout
 from ..kernels.lagged import Compressed, compress
 from ..kernels.progress import Report, parts, silent
+from ..kernels.variable_projection import ProjectedRegression, project_inputs
 
 __all__ = ["Study", "feasible_orders", "floor_of", "left_out", "prepare", "study_of"]
 
@@ -56,9 +56,9 @@ class Study:
     def n_rows(self) -> int:
         return self.data.n_rows
 
-    def problem(self, order: int) -> Bilinear:
+    def problem(self, order: int) -> ProjectedRegression:
         """Return the regression of one order."""
-        return bilinear(self.data, order, floor=self.floor)
+        return project_inputs(self.data, order, floor=self.floor)
 
 
 def study_of(

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from bfi_cli.kernels import onset_shapes
 from bfi_cli.kernels.lagged import compress
-from bfi_cli.kernels.onset_ends import scan_ends
-from bfi_cli.kernels.onset_frequency import scan_frequency, scan_frequency_ends
-from bfi_cli.kernels.onset_scan import default_onsets, scan_shape
-from bfi_cli.kernels.onset_tables import prepare_scan
+from bfi_cli.kernels.onset import waveform as shapes
+from bfi_cli.kernels.onset.correlations import prepare_scan
+from bfi_cli.kernels.onset.frequency import scan_frequency, scan_frequency_ends
+from bfi_cli.kernels.onset.pairs import scan_ends
+from bfi_cli.kernels.onset.scan import default_onsets, scan_shape
 from bfi_cli.kernels.risro_varx import risro_varx
 
 pytestmark = pytest.mark.benchmarks
@@ -29,9 +29,9 @@ plain_varx = runpy.run_path(str(KERNELS / "plain_risro.py"))["plain_varx"]
 
 N, ONSET, STEP_S, ROUNDS, SAMPLE = 3172, 1500, 0.1, 7, 12
 SHAPES = {
-    "bias": onset_shapes.bias(N),
-    "drift": onset_shapes.drift(N, step_s=STEP_S),
-    "sine": onset_shapes.sine(N, angle=2 * np.pi * 0.05),
+    "bias": shapes.bias(N),
+    "drift": shapes.drift(N, step_s=STEP_S),
+    "sine": shapes.sine(N, angle=2 * np.pi * 0.05),
 }
 
 
@@ -107,7 +107,7 @@ def test_start_and_end(name, order, capsys):
 @pytest.mark.parametrize("n", [240, 600])
 def test_unknown_frequency(n, capsys):
     u, y = plain["record"](n)
-    y[:, 0] += 0.5 * plain["signal"](onset_shapes.sine(n, angle=2 * np.pi * 0.0713), n // 3, 2 * n // 3)
+    y[:, 0] += 0.5 * plain["signal"](shapes.sine(n, angle=2 * np.pi * 0.0713), n // 3, 2 * n // 3)
     band = (3.0 / n, 0.2)
     with threadpool_limits(1):
         scan = prepare_scan(u, y, order=4)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from bfi_cli.kernels import onset_shapes
 from bfi_cli.kernels.lagged import lagged
+from bfi_cli.kernels.onset import waveform as shapes
+from bfi_cli.kernels.onset.correlations import tabulate
+from bfi_cli.kernels.onset.profile import log_ratio
+from bfi_cli.kernels.onset.scan import stack_onsets
 
 STEP_S = 0.1
 
@@ -15,13 +18,13 @@ def waveforms(n):
     """Return one waveform of every kind over n samples."""
     walk = np.cumsum(np.random.default_rng(3).standard_normal(n))
     return {
-        "bias": onset_shapes.bias(n),
-        "drift": onset_shapes.drift(n, step_s=STEP_S),
-        "sine": onset_shapes.sine(n, angle=2 * np.pi * 0.05),
-        "slow sine": onset_shapes.sine(n, angle=2 * np.pi * 0.002),
-        "lagged bias": onset_shapes.lagged_bias(n, constant=20.0),
-        "ramp-hold": onset_shapes.ramp_hold(n, duration=17.5),
-        "samples": onset_shapes.sampled(walk),
+        "bias": shapes.bias(n),
+        "drift": shapes.drift(n, step_s=STEP_S),
+        "sine": shapes.sine(n, angle=2 * np.pi * 0.05),
+        "slow sine": shapes.sine(n, angle=2 * np.pi * 0.002),
+        "lagged bias": shapes.lagged_bias(n, constant=20.0),
+        "ramp-hold": shapes.ramp_hold(n, duration=17.5),
+        "samples": shapes.sampled(walk),
     }
 
 
@@ -64,6 +67,12 @@ def regressors(u, corrected, order, *, feedthrough=True):
     ones = np.ones((len(u) - order, 1))
     inputs = lagged(u, range(0 if feedthrough else 1, order + 1), first=order)
     return np.hstack([ones, inputs, lagged(corrected - corrected.mean(axis=0), range(1, order + 1))])
+
+
+def rss_at(scan, waveform, onsets, *, z):
+    """Return the scan's own rss (n_onsets,) at given magnitudes (n_onsets,), to be compared with `plain_rss`."""
+    stack = stack_onsets(scan, tabulate(scan, waveform.samples), onsets)
+    return scan.rss0 * np.exp(log_ratio(stack, z * waveform.unit))
 
 
 def plain_rss(u, y, theta, *, z, order, feedthrough=True, channel=0):

@@ -11,7 +11,7 @@ from bfi_cli.kernels.coherence import (
     detectable_deviations,
     homogeneous_order,
     mutual_coherence,
-    whitened,
+    whiten,
 )
 
 K = np.arange(400.0)
@@ -106,7 +106,7 @@ def test_whitened_inner_products_are_those_of_the_information_matrix():
     g, root = rng.normal(size=(30, 2, 3)), rng.normal(size=(2, 2))
     sigma = root @ root.T + np.eye(2)
     expected = np.einsum("koi,op,kpj->ij", g, np.linalg.inv(sigma), g)
-    W = whitened(g, sigma)
+    W = whiten(g, sigma)
     np.testing.assert_allclose(W.T @ W, expected, rtol=1e-10, atol=1e-10)
 
 

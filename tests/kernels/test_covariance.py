@@ -9,9 +9,9 @@ import pytest
 from made_varx import dictionary, explicit_error, made, wave
 from scipy import signal, stats
 
-from bfi_cli.kernels.bilinear import bilinear, fit_magnitudes
 from bfi_cli.kernels.covariance import Layout, covariance, single_additions, unfold
 from bfi_cli.kernels.lagged import compress
+from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
 
 ORDER = 2
 FLOOR = 1e-12
@@ -21,7 +21,7 @@ def fitted(u, y, theta, atoms, *, order: int = ORDER, first: int | None = None, 
     """Return the layout and the fit of `atoms` on the rows from `first`."""
     first = order if first is None else first
     data = compress(u, y, theta, order=first, feedthrough=feedthrough)
-    fit = fit_magnitudes(bilinear(data, order, floor=FLOOR), atoms)
+    fit = fit_magnitudes(project_inputs(data, order, floor=FLOOR), atoms)
     return Layout(u=u, y=y, theta=theta, first=first, feedthrough=feedthrough), fit
 
 
@@ -75,6 +75,32 @@ def test_the_sandwich_never_narrows(n_y, pole):
     assert (np.linalg.eigvalsh(found) > 0).all()
 
 
+@pytest.mark.parametrize("n_y", [1, 2])
+def test_the_sandwich_is_the_sum_of_newey_and_west_written_out(n_y):
+    """Bartlett weights over all pairs of rows, for errors that order 1 cannot whiten."""
+    rng = np.random.default_rng(12)
+    n, order, atoms = 260, 1, [0, 1, 2]
+    slow = signal.lfilter([1.0], [1.0, -0.95], 0.1 * rng.standard_normal((n, n_y)), axis=0)
+    theta = np.stack([wave(n, onset, "ramp") for onset in (20, 90, 150)], axis=1)[:, None, :] * np.ones((n, n_y, 1))
+    layout, fit = fitted(
+        rng.standard_normal((n, 1)), slow + rng.standard_normal((n, n_y)), theta, (0, 1, 2), order=order
+    )
+    unfolded = unfold(layout, fit)
+    g, e, W = unfolded.signatures[:, :, atoms], unfolded.error, np.linalg.inv(fit.sigma)
+    rows = n - order
+    lags = np.ceil(np.cbrt(rows))
+    apart = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows)))
+    scores = np.einsum("koi,op,kp->ki", g, W, e)
+    B = np.linalg.inv(np.einsum("koi,op,kpj->ij", g, W, g))
+    M = np.einsum("ki,kl,lj->ij", scores, np.maximum(0.0, 1.0 - apart / (lags + 1.0)), scores)
+    wider = np.diag(B @ M @ B) / np.diag(B)
+    assert wider.max() > 1.1
+    root = np.sqrt(np.maximum(wider, 1.0))
+    regressors = 1 + order + order * n_y
+    expected = B * np.outer(root, root) * rows / (rows - regressors - 3 / n_y)
+    np.testing.assert_allclose(covariance(fit, unfolded), expected, rtol=1e-8)
+
+
 def test_slowly_varying_errors_widen_the_interval_of_a_slow_fault():
     """Order 1 cannot whiten the sum of two processes; classical intervals would miss the truth too often."""
     rng = np.random.default_rng(3)
@@ -121,6 +147,25 @@ def test_single_additions_are_those_of_a_refit(n_y, base):
         assert abs(single.magnitude[added] - refit.z[atoms.index(added)]) < 0.05 * sd
         place = atoms.index(added)
         assert single.variance[added] == pytest.approx(np.linalg.inv(refit.information)[place, place], rel=0.1)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+@pytest.mark.parametrize("base", [(), (0,), (0, 2)])
+def test_single_additions_are_a_least_squares_with_its_degrees_of_freedom(n_y, base):
+    """On few rows, where the degrees of freedom count."""
+    n = 40
+    u, y, theta = record(13, (1.0, 0.3, -0.5), n=n, n_y=n_y)
+    layout, fit = fitted(u, y, theta, base)
+    unfolded = unfold(layout, fit)
+    root = np.linalg.cholesky(np.linalg.inv(fit.sigma))
+    G = np.einsum("op,koj->kpj", root, unfolded.signatures).reshape(-1, 3)
+    e = (unfolded.error @ root).ravel()
+    factor = (n - ORDER) / (n - ORDER - (1 + ORDER + ORDER * n_y) - len(base) / n_y)
+    single = single_additions(fit, unfolded)
+    for atom in {0, 1, 2} - set(base):
+        columns = G[:, [*base, atom]]
+        assert single.magnitude[atom] == pytest.approx(np.linalg.lstsq(columns, e, rcond=None)[0][-1], rel=1e-6)
+        assert single.variance[atom] == pytest.approx(factor * np.linalg.inv(columns.T @ columns)[-1, -1], rel=1e-9)
 
 
 def test_an_active_atom_added_again_brings_nothing():

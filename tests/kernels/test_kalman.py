@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.stats import chi2, multivariate_normal
 
-from bfi_cli.kernels.kalman import Gaussian, StateSpace, kalman_filter, predict, update
+from bfi_cli.kernels.kalman import Gaussian, StateSpace, predict, update
+from bfi_cli.kernels.multimodel import FilterRun, filter_bank
 
 N_X, N_U, N_Y = 3, 2, 2
 START = Gaussian(mean=np.array([1.0, -2.0, 0.5]), covariance=np.diag([2.0, 1.0, 0.5]))
@@ -48,6 +49,11 @@ def flown(plant: StateSpace, n: int, rng: np.random.Generator) -> tuple[np.ndarr
     return x, x @ plant.C.T + u @ plant.D.T + v, u
 
 
+def filtered(plant: StateSpace, y: np.ndarray, u: np.ndarray, *, initial: Gaussian) -> FilterRun:
+    """Return the run of one filter over a record."""
+    return filter_bank((plant,), y, u, initial=(initial,), probability=(1.0,)).filters[0]
+
+
 def joint(plant: StateSpace, u: np.ndarray) -> tuple[Gaussian, np.ndarray]:
     """Return the stacked outputs' distribution, and their covariance with the last state, by plain propagation."""
     n = len(u)
@@ -69,7 +75,7 @@ def test_log_likelihoods_add_up_to_that_of_all_outputs_at_once(seed):
     _, y, u = flown(plant, 6, np.random.default_rng(seed))
     outputs, _ = joint(plant, u)
     expected = multivariate_normal(outputs.mean, outputs.covariance).logpdf(y.ravel())
-    run = kalman_filter(plant, y, u, initial=START)
+    run = filtered(plant, y, u, initial=START)
     assert run.log_likelihood.sum() == pytest.approx(expected, rel=1e-12)
 
 
@@ -82,7 +88,7 @@ def test_last_estimate_is_the_state_conditioned_on_all_outputs(seed):
         mean = plant.A @ mean + plant.B @ u_k
     outputs, cross = joint(plant, u)
     weights = np.linalg.solve(outputs.covariance, cross.T).T
-    run = kalman_filter(plant, y, u, initial=START)
+    run = filtered(plant, y, u, initial=START)
     np.testing.assert_allclose(run.mean[-1], mean + weights @ (y.ravel() - outputs.mean), rtol=0, atol=1e-12)
 
 
@@ -93,7 +99,7 @@ def test_gain_settles_at_the_solution_of_the_riccati_equation(seed):
     P = solve_discrete_are(plant.A.T, plant.C.T, plant.Q, plant.R)
     S = plant.C @ P @ plant.C.T + plant.R
     gain = np.linalg.solve(S, plant.C @ P).T
-    run = kalman_filter(plant, np.zeros((400, N_Y)), np.zeros((400, N_U)), initial=START)
+    run = filtered(plant, np.zeros((400, N_Y)), np.zeros((400, N_U)), initial=START)
     settled = predict(Gaussian(mean=run.mean[-1], covariance=run.covariance[-1]), plant, u=np.zeros(N_U))
     np.testing.assert_allclose(settled.covariance, P, rtol=0, atol=1e-9 * np.abs(P).max())
     for j, unit in enumerate(np.eye(N_Y)):
@@ -107,7 +113,7 @@ def test_errors_and_innovations_have_the_size_the_filter_says():
     nees = nis = 0.0
     for _ in range(runs):
         x, y, u = flown(plant, n, rng)
-        run = kalman_filter(plant, y, u, initial=START)
+        run = filtered(plant, y, u, initial=START)
         error = x[-1] - run.mean[-1]
         nees += error @ np.linalg.solve(run.covariance[-1], error)
         scaled = np.linalg.solve(run.innovation_covariance, run.innovation[..., None])[..., 0]
@@ -120,7 +126,7 @@ def test_errors_and_innovations_have_the_size_the_filter_says():
 def test_innovations_are_white():
     plant, n = system(), 4000
     _, y, u = flown(plant, n, np.random.default_rng(5))
-    run = kalman_filter(plant, y, u, initial=START)
+    run = filtered(plant, y, u, initial=START)
     white = np.linalg.solve(np.linalg.cholesky(run.innovation_covariance), run.innovation[..., None])[..., 0]
     for lag in (1, 2, 5):
         correlation = white[lag:].T @ white[:-lag] / n
@@ -130,7 +136,7 @@ def test_innovations_are_white():
 def test_covariances_stay_positive_where_the_measurement_is_nearly_exact():
     plant = replace(system(), Q=np.zeros((N_X, N_X)), R=1e-8 * np.eye(N_Y))
     huge = Gaussian(mean=np.zeros(N_X), covariance=1e4 * np.eye(N_X))
-    run = kalman_filter(plant, np.zeros((50, N_Y)), np.zeros((50, N_U)), initial=huge)
+    run = filtered(plant, np.zeros((50, N_Y)), np.zeros((50, N_U)), initial=huge)
     assert np.all(np.linalg.eigvalsh(run.covariance) > -1e-12 * 1e4)
     np.testing.assert_array_equal(run.covariance, run.covariance.transpose(0, 2, 1))
 
@@ -138,11 +144,11 @@ def test_covariances_stay_positive_where_the_measurement_is_nearly_exact():
 def test_an_outlier_of_a_million_deviations_costs_its_square_and_nothing_overflows():
     plant = system()
     _, y, u = flown(plant, 5, np.random.default_rng(0))
-    step = kalman_filter(plant, y, u, initial=START)
+    step = filtered(plant, y, u, initial=START)
     bad = y.copy()
     deviation = 1e6 * np.linalg.cholesky(step.innovation_covariance[-1])[:, 0]
     bad[-1] += deviation - step.innovation[-1]
-    assert kalman_filter(plant, bad, u, initial=START).log_likelihood[-1] == pytest.approx(-5e11, rel=1e-9)
+    assert filtered(plant, bad, u, initial=START).log_likelihood[-1] == pytest.approx(-5e11, rel=1e-9)
 
 
 @pytest.mark.parametrize(

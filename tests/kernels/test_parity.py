@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from bfi_cli.kernels.lagged import lagged
 from bfi_cli.kernels.parity import largest_drops, past_basis, step_response
-from bfi_cli.kernels.recursion import recursive_residuals
+from bfi_cli.kernels.recursive_least_squares import recursive_residuals
 
 flown = runpy.run_path(str(Path(__file__).with_name("made_linear.py")))["flown"]
 LAGS, START, WINDOW, ONSET = 3, 150, 20, 250
@@ -100,6 +101,50 @@ def test_a_step_is_attributed_to_its_channel_and_its_row_and_has_the_order_of_it
         assert amplitude[channel] > 1.1 * amplitude[healthy].max()
         assert found.age[row + after, channel] in (after, after + 1)
     assert 0.7 < found.size[row + 10, channel] / 20.0 < 2.0
+
+
+def plain_drops(errors, basis, i):
+    """Return deviate, age and size of each channel at row i, by one least squares per onset in the window."""
+    w, q = errors.residual, errors.residual.shape[1]
+    before = max(i - WINDOW + 1, 0)
+    freedom = errors.freedom + before
+    scatter = errors.scatter + sum((np.outer(r, r) for r in w[:before]), np.zeros((q, q)))
+    root = np.linalg.cholesky(np.linalg.inv(scatter / freedom + 1e-6 * np.eye(q))).T
+    K = (basis @ errors.coefficients[i][-basis.shape[1] :]).reshape(LAGS, q, q)
+    results = []
+    for channel in range(q):
+        best = (-1.0, 0, 0.0)
+        for age in range(min(i + 1, WINDOW)):
+            # What a unit step adds to the errors of its rows, and the same a row later.
+            step = [np.eye(q)[channel] - K[:n].sum(axis=0)[channel] for n in range(age + 1)]
+            later = [np.zeros(q), *step[:-1]]
+            shrink = 1.0 / np.sqrt(1.0 + errors.leverage[i - age : i + 1])
+            rows = np.concatenate([root @ w[i - age + n] for n in range(age + 1)])
+            first = np.concatenate([root @ (step[n] - later[n]) * shrink[n] for n in range(age + 1)])
+            rest = np.concatenate([root @ later[n] * shrink[n] for n in range(age + 1)])
+            X = np.stack([first, rest], axis=1)[:, : 2 if age else 1]
+            heights = np.linalg.lstsq(X, rows, rcond=None)[0]
+            left = np.sum((rows - X @ heights) ** 2)
+            drop = (np.sum(rows**2) - left) / max(1.0, left / max(q * (age + 1) - 2, 1))
+            best = max(best, (drop, age, heights[1] if age else 0.0))
+        rare = stats.f.sf(best[0] / 2.0, 2, max(freedom - q + 1.0, 1.0))
+        results.append((stats.norm.isf(0.5 * rare), *best[1:]))
+    return np.array(results).T
+
+
+def test_drops_are_those_of_a_least_squares_per_onset():
+    """On a short healthy time, where leverage and degrees of freedom count."""
+    y = noisy(110, seed=4)
+    y[80:, 1] += 4.0
+    basis, _ = past_basis(y[:30], lags=LAGS, rank=4)
+    past = lagged(y, range(1, LAGS + 1)) @ basis
+    errors = recursive_residuals(np.hstack([np.ones((len(past), 1)), past]), y[LAGS:], start=12)
+    found = largest_drops(errors, basis, window=WINDOW, recent=0)
+    for i in (WINDOW - 1, 30, 60, 66, 75, 90):
+        deviate, age, size = plain_drops(errors, basis, i)
+        np.testing.assert_allclose(found.deviate[i], deviate, rtol=1e-6)
+        np.testing.assert_array_equal(found.age[i], age)
+        np.testing.assert_allclose(found.size[i], size, rtol=1e-6, atol=1e-9)
 
 
 def test_no_step_is_looked_for_before_the_window():

@@ -39,6 +39,15 @@ def test_ljung_box_is_uniform_under_the_null_and_small_otherwise():
     assert max(ljung_box(coloured(400, 0.5, seed), 20, 0) for seed in range(20)) < 1e-4
 
 
+def test_ljung_box_is_the_sum_of_its_paper():
+    e, n, statistic = coloured(30, 0.2, 5), 30, 0.0
+    e = e - e.mean()
+    for lag in range(1, 7):
+        r = sum(e[k] * e[k - lag] for k in range(lag, n)) / sum(e**2)
+        statistic += n * (n + 2) * r**2 / (n - lag)
+    assert ljung_box(e, 6, 2) == pytest.approx(stats.chi2.sf(statistic, 4), rel=1e-12)
+
+
 def test_ljung_box_takes_the_fitted_lags_off_the_degrees_of_freedom():
     p = []
     for seed in range(300):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import special, stats
 
-from bfi_cli.kernels.recursion import predictive_score, recursive_residuals, running_covariances
+from bfi_cli.kernels.recursive_least_squares import predictive_score, recursive_residuals, running_covariances
 
 START = 20
 
@@ -109,6 +110,20 @@ def test_a_rough_stretch_enlarges_the_variance_and_a_calm_one_does_not_reduce_it
     assert diagonal.min() >= 1.0 - 1e-12
     assert diagonal[280 - START].min() > 1.5
     np.testing.assert_allclose(diagonal[375 - START], 1.0, rtol=1e-12)
+
+
+def test_the_score_is_the_mean_log_density_of_students_t():
+    X, Y, _ = regression(60, seed=3)
+    errors = recursive_residuals(X, Y, start=8)
+    scatter, total = errors.scatter.copy(), 0.0
+    for i, (residual, leverage) in enumerate(zip(errors.residual, errors.leverage, strict=True)):
+        freedom = errors.freedom + i
+        shape = (scatter / freedom + 1e-6 * np.eye(2)) * (1.0 + leverage)
+        error = residual * np.sqrt(1.0 + leverage)
+        constant = special.gammaln((freedom + 2) / 2) - special.gammaln(freedom / 2) - np.log(freedom * np.pi)
+        total += stats.multivariate_t.logpdf(error, shape=shape, df=freedom) - constant
+        scatter += np.outer(residual, residual)
+    assert predictive_score(errors) == pytest.approx(total / len(errors.residual), rel=1e-9)
 
 
 def test_the_score_prefers_the_regressors_the_data_were_made_of():

@@ -9,9 +9,9 @@ import pytest
 from made_varx import dictionary, made, wave
 from scipy import stats
 
-from bfi_cli.kernels.bilinear import bilinear, fit_magnitudes, relaxed
 from bfi_cli.kernels.lagged import compress
-from bfi_cli.kernels.selection import Penalty, Search, search_orders
+from bfi_cli.kernels.model_selection import BACKWARD_LIMIT, OrderSearch, Penalty, full_support, search_orders
+from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs, relaxed_bound
 
 ORDER = 2
 FLOOR = 1e-10
@@ -22,7 +22,7 @@ def problem_of(seed: int, z=Z, *, n: int = 250, n_y: int = 1, noise_sd: float = 
     rng = np.random.default_rng(seed)
     u, y = made(rng, order=ORDER, n_y=n_y).fly(n, rng, noise_sd=noise_sd)
     theta = dictionary(n, n_y=n_y, n_atoms=len(z))
-    return bilinear(compress(u, y + theta @ np.array(z), theta, order=ORDER), ORDER, floor=FLOOR)
+    return project_inputs(compress(u, y + theta @ np.array(z), theta, order=ORDER), ORDER, floor=FLOOR)
 
 
 def penalty_of(problem, n_candidates: int, *, evidence: float = 6.0, n_effective: float | None = None) -> Penalty:
@@ -30,13 +30,13 @@ def penalty_of(problem, n_candidates: int, *, evidence: float = 6.0, n_effective
     return Penalty(n_rows=n, n_effective=n_effective or n, n_candidates=n_candidates, evidence=evidence)
 
 
-def search_order(problem, candidates, penalty, **limits) -> Search:
+def search_order(problem, candidates, penalty, **limits) -> OrderSearch:
     (search,) = search_orders([problem], candidates, penalty, **limits)
     return search
 
 
 def start_of(problem, atoms) -> np.ndarray:
-    return np.array([relaxed(problem, None, atom)[1] for atom in atoms])
+    return np.array([relaxed_bound(problem, None, atom)[1] for atom in atoms])
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -122,7 +122,7 @@ def test_an_atom_that_stood_in_for_two_is_dropped_when_both_are_there():
     k = np.arange(n)
     a, b, c, d, other = (np.sin(frequency * k) * (k > 60) for frequency in (0.9, 1.3, 1.7, 2.1, 2.5))
     theta = np.stack([a, b, a + b + 0.3 * other, c, d], axis=1)[:, None, :]
-    problem = bilinear(compress(u, y + theta @ [1.0, 1.0, 0.0, 0.0, 0.0], theta, order=ORDER), ORDER, floor=FLOOR)
+    problem = project_inputs(compress(u, y + theta @ [1.0, 1.0, 0.0, 0.0, 0.0], theta, order=ORDER), ORDER, floor=FLOOR)
     search = search_order(problem, range(5), penalty_of(problem, 5), max_active=4)
     assert search.best.fit.atoms == (0, 1)
     assert search.of((2,)) is not None
@@ -153,6 +153,80 @@ def test_visits_are_of_distinct_supports_and_can_be_looked_up():
     assert search_order(problem, range(5), penalty_of(problem, 5), max_active=1).of((0, 1, 2)) is None
 
 
+def test_a_large_fault_is_fitted_from_its_relaxed_magnitude_too():
+    """From zero this drift ends in a worse maximum, in the search forward (no other starts here) and of all atoms."""
+    rng = np.random.default_rng(6)
+    u, y = made(rng, order=ORDER).fly(300, rng, noise_sd=0.1)
+    drift = dictionary(300)[:, :, 2:]
+    others = np.stack([wave(300, 60 + 8 * j, "step") for j in range(BACKWARD_LIMIT)], axis=1)[:, None, :]
+    theta = np.concatenate([drift, others], axis=2)
+    problem = project_inputs(compress(u, y + 20.0 * drift[:, :, 0], theta, order=ORDER), ORDER, floor=FLOOR)
+    best = fit_magnitudes(problem, (0,), np.array([20.0])).log_det
+    assert fit_magnitudes(problem, (0,)).log_det > best + 1.0
+    penalty = penalty_of(problem, theta.shape[2])
+    search = search_order(problem, range(theta.shape[2]), penalty, max_active=1)
+    assert search.best.fit.atoms == (0,)
+    assert search.best.fit.log_det == pytest.approx(best, abs=1e-6)
+    assert full_support(problem, (0,), penalty).fit.log_det == pytest.approx(best, abs=1e-6)
+
+
+MANY = BACKWARD_LIMIT + 2
+
+
+def oscillations(seed: int, *, noise_sd: float = 0.3):
+    """Return u, y without a fault, and more oscillations (n, 1, MANY) than the search backward from all takes."""
+    rng, k = np.random.default_rng(seed), np.arange(200)
+    u, y = made(rng, order=ORDER).fly(len(k), rng, noise_sd=noise_sd)
+    return u, y, np.stack([np.sin((0.2 + 0.09 * j) * k) * (k > 40 + 3 * j) for j in range(MANY)], axis=1)[:, None, :]
+
+
+@pytest.mark.parametrize("seed", [2, 3, 7])
+def test_every_order_visits_the_best_support_of_every_other(seed):
+    u, y, theta = oscillations(seed)
+    data = compress(u, y + 0.5 * theta[:, :, 3] + 0.4 * theta[:, :, 9], theta, order=8)
+    problems = [project_inputs(data, order, floor=FLOOR) for order in (1, 2, 8)]
+    penalty = penalty_of(problems[0], MANY, evidence=2.0)
+    alone = [search_order(problem, range(MANY), penalty) for problem in problems]
+    leaders = [search.best.fit.atoms for search in alone]
+    together = search_orders(problems, range(MANY), penalty)
+    assert None in [search.of(leader) for search in alone for leader in leaders]
+    assert None not in [search.of(leader) for search in together for leader in leaders]
+    for one, other in zip(together, alone, strict=True):
+        assert one.best.criterion <= other.best.criterion
+
+
+def test_two_atoms_that_only_help_together_are_found():
+    """Their difference is the fault; what they share is far larger, so that neither alone pays for itself."""
+    u, y, theta = oscillations(0, noise_sd=0.1)
+    shared, fault = 10.0 * theta[:, :, 4], theta[:, :, 0].copy()
+    theta[:, :, 0], theta[:, :, 1] = shared + fault, shared - fault
+    theta[:, :, 4] = theta[:, :, 5]
+    problem = project_inputs(compress(u, y + 0.4 * fault, theta, order=ORDER), ORDER, floor=FLOOR)
+    search = search_order(problem, range(MANY), penalty_of(problem, MANY))
+    assert search.best.fit.atoms == (0, 1)
+    first = min((scored for scored in search.visited if len(scored.fit.atoms) == 1), key=lambda one: one.criterion)
+    assert first.criterion > search.of(()).criterion
+
+
+@pytest.mark.parametrize("n_candidates", [BACKWARD_LIMIT, BACKWARD_LIMIT + 1])
+def test_small_dictionaries_are_searched_from_all_atoms_too(n_candidates):
+    u, y, theta = oscillations(1)
+    problem = project_inputs(compress(u, y, theta, order=ORDER), ORDER, floor=FLOOR)
+    search = search_order(problem, range(n_candidates), penalty_of(problem, n_candidates))
+    assert (search.of(range(n_candidates)) is not None) == (n_candidates <= BACKWARD_LIMIT)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+def test_a_support_leaves_two_rows_beside_its_parameters(n_y):
+    problem = problem_of(0, np.zeros(5), n=14, n_y=n_y)
+    regressors = 1 + ORDER + ORDER * n_y
+    for n_rows in range(regressors + 2, regressors + 9):
+        fit = full_support(
+            problem, (0, 1, 2, 3, 4), Penalty(n_rows=n_rows, n_effective=9.0, n_candidates=5, evidence=0.0)
+        )
+        assert (fit is not None) == (n_rows - regressors - 5 >= 2)
+
+
 def test_more_atoms_than_rows():
     """The support stays within what the rows can carry, and the answer is finite."""
     rng = np.random.default_rng(5)
@@ -162,7 +236,7 @@ def test_more_atoms_than_rows():
     for j in range(n_atoms):
         theta[:, 0, j] = wave(n, 4 + j // 2, "step" if j % 2 else "wave")
     y = y + 5.0 * theta[:, :, 11]
-    problem = bilinear(compress(u, y, theta, order=1), 1, floor=FLOOR)
+    problem = project_inputs(compress(u, y, theta, order=1), 1, floor=FLOOR)
     search = search_order(problem, range(n_atoms), penalty_of(problem, n_atoms))
     assert 11 in search.best.fit.atoms
     assert np.isfinite([scored.criterion for scored in search.visited]).all()

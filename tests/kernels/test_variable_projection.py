@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_varx import dictionary, explicit_error, made, wave
 
-from bfi_cli.kernels.bilinear import Fit, bilinear, fit_magnitudes, relaxed
 from bfi_cli.kernels.lagged import compress
 from bfi_cli.kernels.termination import Termination
+from bfi_cli.kernels.variable_projection import Fit, fit_magnitudes, project_inputs, relaxed_bound
 
 ORDER = 2
 TINY = 1e-12
@@ -26,7 +26,7 @@ def faulty(seed: int, *, n=300, n_u=1, n_y=1, n_atoms=3, z=(1.0, -2.0, 0.5), fee
 
 
 def problem_of(u, y, theta, *, order=ORDER, feedthrough=False, floor=TINY):
-    return bilinear(compress(u, y, theta, order=order, feedthrough=feedthrough), order, floor=floor)
+    return project_inputs(compress(u, y, theta, order=order, feedthrough=feedthrough), order, floor=floor)
 
 
 def log_det_at(problem, atoms, z) -> float:
@@ -58,7 +58,7 @@ def test_a_support_leaves_the_other_atoms_out(n_y):
 def test_likelihood_is_that_of_an_explicit_least_squares(n_y, order):
     u, y, theta, _ = faulty(2, n_y=n_y, noise_sd=0.1)
     data = compress(u, y, theta, order=4, feedthrough=True)
-    problem = bilinear(data, order, floor=TINY)
+    problem = project_inputs(data, order, floor=TINY)
     for z in ([0.0, 0.0, 0.0], [1.0, -2.0, 0.5], [7.0, 3.0, -9.0]):
         e = explicit_error(u, y, theta, np.array(z), order=order, feedthrough=True, first=4)
         fit = fit_magnitudes(problem, (0, 1, 2), np.array(z), max_iterations=0)
@@ -179,13 +179,13 @@ def test_relaxed_fit_is_never_worse_than_any_magnitude(seed, m, n_y, base):
     u, y, theta, _ = faulty(seed, n=80, n_y=n_y, noise_sd=0.5)
     problem = problem_of(u, y, theta)
     fit = fit_magnitudes(problem, base)
-    bound, _ = relaxed(problem, fit, 2)
+    bound, _ = relaxed_bound(problem, fit, 2)
     assert bound <= log_det_at(problem, (*base, 2), [*fit.z, m]) + 1e-10
 
 
 def test_relaxed_magnitude_is_exact_without_noise():
     u, y, theta, _ = faulty(7, z=(0.0, 3.0, 0.0))
-    bound, magnitude = relaxed(problem_of(u, y, theta), None, 1)
+    bound, magnitude = relaxed_bound(problem_of(u, y, theta), None, 1)
     assert magnitude == pytest.approx(3.0, rel=1e-8)
     assert bound < np.log(1e-20)
 
@@ -198,7 +198,7 @@ def test_large_faults_are_found_from_the_relaxed_start(atom, magnitude):
     for seed in range(4):
         u, y, theta, _ = faulty(seed, z=z, noise_sd=0.1)
         problem = problem_of(u, y, theta)
-        start = relaxed(problem, None, atom)[1]
+        start = relaxed_bound(problem, None, atom)[1]
         fit = fit_magnitudes(problem, (atom,), np.array([start]))
         assert abs(fit.z[0] - magnitude) < 5.0 / np.sqrt(fit.information[0, 0])
 

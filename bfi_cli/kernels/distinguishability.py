@@ -18,24 +18,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from .density import Density, convolved, kernel_density
+from . import FloatArray
+from .density import Density, convolve, kernel_density
 from .divergence import jensen_shannon_quadrature
 
-__all__ = ["Separation", "sample_bits", "separation", "window_bits"]
-
-FloatArray = NDArray[np.float64]
-
+# Kernels of a density: of more samples, so many order statistics evenly through them; the quadrature costs the square.
 MOST_SAMPLES = 512
-PER_DECADE = 3
+# Sizes of the fault in deviations: from 0.03, where next to nothing is seen of it, to three million, powers of ten.
 DECADES = (-1.5, 6.5)
-RESOLVED = 1e-9
+PER_DECADE = 3
+# Bits nearer to 0 or 1 are the quadrature's error.
+ACCURACY = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Separation:
+class Distinguishability:
     """The information of a window on a fault, against the fault's size.
 
     Attributes
@@ -50,7 +49,7 @@ class Separation:
     bits: FloatArray
 
 
-def separation(errors: FloatArray) -> Separation:
+def distinguishability(errors: FloatArray) -> Distinguishability:
     """Return the information against the size of a fault.
 
     Parameters
@@ -58,24 +57,27 @@ def separation(errors: FloatArray) -> Separation:
     errors : prediction errors of the record without the fault, whitened between outputs, any shape and scale; where
         they are all alike (no noise) a Gaussian stands for them.
     """
-    density = _standardised(errors)
+    errors = np.asarray(errors, dtype=np.float64).reshape(-1)
+    spread = float(np.sqrt(np.mean(errors**2)))
+    density = _density(errors / spread if spread > 0.0 else errors)
+    density = density or Density(samples=np.zeros(1), bandwidths=np.ones(1), pilot_bandwidth=1.0, exponent=0.0)
     low, high = DECADES
     deviations = np.logspace(low, high, round((high - low) * PER_DECADE) + 1)
-    bits = [jensen_shannon_quadrature(density, convolved(density, float(d))) for d in deviations]
-    return Separation(errors=density, deviations=deviations, bits=np.maximum.accumulate(bits))
+    bits = [jensen_shannon_quadrature(density, convolve(density, float(d))) for d in deviations]
+    return Distinguishability(errors=density, deviations=deviations, bits=np.maximum.accumulate(bits))
 
 
-def window_bits(found: Separation, deviations: FloatArray) -> FloatArray:
+def window_bits(known: Distinguishability, deviations: FloatArray) -> FloatArray:
     """Return the information at sizes of any shape, 0 below the range and for NaN, 1 above it.
 
     Monotone cubic interpolation of the logarithmic odds over the logarithm of the size, to about 1e-3 of the value.
     """
     from scipy.interpolate import PchipInterpolator
 
-    inside = (found.bits > RESOLVED) & (found.bits < 1.0 - RESOLVED)
+    inside = (known.bits > ACCURACY) & (known.bits < 1.0 - ACCURACY)
     at = np.nan_to_num(np.asarray(deviations, dtype=np.float64), nan=0.0, posinf=np.inf)
-    sizes = found.deviations[inside]
-    curve = PchipInterpolator(np.log(sizes), special.logit(found.bits[inside]))
+    sizes = known.deviations[inside]
+    curve = PchipInterpolator(np.log(sizes), special.logit(known.bits[inside]))
     bits = special.expit(curve(np.log(np.clip(at, sizes[0], sizes[-1]))))
     return np.where(at < sizes[0], 0.0, np.where(at > sizes[-1], 1.0, bits))
 
@@ -99,21 +101,10 @@ def sample_bits(errors: FloatArray, traces: FloatArray) -> FloatArray:
 
 
 def _density(samples: FloatArray) -> Density | None:
+    """Return the density of the samples, thinned where they are many; None where they have none."""
+    if samples.size > MOST_SAMPLES:
+        samples = np.sort(samples)[np.linspace(0, samples.size - 1, MOST_SAMPLES).round().astype(int)]
     try:
-        return kernel_density(_thinned(samples))
+        return kernel_density(samples)
     except ValueError:
         return None
-
-
-def _standardised(errors: FloatArray) -> Density:
-    errors = np.asarray(errors, dtype=np.float64).reshape(-1)
-    spread = float(np.sqrt(np.mean(errors**2)))
-    found = _density(errors / spread if spread > 0.0 else errors)
-    return found or Density(samples=np.zeros(1), bandwidths=np.ones(1), pilot_bandwidth=1.0, exponent=0.0)
-
-
-def _thinned(samples: FloatArray) -> FloatArray:
-    """Order statistics evenly through the sample, its ends included, where there are many."""
-    if samples.size <= MOST_SAMPLES:
-        return samples
-    return np.asarray(np.sort(samples)[np.linspace(0, samples.size - 1, MOST_SAMPLES).round().astype(int)])

@@ -10,20 +10,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-__all__ = ["FEWEST_BLOCKS", "Tail", "block_maxima", "tail_of", "white_excess", "white_level"]
+from . import FloatArray
 
-FloatArray = NDArray[np.float64]
-
+# Block maxima that a tail is fitted to, at least.
 FEWEST_BLOCKS = 10
+# The mean excess of white noise enters the estimate like so many observed excesses.
 WHITE_WEIGHT = 5
+# Points of the midpoint rule over the upper half of the distribution of a largest deviate.
 QUANTILES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tail:
+class ExponentialTail:
     """The largest deviate of a block: exponential above its median.
 
     Attributes
@@ -72,7 +72,7 @@ def block_maxima(deviates: FloatArray, size: int) -> FloatArray:
     return np.asarray(deviates[: n_blocks * size].reshape(n_blocks, size * deviates.shape[1]).max(axis=1))
 
 
-def tail_of(maxima: FloatArray, *, white: float) -> Tail | None:
+def fit_tail(maxima: FloatArray, *, white: float) -> ExponentialTail | None:
     """Return the tail of block maxima, None where they are fewer than `FEWEST_BLOCKS`.
 
     Parameters
@@ -85,4 +85,4 @@ def tail_of(maxima: FloatArray, *, white: float) -> Tail | None:
     start = float(np.median(maxima))
     above = maxima[maxima > start] - start
     weight = len(above) + WHITE_WEIGHT
-    return Tail(start=start, excess=(float(above.sum()) + WHITE_WEIGHT * white) / weight, weight=weight)
+    return ExponentialTail(start=start, excess=(float(above.sum()) + WHITE_WEIGHT * white) / weight, weight=weight)

@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from . import FloatArray
 from .termination import Termination
 
-__all__ = ["NuclearSolution", "largest_penalty", "nuclear_least_squares", "soft_threshold"]
-
-FloatArray = NDArray[np.float64]
-
+# Steps between two looks at the duality gap, which costs as much as a step.
 CHECK_EVERY = 10
+# Boyd et al. (2011), section 3.4.1: the penalty parameter changes by 2 where one residual is ten times the other.
 IMBALANCE = 10.0
 RESCALE = 2.0
 
@@ -31,14 +29,12 @@ class NuclearSolution:
     Attributes
     ----------
     X : (p1, p2), of low rank exactly.
-    singular_values : (min(p1, p2),) of X, largest first.
     misfit : 2-norm of y - A(X).
     gap : duality gap over 1/2 ||y||^2; the objective lies no more than that above its minimum.
     iterations, termination : steps made, and why no more were.
     """
 
     X: FloatArray
-    singular_values: FloatArray
     misfit: float
     gap: float
     iterations: int
@@ -65,25 +61,38 @@ def nuclear_least_squares(
         raise ValueError(f"A must be (n, p1, p2) and y (n,), got {A.shape} and {y.shape}")
     if not penalty > 0:
         raise ValueError(f"the penalty must be positive, got {penalty:g}")
-    problem = _Problem(A, y, penalty)
-    X, price = np.zeros(A.shape[1:]), np.zeros(A.shape[1:])
-    rho, gap = problem.curvature, np.inf
+    # The covariates as U diag(values) V^T.
+    U, values, Vt = np.linalg.svd(A.reshape(len(A), -1), full_matrices=False)
+    shape, b, scale = A.shape[1:], U.T @ y, float(y @ y) / 2.0 or 1.0
+    X, price = np.zeros(shape), np.zeros(shape)
+    rho, gap = float(np.median(values**2)) or 1.0, np.inf
     termination, count = Termination.MAX_ITERATIONS, 0
     for count in range(1, max_iterations + 1):
-        before = X
-        fitted = problem.ridge(X - price, rho)
+        before, target = X, X - price
+        # The minimiser of 1/2 ||y - A(X)||^2 + rho/2 ||X - target||^2.
+        step = values * (b - values * (Vt @ target.ravel())) / (values**2 + rho)
+        fitted = target + (Vt.T @ step).reshape(shape)
         X = soft_threshold(fitted + price, penalty / rho)
         price = price + fitted - X
         if count % CHECK_EVERY == 0 or count == max_iterations:
-            gap = problem.gap(X)
+            # The duality gap: the residual, shortened until feasible, is the dual point.
+            residual = b - values * (Vt @ X.ravel())
+            steepest = float(np.linalg.norm((Vt.T @ (values * residual)).reshape(shape), 2))
+            dual = residual * min(1.0, penalty / steepest) if steepest > 0.0 else residual
+            objective = residual @ residual / 2.0 + penalty * np.linalg.norm(X, "nuc")
+            gap = float(objective - dual @ (b - dual / 2.0)) / scale
             if gap <= tolerance:
                 termination = Termination.CONVERGED
                 break
-            factor = _rebalanced(fitted - X, X - before)
+            infeasible, moved = float(np.linalg.norm(fitted - X)), float(np.linalg.norm(X - before))
+            factor = 1.0
+            if infeasible > IMBALANCE * moved:
+                factor = RESCALE
+            elif moved > IMBALANCE * infeasible:
+                factor = 1.0 / RESCALE
             rho, price = rho * factor, price / factor
     return NuclearSolution(
         X=X,
-        singular_values=np.asarray(np.linalg.svd(X, compute_uv=False), dtype=np.float64),
         misfit=float(np.linalg.norm(y - np.tensordot(A, X))),
         gap=gap,
         iterations=count,
@@ -100,37 +109,3 @@ def soft_threshold(X: FloatArray, by: float) -> FloatArray:
 def largest_penalty(A: FloatArray, y: FloatArray) -> float:
     """Return the smallest penalty at which the minimiser is zero: the spectral norm of sum_k y_k A_k."""
     return float(np.linalg.norm(np.tensordot(y, A, axes=1), 2))
-
-
-class _Problem:
-    """The covariates as U diag(s) V^T, what the objective needs of y, and the objective's dual."""
-
-    def __init__(self, A: FloatArray, y: FloatArray, penalty: float) -> None:
-        self.shape = A.shape[1:]
-        U, self.values, self.Vt = np.linalg.svd(A.reshape(len(A), -1), full_matrices=False)
-        self.y, self.penalty = U.T @ y, penalty
-        self.scale = float(y @ y) / 2.0 or 1.0
-        self.curvature = float(np.median(self.values**2)) or 1.0
-
-    def ridge(self, target: FloatArray, rho: float) -> FloatArray:
-        """Return the minimiser of 1/2 ||y - A(X)||^2 + rho/2 ||X - target||^2."""
-        at = self.Vt @ target.ravel()
-        step = self.values * (self.y - self.values * at) / (self.values**2 + rho)
-        return target + (self.Vt.T @ step).reshape(self.shape)
-
-    def gap(self, X: FloatArray) -> float:
-        """Return the duality gap at X over 1/2 ||y||^2; the residual, shortened until feasible, is the dual point."""
-        residual = self.y - self.values * (self.Vt @ X.ravel())
-        gradient = (self.Vt.T @ (self.values * residual)).reshape(self.shape)
-        primal = residual @ residual / 2.0 + self.penalty * np.linalg.norm(X, "nuc")
-        steepest = float(np.linalg.norm(gradient, 2))
-        dual = residual * min(1.0, self.penalty / steepest) if steepest > 0.0 else residual
-        return float(primal - dual @ (self.y - dual / 2.0)) / self.scale
-
-
-def _rebalanced(infeasible: FloatArray, moved: FloatArray) -> float:
-    """Return what to multiply rho by so that neither residual lags behind."""
-    primal, dual = float(np.linalg.norm(infeasible)), float(np.linalg.norm(moved))
-    if primal > IMBALANCE * dual:
-        return RESCALE
-    return 1.0 / RESCALE if dual > IMBALANCE * primal else 1.0

@@ -10,22 +10,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-__all__ = ["PRIOR", "Recursion", "predictive_score", "recursive_residuals", "running_covariances"]
+from . import FloatArray
+from .lagged import add_rows
 
-FloatArray = NDArray[np.float64]
-
-PANEL = 16
+# What is known of a coefficient before the record: it is about noise / PRIOR, that is, next to nothing.
 PRIOR = 1e-3
+# A coefficient known a priori to the noise or better takes no degree of freedom.
 KNOWN = 1.0
+# Recent rows from which a channel's variance is told.
 FEWEST_RECENT = 20
+# Floor of the residuals' standard deviation, in the units of the noise.
 SMALLEST_SD = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recursion:
+class RecursiveResiduals:
     """Recursive residuals (Brown, Durbin and Evans 1975) of the rows from `start` on.
 
     Attributes
@@ -48,7 +49,7 @@ class Recursion:
 
 def recursive_residuals(
     X: FloatArray, Y: FloatArray, *, start: int, forgetting: float = 1.0, prior: float | FloatArray = PRIOR
-) -> Recursion:
+) -> RecursiveResiduals:
     """Predict every row from the rows before it, by updates of one triangular factor.
 
     Parameters
@@ -85,8 +86,8 @@ def recursive_residuals(
         leverage[i - start] = reach @ reach
         coefficients[i - start] = theta
         residual[i - start] = (Y[i] - X[i] @ theta) / np.sqrt(1.0 + reach @ reach)
-        T = lapack.dtpqrt(0, min(PANEL, p + q), T, rows[i : i + 1], overwrite_a=True)[0]
-    return Recursion(
+        T = add_rows(T, rows[i : i + 1])
+    return RecursiveResiduals(
         start=start,
         residual=residual,
         leverage=leverage,
@@ -96,7 +97,7 @@ def recursive_residuals(
     )
 
 
-def running_covariances(errors: Recursion, *, window: int, recent: int) -> tuple[FloatArray, FloatArray]:
+def running_covariances(errors: RecursiveResiduals, *, window: int, recent: int) -> tuple[FloatArray, FloatArray]:
     """Return (n, n_outputs, n_outputs) and (n,): what is known at each row of the residuals' covariance.
 
     Parameters
@@ -124,7 +125,7 @@ def running_covariances(errors: Recursion, *, window: int, recent: int) -> tuple
     return covariance * rough[:, :, None] * rough[:, None, :], freedom.astype(np.float64)
 
 
-def predictive_score(errors: Recursion) -> float:
+def predictive_score(errors: RecursiveResiduals) -> float:
     """Return the mean logarithm of the density with which every row was predicted (Student's t), up to a constant."""
     covariances, freedom = running_covariances(errors, window=1, recent=0)
     q = errors.residual.shape[1]

@@ -10,11 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Waveform", "bias", "drift", "lagged_bias", "ramp_hold", "sampled", "sine"]
-
-FloatArray = NDArray[np.float64]
+from .. import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,20 +64,19 @@ def lagged_bias(n_samples: int, *, constant: float) -> Waveform:
 
 def ramp_hold(n_samples: int, *, duration: float) -> Waveform:
     """Return a ramp that reaches 1 after `duration` samples and stays there; it ends only after that."""
-    return sampled(np.minimum(np.arange(n_samples) / duration, 1.0), settled=int(np.ceil(duration)))
+    return sampled(np.minimum(np.arange(n_samples) / duration, 1.0), constant_from=int(np.ceil(duration)))
 
 
-def sampled(samples: FloatArray, *, settled: int | None = None) -> Waveform:
-    """Return any shape; it ends only after `settled` samples, from where on it is constant.
+def sampled(samples: FloatArray, *, constant_from: int | None = None) -> Waveform:
+    """Return any shape; it ends only after `constant_from` samples, from where on it is constant.
 
     Parameters
     ----------
     samples : (n_samples,) over the whole record.
-    settled : by default found from the samples.
+    constant_from : by default found from the samples.
     """
     samples = np.array(samples, dtype=np.float64)
-    changes = np.flatnonzero(np.diff(samples))
-    last = int(changes[-1]) + 1 if changes.size else 0
-    n = len(samples)
+    n, changes = len(samples), np.flatnonzero(np.diff(samples))
+    shortest = constant_from or (int(changes[-1]) + 1 if changes.size else 1)
     weights = np.full((1, n + 1), samples[-1])
-    return Waveform(samples=samples, unit=1.0, tails=np.ones((1, n)), weights=weights, shortest=max(settled or last, 1))
+    return Waveform(samples=samples, unit=1.0, tails=np.ones((1, n)), weights=weights, shortest=shortest)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from plain_onset import plain_rss, random_record, record, signal, waveforms
 
-from bfi_cli.kernels import onset_shapes
-from bfi_cli.kernels.onset_ends import climb, pair_limits, scan_ends
-from bfi_cli.kernels.onset_frequency import scan_frequency, scan_frequency_ends
-from bfi_cli.kernels.onset_pairs import scan_pairs, screen_pairs, tabulate_ends
-from bfi_cli.kernels.onset_scan import scan_shape
-from bfi_cli.kernels.onset_tables import prepare_scan
+from bfi_cli.kernels.onset import waveform as shapes
+from bfi_cli.kernels.onset.correlations import prepare_scan
+from bfi_cli.kernels.onset.frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
+from bfi_cli.kernels.onset.pairs import climb, pair_limits, scan_ends, scan_pairs, screen_pairs, tabulate_pairs
+from bfi_cli.kernels.onset.scan import scan_shape
 
 N = 400
 CLOSED = ("bias", "drift", "lagged bias", "ramp-hold", "sine", "slow sine")
@@ -26,7 +25,7 @@ def test_rss_of_a_pair_is_that_of_a_plain_least_squares(name, order, n_outputs):
     y[:, channel] += 20.0 * signal(waveform, 170, 260)
     scan = prepare_scan(u, y, order=order, channel=channel)
     pairs = np.array([[3 * order, 170, 172, 230], [3 * order + 18, 260, 320, N - 2 * order]])
-    found = scan_pairs(scan, tabulate_ends(scan, waveform), pairs)
+    found = scan_pairs(scan, tabulate_pairs(scan, waveform), pairs)
     for k, (start, end) in enumerate(pairs.T):
         theta = signal(waveform, start, end)
         expected = plain_rss(u, y, theta, z=found.z[k], order=order, channel=channel)
@@ -39,7 +38,7 @@ def test_an_end_after_the_last_sample_is_no_end(name):
     y[170:] += 0.3
     scan, waveform = prepare_scan(u, y, order=4), waveforms(N)[name]
     onsets = np.arange(20, 360, 7)
-    pairs = scan_pairs(scan, tabulate_ends(scan, waveform), np.stack([onsets, np.full_like(onsets, N)]))
+    pairs = scan_pairs(scan, tabulate_pairs(scan, waveform), np.stack([onsets, np.full_like(onsets, N)]))
     np.testing.assert_allclose(pairs.statistic, scan_shape(scan, waveform, onsets).statistic, rtol=1e-6, atol=1e-6)
 
 
@@ -49,7 +48,7 @@ def test_screening_never_promises_too_much(name):
     y[170:260] += 0.2
     scan, waveform = prepare_scan(u, y, order=4), waveforms(N)[name]
     pairs = pair_limits(scan, waveform).pairs(np.arange(12, 390, 23), np.arange(12, 390, 23))
-    tables = tabulate_ends(scan, waveform)
+    tables = tabulate_pairs(scan, waveform)
     rough, exact = screen_pairs(scan, tables, pairs), scan_pairs(scan, tables, pairs).statistic
     assert (rough >= 0.0).all()
     assert (rough <= exact + 1e-6).all()
@@ -64,9 +63,20 @@ def test_a_clear_fault_is_found_from_start_to_end(name, order):
     found = scan_ends(prepare_scan(u, y, order=order), waveform)
     assert abs(found.start - 151) <= 1
     assert found.end == 263
-    assert abs(found.z - 1.5) < 5.0 * found.sd
-    assert found.over_starts.statistic.max() == found.statistic == pytest.approx(found.over_ends.statistic.max())
-    assert found.over_ends.onsets[found.over_ends.best] == 263
+    best, profile = found.over_starts.best, found.over_starts
+    assert abs(profile.z[best] - 1.5) < 5.0 * profile.sd[best]
+    assert profile.onsets[best] == found.start
+    assert profile.statistic[best] == found.statistic
+
+
+def test_pairs_to_consider_are_all_that_fit():
+    scan = prepare_scan(*record(60), order=4)
+    limits = pair_limits(scan, shapes.bias(60))
+    fitting = {(a, b) for a in range(60) for b in range(61) if a >= 12 and b <= 60 - 8 and b - a >= 8}
+    starts = {tuple(pair) for end in range(20, 53) for pair in limits.starts(end).T.tolist()}
+    ends = {tuple(pair) for start in range(12, 45) for pair in limits.ends(start).T.tolist()}
+    everything = {tuple(pair) for pair in limits.pairs(np.arange(12, 53), np.arange(12, 53)).T.tolist()}
+    assert starts == ends == everything == fitting
 
 
 def suboptimal(seed):
@@ -82,7 +92,7 @@ def suboptimal(seed):
     scan = prepare_scan(u, y, order=order)
     limits = pair_limits(scan, waveform)
     every = np.arange(limits.first, limits.last + 1)
-    exhaustive = scan_pairs(scan, tabulate_ends(scan, waveform), limits.pairs(every, every))
+    exhaustive = scan_pairs(scan, tabulate_pairs(scan, waveform), limits.pairs(every, every))
     return scan_ends(scan, waveform).statistic < exhaustive.statistic.max() - 1e-3
 
 
@@ -100,8 +110,8 @@ def test_the_best_pair_is_found_in_94_of_100_random_cases(capsys):
 
 def test_a_climb_from_a_start_with_no_room_behind_it_begins_at_the_last_that_has():
     scan = prepare_scan(*record(120), order=4)
-    tables = tabulate_ends(scan, onset_shapes.bias(scan.n_samples))
-    limits = pair_limits(scan, onset_shapes.bias(scan.n_samples))
+    tables = tabulate_pairs(scan, shapes.bias(scan.n_samples))
+    limits = pair_limits(scan, shapes.bias(scan.n_samples))
     latest = limits.last - limits.shortest
     reached = [climb(scan, tables, limits=limits, begin=[(start, limits.last)]) for start in (latest, latest + 3)]
     assert reached[0] == reached[1]
@@ -109,45 +119,48 @@ def test_a_climb_from_a_start_with_no_room_behind_it_begins_at_the_last_that_has
 
 def test_a_fault_that_does_not_fit_is_refused():
     u, y = record(60)
-    with pytest.raises(ValueError, match="a fault of 58 samples does not fit between samples 12 and 52"):
-        scan_ends(prepare_scan(u, y, order=4), onset_shapes.bias(60), min_duration=58)
-    ramp = onset_shapes.ramp_hold(60, duration=50.0)
-    with pytest.raises(ValueError, match="a fault of 50 samples does not fit"):
+    ramp = shapes.ramp_hold(60, duration=50.0)
+    with pytest.raises(ValueError, match="a fault of 50 samples does not fit between samples 12 and 52"):
         scan_ends(prepare_scan(u, y, order=4), ramp)
+
+
+def best_sine(n, frequency):
+    return shapes.sine(n, angle=2 * np.pi * frequency)
 
 
 @pytest.mark.parametrize("frequency", [0.0571, 0.1321])
 def test_an_unknown_frequency_is_found_with_its_onset(frequency):
     u, y = record(300)
-    waveform = onset_shapes.sine(300, angle=2 * np.pi * frequency)
-    y[:, 0] += 0.8 * signal(waveform, 143)
+    y[:, 0] += 0.8 * signal(best_sine(300, frequency), 143)
     scan = prepare_scan(u, y, order=4)
     found = scan_frequency(scan, (3 / 300, 0.2))
-    assert found.profile.onsets[found.profile.best] == 143
-    assert found.frequency == pytest.approx(frequency, abs=0.1 / 157)
-    assert found.profile.statistic.max() > scan_shape(scan, waveform).statistic.max() - 0.5
-    assert len(found.frequencies) == len(found.statistic) == 1 + np.ceil((0.2 - 0.01) * 300 / 0.5)
-    assert (found.statistic <= found.profile.statistic.max() + 1e-6).all()
+    profile, truth = (scan_shape(scan, best_sine(300, f)) for f in (found, frequency))
+    assert profile.onsets[profile.best] == 143
+    assert found == pytest.approx(frequency, abs=0.1 / 157)
+    assert profile.statistic.max() > truth.statistic.max() - 0.5
+    grid = [scan_shape(scan, best_sine(300, f)).statistic for f in np.linspace(3 / 300, 0.2, 20)]
+    assert profile.statistic.max() > np.max(grid)
 
 
 def test_frequency_start_and_end_are_found_together():
     u, y = record(240)
-    waveform = onset_shapes.sine(240, angle=2 * np.pi * 0.11)
-    y[:, 0] += 0.8 * signal(waveform, 80, 121)
+    y[:, 0] += 0.8 * signal(best_sine(240, 0.11), 80, 121)
     scan = prepare_scan(u, y, order=4)
     found = scan_frequency_ends(scan, (3 / 240, 0.2))
-    assert abs(found.span.start - 80) <= 1
-    assert abs(found.span.end - 121) <= 1
-    assert found.frequency == pytest.approx(0.11, abs=0.1 / 41)
-    assert found.span.statistic > scan_ends(scan, waveform).statistic - 0.5
+    span, truth = (scan_ends(scan, best_sine(240, f)) for f in (found, 0.11))
+    assert abs(span.start - 80) <= 1
+    assert abs(span.end - 121) <= 1
+    assert found == pytest.approx(0.11, abs=0.1 / 41)
+    assert span.statistic > truth.statistic - 0.5
 
 
 def test_frequencies_that_do_not_fit_the_record_are_cut():
+    """A band whose lowest frequency has half a period in the record gives what the band without it gives."""
     u, y = record(150)
-    y[:, 0] += 0.8 * signal(onset_shapes.sine(150, angle=2 * np.pi * 0.11), 50, 91)
-    found = scan_frequency_ends(prepare_scan(u, y, order=4), (1 / 150, 0.15), min_cycles=3.0)
-    assert found.frequencies[0] == pytest.approx(3.0 / (150 - 5 * 4 - 1))
-    assert found.span.end - found.span.start >= 3.0 / found.frequency
+    y[:, 0] += 0.8 * signal(best_sine(150, 0.11), 50, 91)
+    scan = prepare_scan(u, y, order=4)
+    lowest = MIN_CYCLES / (150 - 5 * 4 - 1)
+    assert scan_frequency_ends(scan, (0.5 / 150, 0.15)) == scan_frequency_ends(scan, (lowest, 0.15))
 
 
 @pytest.mark.parametrize("band", [(0.0, 0.1), (0.2, 0.1), (0.1, 0.6)])

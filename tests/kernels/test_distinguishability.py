@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bfi_cli.kernels.density import Density, convolved, kernel_density
+from bfi_cli.kernels.density import Density, convolve, kernel_density
+from bfi_cli.kernels.distinguishability import distinguishability, sample_bits, window_bits
 from bfi_cli.kernels.divergence import jensen_shannon_quadrature
-from bfi_cli.kernels.separation import sample_bits, separation, window_bits
 
 WHITE = np.random.default_rng(0).standard_normal(400)
-FOUND = separation(WHITE)
+FOUND = distinguishability(WHITE)
 
 
 def gaussian(sd: float) -> Density:
@@ -40,20 +40,20 @@ def test_rises_from_nothing_to_a_bit():
 
 def test_interpolates_what_quadrature_gives():
     sizes = 10.0 ** np.random.default_rng(2).uniform(-1.0, 5.0, 12)
-    exact = [jensen_shannon_quadrature(FOUND.errors, convolved(FOUND.errors, float(d))) for d in sizes]
+    exact = [jensen_shannon_quadrature(FOUND.errors, convolve(FOUND.errors, float(d))) for d in sizes]
     np.testing.assert_allclose(window_bits(FOUND, sizes), exact, atol=1e-3)
 
 
 def test_gaussian_errors_give_what_gaussians_do():
     """The estimated density of 4000 errors is wider by its bandwidth, which costs a fiftieth of a bit."""
-    found = separation(np.random.default_rng(3).standard_normal(4000))
+    found = distinguishability(np.random.default_rng(3).standard_normal(4000))
     sizes = np.array([0.5, 2.0, 5.0, 50.0])
     exact = [jensen_shannon_quadrature(gaussian(1.0), gaussian(float(np.hypot(1.0, d)))) for d in sizes]
     np.testing.assert_allclose(window_bits(found, sizes), exact, atol=0.03)
 
 
 def test_does_not_depend_on_the_unit_or_the_shape_of_the_errors():
-    for other in (separation(1e-7 * WHITE), separation(WHITE.reshape(200, 2))):
+    for other in (distinguishability(1e-7 * WHITE), distinguishability(WHITE.reshape(200, 2))):
         np.testing.assert_allclose(other.bits, FOUND.bits, atol=1e-9)
 
 
@@ -63,11 +63,11 @@ def test_what_is_not_seen_tells_nothing_and_what_is_beyond_the_range_everything(
 
 def test_without_noise_a_gaussian_stands_for_the_errors():
     expected = jensen_shannon_quadrature(gaussian(1.0), gaussian(np.sqrt(26.0)))
-    assert float(window_bits(separation(np.zeros(50)), np.array(5.0))) == pytest.approx(expected, abs=1e-3)
+    assert float(window_bits(distinguishability(np.zeros(50)), np.array(5.0))) == pytest.approx(expected, abs=1e-3)
 
 
 def test_many_errors_are_thinned_evenly():
-    many = separation(np.random.default_rng(4).standard_normal(20_000))
+    many = distinguishability(np.random.default_rng(4).standard_normal(20_000))
     assert many.errors.samples.size == 512
     assert np.std(many.errors.samples) == pytest.approx(1.0, abs=0.03)
     assert np.median(many.errors.samples) == pytest.approx(0.0, abs=0.03)

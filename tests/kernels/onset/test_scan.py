@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record, signal, waveforms
+from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record, rss_at, signal, waveforms
 
 from bfi_cli.faults import Fault, unit_signal
-from bfi_cli.kernels import onset_shapes
-from bfi_cli.kernels.onset_elimination import eliminate, solve_last, solved_norm
-from bfi_cli.kernels.onset_scan import default_onsets, rss_at, scan_shape
-from bfi_cli.kernels.onset_tables import prepare_scan
+from bfi_cli.kernels.onset import waveform as shapes
+from bfi_cli.kernels.onset.correlations import prepare_scan, tabulate
+from bfi_cli.kernels.onset.profile import eliminate, minimise, solve_last, solved_norm
+from bfi_cli.kernels.onset.scan import default_onsets, scan_shape, stack_onsets
 
 N = 400
 MAGNITUDES = (-50.0, -1.0, 0.01, 3.0, 50.0)
@@ -38,7 +38,7 @@ def test_rss_is_that_of_a_plain_least_squares_at_the_same_magnitude(name, order,
 def test_a_long_drift_loses_no_digits(order):
     n = 3172
     u, y = record(n)
-    waveform = onset_shapes.drift(n, step_s=STEP_S)
+    waveform = shapes.drift(n, step_s=STEP_S)
     found = rss_at(prepare_scan(u, y, order=order), waveform, np.array([3 * order, 1500]), z=np.full(2, 50.0))
     expected = [plain_rss(u, y, signal(waveform, onset), z=50.0, order=order) for onset in (3 * order, 1500)]
     np.testing.assert_allclose(found, expected, rtol=1e-8)
@@ -66,7 +66,7 @@ def test_a_second_output_that_shares_the_noise_helps():
     gust = np.cumsum(0.1 * rng.standard_normal(N))[:, None]
     y += gust + 0.01 * rng.standard_normal((N, 2))
     y[170:, 0] += 0.3
-    alone, both = (scan_shape(prepare_scan(u, x, order=2), onset_shapes.bias(N)) for x in (y[:, :1], y))
+    alone, both = (scan_shape(prepare_scan(u, x, order=2), shapes.bias(N)) for x in (y[:, :1], y))
     assert both.onsets[both.best] == 170
     assert both.statistic.max() > 5.0 * alone.statistic.max()
 
@@ -115,6 +115,12 @@ def test_all_onsets_at_once_are_the_onsets_one_by_one(name):
     assert (whole.statistic >= 0.0).all()
 
 
+@pytest.mark.parametrize("order", [1, 4, 10])
+def test_default_onsets_go_from_three_orders_after_the_start_to_two_before_the_end(order):
+    onsets = default_onsets(prepare_scan(*record(N), order=order))
+    assert onsets.tolist() == list(range(3 * order, N - 2 * order + 1))
+
+
 @pytest.mark.parametrize("order", [4, 10])
 @pytest.mark.parametrize(("name", "onset"), [("bias", 171), ("drift", 133), ("sine", 222), ("samples", 90)])
 def test_a_clear_fault_is_found_where_and_as_large_as_it_is(name, onset, order):
@@ -128,9 +134,9 @@ def test_a_clear_fault_is_found_where_and_as_large_as_it_is(name, onset, order):
 
 def test_data_without_noise_give_a_finite_profile_that_peaks_at_the_onset():
     u, y = record(N, noise=0.0)
-    clean = scan_shape(prepare_scan(u, y, order=6), onset_shapes.bias(N))
+    clean = scan_shape(prepare_scan(u, y, order=6), shapes.bias(N))
     assert np.isfinite(clean.statistic).all()
-    for waveform in (onset_shapes.bias(N), onset_shapes.drift(N, step_s=STEP_S)):
+    for waveform in (shapes.bias(N), shapes.drift(N, step_s=STEP_S)):
         found = scan_shape(prepare_scan(u, y + 0.25 * signal(waveform, 170)[:, None], order=6), waveform)
         assert found.onsets[found.best] == 170
         assert found.z[found.best] == pytest.approx(0.25, rel=1e-5)
@@ -140,13 +146,13 @@ def test_inputs_that_stand_still_or_repeat_are_left_out_of_the_base():
     u, y = record(N)
     y[170:] += 1.0
     scans = [prepare_scan(x, y, order=4) for x in (u, np.hstack([u, u, np.full_like(u, 3.0)]))]
-    once, repeated = (scan_shape(scan, onset_shapes.bias(N)) for scan in scans)
+    once, repeated = (scan_shape(scan, shapes.bias(N)) for scan in scans)
     np.testing.assert_allclose(repeated.statistic, once.statistic, rtol=1e-6, atol=1e-6)
 
 
 def test_the_deviation_is_that_of_the_magnitudes():
     n, trials, rng = 200, 300, np.random.default_rng(5)
-    waveform, inside = onset_shapes.bias(n), 0
+    waveform, inside = shapes.bias(n), 0
     for _ in range(trials):
         u = rng.standard_normal((n, 1))
         y = np.zeros(n)
@@ -163,9 +169,12 @@ def test_the_deviation_is_that_of_the_magnitudes():
 def test_the_bound_holds():
     u, y = record(N)
     y[170:] += 1.0
-    found = scan_shape(prepare_scan(u, y, order=4), onset_shapes.bias(N), max_magnitude=0.4)
+    scan = prepare_scan(u, y, order=4)
+    onsets = default_onsets(scan)
+    stack = stack_onsets(scan, tabulate(scan, shapes.bias(N).samples), onsets)
+    found = minimise(stack, np.full(len(onsets), 0.4))
     assert np.abs(found.z).max() <= 0.4 * (1.0 + 1e-12)
-    assert found.z[found.onsets == 170] == pytest.approx(0.4)
+    assert found.z[onsets == 170] == pytest.approx(0.4)
 
 
 def missed(seed):
@@ -181,9 +190,24 @@ def missed(seed):
     onset = int(near if rng.random() < 0.5 else rng.integers(3 * order, n - 2 * order + 1))
     theta = signal(waveform, onset)
     bound = 10.0 * np.ptp(y) / np.abs(theta).max()
-    found = scan_shape(prepare_scan(u, y, order=order), waveform, np.array([onset]), max_magnitude=bound)
+    found = scan_shape(prepare_scan(u, y, order=order), waveform, np.array([onset]))
     dense = dense_minimum(u, y, theta, order=order, bound=bound)
     return (n - order) * np.log(found.rss[0] / dense) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "onset"), [("drift", 29, 99), ("drift", 33, 83), ("lagged bias", 20, 35), ("samples", 34, 40)]
+)
+def test_the_minimum_is_found_where_the_lowest_start_leads_to_another(name, seed, onset):
+    rng = np.random.default_rng(seed)
+    n, order, waveform = 300, int(rng.choice([2, 4, 10])), waveforms(300)[name]
+    u, y = random_record(n, rng)
+    true = int(rng.integers(3 * order, n - 2 * order))
+    y = y + 10 ** rng.uniform(-1.3, 1.7) * signal(waveform, true)[:, None]
+    theta = signal(waveform, onset)
+    found = scan_shape(prepare_scan(u, y, order=order), waveform, np.array([onset]))
+    dense = dense_minimum(u, y, theta, order=order, bound=10.0 * np.ptp(y) / np.abs(theta).max())
+    assert (n - order) * np.log(found.rss[0] / dense) < 1e-3
 
 
 def test_the_minimum_is_global_in_random_cases():
@@ -201,11 +225,11 @@ def test_the_minimum_is_global_in_99_of_100_random_cases(capsys):
 @pytest.mark.parametrize(
     ("fault", "waveform"),
     [
-        (Fault(shape="bias"), onset_shapes.bias(N)),
-        (Fault(shape="drift"), onset_shapes.drift(N, step_s=STEP_S)),
-        (Fault(shape="sine", frequency_hz=0.7), onset_shapes.sine(N, angle=2 * np.pi * 0.07)),
-        (Fault(shape="lagged_bias", time_constant_s=2.0), onset_shapes.lagged_bias(N, constant=20.0)),
-        (Fault(shape="ramp_hold", duration_s=1.75), onset_shapes.ramp_hold(N, duration=17.5)),
+        (Fault(shape="bias"), shapes.bias(N)),
+        (Fault(shape="drift"), shapes.drift(N, step_s=STEP_S)),
+        (Fault(shape="sine", frequency_hz=0.7), shapes.sine(N, angle=2 * np.pi * 0.07)),
+        (Fault(shape="lagged_bias", time_constant_s=2.0), shapes.lagged_bias(N, constant=20.0)),
+        (Fault(shape="ramp_hold", duration_s=1.75), shapes.ramp_hold(N, duration=17.5)),
     ],
 )
 def test_waveforms_are_the_signals_of_faults(fault, waveform):
@@ -251,6 +275,6 @@ def test_what_cannot_be_scanned_is_refused():
         prepare_scan(u, y, order=N // 3)
     scan = prepare_scan(u, y, order=4)
     with pytest.raises(ValueError, match="the shape has 7 samples, the record 400"):
-        scan_shape(scan, onset_shapes.bias(7))
+        scan_shape(scan, shapes.bias(7))
     with pytest.raises(ValueError, match=r"onsets must lie in 4\.\.395, got 0\.\.9"):
-        scan_shape(scan, onset_shapes.bias(N), np.arange(10))
+        scan_shape(scan, shapes.bias(N), np.arange(10))

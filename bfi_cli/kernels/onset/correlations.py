@@ -1,4 +1,4 @@
-"""One factorisation of a record, and the inner products of it with a signature at every onset (METHOD section 5).
+"""One factorisation of a record, and the inner products of it with a signature at every onset.
 
 Regressors that no fault of the scanned channel touches (constant, inputs, lags of the other outputs) are the base Q0;
 the outputs at lag 0 and the scanned channel's lags, off the base, are Q1 R1. A signature at onset tau has lag i where
@@ -14,19 +14,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import lapack, qr
 
-from .lagged import lagged
+from .. import FloatArray
+from ..lagged import lagged
 
-__all__ = ["Scan", "Tables", "correlations", "differenced", "prepare_scan", "tabulate"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-
+# Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
 RANK_TOLERANCE = 1e-11
+# White noise that noise-free outputs are taken to carry, relative to their rms off the base.
 FLOOR = 1e-9
+# A shape with no more nonzero samples than this is correlated by shifts, which are exact; others by FFT.
 SPARSE = 4
 
 
@@ -94,76 +92,57 @@ def prepare_scan(
     ValueError : shapes disagree, a value is not finite, or there are fewer rows than regressors.
     """
     u, y = np.asarray(u, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    _check(u, y, order, channel)
-    y = y - y.mean(axis=0)
-    others = np.delete(y, channel, axis=1)
-    degree = min(2, order)
-    past = [lagged(u, range(0 if feedthrough else 1, order + 1)), lagged(others, range(1, order + 1), first=order)]
-    Q0 = _basis(np.hstack([np.ones((len(y) - order, 1)), *past]))
-    now = (lagged(others, [0], first=order), lagged(y[:, [channel]], range(order, -1, -1)))
-    Q1, R1 = _orthonormal(Q0, now, degree, floor)
-    m = order + y.shape[1]
-    Q = np.zeros((Q0.shape[1] + m, len(y)))
-    Q[: -m or None, order:], Q[-m:, order:] = Q0.T, Q1.T
-    inverse = np.asarray(lapack.dtrtri(R1)[0])
-    own = np.r_[:order, m - 1]
-    last = np.diag(R1)[order:]
-    return Scan(
-        Q=Q,
-        W=inverse[own],
-        n_base=Q0.shape[1],
-        order=order,
-        n_outputs=y.shape[1],
-        degree=degree,
-        rss0=float(np.prod(last**2)),
-        span=float(np.ptp(y[:, channel])),
-    )
-
-
-def _check(u: FloatArray, y: FloatArray, order: int, channel: int) -> None:
     if u.ndim != 2 or y.ndim != 2 or len(u) != len(y):
         raise ValueError(f"u and y must be (n_samples, n_channels) of equal length, got {u.shape} and {y.shape}")
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
         raise ValueError("u and y must be finite, got NaN or infinite values; repair or cut them first")
     if not 0 <= channel < y.shape[1]:
         raise ValueError(f"channel must lie in 0..{y.shape[1] - 1}, got {channel}")
-    unknowns = 1 + (order + 1) * (u.shape[1] + y.shape[1])
-    if order < 1 or len(y) - order <= unknowns:
+    if order < 1 or len(y) - order <= 1 + (order + 1) * (u.shape[1] + y.shape[1]):
         raise ValueError(f"order must be at least 1 with more rows than regressors, got {order} for {len(y)} samples")
+    y = y - y.mean(axis=0)
+    others, n_others, degree = np.delete(y, channel, axis=1), y.shape[1] - 1, min(2, order)
 
+    # Q0, an orthonormal basis of the base; directions lost in rounding are left out.
+    base = np.hstack(
+        [lagged(u, range(0 if feedthrough else 1, order + 1)), lagged(others, range(1, order + 1), first=order)]
+    )
+    base = np.hstack([np.ones((len(base), 1)), base - base.mean(axis=0)])
+    norms = np.linalg.norm(base, axis=0)
+    base = base[:, norms > 0.0] / norms[norms > 0.0]
+    Q0, R0, _ = qr(base, mode="economic", pivoting=True, overwrite_a=True, check_finite=False)
+    diagonal = np.abs(np.diag(R0))
+    Q0 = Q0[:, diagonal > RANK_TOLERANCE * diagonal[0]]
 
-def _basis(X: FloatArray) -> FloatArray:
-    """Orthonormal basis of X, whose first column is ones; directions lost in rounding are left out."""
-    X = X.copy()
-    X[:, 1:] -= X[:, 1:].mean(axis=0)
-    norms = np.linalg.norm(X, axis=0)
-    X = X[:, norms > 0.0] / norms[norms > 0.0]
-    Q, R, _ = qr(X, mode="economic", pivoting=True, overwrite_a=True, check_finite=False)
-    diagonal = np.abs(np.diag(R))
-    return np.asarray(Q[:, diagonal > RANK_TOLERANCE * diagonal[0]])
-
-
-def _orthonormal(
-    Q0: FloatArray, now: tuple[FloatArray, FloatArray], degree: int, floor: float | None
-) -> tuple[FloatArray, FloatArray]:
-    """Q1 and R1 of [lags s..1 | other outputs | lag 0], differenced and off Q0, with rows for the floor below."""
-    others, own = now
-    s = own.shape[1] - 1
-    stacked = np.hstack([others, own])
-    flat = stacked - Q0 @ (Q0.T @ stacked)
-    rms = np.sqrt(np.mean(flat**2, axis=0)) if floor is None else np.full(flat.shape[1], floor / FLOOR)
-    noise = np.diag(FLOOR * np.sqrt(len(flat)) * np.maximum(rms, np.finfo(float).tiny ** 0.25))
+    # Q1 and R1 of [lags s..1 | other outputs | lag 0], differenced and off Q0, with rows for the floor below.
+    stacked = np.hstack([lagged(others, [0], first=order), lagged(y[:, [channel]], range(order, -1, -1))])
+    off = stacked - Q0 @ (Q0.T @ stacked)
+    rms = np.sqrt(np.mean(off**2, axis=0)) if floor is None else np.full(off.shape[1], floor / FLOOR)
+    noise = np.diag(FLOOR * np.sqrt(len(off)) * np.maximum(rms, np.finfo(float).tiny ** 0.25))
     columns = np.vstack([stacked, noise])
-    columns[:, others.shape[1] :] = differenced(columns[:, others.shape[1] :].T, degree).T
-    columns = columns[:, np.r_[others.shape[1] : others.shape[1] + s, : others.shape[1], -1]]
-    top = columns[: len(flat)]
-    for _ in range(2):
+    columns[:, n_others:] = difference(columns[:, n_others:].T, degree).T
+    columns = columns[:, np.r_[n_others : n_others + order, :n_others, -1]]
+    top = columns[: len(off)]
+    for _ in range(2):  # once loses digits where the base explains nearly all
         top -= Q0 @ (Q0.T @ top)
-    Q, R = np.linalg.qr(columns)
-    return Q[: len(flat)], R
+    Q1, R1 = np.linalg.qr(columns)
+
+    m = order + y.shape[1]
+    Q = np.zeros((Q0.shape[1] + m, len(y)))
+    Q[: -m or None, order:], Q[-m:, order:] = Q0.T, Q1[: len(off)].T
+    return Scan(
+        Q=Q,
+        W=np.asarray(lapack.dtrtri(R1)[0])[np.r_[:order, m - 1]],
+        n_base=Q0.shape[1],
+        order=order,
+        n_outputs=y.shape[1],
+        degree=degree,
+        rss0=float(np.prod(np.diag(R1)[order:] ** 2)),
+        span=float(np.ptp(y[:, channel])),
+    )
 
 
-def differenced(rows: FloatArray, degree: int) -> FloatArray:
+def difference(rows: FloatArray, degree: int) -> FloatArray:
     """Replace rows of lags s .. 0 by 1 at lag s, D at lag s - 1, ... D^degree at the others, D the first difference."""
     rows = rows.copy()
     for d in range(degree):
@@ -172,21 +151,21 @@ def differenced(rows: FloatArray, degree: int) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tables:
+class ShapeTables:
     """Inner products of a shape with a record and with itself, by start sample.
 
     Attributes
     ----------
     P : per difference 0..degree, (n_base + m, n_samples): [Q0 Q1]' times the shape started at each sample.
     G : by the differences (a, b) of two lags and the samples d the second starts before the first, (n_samples,): their
-        inner product off the base, at the first's start. None where nobody asked.
+        inner product off the base, at the first's start.
     """
 
     P: tuple[FloatArray, ...]
     G: dict[tuple[int, int, int], FloatArray]
 
 
-def tabulate(scan: Scan, h: FloatArray) -> Tables:
+def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
     """Return the tables of a shape h (n_samples,) that lasts to the end of the record."""
     n, degrees, n_base = scan.n_samples, scan.degrees, scan.n_base
     P = correlations(scan, h)
@@ -200,27 +179,23 @@ def tabulate(scan: Scan, h: FloatArray) -> Tables:
                 table[d:] = np.cumsum(shapes[a][: n - d] * shapes[b][d:])[::-1]
                 table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
                 G[a, b, d] = table
-    return Tables(P=P, G=G)
+    return ShapeTables(P=P, G=G)
 
 
 def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
-    """Return `Tables.P` of a shape h (n_samples,)."""
-    sharpest = np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree))
-    P = [_correlate(scan.Q, sharpest)]
+    """Return `ShapeTables.P` of a shape h (n_samples,)."""
+    n, sharpest = scan.n_samples, np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree))
+    at = np.flatnonzero(sharpest)
+    # The sum over k of Q[:, k] h(k - start) for all starts.
+    if len(at) <= SPARSE:
+        first = np.zeros_like(scan.Q)
+        for k in at:
+            first[:, : n - k] += sharpest[k] * scan.Q[:, k:]
+    else:
+        size = next_fast_len(2 * n, real=True)
+        spectrum = rfft(scan.Q, size, axis=1) * np.conj(rfft(sharpest, size))
+        first = np.asarray(irfft(spectrum, size, axis=1)[:, :n])
+    P = [first]
     for _ in range(scan.degree):
         P.append(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1])
     return tuple(P[::-1])
-
-
-def _correlate(Q: FloatArray, h: FloatArray) -> FloatArray:
-    """Sum over k of Q[:, k] h(k - start) for all starts; sparse shapes by shifts, others by FFT."""
-    n = Q.shape[1]
-    at = np.flatnonzero(h)
-    if len(at) <= SPARSE:
-        P = np.zeros_like(Q)
-        for k in at:
-            P[:, : n - k] += h[k] * Q[:, k:]
-        return P
-    size = next_fast_len(2 * n, real=True)
-    spectrum = rfft(Q, size, axis=1)
-    return np.asarray(irfft(spectrum * np.conj(rfft(h, size)), size, axis=1)[:, :n])

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bfi_cli.kernels.tail import FEWEST_BLOCKS, Tail, block_maxima, tail_of, white_excess, white_level
+from bfi_cli.kernels.exponential_tail import (
+    FEWEST_BLOCKS,
+    ExponentialTail,
+    block_maxima,
+    fit_tail,
+    white_excess,
+    white_level,
+)
 
 
 @pytest.mark.parametrize("n_tests", [1, 10, 100_000])
@@ -33,12 +40,12 @@ def test_block_maxima_are_over_channels_and_whole_blocks():
 
 
 def test_too_few_blocks_have_no_tail():
-    assert tail_of(np.ones(FEWEST_BLOCKS - 1), white=0.3) is None
-    assert tail_of(np.arange(FEWEST_BLOCKS, dtype=float), white=0.3) is not None
+    assert fit_tail(np.ones(FEWEST_BLOCKS - 1), white=0.3) is None
+    assert fit_tail(np.arange(FEWEST_BLOCKS, dtype=float), white=0.3) is not None
 
 
 def test_the_mean_excess_counts_that_of_white_noise_as_some_more_blocks():
-    found = tail_of(np.r_[np.zeros(11), np.full(10, 2.0)], white=0.5)
+    found = fit_tail(np.r_[np.zeros(11), np.full(10, 2.0)], white=0.5)
     assert found is not None
     more = found.weight - 10
     assert found.start == 0.0
@@ -50,14 +57,15 @@ def test_a_tail_known_from_many_blocks_is_exponential_and_from_few_lies_higher()
     n_blocks, false_alarm = 30.0, 0.01
     exponential = 4.0 + 0.5 * np.log(0.5 * n_blocks / false_alarm)
     levels = [
-        Tail(start=4.0, excess=0.5, weight=weight).level(n_blocks, false_alarm) for weight in (10, 100, 10_000_000)
+        ExponentialTail(start=4.0, excess=0.5, weight=weight).level(n_blocks, false_alarm)
+        for weight in (10, 100, 10_000_000)
     ]
     assert levels[0] > levels[1] > levels[2]
     assert levels[2] == pytest.approx(exponential, rel=1e-5)
 
 
 def test_the_level_rises_with_the_blocks_and_falls_with_the_rate_and_is_never_below_the_median():
-    tail = Tail(start=4.0, excess=0.5, weight=30)
+    tail = ExponentialTail(start=4.0, excess=0.5, weight=30)
     assert tail.level(10, 0.01) < tail.level(100, 0.01) < tail.level(100, 0.001)
     assert tail.level(1, 1.0) == 4.0
 
@@ -68,7 +76,7 @@ def test_blocks_with_an_exponential_tail_exceed_the_level_as_often_as_wanted(n_b
     rng, runs, false_alarm = np.random.default_rng(1), 4000, 0.05
     alarms = 0
     for _ in range(runs):
-        tail = tail_of(rng.exponential(size=n_blocks), white=1.0)
+        tail = fit_tail(rng.exponential(size=n_blocks), white=1.0)
         assert tail is not None
         alarms += rng.exponential(size=n_blocks).max() > tail.level(n_blocks, false_alarm)
     rate = alarms / runs
@@ -82,7 +90,7 @@ def test_gusty_blocks_raise_the_level():
     calm, gusty = 4.0 + 0.3 * rng.exponential(size=50), 4.0 + 1.5 * rng.exponential(size=50)
     levels = []
     for maxima in (calm, gusty):
-        tail = tail_of(maxima, white=0.3)
+        tail = fit_tail(maxima, white=0.3)
         assert tail is not None
         levels.append(tail.level(20, 0.01))
     assert levels[1] > levels[0] + 4.0

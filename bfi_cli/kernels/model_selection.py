@@ -1,0 +1,217 @@
+"""Support and order chosen together by an extended Bayesian information criterion.
+
+Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on the scale of twice the log Bayes factor
+(Jeffreys 1961: ten to one, or 4.6, is strong evidence).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import FloatArray
+from .progress import Report, Step, parts, shares, silent, steps
+from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, relaxed_bound
+
+# The search backward from all candidates costs their number squared in fits, so only small dictionaries afford it.
+BACKWARD_LIMIT = 24
+# Steps forward or backward without a better criterion before a search ends: two atoms may help only together.
+PATIENCE = 2
+# log det by which a relaxed fit must be worse than the best addition before no further one is tried: round-off.
+MARGIN = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Penalty:
+    """What a fit must pay.
+
+    Attributes
+    ----------
+    n_rows : rows the likelihood sums over.
+    n_effective : independent ones among them, at most n_rows.
+    n_candidates : atoms to choose from.
+    evidence : fall of the criterion an atom must bring on top of its dimension.
+    extended : charge 2 log n_candidates per atom.
+    """
+
+    n_rows: int
+    n_effective: float
+    n_candidates: int
+    evidence: float
+    extended: bool = True
+
+    @property
+    def per_parameter(self) -> float:
+        return float(np.log(self.n_effective))
+
+    @property
+    def per_atom(self) -> float:
+        """On top of `per_parameter`."""
+        return self.evidence + (2.0 * float(np.log(max(self.n_candidates, 1))) if self.extended else 0.0)
+
+    def criterion(self, fit: Fit) -> float:
+        """Return the criterion of a fit; smaller is better."""
+        cost = fit.n_parameters * self.per_parameter + len(fit.atoms) * self.per_atom
+        return self.n_effective * fit.log_det + cost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScoredFit:
+    """A fit and its criterion."""
+
+    criterion: float
+    fit: Fit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderSearch:
+    """Every support visited at one order, the best visit of each."""
+
+    order: int
+    visited: tuple[ScoredFit, ...]
+    _by_support: dict[tuple[int, ...], ScoredFit] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Index the visits by their support."""
+        object.__setattr__(self, "_by_support", {scored.fit.atoms: scored for scored in self.visited})
+
+    @property
+    def best(self) -> ScoredFit:
+        return min(self.visited, key=_criterion)
+
+    def of(self, atoms: Iterable[int]) -> ScoredFit | None:
+        """Return the visit of a support, None where it was not visited."""
+        return self._by_support.get(tuple(sorted(atoms)))
+
+
+def search_orders(
+    problems: Sequence[ProjectedRegression],
+    candidates: Sequence[int],
+    penalty: Penalty,
+    *,
+    max_active: int | None = None,
+    report: Report = silent,
+) -> tuple[OrderSearch, ...]:
+    """Search supports at every order: forward from none, backward from all (of a small dictionary) and from the best.
+
+    Each order then starts again from the best fits of the others: a model with lags to spare can absorb an
+    oscillation, and what it reaches from zero may be a poor local maximum that a tighter model does not have.
+
+    Parameters
+    ----------
+    problems : one per order, on the same rows.
+    candidates : live atoms.
+    penalty : the criterion.
+    max_active : largest support; None for all candidates.
+    report : told how far it is.
+    """
+    limit = len(candidates) if max_active is None else min(max_active, len(candidates))
+    exploring, comparing = shares(report, 3, 1)
+    # Nobody knows how many fits an order takes: adding PATIENCE atoms that do not help tries each so often.
+    about = (PATIENCE + 1) * len(candidates) + 1
+    every = [_Visits(problem, penalty, limit) for problem in problems]
+    for visits, of_order in parts(exploring, every):
+        visits.step = steps(of_order, about)
+        forward = visits.search_forward(candidates)
+        if len(candidates) <= min(BACKWARD_LIMIT, visits.room):
+            visits.search_backward(visits.fit_all(tuple(candidates)))
+        visits.search_backward(forward)
+    leaders = [visits.result().best.fit for visits in every]
+    for (visits, own), of_order in parts(comparing, list(zip(every, leaders, strict=True))):
+        visits.step = steps(of_order, about)
+        for leader in leaders:
+            if leader is not own and leader.atoms:
+                visits.search_backward(visits.visit(leader.atoms, [leader.z]))
+    return tuple(visits.result() for visits in every)
+
+
+def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> ScoredFit | None:
+    """Return the fit of all atoms at once, None where the rows do not suffice."""
+    visits = _Visits(problem, penalty, len(atoms))
+    return visits.fit_all(atoms) if len(atoms) <= visits.room else None
+
+
+class _Visits:
+    """Fits of one order, each support's best remembered.
+
+    `room` is the number of magnitudes that the rows can carry beside the predictor, `limit` the largest support that
+    may be the answer.
+    """
+
+    def __init__(self, problem: ProjectedRegression, penalty: Penalty, limit: int) -> None:
+        self.problem, self.penalty = problem, penalty
+        self.room = max(0, penalty.n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
+        self.limit = min(limit, self.room)
+        self.scored: dict[tuple[int, ...], ScoredFit] = {}
+        self.step: Step = steps(silent, 1)
+
+    def result(self) -> OrderSearch:
+        """Return what was visited within the limit on the number of active atoms."""
+        allowed = (scored for scored in self.scored.values() if len(scored.fit.atoms) <= self.limit)
+        return OrderSearch(order=self.problem.order, visited=tuple(allowed))
+
+    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> ScoredFit:
+        """Fit a support (ascending) from several starts."""
+        for start in starts:
+            self.step()
+            fit = fit_magnitudes(self.problem, atoms, np.asarray(start, dtype=np.float64))
+            known = self.scored.get(atoms)
+            if known is None or fit.log_det < known.fit.log_det:
+                self.scored[atoms] = ScoredFit(criterion=self.penalty.criterion(fit), fit=fit)
+        return self.scored[atoms]
+
+    def bound(self, base: Fit | None, atom: int) -> tuple[float, float]:
+        """Return criterion and magnitude of the relaxed problem, see `relaxed_bound`."""
+        self.step()
+        return relaxed_bound(self.problem, base, atom)
+
+    def fit_all(self, atoms: tuple[int, ...]) -> ScoredFit:
+        """Fit all atoms at once, from zero and from the magnitudes of the relaxed problem."""
+        guess = [self.bound(None, atom)[1] for atom in atoms]
+        return self.visit(atoms, [np.zeros(len(atoms)), guess])
+
+    def search_forward(self, candidates: Sequence[int]) -> ScoredFit:
+        """Add the best atom again and again, from none; return the best support on the way."""
+        best = current = self.visit((), [[]])
+        since = 0
+        while len(current.fit.atoms) < self.limit and since < PATIENCE:
+            current = self.best_addition(current.fit, candidates)
+            since = 0 if current.criterion < best.criterion else since + 1
+            best = min(best, current, key=_criterion)
+        return best
+
+    def best_addition(self, base: Fit, candidates: Sequence[int]) -> ScoredFit:
+        """Return the best single addition, each fitted from zero and from its relaxed magnitude.
+
+        Atoms whose relaxed fit is worse than the best addition so far are not fitted.
+        """
+        known = dict(zip(base.atoms, base.z, strict=True))
+        bounds = [(*self.bound(base, atom), atom) for atom in candidates if atom not in known]
+        best: ScoredFit | None = None
+        for bound, magnitude, atom in sorted(bounds):
+            if best is not None and bound > best.fit.log_det + MARGIN:
+                break
+            atoms = tuple(sorted((*base.atoms, atom)))
+            starts = ([(known | {atom: start})[a] for a in atoms] for start in (0.0, magnitude))
+            trial = self.visit(atoms, starts)
+            if best is None or trial.fit.log_det < best.fit.log_det:
+                best = trial
+        assert best is not None
+        return best
+
+    def search_backward(self, start: ScoredFit) -> None:
+        """Drop the least atom again and again."""
+        current, since, best = start, 0, start.criterion
+        while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > self.limit):
+            atoms, z = current.fit.atoms, current.fit.z
+            current = min(
+                (self.visit(atoms[:j] + atoms[j + 1 :], [np.delete(z, j)]) for j in range(len(atoms))), key=_criterion
+            )
+            since = 0 if current.criterion < best else since + 1
+            best = min(best, current.criterion) if len(current.fit.atoms) <= self.limit else current.criterion
+
+
+def _criterion(scored: ScoredFit) -> float:
+    return scored.criterion

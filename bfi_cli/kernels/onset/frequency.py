@@ -1,0 +1,162 @@
+"""A sine of unknown frequency, phase 0 at its onset.
+
+The statistic's peak over the frequency is about 1 / duration wide, so a grid of half of that over the record misses
+none. The grid is screened at one magnitude per onset; its best few peaks are then refined by halving the grid's step,
+many onsets at each frequency, so that frequency and onset are found jointly; the last few are profiled exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .. import FloatArray, IntArray
+from ..progress import Report, parts, shares, silent
+from .correlations import Scan, tabulate
+from .pairs import (
+    Pair,
+    PairLimits,
+    PairTables,
+    climb,
+    pair_limits,
+    peaks,
+    screen_pairs,
+    spread,
+    tabulate_pairs,
+)
+from .profile import screen
+from .scan import ENDING, STARTING, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from .waveform import sine
+
+# Step of the grid over 1 / duration: half of the peak's width.
+STEP = 0.5
+# A sine of less than two periods cannot be told from a drift or a step.
+MIN_CYCLES = 2.0
+# Peaks of the grid that are refined, and how many of them are left for the further halvings and the exact profile.
+PEAKS = 8
+FINAL_PEAKS = 3
+# Halvings of the grid's step at all peaks, then at the last few: 1/2000 of the step in the end.
+HALVINGS = (2, 9)
+# Onsets screened per period, so that the nearest is at most a twelfth of a period away.
+ONSETS_PER_PERIOD = 6
+# Of pairs, per frequency of the grid: ends tried, pairs ranked, and branches that sweeps start from.
+ENDS = 10
+RANKED = 64
+BRANCHES = 3
+# Trials of frequencies around the peaks (8 + 2 x 2 x 8 + 2 x 9 x 3), at twice the onsets of the grid: for the progress.
+REFINEMENTS = 190
+
+
+def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silent) -> float:
+    """Return the frequency, cycles per sample, of the sine that explains most, lasting to the end of the record.
+
+    Parameters
+    ----------
+    scan : from `prepare_scan`.
+    band : lowest and highest frequency, cycles per sample, within 0..0.5.
+    report : told how far it is.
+    """
+    grid, onsets = _grid(scan, band), default_onsets(scan)
+
+    def evaluate(frequency: float, pair: Pair, own: Report) -> tuple[float, Pair]:
+        return _screened(scan, frequency, onsets[:: max(1, _stride(frequency) // 2)], own), pair
+
+    searching, refining, last = shares(report, len(grid), REFINEMENTS, 3 * FINAL_PEAKS)
+    statistic = np.array([_screened(scan, f, onsets[:: _stride(f)], own) for f, own in parts(searching, list(grid))])
+    everywhere = int(onsets[0]), scan.n_samples
+    exact = []
+    tops = _refine(evaluate, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid, refining)
+    for (_, _, frequency), own in parts(last, tops):
+        profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets, report=own)
+        early = onsets <= scan.n_samples - MIN_CYCLES / frequency
+        exact.append((profile.statistic.max(initial=0.0, where=early), frequency))
+    return float(max(exact, key=lambda top: top[0])[1])
+
+
+def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = silent) -> float:
+    """Return the frequency, cycles per sample, of the sine that explains most between the best start and end.
+
+    Parameters
+    ----------
+    scan : from `prepare_scan`.
+    band : lowest and highest frequency, cycles per sample, within 0..0.5; frequencies too low for the record are cut.
+    report : told how far it is.
+
+    Raises
+    ------
+    ValueError : the band is empty, or the record too short for two periods of its highest frequency.
+    """
+    room = scan.n_samples - (STARTING + ENDING) * scan.order - 1
+    grid = _grid(scan, (max(band[0], MIN_CYCLES / room) if band[0] > 0.0 < room else band[0], band[1]))
+
+    def prepare(frequency: float) -> tuple[PairTables, PairLimits]:
+        waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+        shortest = max(int(np.ceil(MIN_CYCLES / frequency)), ENDING * scan.order)
+        return tabulate_pairs(scan, waveform), pair_limits(scan, waveform, shortest)
+
+    def evaluate(frequency: float, pair: Pair, own: Report) -> tuple[float, Pair]:
+        tables, limits = prepare(frequency)
+        return climb(scan, tables, limits=limits, begin=[pair], report=own)
+
+    searching, refining = shares(report, len(grid), REFINEMENTS)
+    rough = []
+    for frequency, own in parts(searching, list(grid)):
+        tables, limits = prepare(frequency)
+        starts = np.arange(limits.first, limits.last - limits.shortest + 1, _stride(frequency))
+        ends = np.linspace(limits.first + limits.shortest, limits.last, ENDS).astype(np.intp)
+        pairs = limits.pairs(starts, ends)
+        ranking, climbing = shares(own, 1, 1)
+        ranked = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs, ranking))[:RANKED]]
+        begin = spread(ranked, count=BRANCHES, reach=limits.shortest // 2)
+        rough.append(climb(scan, tables, limits=limits, begin=begin, finalists=0, rounds=2, report=climbing))
+    statistic = np.array([value for value, _ in rough])
+    begun = [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)]
+    return float(_refine(evaluate, begun, grid, refining)[0][2])
+
+
+def _grid(scan: Scan, band: tuple[float, float]) -> FloatArray:
+    low, high = band
+    if not 0.0 < low <= high <= 0.5:
+        raise ValueError(f"the band must lie within 0..0.5 cycles per sample, got {low:g}..{high:g}")
+    return np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / STEP)))
+
+
+def _stride(frequency: float) -> int:
+    return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
+
+
+def _screened(scan: Scan, frequency: float, onsets: IntArray, report: Report) -> float:
+    """Return the largest screened statistic of a sine over some onsets, 0 where all are too late."""
+    onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
+    if not onsets.size:
+        return 0.0
+    waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
+    minimum = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
+    return float(-scan.n_rows * minimum.F.min())
+
+
+def _refine(
+    evaluate: Callable[[float, Pair, Report], tuple[float, Pair]],
+    begin: list[tuple[float, Pair]],
+    grid: FloatArray,
+    report: Report,
+) -> list[tuple[float, Pair, float]]:
+    """Return the best few statistics, pairs and frequencies: the grid's step is halved around each, the best are kept.
+
+    `evaluate` gives the best statistic at a frequency, and its pair, from the pair of a frequency nearby.
+    """
+    step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
+    first, *later = shares(report, PEAKS, *(2 * n * k for n, k in zip(HALVINGS, (PEAKS, FINAL_PEAKS), strict=True)))
+    tops = [(*evaluate(frequency, pair, own), frequency) for (frequency, pair), own in parts(first, begin)]
+    for halvings, among in zip(HALVINGS, later, strict=True):
+        for (n, (value, pair, frequency)), of_top in parts(among, list(enumerate(tops))):
+            for half, of_half in parts(of_top, [step * 0.5**k for k in range(1, halvings + 1)]):
+                for beside, own in parts(of_half, (frequency - half, frequency + half)):
+                    if grid[0] <= beside <= grid[-1] and (trial := evaluate(beside, pair, own))[0] > value:
+                        (value, pair), frequency = trial, beside
+            tops[n] = value, pair, frequency
+        tops = sorted(tops, reverse=True)[:FINAL_PEAKS]
+        step *= 0.5**halvings
+    return tops

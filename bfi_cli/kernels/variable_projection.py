@@ -1,0 +1,258 @@
+"""Structured maximum likelihood of magnitudes and predictor, by variable projection on compressed data.
+
+With ``yf = y - theta z`` the predictor ``yf(k) = c + sum B_i u(k-i) + sum K_i yf(k-i) + e(k)`` is linear in (c, B, K)
+for given z. For the current z these are solved for; the derivative of the prediction error with respect to z_j is minus
+the filtered signature ``g_j(k) = theta_j(k) - sum K_i theta_j(k-i)`` off the regressors, whitened by the residual
+covariance. Golub and Pereyra (1973) for variable projection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lapack
+
+from . import FloatArray
+from .lagged import Compressed, restrict
+from .termination import Termination
+
+# Below this share of the largest, a direction of the regressors is round-off: 1e5 times the precision of a double.
+RANK_TOLERANCE = 1e-11
+# A step is halved so often before the search along it is given up: the last trial is 1/2000 of the step.
+HALVINGS = 12
+# A step that raises the likelihood nowhere is round-off at a maximum where it promised less than this squared norm per
+# row, in units of the prediction error; where it promised more, the fit is stuck.
+ROUND_OFF_GAIN = 1e-4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProjectedRegression:
+    """The regression of one order with constant and inputs projected out.
+
+    Attributes
+    ----------
+    theta : (m, order + 1, n_signals) dictionary signals at lags 0..order.
+    y : (m, order + 1, n_outputs) measured outputs at lags 0..order.
+    signals : (output, atom) of each signal.
+    n_rows : rows the compressed data stand for; n_base : constant and input regressors per output.
+    floor : smallest standard deviation a prediction error can have, in the units of y.
+    """
+
+    theta: FloatArray
+    y: FloatArray
+    signals: tuple[tuple[int, int], ...]
+    n_rows: int
+    n_base: int
+    floor: float
+
+    @property
+    def order(self) -> int:
+        return int(self.y.shape[1]) - 1
+
+    @property
+    def n_outputs(self) -> int:
+        return int(self.y.shape[2])
+
+    @property
+    def n_predictor(self) -> int:
+        """Free coefficients of c, B and K."""
+        return self.n_outputs * (self.n_base + self.order * self.n_outputs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """A maximum of the likelihood on one support and order.
+
+    Attributes
+    ----------
+    order : of the predictor.
+    atoms : the support, ascending.
+    z : (n_active,) magnitudes.
+    K : (order, n_outputs, n_outputs), K[i - 1] multiplies yf(k - i).
+    log_det : log det of the floored residual covariance; sigma : (n_outputs, n_outputs) that covariance.
+    information : (n_active, n_active) of z with the predictor eliminated: its inverse is the covariance of z.
+    n_parameters : predictor and magnitudes.
+    iterations, termination : steps made, and why no more were.
+    """
+
+    order: int
+    atoms: tuple[int, ...]
+    z: FloatArray
+    K: FloatArray
+    log_det: float
+    sigma: FloatArray
+    information: FloatArray
+    n_parameters: int
+    iterations: int
+    termination: Termination
+
+
+def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> ProjectedRegression:
+    """Return the regression of `order` on the rows of `data`, constant and inputs projected out."""
+    lower = restrict(data, order=order)
+    columns, rest = lower.columns, lower.R[lower.columns.n_base :]
+    theta, y = (
+        np.concatenate([rest[:, None, now], rest[:, lags].reshape(len(rest), order, now.stop - now.start)], axis=1)
+        for now, lags in ((columns.theta, columns.theta_lags), (columns.y, columns.y_lags))
+    )
+    return ProjectedRegression(
+        theta=theta, y=y, signals=columns.signals, n_rows=data.n_rows, n_base=columns.n_base, floor=floor
+    )
+
+
+def fit_magnitudes(
+    problem: ProjectedRegression,
+    atoms: Sequence[int],
+    start: FloatArray | None = None,
+    *,
+    max_iterations: int = 50,
+    tolerance: float = 1e-9,
+) -> Fit:
+    """Maximise the likelihood over (c, B, K, z) with z supported on `atoms`, from `start` (zero by default).
+
+    Parameters
+    ----------
+    problem : from `project_inputs`.
+    atoms : the support, ascending.
+    start : (len(atoms),) magnitudes to start from.
+    tolerance : on the fall of the log-likelihood per row, and on the step relative to the magnitudes' own deviations.
+    """
+    support = _Support(problem, atoms)
+    z = np.zeros(len(atoms)) if start is None else np.array(start, dtype=np.float64)
+    at = support.predict(z)
+    G, e = support.linearise(at)
+    termination, iterations = Termination.CONVERGED, 0
+    while support.atoms:
+        if iterations == max_iterations:
+            termination = Termination.MAX_ITERATIONS
+            break
+        iterations += 1
+        scale = np.linalg.norm(G, axis=0)
+        scale[scale == 0.0] = 1.0
+        step = np.linalg.lstsq(G / scale, e, rcond=RANK_TOLERANCE)[0] / scale
+        gain = float(np.sum((G @ step) ** 2))
+        for length in 0.5 ** np.arange(HALVINGS):
+            trial = support.predict(z + length * step)
+            if trial.log_det < at.log_det:
+                break
+        else:
+            small = gain < ROUND_OFF_GAIN * problem.n_rows
+            termination = Termination.CONVERGED if small else Termination.STAGNATED
+            break
+        fall = at.log_det - trial.log_det
+        z, at = z + length * step, trial
+        G, e = support.linearise(at)
+        if fall < tolerance and gain < tolerance * problem.n_rows:
+            break
+    return Fit(
+        order=problem.order,
+        atoms=support.atoms,
+        z=z,
+        K=at.K,
+        log_det=at.log_det,
+        sigma=at.root.T @ at.root,
+        information=G.T @ G,
+        n_parameters=problem.n_predictor + len(support.atoms),
+        iterations=iterations,
+        termination=termination,
+    )
+
+
+def relaxed_bound(problem: ProjectedRegression, base: Fit | None, extra: int) -> tuple[float, float]:
+    """Free the lagged coefficients of atom `extra`: the bilinear constraint dropped.
+
+    The atoms of `base` may move along their filtered signatures, so with a support the value is a guide rather than a
+    strict bound; without one it bounds every magnitude of `extra`.
+
+    Returns
+    -------
+    log_det : what the freed problem reaches.
+    magnitude : the coefficient of `extra` at lag 0, a start for `fit_magnitudes`.
+    """
+    support, own = _Support(problem, base.atoms if base else ()), _Support(problem, (extra,))
+    corrected = support.correct(base.z if base else np.zeros(0))
+    n = len(corrected)
+    moves = support.filter(base.K).reshape(n, -1) if base and base.atoms else np.zeros((n, 0))
+    regressors = np.hstack([corrected[:, 1:].reshape(n, -1), own.theta.reshape(n, -1), moves])
+    Q, coefficients = _regress(regressors, corrected[:, 0])
+    _, log_det = _covariance_root(corrected[:, 0] - Q @ (Q.T @ corrected[:, 0]), problem)
+    now = coefficients[problem.order * problem.n_outputs :][: own.theta.shape[2]]
+    outputs = np.argmax(own.scatter[:, :, 0], axis=1)
+    return log_det, float(np.mean(now[np.arange(len(outputs)), outputs])) if len(outputs) else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Predictor:
+    """The predictor for given z: Q spans the lagged corrected outputs, root is that of the error's covariance."""
+
+    Q: FloatArray
+    K: FloatArray
+    error: FloatArray
+    root: FloatArray
+    log_det: float
+
+
+class _Support:
+    """The regression with the magnitudes of some atoms free; all others are zero.
+
+    `theta`, (m, order + 1, n_kept), holds the signals of these atoms, and `scatter`, (n_kept, n_outputs, n_active), the
+    output and the atom that each belongs to.
+    """
+
+    def __init__(self, problem: ProjectedRegression, atoms: Sequence[int]) -> None:
+        self.problem, self.atoms = problem, tuple(atoms)
+        place = {atom: j for j, atom in enumerate(self.atoms)}
+        kept = [n for n, (_, atom) in enumerate(problem.signals) if atom in place]
+        self.theta = problem.theta[:, :, kept]
+        self.scatter = np.zeros((len(kept), problem.n_outputs, len(place)))
+        for n, (output, atom) in enumerate(problem.signals[n] for n in kept):
+            self.scatter[n, output, place[atom]] = 1.0
+
+    def correct(self, z: FloatArray) -> FloatArray:
+        """Return the outputs at lags 0..order without the faults of magnitudes z."""
+        return np.asarray(self.problem.y - self.theta @ (self.scatter @ z))
+
+    def predict(self, z: FloatArray) -> _Predictor:
+        """Return the predictor that fits best for given magnitudes."""
+        corrected, n_y = self.correct(z), self.problem.n_outputs
+        Q, coefficients = _regress(corrected[:, 1:].reshape(len(corrected), -1), corrected[:, 0])
+        error = corrected[:, 0] - Q @ (Q.T @ corrected[:, 0])
+        root, log_det = _covariance_root(error, self.problem)
+        K = coefficients.reshape(self.problem.order, n_y, n_y).transpose(0, 2, 1)
+        return _Predictor(Q=Q, K=K, error=error, root=root, log_det=log_det)
+
+    def filter(self, K: FloatArray) -> FloatArray:
+        """Return (m, n_outputs, n_active) signals filtered by the predictor: theta(k) - sum K_i theta(k - i)."""
+        place = self.scatter.sum(axis=2)
+        filtered = self.theta[:, 0, None, :] * place.T - np.einsum("nls,los->nos", self.theta[:, 1:], K @ place.T)
+        return np.asarray(filtered @ self.scatter.sum(axis=1))
+
+    def linearise(self, at: _Predictor) -> tuple[FloatArray, FloatArray]:
+        """Return filtered signatures off the regressors and the prediction error, both whitened, outputs stacked."""
+        n, n_y = len(self.theta), self.problem.n_outputs
+        G = self.filter(at.K)
+        G -= (at.Q @ (at.Q.T @ G.reshape(n, -1))).reshape(G.shape)
+        stacked = np.concatenate([G, at.error[:, :, None]], axis=2).transpose(1, 0, 2).reshape(n_y, -1)
+        white = np.asarray(lapack.dtrtrs(at.root, stacked, trans=1)[0]).reshape(n_y * n, -1)
+        return white[:, :-1], white[:, -1]
+
+
+def _regress(X: FloatArray, Y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return an orthonormal basis of X, of lower rank where X is deficient, and the coefficients of Y."""
+    Q, R = np.linalg.qr(X)
+    diagonal = np.abs(np.diag(R))
+    if diagonal.size and diagonal.min() > RANK_TOLERANCE * diagonal.max():
+        return Q, np.asarray(lapack.dtrtrs(R, Q.T @ Y)[0])
+    U, s, Vt = np.linalg.svd(X, full_matrices=False)
+    rank = int(np.count_nonzero(s > RANK_TOLERANCE * s[0])) if s.size else 0
+    return U[:, :rank], Vt[:rank].T @ ((U[:, :rank].T @ Y) / s[:rank, None])
+
+
+def _covariance_root(error: FloatArray, problem: ProjectedRegression) -> tuple[FloatArray, float]:
+    """Return the triangular root of the floored residual covariance, and log det of that covariance."""
+    floor = max(problem.floor, np.finfo(float).tiny ** 0.25)
+    stacked = np.vstack([error / np.sqrt(problem.n_rows), floor * np.eye(problem.n_outputs)])
+    root = np.asarray(np.linalg.qr(stacked, mode="r"), dtype=np.float64)
+    return root, 2.0 * float(np.sum(np.log(np.abs(np.diag(root)))))

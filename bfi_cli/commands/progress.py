@@ -5,6 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
 
 __all__ = ["progress", "stages"]
 
@@ -21,11 +25,9 @@ def progress(label: str, *, wanted: bool | None = None) -> Iterator[Callable[[in
     if not _shown(wanted):
         yield lambda _done, _total: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
-    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TextColumn("left"), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with _bar(TextColumn(label), BarColumn(), MofNCompleteColumn()) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
@@ -41,11 +43,9 @@ def stages(*, wanted: bool | None = None) -> Iterator[Callable[[str, float], Non
     if not _shown(wanted):
         yield lambda _stage, _done: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
-    with Progress(*columns, TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+    with _bar(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()) as bar:
         task = bar.add_task("", total=1.0)
 
         def show(stage: str, done: float) -> None:
@@ -54,6 +54,20 @@ def stages(*, wanted: bool | None = None) -> Iterator[Callable[[str, float], Non
             bar.update(task, completed=done)
 
         yield show
+
+
+@contextmanager
+def _bar(*columns: ProgressColumn) -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import Progress, TextColumn, TimeRemainingColumn
+
+    bar = Progress(*columns, TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True))
+    try:
+        with bar:
+            yield bar
+    finally:
+        # An interruption amid the start of the bar finds the cursor hidden and nothing yet that would show it again.
+        bar.console.show_cursor()
 
 
 def _shown(wanted: bool | None) -> bool:

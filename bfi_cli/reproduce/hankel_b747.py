@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..aircraft.b747 import B747
+from ..aircraft.catalogue import B747
 from ..exhibit import Drawing, Exhibit, Panel, Table, curve
 from ..kernels.nullspace import data_matrices, window_criteria
 from ..wording import number

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..aircraft.b747 import B747, ELEVATORS, ENGINES
-from ..aircraft.linear import LinearModel, response
+from ..aircraft.catalogue import B747, ELEVATORS, ENGINES
+from ..aircraft.model import LinearModel, response
 from ..kernels.nullspace import Criteria, criteria
 
 __all__ = ["FAILURES", "GAIN", "KINDS", "LEVEL", "N_SAMPLES", "RATE_HZ", "WIDTH", "Case", "Failure", "columns", "fly"]

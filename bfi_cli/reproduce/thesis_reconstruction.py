@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..aircraft.citation import CITATION
+from ..aircraft.catalogue import CITATION
 from ..config import Config
 from ..dmae import DmaeResult, DmaeSettings, Reference, dmae
 from ..faults import unit_signal

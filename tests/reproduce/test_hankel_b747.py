@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bfi_cli.aircraft.b747 import B747
+from bfi_cli.aircraft.catalogue import B747
 from bfi_cli.exhibit import Exhibit
 from bfi_cli.plain import to_plain
 from bfi_cli.provenance import provenance

@@ -46,7 +46,9 @@ def test_citation_has_a_phugoid_and_a_short_period():
 
 @all_models
 def test_every_model_is_stable(model: LinearModel):
-    assert np.linalg.eigvals(model.A).real.max() < 1e-4  # the altitude of the 747 drifts apart, a factor e in nine hours
+    assert (
+        np.linalg.eigvals(model.A).real.max() < 1e-4
+    )  # the altitude of the 747 drifts apart, a factor e in nine hours
 
 
 def test_bilinear_rule_reproduces_the_discrete_model_of_the_thesis():

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, exit_code, json_option, log_argument, tell, window_options
+from .options import (
+    channel_options,
+    configured,
+    exit_code,
+    json_option,
+    log_argument,
+    outside_option,
+    tell,
+    window_options,
+)
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -36,6 +45,7 @@ ONSET_SAMPLES = 1.5
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--method", help="ml (maximum likelihood) or risro (as published).  [default: ml]")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
@@ -52,7 +62,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..provenance import provenance
 
     config = configured(config_path, options, {"method": options["method"]})
-    dictionary = config.load_dictionary()
+    dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
     if dictionary is None:
         result, dictionary = _without_dictionary(flight, config)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import unit_signal
+from ..faults import active_samples, unit_signal
 from ..flightlog.record import Truth, frozen_array
 from ..kernels.covariance import Unfolded
 from ..kernels.decimation import Lowpass, decimate
@@ -151,12 +152,17 @@ def _matched(intake: Intake, truth: Truth) -> list[tuple[int | None, float, str]
     """Return (dictionary entry of the same signal or None, magnitude in its terms, name) of each injected fault."""
     time_s = intake.record.time_s
     found: list[tuple[int | None, float, str]] = []
+    # No file is opened because a log names it.
+    named = {os.path.abspath(fault.file) for fault in intake.faults if fault.file is not None}
     for fault in truth.faults:
         channel = intake.log.channel(fault.channel).name
+        name = fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}"
+        if fault.file is not None and os.path.abspath(fault.file) not in named:
+            found += [(None, 0.0, name)] if active_samples(fault, time_s).any() else []
+            continue
         signal = fault.magnitude * unit_signal(fault, time_s, window_start_s=intake.window_start_s)
         if not np.any(signal):
             continue
-        name = fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}"
         found.append((*_closest(intake, channel, signal), name))
     return found
 

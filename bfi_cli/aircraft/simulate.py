@@ -125,11 +125,21 @@ def _fly_linear(
     rng: np.random.Generator,
 ) -> Flown:
     """Return the flight in absolute values, with a note where it leaves the range of a linear model."""
-    if gusts is None:
-        y = response(model, u, rate_hz=rate_hz, rule=rule)
-    else:
+    flown, moved = model, u
+    if gusts is not None:
         winds = dryden_gusts(gusts, len(u), airspeed_m_s=model.airspeed_m_s, rate_hz=rate_hz, rng=rng)
-        y = response(with_gusts(model), np.hstack([u, winds]), rate_hz=rate_hz, rule=rule)
+        flown, moved = with_gusts(model), np.hstack([u, winds])
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            y = response(flown, moved, rate_hz=rate_hz, rule=rule)
+    except np.linalg.LinAlgError:
+        raise ConfigError(f"{model.name}: A: has no {rule} discretisation at {rate_hz:g} Hz; change --rate") from None
+    if not np.isfinite(y).all():
+        first = int(np.argmin(np.isfinite(y).all(axis=1)))
+        raise ConfigError(
+            f"{model.name}: A: unstable, its outputs are no numbers from {first / rate_hz:g} s on; mend A or shorten "
+            "--duration"
+        )
     extent = dict(zip(model.outputs, np.abs(y).max(axis=0), strict=True))
     notes = tuple(
         f"{name} moves up to {extent[name]:.2g} rad from its trim; a linear model holds for about {limit:g} rad"

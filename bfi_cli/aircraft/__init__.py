@@ -9,7 +9,6 @@ from __future__ import annotations
 from .catalogue import MODELS, find_model
 from .manoeuvre import MANOEUVRES, manoeuvre
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, discretise, response
-from .model_file import load_model
 from .simulate import simulate, time_axis
 from .turbulence import Dryden, dryden_gusts, with_gusts
 
@@ -24,7 +23,6 @@ __all__ = [
     "discretise",
     "dryden_gusts",
     "find_model",
-    "load_model",
     "manoeuvre",
     "response",
     "simulate",

@@ -79,10 +79,13 @@ def command(
     from .. import aircraft
     from ..flightlog import write_log
 
+    model: aircraft.LinearModel | aircraft.NonlinearModel
     if model_file is None and name is not None:
         model = aircraft.find_model(name)
     elif model_file is not None and name is None:
-        model = aircraft.load_model(model_file)
+        from ..aircraft.model_file import load_model
+
+        model = load_model(model_file)
     else:
         given = "no model given" if name is None else f"one model is flown, got '{name}' and --model {model_file}"
         raise ConfigError(f"bfi simulate: {given}; give one of {', '.join(aircraft.MODELS)}, or --model FILE")

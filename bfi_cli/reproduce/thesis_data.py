@@ -58,9 +58,7 @@ def thesis_5_2(settings: Settings) -> Exhibit:
     theta = signals(dictionary.resolved(start_s), log.time_s, ["tas"], window_start_s=start_s)[:, 0]
     rows, shown, panels = [], [], []
     for i, (atom, (expression, published_s)) in enumerate(zip(dictionary.atoms, page["signals"], strict=True), start=1):
-        rows.append(
-            fill(page["row"], i=i, expression=expression, published_s=published_s, onset_s=atom.onset_s),
-        )
+        rows.append(fill(page["row"], i=i, expression=expression, published_s=published_s, onset_s=atom.onset_s))
         shown.append((f"theta {i}", str(atom.name), expression, smallest[str(atom.name)]))
         signal = curve("", log.time_s, theta[:, i - 1])
         panels.append(Panel(title=f"theta {i}", x_label="time [s]", y_label="[-]", curves=(signal,)))

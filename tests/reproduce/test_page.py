@@ -11,7 +11,7 @@ import pytest
 from bfi_cli.reproduce.page import fill, load
 
 FAMILIES = ("thesis", "isolation_noise", "fir", "f16_table2", "hankel_b747")
-PLACE = re.compile(r"\(.*(-\d|table II|section IV|figure 1|example)\)|figure [\dA]-\d|^-$|^\{")
+PLACE = re.compile(r"\(.*(-\d+|table II|section IV|figure 1|example)\)|figure [\dA]-\d|^-$|^\{")
 
 
 def pages() -> Iterator[tuple[str, Any]]:

@@ -9,7 +9,7 @@ import click
 
 from ..errors import ConfigError
 from .options import json_option
-from .written import echo_written, out_option
+from .written import out_option, write_and_show
 
 if TYPE_CHECKING:
     from ..aircraft import Discretisation
@@ -54,6 +54,7 @@ def command(
     name: str | None,
     model_file: str | None,
     out: Path,
+    force: bool,
     manoeuvre: str,
     amplitude: float,
     start: float,
@@ -77,8 +78,9 @@ def command(
     import numpy as np
 
     from .. import aircraft
-    from ..flightlog import write_log
+    from ..files import check_files
 
+    check_files([out], inputs=() if model_file is None else (model_file,), force=force)
     model: aircraft.LinearModel | aircraft.NonlinearModel
     if model_file is None and name is not None:
         model = aircraft.find_model(name)
@@ -100,5 +102,4 @@ def command(
         noise_sd=noise,
         quantum=quantum,
     )
-    write_log(log, out)
-    echo_written(log, out, kind="simulate", seed=seed, as_json=as_json)
+    write_and_show(log, out, kind="simulate", seed=seed, as_json=as_json)

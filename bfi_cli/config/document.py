@@ -19,6 +19,7 @@ from .sections import (
     Diagnosability,
     Model,
     Names,
+    PathText,
     Risro,
     Selection,
     StartTime,
@@ -39,7 +40,7 @@ def _expandable(document: DictionaryDocument) -> DictionaryDocument:
 
 
 DictionarySource = Annotated[
-    Annotated[Text, AfterValidator(beside_config), Tag("<path>")]
+    Annotated[PathText, AfterValidator(beside_config), Tag("<path>")]
     | Annotated[DictionaryDocument, AfterValidator(_expandable), Tag("<document>")],
     Discriminator(_path_or_document),
 ]

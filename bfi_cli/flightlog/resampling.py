@@ -16,7 +16,7 @@ from .quality import hold_of
 from .record import FlightLog, FloatArray, frozen_array
 from .timing import is_uniform
 
-__all__ = ["resample"]
+__all__ = ["resample", "with_reach"]
 
 LONGEST_BRIDGE = 4.5
 SAME_RATE = 1e-3
@@ -45,8 +45,7 @@ def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_
     LogError : a gap of more than a few samples, a rate above the log's, too few samples.
     """
     _check_rate(log, rate_hz)
-    margin = MARGIN_PERIODS / rate_hz
-    part = log.window(None if from_s is None else from_s - margin, None if to_s is None else to_s + margin)
+    part = log.window(*with_reach(rate_hz, from_s, to_s))
     holds = _holds(part, log)
     if not holds and is_uniform(part.time_s) and abs(part.rate_hz / rate_hz - 1.0) < SAME_RATE:
         return part.window(from_s, to_s)
@@ -57,6 +56,12 @@ def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_
     except ValueError as error:
         raise LogError(f"{log.path}: {error}; give a higher --rate or a longer window") from None
     return resampled.window(from_s, to_s)
+
+
+def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) -> tuple[float | None, float | None]:
+    """Return a window widened by what the filter of a resampling to this rate reaches beyond it."""
+    margin = MARGIN_PERIODS / rate_hz if rate_hz else 0.0
+    return None if from_s is None else from_s - margin, None if to_s is None else to_s + margin
 
 
 def _check_rate(log: FlightLog, rate_hz: float) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.coherence import detectable_deviations
 from ..kernels.covariance import Unfolded, covariance, single_additions, unfold
+from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.selection import Penalty, Scored, Search, full_support, search_orders
 from ..kernels.whiteness import effective_rows
 from ..study import Study
@@ -64,7 +65,7 @@ class Magnitudes:
     degrees: float
 
 
-def choose(study: Study, *, evidence: float, extended: bool, max_active: int | None) -> Answer:
+def choose(study: Study, *, evidence: float, extended: bool, max_active: int | None, report: Report = silent) -> Answer:
     """Search supports at every order on common rows and take the best.
 
     Parameters
@@ -72,6 +73,7 @@ def choose(study: Study, *, evidence: float, extended: bool, max_active: int | N
     study : the scaled record.
     evidence, extended : see `Penalty`.
     max_active : largest support; None for no limit.
+    report : told how far it is.
     """
     candidates = range(len(study.live))
     penalty = Penalty(
@@ -81,8 +83,9 @@ def choose(study: Study, *, evidence: float, extended: bool, max_active: int | N
         evidence=evidence,
         extended=extended,
     )
-    problems = [study.problem(order) for order in study.orders]
-    searches = search_orders(problems, candidates, penalty, max_active=max_active)
+    preparing, searching = shares(report, 1, 4)
+    problems = [study.problem(order) for order, _ in parts(preparing, study.orders)]
+    searches = search_orders(problems, candidates, penalty, max_active=max_active, report=searching)
     answer = _answer(study, searches, penalty)
     per_output = answer.best.fit.n_parameters / study.layout.y.shape[1]
     effective = max(effective_rows(answer.unfolded.error), 2.0 * per_output)
@@ -167,7 +170,9 @@ class _Averaged:
     covariance: FloatArray
 
 
-def magnitudes(study: Study, answer: Answer, coarse: Study | None, overdispersion: FloatArray) -> Magnitudes:
+def magnitudes(
+    study: Study, answer: Answer, coarse: Study | None, overdispersion: FloatArray, report: Report = silent
+) -> Magnitudes:
     """Return the magnitudes with variances that admit what a single model does not know about itself.
 
     The covariance at the best order is multiplied by the overdispersion; added are the spread between orders, weighted
@@ -177,16 +182,18 @@ def magnitudes(study: Study, answer: Answer, coarse: Study | None, overdispersio
     ----------
     coarse : the study at half the rate, None where that is not feasible.
     overdispersion : (n_live,) see `elsewhere`.
+    report : told how far it is.
     """
-    at = _averaged(study, answer.fits, overdispersion)
+    here, fitting, there = shares(report, 1, 1, 1)
+    at = _averaged(study, answer.fits, overdispersion, here)
     variance = at.variance.copy()
     if coarse is not None:
         active = list(answer.best.fit.atoms)
         start = at.value[active] / coarse.magnitude_unit[active]
-        fits = [fit_magnitudes(coarse.problem(order), active, start) for order in coarse.orders]
+        fits = [fit_magnitudes(coarse.problem(order), active, start) for order, _ in parts(fitting, coarse.orders)]
         penalty = replace(answer.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
         scored = [Scored(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
-        other = _averaged(coarse, scored, overdispersion)
+        other = _averaged(coarse, scored, overdispersion, there)
         excess = (other.value - at.value) ** 2 - np.maximum(at.variance, other.variance)
         variance += RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
     degrees = max(answer.penalty.n_effective - answer.best.fit.n_parameters / study.layout.y.shape[1], 2.0)
@@ -217,13 +224,13 @@ def _deviations(penalty: Penalty) -> float:
     return detectable_deviations(penalty.n_candidates, charge=charge, false_alarm=FALSE_ALARM, power=POWER)
 
 
-def _averaged(study: Study, fits: Sequence[Scored], overdispersion: FloatArray) -> _Averaged:
+def _averaged(study: Study, fits: Sequence[Scored], overdispersion: FloatArray, report: Report = silent) -> _Averaged:
     """The best order's magnitudes with the spread of the others around them."""
     criteria = np.array([scored.criterion for scored in fits])
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     best = int(np.argmin(criteria))
     keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
-    layers = {n: _one(study, fits[n].fit, overdispersion) for n in keep}
+    layers = {n: _one(study, fits[n].fit, overdispersion) for n, _ in parts(report, keep)}
     value, _, cov = layers[best]
     spread = np.array([layers[n][1] + (layers[n][0] - value) ** 2 for n in keep])
     weight = weights[keep, None] * np.isfinite(spread)

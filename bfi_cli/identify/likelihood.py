@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from ..conditioning import condition
 from ..config import Config
 from ..errors import LogError
+from ..kernels.progress import Progress, Report
 from ..kernels.selection import Scored
 from ..result import SolverSummary
 from ..study import Intake, Study, lowpass_of, study_of
@@ -23,27 +25,30 @@ __all__ = ["by_likelihood"]
 FloatArray = NDArray[np.float64]
 
 
-def by_likelihood(intake: Intake, study: Study, config: Config) -> Found:
+def by_likelihood(intake: Intake, study: Study, config: Config, progress: Progress) -> Found:
     """Choose support and order; decline what does not stand out, and what another order or rate would not confirm."""
-    coarse = _coarse(intake, study, config)
+    coarse = _coarse(intake, study, config, partial(progress, "the record at half the rate"))
     names = [intake.names[j] for j in study.live]
     answer = choose(
         study,
         evidence=config.selection.evidence,
         extended=config.selection.criterion == "ebic",
         max_active=config.selection.max_active,
+        report=partial(progress, "search for the faults"),
     )
     threshold = config.selection.threshold
     if threshold is not None:
         answer = _by_rule(intake, study, answer, threshold)
-    dispersion = overdispersion(intake, study, answer.best.fit, lowpass_of(config))
-    estimates = magnitudes(study, answer, coarse, dispersion)
+    elsewhere = partial(progress, "the same shapes elsewhere")
+    dispersion = overdispersion(intake, study, answer.best.fit, lowpass_of(config), elsewhere)
+    estimates = magnitudes(study, answer, coarse, dispersion, partial(progress, "magnitudes"))
     notes: list[str] = []
     while threshold is None and (declined := _declined(study, answer, estimates, dispersion)) is not None:
         atom, reason = declined
         notes.append(f"'{names[atom]}' is not declared: {reason}")
         answer = without(study, answer, atom)
-        estimates = magnitudes(study, answer, coarse, dispersion)
+        sizing = partial(progress, f"magnitudes, {len(notes)} declined")
+        estimates = magnitudes(study, answer, coarse, dispersion, sizing)
     for rival in rivals(answer)[:1]:
         here = _names(names, answer.best.fit.atoms)
         notes.append(
@@ -114,12 +119,12 @@ def _names(names: Sequence[str], atoms: Sequence[int]) -> str:
     return " and ".join(f"'{names[j]}'" for j in atoms) if atoms else "no fault"
 
 
-def _coarse(intake: Intake, study: Study, config: Config) -> Study | None:
+def _coarse(intake: Intake, study: Study, config: Config, report: Report) -> Study | None:
     """The same study at half the rate; None where the record is exact, so nothing is to be learnt, or too short."""
     if intake.exact and intake.choice.factor == 1:
         return None
     try:
         conditioned = condition(intake.record, 2 * intake.choice.factor, lowpass_of(config))
-        return study_of(intake.log.path, conditioned, study.live, config, orders=study.orders)
+        return study_of(intake.log.path, conditioned, study.live, config, orders=study.orders, report=report)
     except LogError:
         return None

@@ -11,6 +11,7 @@ from ..config import Config
 from ..errors import ConfigError
 from ..kernels.bilinear import fit_magnitudes
 from ..kernels.lagged import Compressed, restrict
+from ..kernels.progress import Report, parts
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.selection import Penalty, Scored
 from ..kernels.sparsity import SparseStage
@@ -49,7 +50,7 @@ class _Published:
     penalty: Penalty
 
 
-def _run(study: Study, config: Config) -> _Published:
+def _run(study: Study, config: Config, report: Report) -> _Published:
     """Run RISRO at every order, keep the order with the best criterion.
 
     Raises
@@ -60,7 +61,7 @@ def _run(study: Study, config: Config) -> _Published:
         raise ConfigError(
             f"--method risro: works on one output, got {study.layout.y.shape[1]}; give one --output, or --method ml"
         )
-    runs = {order: solve(restrict(study.data, order=order), config) for order in study.orders}
+    runs = {order: solve(restrict(study.data, order=order), config) for order, _ in parts(report, study.orders)}
     n_live = len(study.live)
     penalty = Penalty(
         n_rows=study.n_rows, n_effective=float(study.n_rows), n_candidates=n_live, evidence=config.selection.evidence
@@ -110,14 +111,14 @@ def _criterion(study: Study, order: int, solution: VarxSolution, penalty: Penalt
     return penalty.n_effective * float(np.log(variance)) + n_parameters * penalty.per_parameter
 
 
-def by_published(study: Study, config: Config) -> Found:
+def by_published(study: Study, config: Config, report: Report) -> Found:
     """Identify by RISRO and the thesis's rule; variances from the likelihood at its solution.
 
     Raises
     ------
     ConfigError : several outputs.
     """
-    run = _run(study, config)
+    run = _run(study, config, report)
     whole = magnitudes_of(study, run.whole, run.penalty)
     active = list(run.active)
     value = whole.value.copy()

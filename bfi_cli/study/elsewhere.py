@@ -16,6 +16,7 @@ from ..faults import Fault, unit_signal
 from ..kernels.bilinear import Fit
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import Lowpass, decimate
+from ..kernels.progress import Report, parts, silent
 from .intake import Intake
 from .scaled import Study
 
@@ -27,7 +28,7 @@ N_ONSETS = 33
 INSIDE = (0.1, 0.9)
 
 
-def overdispersion(intake: Intake, study: Study, fit: Fit, lowpass: Lowpass) -> FloatArray:
+def overdispersion(intake: Intake, study: Study, fit: Fit, lowpass: Lowpass, report: Report = silent) -> FloatArray:
     """Return (n_live,) factors, at least 1: how much the variance of a magnitude exceeds that of white errors.
 
     Parameters
@@ -35,10 +36,11 @@ def overdispersion(intake: Intake, study: Study, fit: Fit, lowpass: Lowpass) -> 
     intake : the log and its dictionary.
     study : the scaled record; fit : the chosen one.
     lowpass : of the conditioning.
+    report : told how far it is.
     """
     known: dict[Fault, float] = {}
     factors = np.ones(len(study.live))
-    for n, entry in enumerate(study.live):
+    for (n, entry), _ in parts(report, list(enumerate(study.live))):
         family = _family(intake.faults[entry])
         if family not in known:
             known[family] = _mean_square(intake, study, fit, _signals(intake, study, family, lowpass))

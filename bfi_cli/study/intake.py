@@ -18,6 +18,7 @@ from ..flightlog.quality import hold_of
 from ..flightlog.record import Channel, frozen_array
 from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, Lowpass
+from ..kernels.progress import Report, shares, silent
 from .memory import slowed
 from .scaled import left_out
 
@@ -62,8 +63,8 @@ class Intake:
     exact: bool
 
 
-def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
-    """Cut, check and condition a log.
+def take_in(log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent) -> Intake:
+    """Cut, check and condition a log; `report` is told how far it is.
 
     Raises
     ------
@@ -71,6 +72,7 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
     part = log.window(config.window.from_s, config.window.to_s)
+    report(0.0)
     window_start_s = float(part.time_s[0])
     native_rate_hz = part.rate_hz
     faults = dictionary.resolved(window_start_s)
@@ -89,9 +91,10 @@ def take_in(log: FlightLog, dictionary: Dictionary, config: Config) -> Intake:
     _require_movement(part, config)
     record = _record(part, config, np.insert(theta, _gaps(reasons), 0.0, axis=2))
     exact = is_exact(record)
-    choice = _choice(record, seen, config, exact=exact)
+    choosing, comparing = shares(report, 1, 1)
+    choice = _choice(record, seen, config, exact=exact, report=choosing)
     conditioned = condition(record, choice.factor, lowpass_of(config))
-    reasons |= left_out(conditioned, names, [j for j in range(len(faults)) if j not in reasons])
+    reasons |= left_out(conditioned, names, [j for j in range(len(faults)) if j not in reasons], comparing)
     live = tuple(j for j in range(len(faults)) if j not in reasons)
     if not live:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
@@ -198,11 +201,11 @@ def _record(log: FlightLog, config: Config, theta: FloatArray) -> Record:
     )
 
 
-def _choice(record: Record, faults: dict[int, Fault], config: Config, *, exact: bool) -> Choice:
+def _choice(record: Record, faults: dict[int, Fault], config: Config, *, exact: bool, report: Report) -> Choice:
     rate_hz = config.conditioning.rate_hz
     if rate_hz == "auto":
         choice = choose_factor(record, list(faults.values()), exact=exact)
-        return choice if exact else slowed(record, choice, faults, config, lowpass_of(config))
+        return choice if exact else slowed(record, choice, faults, config, lowpass_of(config), report)
     if isinstance(rate_hz, float):
         return Choice(factor=max(1, round(record.rate_hz / rate_hz)), reason="asked for")
     return Choice(factor=1, reason="the log's own rate, as asked for")

@@ -14,6 +14,7 @@ from ..errors import LogError
 from ..kernels.bilinear import Bilinear, bilinear
 from ..kernels.covariance import Layout
 from ..kernels.lagged import Compressed, compress
+from ..kernels.progress import Report, parts, silent
 
 __all__ = ["Study", "feasible_orders", "floor_of", "left_out", "prepare", "study_of"]
 
@@ -68,6 +69,7 @@ def study_of(
     *,
     orders: Sequence[int] | None = None,
     any_order: bool = False,
+    report: Report = silent,
 ) -> Study:
     """Make a conditioned record ready as the configuration says.
 
@@ -77,6 +79,7 @@ def study_of(
     live : dictionary entries to look for.
     orders : to choose from; default the configuration's.
     any_order : choose from the configuration's list even where it names one order.
+    report : told how far it is.
 
     Raises
     ------
@@ -92,6 +95,7 @@ def study_of(
         feedthrough=config.method == "ml" if model.feedthrough is None else model.feedthrough,
         floor=floor_of(conditioned),
         centred=config.conditioning.detrend == "constant",
+        report=report,
     )
 
 
@@ -103,6 +107,7 @@ def prepare(
     feedthrough: bool,
     floor: float,
     centred: bool = True,
+    report: Report = silent,
 ) -> Study:
     """Scale a conditioned record and factorise it once."""
     u, _, _ = _standardised(conditioned.u, centred)
@@ -115,7 +120,7 @@ def prepare(
         conditioned=conditioned,
         live=tuple(live),
         layout=Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=feedthrough),
-        data=compress(u, y, theta, order=max(orders), feedthrough=feedthrough),
+        data=compress(u, y, theta, order=max(orders), feedthrough=feedthrough, report=report),
         center=center,
         unit=unit,
         magnitude_unit=magnitude_unit,
@@ -170,7 +175,9 @@ def feasible_orders(path: str, n_samples: int, wanted: int | Sequence[int], widt
     return orders
 
 
-def left_out(conditioned: Conditioned, names: Sequence[str], indices: Sequence[int]) -> dict[int, str]:
+def left_out(
+    conditioned: Conditioned, names: Sequence[str], indices: Sequence[int], report: Report = silent
+) -> dict[int, str]:
     """Return why atoms cannot be told apart from nothing, from a constant, or from earlier atoms (METHOD section 4).
 
     Parameters
@@ -178,13 +185,14 @@ def left_out(conditioned: Conditioned, names: Sequence[str], indices: Sequence[i
     conditioned : the record.
     names : of all dictionary entries.
     indices : the entries to look at; earlier ones are kept.
+    report : told how far it is.
     """
     reasons: dict[int, str] = {}
     flat = conditioned.theta.reshape(-1, conditioned.theta.shape[2])
     n_y = conditioned.theta.shape[1]
     basis = np.kron(np.ones((len(conditioned.time_s), 1)), np.eye(n_y)) / np.sqrt(len(conditioned.time_s))
     kept: list[int] = []
-    for j in indices:
+    for j, _ in parts(report, indices):
         signal = flat[:, j]
         size = float(np.linalg.norm(signal))
         if size == 0.0:

@@ -233,7 +233,7 @@ MODEL = "{name: m, airspeed_m_s: 50, states: [tas], inputs: [elevator], A: [[%s]
 MODEL_FILES = {
     "{name: m, airspeed_m_s: 50}": "c.yaml: states: missing; add it | inputs: missing; add it | A: missing",
     MODEL % "-1, 0": "c.yaml: A: the names ask for 1 rows of 1, got 1 of 2; write one list per row",
-    MODEL.replace("elevator", "tas") % "-1": "c.yaml: inputs: 'tas' is a state or an output too; rename one",
+    MODEL.replace("elevator", "tas") % "-1": "c.yaml: inputs: 'tas' is an output too; rename one",
     MODEL.replace("elevator", "lever") % "-1": "c.yaml: units: 'lever' is no standard channel; add its unit",
     MODEL % "50": "m: A: unstable, its outputs are no numbers from 14.",
     MODEL % "200": "m: A: unstable, its outputs are no numbers from 3.",

@@ -69,8 +69,8 @@ class ModelDocument(Rules):
             raise ValueError(f"C: missing, and output '{hidden[0]}' is no state; add C")
         names = dict.fromkeys((*self.states, *self.inputs, *self.measured))
         for name in self.inputs:
-            if name in (*self.states, *self.measured):
-                raise ValueError(f"inputs: '{name}' is a state or an output too; rename one")
+            if name in self.measured:
+                raise ValueError(f"inputs: '{name}' is an output too; rename one")
         for key in ("units", "trim"):
             for name in getattr(self, key):
                 if name not in names:

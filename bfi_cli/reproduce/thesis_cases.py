@@ -153,15 +153,8 @@ def _methods(settings: Settings, order: int, filters: DmaeSettings) -> Callable[
 
 def _with_fault_noise(log: FlightLog, settings: Settings) -> Views:
     """Return DMAE with process noise of the fault, which a quick run leaves out."""
-    return tuple(
-        by_dmae(
-            log,
-            replace(SINUSOIDS, fault_variance=variance),
-            settings,
-            label=f"DMAE, fault noise {variance:g} (m/s)^2",
-        )
-        for variance in (() if settings.quick else FAULT_VARIANCES)
-    )
+    tuned = {f"DMAE, fault noise {size:g} (m/s)^2": replace(SINUSOIDS, fault_variance=size) for size in FAULT_VARIANCES}
+    return () if settings.quick else tuple(by_dmae(log, one, settings, label=label) for label, one in tuned.items())
 
 
 def _reconstructed(

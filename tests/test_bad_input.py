@@ -229,6 +229,15 @@ OPTIONS = {
     "--out in_the_way/deeper": (2, "in_the_way/deeper: cannot be written, not a directory; give another --out"),
 }
 
+MODEL = "{name: m, airspeed_m_s: 50, states: [tas], inputs: [elevator], A: [[%s]], B: [[1]]}"
+MODEL_FILES = {
+    "{name: m, airspeed_m_s: 50}": "c.yaml: states: missing; add it | inputs: missing; add it | A: missing",
+    MODEL % "-1, 0": "c.yaml: A: the names ask for 1 rows of 1, got 1 of 2; write one list per row",
+    MODEL.replace("elevator", "tas") % "-1": "c.yaml: inputs: 'tas' is an output too; rename one",
+    MODEL.replace("elevator", "lever") % "-1": "c.yaml: units: 'lever' is no standard channel; add its unit",
+    MODEL % "50": "m: A: unstable, its outputs are no numbers from 14.",
+    MODEL % "200": "m: A: unstable, its outputs are no numbers from 3.",
+}
 # Every command on logs of one, two and three samples; two are a log for `info`, `convert` and `inject`.
 SHORT = (
     "info {}",
@@ -294,6 +303,12 @@ COMMANDS = {
     "inject good.csv -o new.h5 --fault bias,onset_s=1000": (2, "never active in the log, got magnitude 1 from 1000 s"),
     "simulate citatoin -o new.h5": (2, "simulate: no such model, got 'citatoin'; did you mean 'citation'?"),
     "simulate b52 -o new.h5": (2, "simulate: no such model, got 'b52'; known: citation, "),
+    "simulate -o new.h5": (2, "bfi simulate: no model given; give one of citation, citation-short-period, b747, f16"),
+    "simulate citation --model d.yaml -o new.h5": (2, "one model is flown, got 'citation' and --model d.yaml; give"),
+    "simulate --model absent.yaml -o new.h5": (2, "absent.yaml: cannot be read, no such file or directory; check"),
+    "simulate --model binary.yaml -o new.h5": (2, "binary.yaml: byte 0 is not UTF-8 text; save the file as UTF-8"),
+    "simulate --model two.h5 -o new.h5": (2, "two.h5: "),
+    "simulate --model good.yaml -o new.h5": (2, "good.yaml: name: missing; add it"),
     "simulate citation -o new.h5 --rate -1": (2, "a log has 2 to 10,000,000 samples, got 31.72 s at -1 Hz; change"),
     "simulate citation -o new.h5 --duration 1e12": (2, "a log has 2 to 10,000,000 samples, got 1e+12 s at 100 Hz"),
     "simulate citation -o new.h5 --seed -1": (2, "--seed: too small, got -1; give 0 or more"),
@@ -352,6 +367,8 @@ ROWS = (
     *(("identify good.csv -d d.yaml", text, 2, fragment) for text, fragment in DICTIONARIES.items()),
     *((f"identify good.csv -d good.yaml {options}", "", *expected) for options, expected in OPTIONS.items()),
     *((line, "", *expected) for line, expected in COMMANDS.items()),
+    *(("simulate --model c.yaml -o new.h5", text, 2, fragment) for text, fragment in MODEL_FILES.items()),
+    ("simulate --model c.yaml -o new.h5 --discretisation bilinear", MODEL % "200", 2, "m: A: has no bilinear"),
 )
 
 

@@ -7,14 +7,12 @@ returns a `FlightLog` of absolute values (airspeed near 100 m/s). `f16` is nonli
 from __future__ import annotations
 
 from .catalogue import MODELS, find_model
-from .linear import DISCRETISATIONS, Discretisation, LinearModel, discretise, response
 from .manoeuvre import MANOEUVRES, manoeuvre
-from .nonlinear import Flown, NonlinearModel
+from .model import Discretisation, Flown, LinearModel, NonlinearModel, discretise, response
 from .simulate import simulate, time_axis
 from .turbulence import Dryden, dryden_gusts, with_gusts
 
 __all__ = [
-    "DISCRETISATIONS",
     "MANOEUVRES",
     "MODELS",
     "Discretisation",

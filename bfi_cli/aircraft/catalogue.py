@@ -1,16 +1,106 @@
-"""The models by the name the command line knows them by."""
+"""The aircraft models by their names: two of the Cessna Citation II, one of the Boeing 747, one of the F-16."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..errors import ConfigError
 from ..faults import did_you_mean
-from .b747 import B747
-from .citation import CITATION, CITATION_SHORT_PERIOD
 from .f16 import F16
-from .linear import LinearModel
-from .nonlinear import NonlinearModel
+from .model import LinearModel, NonlinearModel
 
-__all__ = ["MODELS", "find_model"]
+__all__ = ["B747", "CITATION", "CITATION_SHORT_PERIOD", "ELEVATORS", "ENGINES", "MODELS", "find_model"]
+
+# Cessna Citation II at 100 m/s and 5000 m: equation 5-4 of the thesis, states tas, aoa, pitch, pitch rate.
+CITATION = LinearModel(
+    name="citation",
+    title="Cessna Citation II, longitudinal, 100 m/s, 5000 m",
+    A=np.array(
+        [
+            [-0.0179, 3.4177, -9.7911, -0.2036],
+            [-0.0020, -1.1443, 0.0, 0.9777],
+            [0.0, 0.0, 0.0, 1.0],
+            [0.0017, -7.1848, 0.0, -1.6400],
+        ]
+    ),
+    B=np.array([[-0.4525], [-0.1186], [0.0], [-11.4642]]),
+    C=np.eye(4),
+    D=np.zeros((4, 1)),
+    states=("tas", "aoa", "pitch", "pitch_rate"),
+    inputs=("elevator",),
+    outputs=("tas", "aoa", "pitch", "pitch_rate"),
+    units={"tas": "m/s", "aoa": "rad", "pitch": "rad", "pitch_rate": "rad/s", "elevator": "rad"},
+    trim={"tas": 100.0},
+    airspeed_m_s=100.0,
+    source="blind fault identification thesis, eq. 5-4; angles and elevator are deviations from their trim",
+)
+
+CITATION_SHORT_PERIOD = LinearModel(
+    name="citation-short-period",
+    title="Cessna Citation II, short period only, 100 m/s, 5000 m",
+    A=CITATION.A[1::2, 1::2],
+    B=CITATION.B[1::2],
+    C=np.eye(2),
+    D=np.zeros((2, 1)),
+    states=("aoa", "pitch_rate"),
+    inputs=("elevator",),
+    outputs=("aoa", "pitch_rate"),
+    units={"aoa": "rad", "pitch_rate": "rad/s", "elevator": "rad"},
+    trim={},
+    airspeed_m_s=100.0,
+    source="rows and columns 2 and 4 of the thesis's eq. 5-4; angles and elevator are deviations from their trim",
+)
+
+# Boeing 747-100/200 at 92.6 m/s: the longitudinal model of the null-space detector's example. A is printed by
+# Bondarenko and Zybin (2020); B, C and D are those of the test data "Linearized Boeing-747" of Varga's
+# FaultDetectionTools. The order of the paper's inputs inside equal pairs (right, left; engines) is not established.
+ELEVATORS = ("elevator_inner_right", "elevator_inner_left", "elevator_outer_right", "elevator_outer_left")
+ENGINES = ("thrust_command_1", "thrust_command_2", "thrust_command_3", "thrust_command_4")
+# The paper prints -2.4e-6 for the effect of altitude on pitch acceleration, the test data have -2.04e-6.
+_A = np.array(
+    [
+        [-0.4861, 0.000317, -0.5588, 0.0, -2.04e-6],
+        [0.0, -0.0199, 3.0796, -9.8048, 8.98e-5],
+        [1.0053, -0.0021, -0.5211, 0.0, 9.30e-6],
+        [1.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, -92.6, 92.6, 0.0],
+    ]
+)
+_B = np.array(
+    [
+        [-0.1455, -0.1455, -0.1494, -0.1494, -1.2860, 0.0013, 0.0035, 0.0035, 0.0013],
+        [0.0, 0.0, 0.0, 0.0, -0.3122, 0.1999, 0.1999, 0.1999, 0.1999],
+        [-0.0071, -0.0071, -0.0074, -0.0074, -0.0676, -0.0004, -0.0004, -0.0004, -0.0004],
+        [0.0] * 9,
+        [0.0] * 9,
+    ]
+)
+_PITCH_RATE, _, _AOA, _PITCH, _ALTITUDE = np.eye(5)
+
+B747 = LinearModel(
+    name="b747",
+    title="Boeing 747-100/200, longitudinal, 92.6 m/s",
+    A=_A,
+    B=_B,
+    C=np.array([_AOA, _A[1], _PITCH, _PITCH_RATE, _A[4], _ALTITUDE]),
+    D=np.array([np.zeros(9), _B[1], *np.zeros((4, 9))]),
+    states=("pitch_rate", "tas", "aoa", "pitch", "altitude"),
+    inputs=(*ELEVATORS, "stabiliser", *ENGINES),
+    outputs=("aoa", "tas_rate", "pitch", "pitch_rate", "altitude_rate", "altitude"),
+    units={
+        **dict.fromkeys(("aoa", "pitch", *ELEVATORS, "stabiliser", *ENGINES), "rad"),
+        "pitch_rate": "rad/s",
+        "tas": "m/s",
+        "altitude": "m",
+        "tas_rate": "m/s^2",
+        "altitude_rate": "m/s",
+    },
+    trim={},
+    airspeed_m_s=92.6,
+    source="Bondarenko and Zybin 2020 (A); Varga, FaultDetectionTools, Linearized Boeing-747 (B, C, D); all values are "
+    "deviations from the trim",
+    manoeuvred=ELEVATORS,
+)
 
 MODELS: dict[str, LinearModel | NonlinearModel] = {
     model.name: model for model in (CITATION, CITATION_SHORT_PERIOD, B747, F16)

@@ -14,8 +14,8 @@ __all__ = ["MANOEUVRES", "manoeuvre"]
 
 FloatArray = NDArray[np.float64]
 
-EDGE_TOLERANCE = 1e-9
-MULTISINE_PERIOD = 10.0
+EDGE_TOLERANCE = 1e-9  # in unit steps: a sample at an edge belongs to the step that begins there
+MULTISINE_PERIOD = 10.0  # in unit steps
 MULTISINE_LINES = 16
 
 
@@ -60,16 +60,16 @@ def _steps(lengths: tuple[int, ...]) -> Callable[[FloatArray], FloatArray]:
 
 
 def _multisine(units: FloatArray) -> FloatArray:
-    fine = np.linspace(0.0, MULTISINE_PERIOD, 64 * MULTISINE_LINES, endpoint=False)
-    return np.where(units >= -EDGE_TOLERANCE, _schroeder(units) / np.abs(_schroeder(fine)).max(), 0.0)
-
-
-def _schroeder(units: FloatArray) -> FloatArray:
-    """Sum of equal cosines whose phases keep the crest factor low (Schroeder 1970)."""
+    """Return equal cosines whose phases keep the crest factor low (Schroeder 1970), their largest sum 1."""
     k = np.arange(1, MULTISINE_LINES + 1)
     phase = -np.pi * k * (k - 1) / MULTISINE_LINES
-    angle: FloatArray = 2.0 * np.pi * np.multiply.outer(units, k) / MULTISINE_PERIOD + phase
-    return np.asarray(np.cos(angle).sum(axis=-1))
+
+    def cosines(at: FloatArray) -> FloatArray:
+        angle: FloatArray = 2.0 * np.pi * np.multiply.outer(at, k) / MULTISINE_PERIOD + phase
+        return np.asarray(np.cos(angle).sum(axis=-1))
+
+    fine = np.linspace(0.0, MULTISINE_PERIOD, 64 * MULTISINE_LINES, endpoint=False)
+    return np.where(units >= -EDGE_TOLERANCE, cosines(units) / np.abs(cosines(fine)).max(), 0.0)
 
 
 MANOEUVRES: dict[str, Callable[[FloatArray], FloatArray]] = {

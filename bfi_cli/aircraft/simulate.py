@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError
 from ..flightlog.record import Channel, FlightLog, frozen_array
-from .linear import Discretisation, LinearModel, deflections, response
-from .nonlinear import Flown, NonlinearModel
+from .model import Discretisation, Flown, LinearModel, NonlinearModel, response
 from .turbulence import Dryden, dryden_gusts, with_gusts
 
 __all__ = ["simulate", "time_axis"]
 
 FloatArray = NDArray[np.float64]
 
-MAX_SAMPLES = 10_000_000
+MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
+# Rules of thumb: below the stall of the wing, and sin(pitch) within 2 % of pitch.
 LINEAR_RANGE_RAD = {"aoa": 0.1, "pitch": 0.3}
 
 
@@ -75,29 +75,47 @@ def simulate(
         a nonlinear model, or a manoeuvre that it cannot fly.
     """
     noise_sd, quantum = dict(noise_sd or {}), dict(quantum or {})
-    _check(model, noise_sd, what="noise")
-    _check(model, quantum, what="quantum")
+    for what, sizes in (("noise", noise_sd), ("quantum", quantum)):
+        _require_sizes(model, sizes, what=what)
     u = np.asarray(u, dtype=np.float64)
-    u = deflections(model, u) if u.ndim == 1 else u
+    if u.ndim == 1:
+        moved = model.manoeuvred or model.inputs[:1]
+        u = np.outer(u, [float(name in moved) for name in model.inputs])
     gust_stream, *noise_streams = rng.spawn(1 + len(model.outputs))
-    if isinstance(model, NonlinearModel):
-        _require_plain(model, discretisation, turbulence)
-        flown = model.fly(u, rate_hz)
+    if isinstance(model, LinearModel):
+        flown = _fly_linear(model, u, rate_hz=rate_hz, rule=discretisation, gusts=turbulence, rng=gust_stream)
+    elif turbulence is not None:
+        raise ConfigError(f"{model.name}: turbulence: not modelled, got {turbulence.sigma_m_s:g} m/s; leave it out")
+    elif discretisation != "zoh":
+        raise ConfigError(f"{model.name}: discretisation: held inputs only, got '{discretisation}'; leave it out")
     else:
-        flown = _flown(model, u, rate_hz=rate_hz, rule=discretisation, gusts=turbulence, rng=gust_stream)
+        flown = model.fly(u, rate_hz)
     signals = dict(zip(model.inputs, flown.inputs.T, strict=True))
     for name, values, stream in zip(model.outputs, flown.outputs.T, noise_streams, strict=True):
-        noise = noise_sd.get(name, 0.0) * stream.standard_normal(len(u))
-        signals[name] = _quantised(values + noise, quantum.get(name, 0.0))
-    return FlightLog(
-        path=model.name,
-        time_s=frozen_array(np.arange(len(u)) / rate_hz),
-        channels={name: _channel(model, name, values) for name, values in signals.items()},
-        notes=flown.notes,
-    )
+        noisy, step = values + noise_sd.get(name, 0.0) * stream.standard_normal(len(u)), quantum.get(name, 0.0)
+        signals[name] = np.round(noisy / step) * step if step > 0 else noisy
+    channels = {
+        name: Channel(
+            name=name, values=frozen_array(values), unit=model.units[name], source=name, source_unit=model.units[name]
+        )
+        for name, values in signals.items()
+    }
+    time_s = frozen_array(np.arange(len(u)) / rate_hz)
+    return FlightLog(path=model.name, time_s=time_s, channels=channels, notes=flown.notes)
 
 
-def _flown(
+def _require_sizes(model: LinearModel | NonlinearModel, sizes: Mapping[str, float], *, what: str) -> None:
+    for name, value in sizes.items():
+        if name not in model.outputs:
+            raise ConfigError(f"{model.name}: {what}: no output '{name}'; the model has: {', '.join(model.outputs)}")
+        if not (np.isfinite(value) and value >= 0):
+            raise ConfigError(
+                f"{model.name}: {what} of {name}: not a size, got {value:g} {model.units[name]}; "
+                "give a positive number, or 0 for none"
+            )
+
+
+def _fly_linear(
     model: LinearModel,
     u: FloatArray,
     *,
@@ -106,46 +124,27 @@ def _flown(
     gusts: Dryden | None,
     rng: np.random.Generator,
 ) -> Flown:
-    if gusts is None:
-        y = response(model, u, rate_hz=rate_hz, rule=rule)
-    else:
+    """Return the flight in absolute values, with a note where it leaves the range of a linear model."""
+    flown, moved = model, u
+    if gusts is not None:
         winds = dryden_gusts(gusts, len(u), airspeed_m_s=model.airspeed_m_s, rate_hz=rate_hz, rng=rng)
-        y = response(with_gusts(model), np.hstack([u, winds]), rate_hz=rate_hz, rule=rule)
-    u_0, y_0 = ([model.trim.get(name, 0.0) for name in names] for names in (model.inputs, model.outputs))
-    return Flown(inputs=u + np.array(u_0), outputs=y + np.array(y_0), notes=_remarks(model, y))
-
-
-def _require_plain(model: NonlinearModel, discretisation: Discretisation, turbulence: Dryden | None) -> None:
-    if turbulence is not None:
-        raise ConfigError(f"{model.name}: turbulence: not modelled, got {turbulence.sigma_m_s:g} m/s; leave it out")
-    if discretisation != "zoh":
-        raise ConfigError(f"{model.name}: discretisation: held inputs only, got '{discretisation}'; leave it out")
-
-
-def _remarks(model: LinearModel, y: FloatArray) -> tuple[str, ...]:
+        flown, moved = with_gusts(model), np.hstack([u, winds])
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            y = response(flown, moved, rate_hz=rate_hz, rule=rule)
+    except np.linalg.LinAlgError:
+        raise ConfigError(f"{model.name}: A: has no {rule} discretisation at {rate_hz:g} Hz; change --rate") from None
+    if not np.isfinite(y).all():
+        first = int(np.argmin(np.isfinite(y).all(axis=1)))
+        raise ConfigError(
+            f"{model.name}: A: unstable, its outputs are no numbers from {first / rate_hz:g} s on; mend A or shorten "
+            "--duration"
+        )
     extent = dict(zip(model.outputs, np.abs(y).max(axis=0), strict=True))
-    return tuple(
+    notes = tuple(
         f"{name} moves up to {extent[name]:.2g} rad from its trim; a linear model holds for about {limit:g} rad"
         for name, limit in LINEAR_RANGE_RAD.items()
         if extent.get(name, 0.0) > limit
     )
-
-
-def _channel(model: LinearModel | NonlinearModel, name: str, values: FloatArray) -> Channel:
-    unit = model.units[name]
-    return Channel(name=name, values=frozen_array(values), unit=unit, source=name, source_unit=unit)
-
-
-def _quantised(values: FloatArray, quantum: float) -> FloatArray:
-    return np.round(values / quantum) * quantum if quantum > 0 else values
-
-
-def _check(model: LinearModel | NonlinearModel, per_output: Mapping[str, float], *, what: str) -> None:
-    for name, value in per_output.items():
-        if name not in model.outputs:
-            raise ConfigError(f"{model.name}: {what}: no output '{name}'; the model has: {', '.join(model.outputs)}")
-        if not (np.isfinite(value) and value >= 0):
-            raise ConfigError(
-                f"{model.name}: {what} of {name}: not a size, got {value:g} {model.units[name]}; "
-                "give a positive number, or 0 for none"
-            )
+    u_0, y_0 = ([model.trim.get(name, 0.0) for name in names] for names in (model.inputs, model.outputs))
+    return Flown(inputs=u + np.array(u_0), outputs=y + np.array(y_0), notes=notes)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from ..errors import ConfigError
-from .linear import LinearModel, propagate
+from .model import LinearModel, propagate
 
 __all__ = ["GUSTS", "Dryden", "dryden_gusts", "with_gusts"]
 

@@ -32,7 +32,8 @@ def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, 
 
 
 @click.command("simulate")
-@click.argument("model", metavar="MODEL")
+@click.argument("name", metavar="[MODEL]", required=False)
+@click.option("--model", "model_file", metavar="FILE", help="Linear model of a YAML file, in place of MODEL.")
 @out_option
 @click.option("--manoeuvre", default="3211", show_default=True, help="3211, doublet, multisine or none.")
 @click.option("--amplitude", metavar="RAD", type=float, default=0.035, show_default=True, help="Largest deflection.")
@@ -50,7 +51,8 @@ def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, 
 @json_option
 def command(
     *,
-    model: str,
+    name: str | None,
+    model_file: str | None,
     out: Path,
     force: bool,
     manoeuvre: str,
@@ -69,7 +71,8 @@ def command(
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
     MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines), or
-    f16 (nonlinear, six degrees of freedom, without turbulence).
+    f16 (nonlinear, six degrees of freedom, without turbulence). --model takes any linear one, such as
+    configs/citation_model.yaml.
     Noise and steps are in the output's unit, m/s or rad: --noise tas=0.01 --quantum tas=0.03.
     """
     import numpy as np
@@ -77,10 +80,20 @@ def command(
     from .. import aircraft
     from ..files import check_files
 
-    check_files([out], force=force)
+    check_files([out], inputs=() if model_file is None else (model_file,), force=force)
+    model: aircraft.LinearModel | aircraft.NonlinearModel
+    if model_file is None and name is not None:
+        model = aircraft.find_model(name)
+    elif model_file is not None and name is None:
+        from ..aircraft.model_file import load_model
+
+        model = load_model(model_file)
+    else:
+        given = "no model given" if name is None else f"one model is flown, got '{name}' and --model {model_file}"
+        raise ConfigError(f"bfi simulate: {given}; give one of {', '.join(aircraft.MODELS)}, or --model FILE")
     time_s = aircraft.time_axis(duration_s=duration, rate_hz=rate)
     log = aircraft.simulate(
-        aircraft.find_model(model),
+        model,
         aircraft.manoeuvre(manoeuvre, time_s, amplitude_rad=amplitude, start_s=start, step_s=step),
         rng=np.random.default_rng(seed),
         rate_hz=rate,

@@ -4,48 +4,70 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..dictionary import signals
 from ..engine import in_order
-from ..exhibit import Drawing, Exhibit, Panel, Table, curve
-from ..fir import FirResult, identify_fir
+from ..exhibit import Exhibit, Panel, curve
+from ..fir import identify_fir
 from ..wording import number
-from .fir_trial import METHODS, TAPS, Outcome, Problem, Trial, error, output, run, z_of
-from .record import thesis_dictionary, thesis_record
-from .settings import Settings, comparison
+from .page import drawing, exhibit, load, table
+from .record import Settings, thesis_dictionary, thesis_record
 
-__all__ = ["fir"]
+__all__ = ["METHODS", "TAPS", "Outcome", "Problem", "Trial", "bound", "error", "fir", "output", "run", "slow_and_white"]
 
 FloatArray = NDArray[np.float64]
 
-NOISES, QUICK_NOISES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), (1e-4, 1e-2)
-SHARES, QUICK_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), (1.0, 0.03, 0.001)
-TRIALS, QUICK_TRIALS = 100, 3
-SWEEP_NOISE = 1e-2
-LEAST = 1e-17
+TAPS = np.array([1.0, 0.5, -0.3])
+SIZES = {1: 4.0, 2: 2.0, 6: 1.0}
+METHODS: Mapping[str, Mapping[str, Any]] = {
+    "RISRO": {"method": "risro"},
+    "nuclear norm, penalty 0.001": {"method": "nuclear", "penalty": 1e-3},
+    "nuclear norm, penalty 1e-06": {"method": "nuclear", "penalty": 1e-6},
+}
 RISRO, NUCLEAR, WEAK = METHODS
-CONDITION = "condition number [-]"
-CONDITION_CAPTION = (
-    "Relative error of the product against the condition number of the lagged dictionary (columns of unit norm), for "
-    "random dictionaries between white noise and slow oscillations: median and quartiles over the trials. Above "
-    "without noise, below with white noise of 1 % of the output; the bound is that of least squares to first order."
-)
-NOISE_CAPTION = (
-    "Relative error of the product against white noise, as a share of the output's standard deviation, for the "
-    "dictionary of table 5-2 at the record's rate: median and quartiles over the trials, and the first-order bound."
-)
-SCALE = (
-    "The output fixes the product b z^T alone: b and z trade a factor that nobody can see. The thesis gives no numbers "
-    "in its chapter 3; its dictionary of table 5-2 stands for the input here, taps and magnitudes are ours."
-)
-RANK = (
-    "The lagged dictionary of table 5-2 lacks rank (three lags of one sinusoid are dependent), so that plain least "
-    "squares has no single answer. The rank of the product makes it unique, and RISRO converges to it all the same; "
-    "what the condition number costs is noise, as the bound says, not convergence."
-)
+N_SAMPLES, N_ATOMS, MOST_CYCLES = 1000, 7, 5  # of a random dictionary
+NOISES, QUICK_NOISES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), (1e-4, 1e-2)
+SHARES, QUICK_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), (1.0, 0.03, 0.001)  # of white noise in a dictionary
+TRIALS, QUICK_TRIALS = 100, 3
+SWEEP_NOISE = 1e-2  # over the output, in the sweep over condition numbers
+LEAST = 1e-17  # what a log axis shows of an error of zero
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """A point of a sweep.
+
+    Attributes
+    ----------
+    theta : (n_samples, n_atoms) dictionary; None for one drawn anew in every trial.
+    white : then the share of white noise in it; the rest is slow oscillations, of which lags nearly coincide.
+    noise : of the output, over its standard deviation.
+    """
+
+    theta: FloatArray | None
+    white: float
+    noise: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """One trial of a problem; the seed is all that is random about it."""
+
+    problem: Problem
+    seed: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """Relative errors by method in the order of `METHODS`, their first-order bound, the condition number."""
+
+    errors: tuple[float, ...]
+    bound: float
+    condition_number: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,8 +78,67 @@ class _Point:
     errors: FloatArray
     bound: float
 
-    def median(self, label: str) -> float:
-        return float(np.median(self.errors[:, list(METHODS).index(label)]))
+    @property
+    def risro(self) -> float:
+        """The median error of RISRO."""
+        return float(np.median(self.errors[:, list(METHODS).index(RISRO)]))
+
+
+def run(trial: Trial) -> Outcome:
+    """Return the outcome of a trial: a dictionary, an output with noise, the error of every method."""
+    rng, problem = np.random.default_rng(trial.seed), trial.problem
+    theta = slow_and_white(problem.white, rng) if problem.theta is None else problem.theta
+    z = z_of(theta.shape[1])
+    clean = output(theta, z)
+    sd = problem.noise * float(np.std(clean))
+    y = clean + sd * rng.standard_normal(len(clean))
+    found = [identify_fir(y, theta, n_taps=len(TAPS), **how) for how in METHODS.values()]
+    return Outcome(
+        errors=tuple(error(one.product, z) for one in found),
+        bound=bound(theta, z, sd),
+        condition_number=found[0].condition_number,
+    )
+
+
+def z_of(n_atoms: int) -> FloatArray:
+    """Return (n_atoms,) the true magnitudes, of which three are not zero."""
+    return np.array([SIZES.get(j, 0.0) for j in range(n_atoms)])
+
+
+def output(theta: FloatArray, z: FloatArray) -> FloatArray:
+    """Return (n_samples,) y(k) = sum_i b_i u(k-i), i = 1.., of the input u = theta z that was zero before (eq. 3-2)."""
+    return np.convolve(theta @ z, np.concatenate([[0.0], TAPS]))[: len(theta)]
+
+
+def error(product: FloatArray, z: FloatArray) -> float:
+    """Return the relative Frobenius error of a product b z^T."""
+    truth = np.outer(TAPS, z)
+    return float(np.linalg.norm(product - truth) / np.linalg.norm(truth))
+
+
+def bound(theta: FloatArray, z: FloatArray, sd: float) -> float:
+    """Return the root mean square of that error to first order: least squares over the tangent space at the truth.
+
+    Parameters
+    ----------
+    sd : of white noise on the output.
+    """
+    if sd == 0.0:
+        return 0.0
+    n, p = len(theta), len(TAPS)
+    lags = np.hstack([theta[p - lag : n - lag] for lag in range(1, p + 1)])
+    tangent = np.hstack([np.kron(np.eye(p), z[:, None]), np.kron(TAPS[:, None], np.eye(len(z)))])
+    basis = np.linalg.svd(tangent, full_matrices=False)[0][:, : p + len(z) - 1]
+    values = np.linalg.svd(lags @ basis, compute_uv=False)
+    return float(sd * np.sqrt(np.sum(values**-2.0)) / np.linalg.norm(np.outer(TAPS, z)))
+
+
+def slow_and_white(white: float, rng: np.random.Generator) -> FloatArray:
+    """Return (N_SAMPLES, N_ATOMS) signals of unit power: one to five cycles, with a share of white noise."""
+    phase = rng.uniform(0.0, 2.0 * np.pi, N_ATOMS)
+    cycles = rng.uniform(1.0, MOST_CYCLES, N_ATOMS)
+    slow = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.outer(np.arange(N_SAMPLES) / N_SAMPLES, cycles) + phase)
+    return np.asarray(np.sqrt(1.0 - white**2) * slow + white * rng.standard_normal((N_SAMPLES, N_ATOMS)))
 
 
 def fir(settings: Settings) -> Exhibit:
@@ -67,40 +148,60 @@ def fir(settings: Settings) -> Exhibit:
     ------
     LogError : the log of the settings cannot be used.
     """
-    theta = _thesis_atoms(settings)
-    z = z_of(theta.shape[1])
-    found = {label: identify_fir(output(theta, z), theta, n_taps=len(TAPS), **how) for label, how in METHODS.items()}
-    exact, noisy, by_noise = _sweeps(theta, settings)
-    n_trials = settings.trials_or(TRIALS, QUICK_TRIALS)
-    ours = {label: error(one.product, z) for label, one in found.items()}
-    return Exhibit(
-        kicker="Reproduction",
-        title="Thesis, chapter 3: blind identification of an FIR system",
-        heading="Recovered by RISRO" if ours[RISRO] < 1e-8 else "Not recovered",
-        verdict=f"Without noise RISRO has the product of impulse response and magnitudes to {ours[RISRO]:.1e}; the "
-        f"nuclear norm is off by {100.0 * ours[NUCLEAR]:.0f} %.",
-        facts=(
-            ("Dictionary", f"table 5-2, {len(theta)} samples, magnitudes {', '.join(f'{one:g}' for one in z)}"),
-            ("Impulse response", ", ".join(f"{tap:g}" for tap in TAPS)),
-            ("Trials", f"{n_trials} per point, seed {settings.seed}"),
-        ),
-        tables=(comparison(_compared(ours, exact, noisy)), _details(found, z)),
-        drawings=(
-            Drawing(
-                name="fir_condition",
-                caption=CONDITION_CAPTION,
-                panels=(_panel("no noise", CONDITION, exact), _panel("noise 1 %", CONDITION, noisy)),
-            ),
-            Drawing(name="fir_noise", caption=NOISE_CAPTION, panels=(_panel("", "noise / output [-]", by_noise),)),
-        ),
-        notes=(SCALE, RANK, _why(found[NUCLEAR], z)),
-    )
-
-
-def _thesis_atoms(settings: Settings) -> FloatArray:
-    time_s = thesis_record(settings).time_s
+    page, time_s = load("fir"), thesis_record(settings).time_s
     start_s = float(time_s[0])
-    return signals(thesis_dictionary().resolved(start_s), time_s, ["tas"], window_start_s=start_s)[:, 0]
+    theta = signals(thesis_dictionary().resolved(start_s), time_s, ["tas"], window_start_s=start_s)[:, 0]
+    z = z_of(theta.shape[1])
+    truth = np.outer(TAPS, z)
+    found = {label: identify_fir(output(theta, z), theta, n_taps=len(TAPS), **how) for label, how in METHODS.items()}
+    ours = {label: error(one.product, z) for label, one in found.items()}
+    # The product summed over the taps, which the output tells, and what differs between taps, which it hardly does.
+    rows, parts = [], {}
+    for label, one in found.items():
+        off = one.product - truth
+        common = float(np.linalg.norm(off.sum(axis=0)) / np.linalg.norm(truth.sum(axis=0)))
+        differing = float(np.linalg.norm(off - off.mean(axis=0)) / np.linalg.norm(truth - truth.mean(axis=0)))
+        parts[label] = {"common": 100.0 * common, "differing": 100.0 * differing}
+        numbers = (ours[label], one.vaf, one.rank_one_share, one.shrinkage, common, differing)
+        rows.append((label, *(number(value, digits=6 if i == 1 else 2) for i, value in enumerate(numbers))))
+    exact, noisy, by_noise = _sweeps(theta, settings)
+    relaxed = found[NUCLEAR]
+    values = {
+        "risro": ours[RISRO],
+        "nuclear": ours[NUCLEAR],
+        "weak": ours[WEAK],
+        "off": 100.0 * ours[NUCLEAR],
+        "n_samples": len(theta),
+        "magnitudes": ", ".join(f"{one:g}" for one in z),
+        "taps": ", ".join(f"{tap:g}" for tap in TAPS),
+        "trials": settings.trials_or(TRIALS, QUICK_TRIALS),
+        "seed": settings.seed,
+        "well": number(exact[0].x, digits=2),
+        "ill": number(exact[-1].x, digits=2),
+        "worst": max(point.risro for point in exact),
+        "growth": f"{number(noisy[0].risro, digits=2)} to {number(noisy[-1].risro, digits=2)}",
+        "limits": f"{number(noisy[0].bound, digits=2)} to {number(noisy[-1].bound, digits=2)}",
+        "size": number(float(np.linalg.norm(relaxed.product, "nuc")), digits=3),
+        "true_size": number(float(np.linalg.norm(truth, "nuc")), digits=3),
+        "turned": ", ".join(number(tap, digits=2) for tap in relaxed.taps),
+        "vaf": relaxed.vaf,
+        **parts[NUCLEAR],
+    }
+    condition = "condition number [-]"
+    return exhibit(
+        page,
+        values,
+        heading=ours[RISRO] < 1e-8,
+        tables=[table(page, "fir", rows)],
+        drawings=[
+            drawing(
+                page,
+                "fir_condition",
+                (_panel("no noise", condition, exact), _panel("noise 1 %", condition, noisy)),
+            ),
+            drawing(page, "fir_noise", [_panel("", "noise / output [-]", by_noise)]),
+        ],
+    )
 
 
 def _sweeps(theta: FloatArray, settings: Settings) -> tuple[list[_Point], list[_Point], list[_Point]]:
@@ -110,28 +211,30 @@ def _sweeps(theta: FloatArray, settings: Settings) -> tuple[list[_Point], list[_
     problems += [Problem(theta=theta, white=0.0, noise=sd) for sd in noises]
     n_trials, n_shares = settings.trials_or(TRIALS, QUICK_TRIALS), len(shares)
     trials = [
-        Trial(problem=problem, seed=(settings.seed, i, number))
+        Trial(problem=problem, seed=(settings.seed, i, k))
         for i, problem in enumerate(problems)
-        for number in range(n_trials)
+        for k in range(n_trials)
     ]
     done: list[Outcome] = []
     for outcome, _ in in_order(run, trials, workers=settings.workers):
         done.append(outcome)
         settings.report(len(done), len(trials))
-    points = [_point(problem, done[i * n_trials : (i + 1) * n_trials]) for i, problem in enumerate(problems)]
+    points = []
+    for i, problem in enumerate(problems):
+        outcomes = done[i * n_trials : (i + 1) * n_trials]
+        condition = float(np.median([one.condition_number for one in outcomes]))
+        points.append(
+            _Point(
+                x=condition if problem.theta is None else problem.noise,
+                errors=np.array([one.errors for one in outcomes]),
+                bound=float(np.median([one.bound for one in outcomes])),
+            )
+        )
     return points[:n_shares], points[n_shares : 2 * n_shares], points[2 * n_shares :]
 
 
-def _point(problem: Problem, outcomes: Sequence[Outcome]) -> _Point:
-    condition = float(np.median([one.condition_number for one in outcomes]))
-    return _Point(
-        x=condition if problem.theta is None else problem.noise,
-        errors=np.array([one.errors for one in outcomes]),
-        bound=float(np.median([one.bound for one in outcomes])),
-    )
-
-
 def _panel(title: str, x_label: str, points: Sequence[_Point]) -> Panel:
+    """Return median errors with their quartiles, and the bound where there is noise."""
     x = [point.x for point in points]
     errors = np.maximum([point.errors for point in points], LEAST)
     low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75), axis=1)
@@ -142,57 +245,4 @@ def _panel(title: str, x_label: str, points: Sequence[_Point]) -> Panel:
         curves.append(curve("bound", x, [point.bound for point in points], style="dotted"))
     return Panel(
         title=title, x_label=x_label, y_label="relative error [-]", curves=tuple(curves), log_x=True, log_y=True
-    )
-
-
-def _compared(
-    ours: Mapping[str, float], exact: Sequence[_Point], noisy: Sequence[_Point]
-) -> list[tuple[str, str, str]]:
-    worst = max(point.median(RISRO) for point in exact)
-    ends = f"conditions {number(exact[0].x, digits=2)} to {number(exact[-1].x, digits=2)}"
-    growth = f"{number(noisy[0].median(RISRO), digits=2)} to {number(noisy[-1].median(RISRO), digits=2)}"
-    limits = f"{number(noisy[0].bound, digits=2)} to {number(noisy[-1].bound, digits=2)}"
-    return [
-        ("error of b z^T, RISRO, no noise", "converges near the truth (3-1)", f"{ours[RISRO]:.1e}"),
-        ("the same, nuclear norm, penalty 0.001", "worse than RISRO (3-1)", f"{ours[NUCLEAR]:.2g}"),
-        ("the same, nuclear norm, penalty 1e-6", "worse than RISRO (3-1)", f"{ours[WEAK]:.2g}"),
-        (f"RISRO, no noise, {ends}", "convergence depends on it (3-1)", f"at most {worst:.1e}"),
-        (f"RISRO, noise 1 %, {ends} (median)", "-", growth),
-        ("  its first-order bound (root mean square)", "-", limits),
-    ]
-
-
-def _details(found: Mapping[str, FirResult], z: FloatArray) -> Table:
-    heads = ("method", "error", "VAF [%]", "share of rank 1", "shrinkage", "sum of the taps", "their differences")
-    rows = []
-    for label, one in found.items():
-        common, differing = _parts(one.product, z)
-        numbers = (error(one.product, z), one.vaf, one.rank_one_share, one.shrinkage, common, differing)
-        rows.append((label, *(number(value, digits=6 if i == 1 else 2) for i, value in enumerate(numbers))))
-    return Table(
-        name="fir", title="Table 5-2 without noise; last columns: error of a part", heads=heads, rows=tuple(rows)
-    )
-
-
-def _parts(product: FloatArray, z: FloatArray) -> tuple[float, float]:
-    """Return the relative errors of the product summed over the taps, and of what differs between taps."""
-    truth = np.outer(TAPS, z)
-    off = product - truth
-    common = np.linalg.norm(off.sum(axis=0)) / np.linalg.norm(truth.sum(axis=0))
-    differing = np.linalg.norm(off - off.mean(axis=0)) / np.linalg.norm(truth - truth.mean(axis=0))
-    return float(common), float(differing)
-
-
-def _why(relaxed: FirResult, z: FloatArray) -> str:
-    """Return why the nuclear norm errs on this dictionary, from the product it found."""
-    common, differing = _parts(relaxed.product, z)
-    size, true_size = np.linalg.norm(relaxed.product, "nuc"), np.linalg.norm(np.outer(TAPS, z), "nuc")
-    taps = ", ".join(number(tap, digits=2) for tap in relaxed.taps)
-    return (
-        "Signals of table 5-2 change little from one sample to the next, so that their lags nearly coincide: the "
-        f"output tells the sum of the taps (off by {100.0 * common:.0f} % with the nuclear norm) and hardly their "
-        f"differences (off by {100.0 * differing:.0f} %). Among products that fit alike, those with equal taps have "
-        f"the least nuclear norm ({number(float(size), digits=3)} found, {number(float(true_size), digits=3)} true), "
-        f"and the penalty turns the taps to {taps} while {relaxed.vaf:.2f} % of the output is still explained. A "
-        "smaller penalty turns them less."
     )

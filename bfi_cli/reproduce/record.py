@@ -1,24 +1,59 @@
-"""What reproductions of the thesis start from: its record, or what stands in for it, and its dictionary."""
+"""What a reproduction starts from: its settings, the thesis's record or what stands in for it, its dictionary."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..aircraft import find_model, manoeuvre, simulate, time_axis
 from ..dictionary import Dictionary, load_dictionary
 from ..errors import LogError
-from ..flightlog import FlightLog
-from .settings import Settings
+from ..exhibit import Panel, Span, curve
+from ..faults import Fault
+from ..flightlog import FlightLog, inject
+from ..flightlog.record import frozen_array
+from .page import FOLDER, load
 
-__all__ = ["FOLDER", "stand_in", "thesis_dictionary", "thesis_record"]
+__all__ = [
+    *("NOISE_M_S", "Settings", "airspeed_panel", "fault_starts", "stand_in", "thesis_dictionary", "thesis_record"),
+    *("true_fault", "with_fault", "with_noise"),
+]
 
-FOLDER = Path(__file__).parent
-NOT_PUBLIC = (
-    "The flight record of the thesis is not public: in its place stands a simulated 3-2-1-1 of the linear Citation "
-    "model that it prints (equation 5-4), with as many samples at the same rate; --log takes any other record."
-)
+FloatArray = NDArray[np.float64]
+
+# White noise added to the airspeed where a page shows what noise changes; the thesis does not state that of its record.
+NOISE_M_S = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Settings:
+    """How a figure is to be made.
+
+    Attributes
+    ----------
+    log : fault-free record to use in place of the simulated one, None for the default.
+    quick : few trials, short sweeps: seconds instead of minutes, for tests.
+    trials : per point of a Monte Carlo figure, None for the published number (or a few where quick).
+    seed : of all random numbers.
+    workers : processes of this machine.
+    choices : "key=value" for what a reproduction leaves open; f16-table2 has some.
+    report : told how much is done, (done, total).
+    """
+
+    log: FlightLog | None = None
+    quick: bool = False
+    trials: int | None = None
+    seed: int = 0
+    workers: int = 1
+    choices: tuple[str, ...] = ()
+    report: Callable[[int, int], None] = lambda _done, _total: None
+
+    def trials_or(self, published: int, quick: int) -> int:
+        """Return how many trials to run."""
+        return self.trials if self.trials is not None else quick if self.quick else published
 
 
 def thesis_record(settings: Settings) -> FlightLog:
@@ -48,4 +83,45 @@ def thesis_dictionary() -> Dictionary:
 
 def stand_in(settings: Settings) -> tuple[str, ...]:
     """Return the note that the record is not the thesis's own, none where the user gave a log."""
-    return (NOT_PUBLIC,) if settings.log is None else ()
+    return (load("thesis")["shared"]["stand_in"],) if settings.log is None else ()
+
+
+def with_fault(clean: FlightLog, *faults: Fault) -> FlightLog:
+    """Return the log with faults whose starts count from its first sample.
+
+    Raises
+    ------
+    DictionaryError : it ends before a fault.
+    """
+    start_s = float(clean.time_s[0])
+    return inject(clean, [replace(fault, onset_s=fault.onset_s + start_s) for fault in faults])
+
+
+def with_noise(log: FlightLog, sd: float, *, seed: int) -> FlightLog:
+    """Return the log with white noise of standard deviation `sd` (m/s) on its airspeed."""
+    channel = log.channel("tas")
+    noise = np.random.default_rng(seed).standard_normal(log.n_samples)
+    noisy = replace(channel, values=frozen_array(channel.values + sd * noise))
+    return replace(log, channels={**log.channels, channel.name: noisy})
+
+
+def true_fault(log: FlightLog) -> FloatArray:
+    """Return (n_samples,) the measured airspeed minus the one without faults, of a log with its truth."""
+    assert log.truth is not None
+    channel = log.channel("tas")
+    return np.asarray(channel.values - log.truth.clean[channel.name])
+
+
+def fault_starts(log: FlightLog) -> tuple[Span, ...]:
+    """Return a line at the start of every fault of a log with its truth."""
+    assert log.truth is not None
+    return tuple(Span(label="start", low=one.onset_s, high=one.onset_s) for one in log.truth.faults)
+
+
+def airspeed_panel(log: FlightLog, spans: tuple[Span, ...]) -> Panel:
+    """Return the true and the measured airspeed of a log with its truth."""
+    assert log.truth is not None
+    channel = log.channel("tas")
+    true = curve("true", log.time_s, log.truth.clean[channel.name])
+    measured = curve("measured", log.time_s, channel.values, style="dashed")
+    return Panel(x_label="time [s]", y_label="tas [m/s]", curves=(true, measured), spans=spans)

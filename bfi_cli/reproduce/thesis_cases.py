@@ -1,59 +1,92 @@
-"""Cases 2 and 3 of the thesis, reconstructed: a perturbed bias (5-10), faults that start too late (5-11, 5-12)."""
+"""Faults of the thesis reconstructed by the published method, DMAE and the default method.
+
+A fast and a slow sinusoid (figures 5-5, 5-6), a perturbed bias (5-10), faults that start too late (5-11, 5-12).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..dmae import DmaeSettings
-from ..exhibit import Exhibit
+from ..exhibit import Exhibit, Panel, Style, curve
 from ..faults import Fault
-from ..flightlog import FlightLog, inject
-from .record import thesis_record
-from .settings import Settings
-from .thesis_page import Page, percent, reconstructed
-from .thesis_perturbed import BEST, KAPPA, LONGER, LOW_ORDERS, OURS, perturbed
-from .thesis_reconstruction import Reconstruction, by_default, by_dmae, by_published, by_scan
-from .thesis_threshold import SHIPPED
+from ..flightlog import FlightLog
+from ..wording import number
+from .page import drawing, exhibit, fill, load, percent, table
+from .reconstruction import Reconstruction, by_default, by_dmae, by_published, by_scan, shipped
+from .record import (
+    NOISE_M_S,
+    Settings,
+    airspeed_panel,
+    fault_starts,
+    stand_in,
+    thesis_record,
+    true_fault,
+    with_fault,
+    with_noise,
+)
+from .thesis_perturbed import BEST, KAPPA, LOW, perturbed
 
-__all__ = ["thesis_5_10", "thesis_5_11", "thesis_5_12"]
+__all__ = ["thesis_5_5", "thesis_5_6", "thesis_5_10", "thesis_5_11", "thesis_5_12"]
 
-LOW = 4
+Views = tuple[Reconstruction, ...]
+
+# Q and R as the thesis prints them for each figure; 5-12 prints none and takes those of 5-11.
+SINUSOIDS = DmaeSettings(process_variance=0.4e-5, measurement_variance=0.01)
 PERTURBED = DmaeSettings(process_variance=0.24e-4, measurement_variance=0.005)
 SHIFTED = DmaeSettings(process_variance=0.4e-6, measurement_variance=1e-3)
-ONSET_S = 15.86
-LATE_SINE = Fault(shape="sine", magnitude=1.0, frequency_hz=1.15, onset_s=ONSET_S, phase_reference="window")
-LATE_DRIFT = Fault(shape="drift", magnitude=1.0, slope=0.23, onset_s=ONSET_S)
+FAULT_VARIANCES = (3e-4, 0.05)  # (m/s)^2 per sample: with these DMAE has the published VAF of airspeed, and of fault
+SETTLED_S = 1.5  # after the start of the slow sinusoid, when DMAE's fault has come to its level
 
-CAPTION = (
-    "Above the airspeed as measured and as it is, below the fault and its reconstructions. The dictionary's signal "
-    "starts at another time than the fault."
-)
-PERTURBED_CAPTION = "Above the airspeed as measured and as it is, below the fault and its reconstructions, order 45."
-LIMITED = (
-    "DMAE is given the true dynamics and needs no dictionary. Its fault follows neither the onset of the perturbation "
-    "nor the perturbation itself, which is within the noise it assumes."
-)
-NO_FAULT_NOISE = (
-    "DMAE's fault has no process noise here, which the thesis does not print; with 0.01 (m/s)^2 per sample it accounts "
-    "for 99 % of this fault on the simulated record (98 % published)."
-)
-NOT_IN_DICTIONARY = (
-    "A dictionary whose signal starts at another time does not hold this fault. The published method spreads it over "
-    "signals that are not there; ours declares none of them. The scan over all starts needs no dictionary and finds it."
-)
-UNPRINTED = (
-    "Neither size nor start of the drift of figure 5-12 is printed: ours is the dictionary's 0.23 t from 15.86 s, when "
-    "the sinusoid of figure 5-11 starts too. The dictionary has it from 7.93 s."
-)
-DECLARED = (
-    "Without noise the magnitudes of figure 5-12 are next to nothing, which the thesis calls a missed detection; its "
-    "rule, which is relative to all magnitudes, declares them all the same. With 0.01 m/s of noise the magnitude of "
-    "the drift is a matter of chance, of standard deviation 0.2."
-)
-INVISIBLE = (
-    "DMAE with the settings of figure 5-11 does not see the drift either (the thesis shows none): a ramp so slow is "
-    "motion to it."
-)
+FAST = Fault(shape="sine", name="sine_1.15", magnitude=5.0, frequency_hz=1.15, onset_s=6.35, phase_reference="window")
+SLOW = Fault(shape="sine", name="sine_0.35", magnitude=4.0, frequency_hz=0.35, onset_s=5.29, phase_reference="window")
+LATE_SINE = Fault(shape="sine", magnitude=1.0, frequency_hz=1.15, onset_s=15.86, phase_reference="window")
+LATE_DRIFT = Fault(shape="drift", magnitude=1.0, slope=0.23, onset_s=15.86)
+STYLES: tuple[Style, ...] = ("dashed", "line", "dotted", "dashed")
+
+
+def thesis_5_5(settings: Settings) -> Exhibit:
+    """Return figure 5-5: a sinusoid of 1.15 Hz, which the published method, DMAE and ours all follow.
+
+    Raises
+    ------
+    LogError : the log of the settings cannot be used.
+    DictionaryError : it ends before the fault.
+    """
+    log, see = with_fault(thesis_record(settings), FAST), _methods(settings, LOW, SINUSOIDS)
+    found = see(log)
+    followed = found[1].vaf_fault > 50.0
+    follows = load("thesis")["5-5"]["follows"][followed]
+    others = _with_fault_noise(log, settings)
+    return _reconstructed("5-5", log, found, settings, again=see, others=others, heading=followed, follows=follows)
+
+
+def thesis_5_6(settings: Settings) -> Exhibit:
+    """Return figure 5-6: a sinusoid of 0.35 Hz, which DMAE detects and mistakes for a bias.
+
+    Raises
+    ------
+    LogError : the log of the settings cannot be used.
+    DictionaryError : it ends before the fault.
+    """
+    log, see = with_fault(thesis_record(settings), SLOW), _methods(settings, LOW, SINUSOIDS)
+    _, dmae, _ = found = see(log)
+    settled = dmae.fault[dmae.time_s > fault_starts(log)[0].low + SETTLED_S]
+    level, wander = float(np.mean(settled)), float(np.std(settled))
+    return _reconstructed(
+        "5-6",
+        log,
+        found,
+        settings,
+        again=see,
+        others=_with_fault_noise(log, settings),
+        heading=wander < 0.1 * abs(level),
+        level=number(level, digits=3),
+        wander=number(wander, digits=2),
+    )
 
 
 def thesis_5_10(settings: Settings) -> Exhibit:
@@ -64,28 +97,9 @@ def thesis_5_10(settings: Settings) -> Exhibit:
     LogError : the log of the settings cannot be used.
     DictionaryError : it ends before the fault.
     """
-    log = perturbed(thesis_record(settings), KAPPA)
-    published, filtered, ours = found = _views(log, settings, BEST, PERTURBED)
-    rows = [
-        ("fault", "4 + 0.2 cos(4.5 pi t) (5-9)", "the same"),
-        ("published method, s = 45", "the bias alone (figures 5-9, 5-10)", published.found),
-        ("VAF of the fault, published method", "follows (figure 5-10)", percent(published.vaf_fault)),
-        ("VAF of the fault, DMAE", "follows (figure 5-10)", percent(filtered.vaf_fault)),
-        ("VAF of the fault, ours", "-", percent(ours.vaf_fault)),
-        ("declared by ours", "-", ours.found),
-    ]
-    page = Page(
-        figure="5-10",
-        title="a perturbed bias at order 45",
-        heading="Followed" if published.vaf_fault > 50.0 else "Not followed",
-        verdict=f"At order 45 the published method has {percent(published.vaf_fault)} of the fault, DMAE "
-        f"{percent(filtered.vaf_fault)}, ours {percent(ours.vaf_fault)}.",
-        rows=rows,
-        notes=(LONGER, LOW_ORDERS, LIMITED, OURS),
-        caption=PERTURBED_CAPTION,
-        filters="Q = 1e-4 diag 0.24, R = 0.005, as printed",
-    )
-    return reconstructed(page, log, found, settings, again=lambda noisy: _views(noisy, settings, BEST, PERTURBED))
+    log, see = perturbed(thesis_record(settings), KAPPA), _methods(settings, BEST, PERTURBED)
+    found = see(log)
+    return _reconstructed("5-10", log, found, settings, again=see, heading=found[0].vaf_fault > 50.0)
 
 
 def thesis_5_11(settings: Settings) -> Exhibit:
@@ -96,33 +110,20 @@ def thesis_5_11(settings: Settings) -> Exhibit:
     LogError : the log of the settings cannot be used.
     DictionaryError : it ends before the fault.
     """
-    log = _late(thesis_record(settings), LATE_SINE)
-    views = _views(log, settings, LOW, SHIFTED)
-    published, filtered, ours = views
+    page = load("thesis")["5-11"]
+    log, see = with_fault(thesis_record(settings), LATE_SINE), _methods(settings, LOW, SHIFTED)
+    found = see(log)
     scan = () if settings.quick else (by_scan(log, settings, shapes=("bias", "drift", "sine")),)
-    rows = [
-        ("fault", "sin(2.3 pi t) from 15.86 s (5-11)", "the same"),
-        ("declared by the published method, s = 4", "the sinusoid and a drift (section 5-3-3)", published.found),
-        ("VAF of the fault, published method", "0 % (section 5-3-3)", percent(published.vaf_fault)),
-        ("VAF of the airspeed, published method", "100 % (section 5-3-3)", percent(published.vaf_output)),
-        ("VAF of the fault, DMAE", "98 % (section 5-3-3)", percent(filtered.vaf_fault)),
-        ("declared by ours, same dictionary", "-", ours.found),
-        ("scan over all starts, ours", "-", scan[0].found if scan else "left out (quick)"),
-    ]
-    page = Page(
-        figure="5-11",
-        title="a sinusoid that starts later than the dictionary's",
-        heading="Harmless for DMAE" if filtered.vaf_fault > 50.0 else "Lost by DMAE",
-        verdict=f"DMAE, which has no dictionary, has {percent(filtered.vaf_fault)} of the fault, the published method "
-        f"{percent(published.vaf_fault)}; ours declares {ours.found} of the dictionary"
-        + (f", its scan finds {scan[0].found}." if scan else "."),
-        rows=rows,
-        notes=(NOT_IN_DICTIONARY, NO_FAULT_NOISE, *((SHIPPED,) if scan else ())),
-        caption=CAPTION,
-        filters="Q = 1e-6 diag 0.4, R = 1e-3, as printed",
-    )
-    return reconstructed(
-        page, log, (*views, *scan), settings, again=lambda noisy: _views(noisy, settings, LOW, SHIFTED)
+    return _reconstructed(
+        "5-11",
+        log,
+        (*found, *scan),
+        settings,
+        again=see,
+        heading=found[1].vaf_fault > 50.0,
+        notes=(page["shipped"],) if scan else (),
+        scan=scan[0].found if scan else page["left_out"],
+        scan_too=fill(page["scan_too"], scan=scan[0].found) if scan else "",
     )
 
 
@@ -134,45 +135,78 @@ def thesis_5_12(settings: Settings) -> Exhibit:
     LogError : the log of the settings cannot be used.
     DictionaryError : it ends before the fault.
     """
-    log = _late(thesis_record(settings), LATE_DRIFT)
-    published, _, ours, scan = found = _drift_views(log, settings)
-    rows = [
-        ("fault", "a drift, time-shifted (figure 5-12)", "0.23 (t - 15.86 s)"),
-        ("VAF of the fault, published method, s = 45", "missed (figure 5-12)", percent(published.vaf_fault)),
-        ("its magnitudes above a thousandth of the norm", "-", published.found),
-        ("declared by ours, same dictionary", "-", ours.found),
-        ("scan over all starts, ours", "-", scan.found),
-        ("VAF of the fault, scan", "-", percent(scan.vaf_fault)),
-    ]
-    page = Page(
-        figure="5-12",
-        title="a drift that starts later than the dictionary's, order 45",
-        heading="Missed" if published.vaf_fault < 50.0 else "Not missed",
-        verdict=f"The published method reconstructs {percent(published.vaf_fault)} of the drift; the scan over all "
-        f"starts, ours, finds {scan.found}.",
-        rows=rows,
-        notes=(UNPRINTED, NOT_IN_DICTIONARY, DECLARED, INVISIBLE, *_shipped(settings)),
-        caption=CAPTION,
-        filters="Q = 1e-6 diag 0.4, R = 1e-3, as for figure 5-11",
+    log, see = with_fault(thesis_record(settings), LATE_DRIFT), _methods(settings, BEST, SHIFTED)
+
+    def again(record: FlightLog) -> Views:
+        return *see(record), by_scan(record, settings, shapes=("bias", "drift"))
+
+    found = again(log)
+    missed = found[0].vaf_fault < 50.0
+    notes = shipped(settings)
+    return _reconstructed("5-12", log, found, settings, again=again, heading=missed, notes=notes, scan=found[-1])
+
+
+def _methods(settings: Settings, order: int, filters: DmaeSettings) -> Callable[[FlightLog], Views]:
+    """Return what gives the published method at an order, DMAE and ours on a log."""
+    return lambda log: (by_published(log, order), by_dmae(log, filters, settings), by_default(log))
+
+
+def _with_fault_noise(log: FlightLog, settings: Settings) -> Views:
+    """Return DMAE with process noise of the fault, which a quick run leaves out."""
+    tuned = {f"DMAE, fault noise {size:g} (m/s)^2": replace(SINUSOIDS, fault_variance=size) for size in FAULT_VARIANCES}
+    return () if settings.quick else tuple(by_dmae(log, one, settings, label=label) for label, one in tuned.items())
+
+
+def _reconstructed(
+    figure: str,
+    log: FlightLog,
+    found: Views,
+    settings: Settings,
+    *,
+    again: Callable[[FlightLog], Views],
+    heading: object,
+    others: Views = (),
+    notes: Sequence[str] = (),
+    **values: object,
+) -> Exhibit:
+    """Return the page of a faulty log: every method, the same with noise, the figure.
+
+    Parameters
+    ----------
+    found : the published method, DMAE, ours and further reconstructions, which are drawn.
+    others : reconstructions that are only tabulated.
+    again : makes those of the table with noise, which a quick run and a log of the user's own have none of.
+    """
+    page, shared = load("thesis")[figure], load("thesis")["shared"]
+    tables = {"methods": (*found, *others)}
+    if settings.log is None and not settings.quick:
+        tables["noise"] = again(with_noise(log, NOISE_M_S, seed=settings.seed))
+    true, spans = true_fault(log), fault_starts(log)[:1]
+    curves = [curve("true", log.time_s, true)]
+    curves += [curve(one.label, one.time_s, one.fault, style=look) for one, look in zip(found, STYLES, strict=False)]
+    # The true fault fills about half of the axis; a reconstruction far outside leaves it.
+    low, high = min(float(true.min()), 0.0), max(float(true.max()), 0.0)
+    room = 0.6 * (high - low)
+    faults = Panel(
+        x_label="time [s]",
+        y_label="fault [m/s]",
+        curves=tuple(curves),
+        spans=spans,
+        y_limits=(low - room, high + room),
     )
-    return reconstructed(page, log, found, settings, again=lambda noisy: _drift_views(noisy, settings))
-
-
-def _views(
-    log: FlightLog, settings: Settings, order: int, filters: DmaeSettings
-) -> tuple[Reconstruction, Reconstruction, Reconstruction]:
-    return by_published(log, order), by_dmae(log, filters, settings), by_default(log)
-
-
-def _shipped(settings: Settings) -> tuple[str, ...]:
-    return (SHIPPED,) if settings.quick or settings.log is not None else ()
-
-
-def _drift_views(
-    log: FlightLog, settings: Settings
-) -> tuple[Reconstruction, Reconstruction, Reconstruction, Reconstruction]:
-    return *_views(log, settings, BEST, SHIFTED), by_scan(log, settings, shapes=("bias", "drift"))
-
-
-def _late(clean: FlightLog, fault: Fault) -> FlightLog:
-    return inject(clean, [replace(fault, onset_s=fault.onset_s + float(clean.time_s[0]))])
+    return exhibit(
+        page,
+        {"log": log, "published": found[0], "dmae": found[1], "ours": found[2], **values},
+        heading=heading,
+        tables=[
+            table(
+                page,
+                name,
+                [(one.label, percent(one.vaf_fault), percent(one.vaf_output), one.found) for one in views],
+                noise=NOISE_M_S,
+            )
+            for name, views in tables.items()
+        ],
+        drawings=[drawing(page, f"thesis_{figure.replace('-', '_')}", (airspeed_panel(log, spans), faults))],
+        notes=(*notes, *(() if settings.log is None else (shared["dmae_model"],)), *stand_in(settings)),
+    )

@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.aircraft.f16.aerodynamics import coefficients, section_at
 from bfi_cli.aircraft.f16.airframe import AIRFRAME, FOOT, POUND
-from bfi_cli.aircraft.f16.engine import air_density, commanded_power, mach_number, power_rate, thrust
+from bfi_cli.aircraft.f16.loads import (
+    air_density,
+    coefficients,
+    commanded_power,
+    mach_number,
+    power_rate,
+    section_at,
+    thrust,
+)
 from bfi_cli.aircraft.f16.tables import Grid, interpolate, tables
 
 DEG = np.pi / 180.0

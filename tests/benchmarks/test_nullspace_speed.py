@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from bfi_cli.aircraft.b747 import B747
-from bfi_cli.aircraft.linear import response
+from bfi_cli.aircraft.catalogue import B747
+from bfi_cli.aircraft.model import response
 from bfi_cli.kernels.nullspace import TOLERANCE, criteria
 
 pytestmark = pytest.mark.benchmarks

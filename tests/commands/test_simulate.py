@@ -70,6 +70,14 @@ def test_the_short_period_model_has_two_outputs(out: Path):
     assert set(read_log(out).channels) == {"elevator", "aoa", "pitch_rate"}
 
 
+def test_a_model_of_a_file_flies_as_the_one_of_the_program(tmp_path: Path):
+    file = Path(__file__).parents[2] / "configs" / "citation_model.yaml"
+    noisy = ["--noise", "tas=0.01", "--turbulence", "0.5", *SHORT]
+    simulate(tmp_path / "ours.h5", *noisy)
+    assert _run(["simulate", "--model", str(file), "-o", str(tmp_path / "file.h5"), *noisy]) == 0
+    assert (tmp_path / "ours.h5").read_bytes() == (tmp_path / "file.h5").read_bytes()
+
+
 def test_the_same_seed_gives_the_same_file_and_another_seed_another(tmp_path: Path):
     noisy = ["--noise", "tas=0.01", "--turbulence", "0.5", *SHORT]
     files = [tmp_path / name for name in ("one.h5", "same.h5", "other.h5")]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from time import perf_counter
 
 import numpy as np
 import pytest
 
-from bfi_cli.reproduce.f16_flights import Case, fly_cases
-from bfi_cli.reproduce.f16_indices import BANDWIDTHS, TABLE_2, Indices, indices, measured, montecarlo
-from bfi_cli.reproduce.f16_options import F16Options
+from bfi_cli.reproduce.f16_flights import Case, F16Options, fly_cases
+from bfi_cli.reproduce.f16_table2 import BANDWIDTHS, TABLE_2, Indices, indices, montecarlo
 
 pytestmark = pytest.mark.slow
 
@@ -17,6 +17,11 @@ CHOSEN = F16Options()
 SEEDS = range(6)
 EACH, RMS, BANDWIDTH = 0.12, 0.07, 0.12
 SEED_SPREAD = np.array([0.06, 0.03, 0.03])
+
+
+def measured(options: F16Options, *, seeds: Iterable[int]) -> Indices:
+    """Fly four flights per seed and return their indices."""
+    return indices(fly_cases([Case(options=options, seed=seed) for seed in seeds]), options)
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,8 @@ from bfi_cli.errors import ConfigError
 from bfi_cli.exhibit import Exhibit
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.reproduce import Settings
-from bfi_cli.reproduce.f16_flights import Case, Residuals, fault_deg_s, fly_cases
-from bfi_cli.reproduce.f16_indices import TABLE_2, indices, montecarlo
-from bfi_cli.reproduce.f16_options import F16Options, options_from
-from bfi_cli.reproduce.f16_table2 import f16_table2
+from bfi_cli.reproduce.f16_flights import Case, F16Options, Residuals, fault_deg_s, fly_cases, options_from
+from bfi_cli.reproduce.f16_table2 import TABLE_2, f16_table2, indices, montecarlo
 
 COARSE = F16Options(step_s=0.1)
 

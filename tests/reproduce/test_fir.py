@@ -9,7 +9,7 @@ import pytest
 
 from bfi_cli.exhibit import Exhibit
 from bfi_cli.fir import identify_fir
-from bfi_cli.reproduce.fir_trial import METHODS, TAPS, Problem, Trial, bound, error, output, run, slow_and_white, z_of
+from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, Trial, bound, error, output, run, slow_and_white, z_of
 
 
 def outcomes(white: float, noise: float, n: int) -> list[tuple[float, ...]]:

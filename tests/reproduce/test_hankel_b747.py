@@ -8,13 +8,23 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bfi_cli.aircraft.b747 import B747
+from bfi_cli.aircraft.catalogue import B747
 from bfi_cli.exhibit import Exhibit
 from bfi_cli.plain import to_plain
 from bfi_cli.provenance import provenance
 from bfi_cli.reproduce.document import reproduce_document, reproduce_exhibit
-from bfi_cli.reproduce.hankel_condition import COUPLED, DIAGONAL, ONSET, blamed
-from bfi_cli.reproduce.hankel_flight import FAILURES, KINDS, N_SAMPLES, RATE_HZ, WIDTH, fly
+from bfi_cli.reproduce.hankel_b747 import (
+    COUPLED,
+    DIAGONAL,
+    FAILURES,
+    KINDS,
+    N_SAMPLES,
+    ONSET,
+    RATE_HZ,
+    WIDTH,
+    blamed,
+    fly,
+)
 
 BAR = 1e6
 lastings = pytest.mark.parametrize("lasting", KINDS.values(), ids=list(KINDS))

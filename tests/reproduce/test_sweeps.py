@@ -12,8 +12,9 @@ from bfi_cli.exhibit import Exhibit
 from bfi_cli.kernels.sparsity import SparseStage, apply_sparsity
 from bfi_cli.montecarlo import load_sweep
 from bfi_cli.reproduce import Settings
+from bfi_cli.reproduce.page import load
 from bfi_cli.reproduce.record import thesis_record
-from bfi_cli.reproduce.sweep import Thin, methods, swept
+from bfi_cli.reproduce.sweep import Thin, swept
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PUBLISHED = ("rank_only", "sparse", "listing")
@@ -45,7 +46,7 @@ def test_with_noise_the_published_rule_declares_what_is_not_there_and_never_miss
 
 
 def test_all_methods_and_noises_meet_the_same_faults_and_seeds():
-    sweep = load_sweep(Path(str(CONFIGS)).parent / "bfi_cli/reproduce/thesis_monte_carlo.yaml", trials=2)
+    sweep = load_sweep(Path(str(CONFIGS)).parent / "bfi_cli/reproduce/thesis_sweep.yaml", trials=2)
     seeds: dict[tuple[int, int], set[int]] = {}
     for trial in sweep.trials():
         seeds.setdefault((trial.scenario.n_active, trial.number), set()).add(trial.seed)
@@ -54,10 +55,8 @@ def test_all_methods_and_noises_meet_the_same_faults_and_seeds():
 
 def test_a_log_of_the_user_goes_the_way_of_the_simulated_record():
     """Two roads to one number: the record flown by the sweep, and the same flight handed over as a log."""
-    ours = swept("thesis_monte_carlo", Settings(quick=True), compare=("rank_only",), quick=ONE)
-    given = swept(
-        "thesis_monte_carlo", Settings(quick=True, log=thesis_record(Settings())), compare=("rank_only",), quick=ONE
-    )
+    ours = swept("thesis", Settings(quick=True), compare=("rank_only",), quick=ONE)
+    given = swept("thesis", Settings(quick=True, log=thesis_record(Settings())), compare=("rank_only",), quick=ONE)
     for one, other in zip(ours.cells, given.cells, strict=True):
         assert (one.method, one.noise, one.active) == (other.method, other.noise, other.active)
         assert one.summary.isolation == other.summary.isolation
@@ -66,7 +65,7 @@ def test_a_log_of_the_user_goes_the_way_of_the_simulated_record():
 
 
 def test_the_listing_is_the_algorithm_with_a_stage_that_moves_nothing():
-    rules = methods()["listing"]["risro"]
+    rules = load("methods")["listing"]["risro"]
     stage = SparseStage(kind="exp_l0", p0=rules["p0"], r=rules["r"])
     z = np.array([5.0, 1e-9, -3.0, 0.0])
     moved, updates = apply_sparsity(z, stage)
@@ -86,15 +85,15 @@ def test_one_update_of_the_stage_takes_six_hundredths_off_what_is_nearly_zero():
 def test_the_methods_differ_in_what_they_say_and_in_nothing_else():
     common = {"method": "risro", "conditioning": {"rate_hz": "none"}, "model": {"order": 4}}
     for name in PUBLISHED:
-        assert {key: methods()[name][key] for key in common} == common
-    assert methods()["likelihood"] == {**common, "method": "ml"}
-    assert methods()["default"] == {}
+        assert {key: load("methods")[name][key] for key in common} == common
+    assert load("methods")["likelihood"] == {**common, "method": "ml"}
+    assert load("methods")["default"] == {}
 
 
 def test_progress_counts_every_trial():
     heard: list[tuple[int, int]] = []
     settings = Settings(quick=True, report=lambda done, total: heard.append((done, total)))
-    swept("thesis_monte_carlo", settings, compare=("rank_only",), quick=ONE)
+    swept("thesis", settings, compare=("rank_only",), quick=ONE)
     assert heard == [(done, 4) for done in range(5)]
 
 
@@ -102,8 +101,7 @@ def test_progress_counts_every_trial():
 def test_two_workers_give_the_same_numbers():
     thin = Thin(trials=3, active=(1, 4), noise=(0.0, 1e-4))
     one, two = (
-        swept("thesis_monte_carlo", Settings(quick=True, workers=n), compare=("sparse", "likelihood"), quick=thin)
-        for n in (1, 2)
+        swept("thesis", Settings(quick=True, workers=n), compare=("sparse", "likelihood"), quick=thin) for n in (1, 2)
     )
     for here, there in zip(one.cells, two.cells, strict=True):
         assert here.summary.magnitude_error == there.summary.magnitude_error

@@ -11,11 +11,11 @@ from bfi_cli.exhibit import Curve, Exhibit
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.identify import identify_faults
+from bfi_cli.reproduce import Settings
+from bfi_cli.reproduce.reconstruction import LISTING, SETTLED, solved
 from bfi_cli.reproduce.record import thesis_dictionary, thesis_record
-from bfi_cli.reproduce.settings import Settings
 from bfi_cli.reproduce.thesis_cases import thesis_5_10, thesis_5_11, thesis_5_12
 from bfi_cli.reproduce.thesis_perturbed import KAPPAS, ORDERS, thesis_5_8, thesis_5_9
-from bfi_cli.reproduce.thesis_solutions import LISTING, SETTLED, solved
 
 QUICK = Settings(quick=True)
 BIAS = Fault(shape="bias", name="bias_13.8", magnitude=4.0, onset_s=13.8)

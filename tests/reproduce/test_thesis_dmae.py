@@ -12,10 +12,10 @@ from bfi_cli.errors import DictionaryError, LogError
 from bfi_cli.exhibit import Exhibit
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.reproduce import Settings
+from bfi_cli.reproduce.reconstruction import vaf
 from bfi_cli.reproduce.record import thesis_record
-from bfi_cli.reproduce.settings import Settings
-from bfi_cli.reproduce.thesis_dmae import thesis_5_5, thesis_5_6
-from bfi_cli.reproduce.thesis_solutions import vaf
+from bfi_cli.reproduce.thesis_cases import thesis_5_5, thesis_5_6
 
 QUICK = Settings(quick=True)
 

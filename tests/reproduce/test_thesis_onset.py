@@ -13,8 +13,8 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log, resample
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import find_onset
+from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.record import thesis_record
-from bfi_cli.reproduce.settings import Settings
 from bfi_cli.reproduce.thesis_onset import thesis_5_14, thesis_5_15, thesis_5_16
 
 QUICK = Settings(quick=True)

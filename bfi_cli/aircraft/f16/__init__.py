@@ -7,14 +7,12 @@ rudder yaws left; altitude is positive up (the z of Wang, Tang and Chen is posit
 
 from __future__ import annotations
 
-from .airframe import AIRFRAME, BOOK_AIRFRAME, Airframe
+from .airframe import AIRFRAME, BOOK_AIRFRAME, CONTROLS, STATES, Airframe
 from .flight import F16
 from .inversion import Inversion
 from .loads import Body
-from .motion import derivatives
-from .observed import Flights, Observation, observe
-from .states import CONTROLS, STATES
-from .trim import SteadyFlight, Trim, trim
+from .motion import SteadyFlight, Trim, derivatives, trim
+from .observer import Flights, Observation, observe
 
 __all__ = [
     "AIRFRAME",

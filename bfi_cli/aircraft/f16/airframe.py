@@ -1,10 +1,27 @@
-"""Mass, inertia, dimensions and surface limits of the F-16, SI and radians."""
+"""The F-16's rows of state and controls, mass, inertia, dimensions, surface limits. SI, radians; power in percent.
+
+Source: Stevens and Lewis, Aircraft Control and Simulation, section 3.5, after NASA TP-1538.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["AIRFRAME", "BOOK_AIRFRAME", "FOOT", "POUND", "SLUG_FT2", "SURFACE_LIMITS", "Airframe"]
+__all__ = ["AIRFRAME", "BOOK_AIRFRAME", "CONTROLS", "FOOT", "POUND", "SLUG_FT2", "STATES", "SURFACE_LIMITS", "Airframe"]
+
+STATES = (
+    *("tas", "aoa", "sideslip", "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate"),
+    *("north", "east", "altitude", "power"),
+)
+TAS, AOA, SIDESLIP, ROLL, PITCH, YAW = range(6)
+RATES = slice(6, 9)
+GROUND = slice(9, 12)
+ALTITUDE, POWER = 11, 12
+
+CONTROLS = ("elevator", "aileron", "rudder", "throttle", "nozzle_yaw", "nozzle_pitch")
+ELEVATOR, THROTTLE = 0, 3
+SURFACES = slice(0, 3)
+NOZZLE = slice(4, 6)
 
 FOOT = 0.3048
 POUND = 4.4482216152605
@@ -14,9 +31,8 @@ DEGREE = 0.017453292519943295
 SURFACE_LIMITS = (25.0 * DEGREE, 21.5 * DEGREE, 30.0 * DEGREE)
 """Largest elevator, aileron and rudder deflections."""
 
-IXX, IYY, IZZ, IXZ = 9496.0, 55814.0, 63100.0, 982.0
+IXX, IYY, IZZ, IXZ = 9496.0, 55814.0, 63100.0, 982.0  # slug ft^2
 GAMMA = IXX * IZZ - IXZ * IXZ
-MASS_SLUG = 1.0 / 1.57e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +47,7 @@ class Airframe:
     """
 
     inertia: tuple[float, ...]
-    mass_kg: float = MASS_SLUG * POUND / FOOT
+    mass_kg: float = 1.0 / 1.57e-3 * POUND / FOOT
     wing_area_m2: float = 300.0 * FOOT**2
     span_m: float = 30.0 * FOOT
     chord_m: float = 11.32 * FOOT
@@ -57,15 +73,8 @@ AIRFRAME = Airframe(
 
 BOOK_AIRFRAME = Airframe(
     inertia=(
-        -0.770,
-        0.02755,
-        1.055e-4 / SLUG_FT2,
-        1.642e-6 / SLUG_FT2,
-        0.9604,
-        1.759e-2,
-        1.792e-5 / SLUG_FT2,
-        -0.7336,
-        1.587e-5 / SLUG_FT2,
+        *(-0.770, 0.02755, 1.055e-4 / SLUG_FT2, 1.642e-6 / SLUG_FT2, 0.9604),
+        *(1.759e-2, 1.792e-5 / SLUG_FT2, -0.7336, 1.587e-5 / SLUG_FT2),
     )
 )
 """The same with the coefficients rounded as in the book, whose check case was computed with them."""

@@ -8,25 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ConfigError
-from ..nonlinear import Flown, NonlinearModel
-from .aerodynamics import AOA_RANGE
-from .airframe import SURFACE_LIMITS
-from .loads import Body, accelerations, conditions_at, thrust_force
-from .motion import derivatives
-from .states import ALTITUDE, AOA, CONTROLS, RATES, SIDESLIP, STATES, YAW
-from .trim import SteadyFlight, Trim, trim
+from ..model import Flown, NonlinearModel
+from .airframe import ALTITUDE, AOA, CONTROLS, RATES, SIDESLIP, STATES, SURFACE_LIMITS, YAW
+from .loads import AOA_RANGE, Body, accelerations, conditions_at, thrust_force
+from .motion import SteadyFlight, Trim, derivatives, trim
 
 __all__ = ["F16", "fly"]
 
 FloatArray = NDArray[np.float64]
 
 INPUTS = CONTROLS[:4]
-ATTITUDE = STATES[: RATES.stop]
 ACCELERATIONS = ("longitudinal_acc", "lateral_acc", "normal_acc")
-OUTPUTS = (*ATTITUDE, "altitude", *ACCELERATIONS)
 LEAST, MOST = (np.array([*(sign * limit for limit in SURFACE_LIMITS), end]) for sign, end in ((-1.0, 0.0), (1.0, 1.0)))
-LONGEST_STEP = 0.02
-SIDESLIP_RANGE = (-30.0, 30.0)
+LONGEST_STEP = 0.02  # seconds of one Runge-Kutta step, as in the F-16 diagnosability reproduction
+SIDESLIP_RANGE = (-30.0, 30.0)  # degrees, the ends of the tables
 
 # At the tables' own centre of gravity, 0.35, the aircraft is so close to neutral that steps of two degrees of elevator
 # loop it; at the book's other one it is stable, as an aircraft flown without augmentation must be.
@@ -45,12 +40,29 @@ def fly(deviations: FloatArray, rate_hz: float) -> Flown:
     ------
     ConfigError : angle of attack or sideslip leave the tables.
     """
-    cruise = _cruise()
-    wanted = cruise.controls[:4] + deviations
+    wanted = _cruise().controls[:4] + deviations
     inputs = np.clip(wanted, LEAST, MOST)
-    states = _integrated(cruise.state, inputs, rate_hz)
     u = np.zeros((len(CONTROLS), len(inputs)))
     u[:4] = inputs.T
+    states = np.empty((len(STATES), len(inputs)))
+    steps = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_STEP))))
+    h = 1.0 / (rate_hz * steps)
+    x = _cruise().state[:, None].copy()
+    for k in range(len(inputs)):
+        states[:, k] = x[:, 0]
+        for name, row, (low, high) in (("aoa", AOA, AOA_RANGE), ("sideslip", SIDESLIP, SIDESLIP_RANGE)):
+            angle = float(np.degrees(x[row, 0]))
+            if not low <= angle <= high:
+                raise ConfigError(
+                    f"f16: {name} leaves the tables, {low:g} to {high:g} degrees, at {k / rate_hz:.3g} s, got "
+                    f"{angle:.3g} degrees; give a smaller --amplitude or a shorter --step"
+                )
+        now = u[:, [k]]
+        for _ in range(steps if k < len(inputs) - 1 else 0):
+            first = derivatives(x, now, STABLE)
+            second = derivatives(x + 0.5 * h * first, now, STABLE)
+            third = derivatives(x + 0.5 * h * second, now, STABLE)
+            x = x + h / 6.0 * (first + 2.0 * (second + third) + derivatives(x + h * third, now, STABLE))
     at = conditions_at(states, STABLE)
     felt = accelerations(at, at.coefficients(states[RATES], u), thrust_force(at, u)) - at.weight
     stops = [name for name, beyond in zip(INPUTS, (wanted != inputs).any(axis=0), strict=True) if beyond]
@@ -61,39 +73,11 @@ def fly(deviations: FloatArray, rate_hz: float) -> Flown:
     )
 
 
-def _integrated(state: FloatArray, inputs: FloatArray, rate_hz: float) -> FloatArray:
-    """Return the states at every sample, (13, n)."""
-    states = np.empty((len(STATES), len(inputs)))
-    steps = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_STEP))))
-    h = 1.0 / (rate_hz * steps)
-    x, u = state[:, None].copy(), np.zeros((len(CONTROLS), 1))
-    for k, now in enumerate(inputs):
-        states[:, k] = x[:, 0]
-        _require_in_tables(x[:, 0], k / rate_hz)
-        u[:4, 0] = now
-        for _ in range(steps if k < len(inputs) - 1 else 0):
-            first = derivatives(x, u, STABLE)
-            second = derivatives(x + 0.5 * h * first, u, STABLE)
-            third = derivatives(x + 0.5 * h * second, u, STABLE)
-            x = x + h / 6.0 * (first + 2.0 * (second + third) + derivatives(x + h * third, u, STABLE))
-    return states
-
-
-def _require_in_tables(x: FloatArray, time_s: float) -> None:
-    for name, row, (low, high) in (("aoa", AOA, AOA_RANGE), ("sideslip", SIDESLIP, SIDESLIP_RANGE)):
-        angle = float(np.degrees(x[row]))
-        if not low <= angle <= high:
-            raise ConfigError(
-                f"f16: {name} leaves the tables, {low:g} to {high:g} degrees, at {time_s:.3g} s, got {angle:.3g} "
-                "degrees; give a smaller --amplitude or a shorter --step"
-            )
-
-
 F16 = NonlinearModel(
     name="f16",
     title="F-16, six degrees of freedom, from level flight at 125 m/s and 3000 m",
     inputs=INPUTS,
-    outputs=OUTPUTS,
+    outputs=(*STATES[: RATES.stop], "altitude", *ACCELERATIONS),
     units={
         **dict.fromkeys(("elevator", "aileron", "rudder", *STATES[AOA : YAW + 1]), "rad"),
         **dict.fromkeys(STATES[RATES], "rad/s"),

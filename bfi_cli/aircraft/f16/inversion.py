@@ -11,18 +11,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .aerodynamics import NORMAL_PER_ELEVATOR, SIDE_PER_CONTROL
-from .airframe import SURFACE_LIMITS
-from .loads import Body, Conditions, accelerations, thrust_force
-from .motion import drift, rate_derivatives
-from .states import AOA, CONTROLS, NOZZLE, PITCH, ROLL, SIDESLIP, SURFACES, THROTTLE
+from .airframe import AOA, CONTROLS, NOZZLE, PITCH, ROLL, SIDESLIP, SURFACE_LIMITS, SURFACES, THROTTLE
+from .loads import NORMAL_PER_ELEVATOR, SIDE_PER_CONTROL, Body, Conditions, accelerations, thrust_force
+from .motion import rate_derivatives, translation
 from .tables import tables
 
 __all__ = ["Inversion", "inverted_controls", "inverted_kinematics"]
 
 FloatArray = NDArray[np.float64]
 
-LEAST_THRUST_N = 1.0
+LEAST_THRUST_N = 1.0  # keeps the nozzle's angle finite where the engine gives none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,32 +55,27 @@ class Inversion:
         u = np.zeros((len(CONTROLS), x.shape[1]))
         u[THROTTLE] = throttle
         still, F_T = at.coefficients(measured, u), thrust_force(at, u)
+        # The outer loop: rates at which the angles approach the command.
         change = self.outer_gain * (wanted - x[[AOA, SIDESLIP, ROLL]])
-        change[:2] -= drift(x, accelerations(at, still, F_T))[1:]
+        change[:2] -= translation(x, accelerations(at, still, F_T))[1:]
         limits = np.array(self.rate_limits)[:, None]
         commanded = np.minimum(np.maximum(inverted_kinematics(x, change), -limits), limits)
-        C = self._coefficients_for(self.inner_gain * (commanded - measured), measured, at)
-        u[SURFACES] = inverted_controls(at, still, C)
-        if self.nozzle_limit > 0.0:
-            u[NOZZLE] = self._nozzle(at, C - at.coefficients(measured, u)[3:])
-        return u
-
-    def _coefficients_for(self, acceleration: FloatArray, measured: FloatArray, at: Conditions) -> FloatArray:
-        """Return Cl, Cm, Cn, (3, n), that give an angular acceleration."""
+        # The inner loop: moment coefficients Cl, Cm, Cn at which the rates approach those.
         frame = self.body.airframe
+        acceleration = self.inner_gain * (commanded - measured)
         roll, pitch, yaw = acceleration - rate_derivatives(measured, np.zeros_like(measured), frame)
         _, _, c3, c4, _, _, c7, _, c9 = frame.inertia
         determinant = c3 * c9 - c4 * c4
         M = np.array([(c9 * roll - c4 * yaw) / determinant, pitch / c7, (c3 * yaw - c4 * roll) / determinant])
-        return np.asarray(M / _unit_moments(at))
-
-    def _nozzle(self, at: Conditions, missing: FloatArray) -> FloatArray:
-        """Return the nozzle's yaw and pitch angle, (2, n), that replace moment coefficients, as far as they can."""
-        _, pitch, yaw = missing * _unit_moments(at) / self.body.nozzle_arm_m
-        most = np.sin(self.nozzle_limit)
-        sines = np.clip(np.array([-yaw, pitch]) / np.maximum(at.thrust, LEAST_THRUST_N), -most, most)
-        sines[1] /= np.sqrt(1.0 - sines[0] ** 2)
-        return np.asarray(np.arcsin(np.clip(sines, -most, most)))
+        C = M / at.unit_moments
+        u[SURFACES] = inverted_controls(at, still, C)
+        if self.nozzle_limit > 0.0:  # it replaces, as far as it can, the moments that the surfaces do not give
+            _, pitch, yaw = (C - at.coefficients(measured, u)[3:]) * at.unit_moments / self.body.nozzle_arm_m
+            most = np.sin(self.nozzle_limit)
+            sines = np.clip(np.array([-yaw, pitch]) / np.maximum(at.thrust, LEAST_THRUST_N), -most, most)
+            sines[1] /= np.sqrt(1.0 - sines[0] ** 2)
+            u[NOZZLE] = np.arcsin(np.clip(sines, -most, most))
+        return u
 
 
 def inverted_kinematics(x: FloatArray, change: FloatArray) -> FloatArray:
@@ -101,41 +94,30 @@ def inverted_kinematics(x: FloatArray, change: FloatArray) -> FloatArray:
 def inverted_controls(at: Conditions, still: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return elevator, aileron, rudder, (3, n) rad within their limits, that give moment coefficients.
 
+    The pitching moment falls with the elevator and is inverted piece by piece between the break points of its table;
+    aileron and rudder solve two equations, and away from the reference centre of gravity their side forces yaw too.
+
     Parameters
     ----------
     at : the conditions of the states.
     still : (6, n) coefficients with the surfaces at zero.
     wanted : (3, n) Cl, Cm, Cn.
     """
-    surfaces = np.array([_elevator(at, still[4], wanted[1]), *_lateral(at, still, wanted)])
-    limits = np.array(SURFACE_LIMITS)[:, None]
-    return np.asarray(np.minimum(np.maximum(surfaces, -limits), limits))
-
-
-def _elevator(at: Conditions, still: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Invert the pitching moment, which falls with the elevator, piece by piece."""
-    grid, body = tables().elevator, at.body
+    grid, body, frame = tables().elevator, at.body, at.body.airframe
     points = np.radians(grid.points)
     pitching = at.section.by_elevator[1]
-    arm = body.airframe.reference_cg - body.cg
-    C_m = still + pitching - pitching[grid.size // 2] + arm * NORMAL_PER_ELEVATOR * points[:, None]
-    cell = np.clip((C_m > wanted).sum(axis=0) - 1, 0, grid.size - 2)
-    column = np.arange(wanted.size)
+    arm = frame.reference_cg - body.cg
+    C_m = still[4] + pitching - pitching[grid.size // 2] + arm * NORMAL_PER_ELEVATOR * points[:, None]
+    cell = np.clip((C_m > wanted[1]).sum(axis=0) - 1, 0, grid.size - 2)
+    column = np.arange(wanted.shape[1])
     low, high = C_m[cell, column], C_m[cell + 1, column]
-    return np.asarray(points[cell] + np.radians(grid.step) * (wanted - low) / (high - low))
+    elevator = points[cell] + np.radians(grid.step) * (wanted[1] - low) / (high - low)
 
-
-def _lateral(at: Conditions, still: FloatArray, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Solve for aileron and rudder; away from the reference centre of gravity their side forces yaw too."""
     (a, b), (c, d) = at.section.control
-    frame = at.body.airframe
-    arm = (frame.reference_cg - at.body.cg) * frame.chord_m / frame.span_m
+    arm = arm * frame.chord_m / frame.span_m
     c, d = c - arm * SIDE_PER_CONTROL[0], d - arm * SIDE_PER_CONTROL[1]
     roll, yaw = wanted[0] - still[3], wanted[2] - still[5]
     determinant = a * d - b * c
-    return (d * roll - b * yaw) / determinant, (a * yaw - c * roll) / determinant
-
-
-def _unit_moments(at: Conditions) -> FloatArray:
-    """Return the moments of unit coefficients, (3, n) N m."""
-    return np.asarray(at.pressure * at.body.airframe.wing_area_m2 * at.body.lengths)
+    surfaces = np.array([elevator, (d * roll - b * yaw) / determinant, (a * yaw - c * roll) / determinant])
+    limits = np.array(SURFACE_LIMITS)[:, None]
+    return np.asarray(np.minimum(np.maximum(surfaces, -limits), limits))

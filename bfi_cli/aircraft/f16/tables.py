@@ -17,9 +17,10 @@ __all__ = ["Grid", "Tables", "interpolate", "tables"]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-ELEVATOR_ROWS = ("axial", "pitching")
-ODD_ROWS = ("rolling", "yawing")
-CONTROL_ROWS = ("aileron_rolling", "rudder_rolling", "aileron_yawing", "rudder_yawing")
+AERO_ROWS = (
+    *("axial", "pitching", "rolling", "yawing"),
+    *("aileron_rolling", "rudder_rolling", "aileron_yawing", "rudder_yawing", "normal"),
+)
 DAMPING_ROWS = (
     *("axial_q", "side_r", "side_p", "normal_q"),
     *("rolling_r", "rolling_p", "pitching_q", "yawing_r", "yawing_p"),
@@ -75,7 +76,7 @@ def tables() -> Tables:
     with resources.as_file(resources.files(__package__).joinpath("tables.yaml")) as path:
         document = load_yaml(path)
     aero, axes, thrust = document["aero"], document["axes"], document["thrust"]
-    rows = [row for name in (*ELEVATOR_ROWS, *ODD_ROWS, *CONTROL_ROWS, "normal") for row in aero[name]]
+    rows = [row for name in AERO_ROWS for row in aero[name]]
     return Tables(
         aoa=_grid(axes["aoa_deg"]),
         elevator=_grid(axes["elevator_deg"]),

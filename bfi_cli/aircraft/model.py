@@ -1,24 +1,22 @@
-"""A linear time-invariant aircraft model, its discretisation and its response."""
+"""Models of an aircraft about a trimmed flight: linear with its discretisation and response, or flown by itself."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
 from ..flightlog.record import frozen_array
-from .nonlinear import NonlinearModel
 
-__all__ = ["DISCRETISATIONS", "Discretisation", "LinearModel", "deflections", "discretise", "propagate", "response"]
+__all__ = ["Discretisation", "Flown", "LinearModel", "NonlinearModel", "discretise", "propagate", "response"]
 
 FloatArray = NDArray[np.float64]
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Discretisation = Literal["zoh", "bilinear", "euler"]
-DISCRETISATIONS: tuple[str, ...] = get_args(Discretisation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,15 +62,38 @@ class LinearModel:
                 raise ValueError(f"{self.name}: {name} has shape {matrix.shape}, the names ask for {shape}")
             object.__setattr__(self, name, matrix)
 
-    @property
-    def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of A, 1/s."""
-        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
 
-    @property
-    def steady_gain(self) -> FloatArray:
-        """Output per unit of a constant input after all modes have died out, (n_y, n_u)."""
-        return self.D - self.C @ np.linalg.solve(self.A, self.B)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flown:
+    """A flight: absolute inputs and outputs, (n_samples, n_u) and (n_samples, n_y); `notes` for the user."""
+
+    inputs: FloatArray
+    outputs: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NonlinearModel:
+    """An aircraft that is flown from a trimmed flight by its own equations of motion.
+
+    Attributes
+    ----------
+    name, title : the name on the command line, and what it is.
+    inputs, outputs : standard channel names.
+    units : of every input and output, by name.
+    fly : the flight from trim with input deviations, (n_samples, n_u), held between samples, at a rate in Hz.
+    source : where the numbers come from.
+    manoeuvred : inputs that a manoeuvre moves, all alike; the first one where none is named.
+    """
+
+    name: str
+    title: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    fly: Callable[[FloatArray, float], Flown]
+    source: str
+    manoeuvred: tuple[str, ...] = ()
 
 
 def discretise(model: LinearModel, *, rate_hz: float, rule: Discretisation = "zoh") -> Matrices:
@@ -87,12 +108,6 @@ def discretise(model: LinearModel, *, rate_hz: float, rule: Discretisation = "zo
     return A, B, C, D
 
 
-def deflections(model: LinearModel | NonlinearModel, deflection: FloatArray) -> FloatArray:
-    """Return (n_samples, n_u) input deviations in which `deflection`, (n_samples,), moves `model.manoeuvred`."""
-    moved = model.manoeuvred or model.inputs[:1]
-    return np.outer(deflection, [float(name in moved) for name in model.inputs])
-
-
 def propagate(A: FloatArray, drive: FloatArray, *, x0: FloatArray) -> FloatArray:
     """Return x(0..n-1), (n, n_x), of x(k+1) = A x(k) + drive(k), x(0) = x0."""
     x = np.empty((drive.shape[0], A.shape[0]))
@@ -103,12 +118,7 @@ def propagate(A: FloatArray, drive: FloatArray, *, x0: FloatArray) -> FloatArray
 
 
 def response(
-    model: LinearModel,
-    u: FloatArray,
-    *,
-    rate_hz: float,
-    rule: Discretisation = "zoh",
-    x0: FloatArray | None = None,
+    model: LinearModel, u: FloatArray, *, rate_hz: float, rule: Discretisation = "zoh", x0: FloatArray | None = None
 ) -> FloatArray:
     """Return the outputs' deviations from trim, (n_samples, n_y), for input deviations `u`, (n_samples, n_u).
 

@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .engine import commanded_power
+from .airframe import ALTITUDE, CONTROLS, POWER, RATES, STATES, TAS
 from .inversion import Inversion
-from .loads import conditions_at, moments, thrust_force
+from .loads import commanded_power, conditions_at, moments, thrust_force
 from .motion import derivatives, rate_derivatives
-from .states import ALTITUDE, CONTROLS, POWER, RATES, STATES, TAS
 
 __all__ = ["Flights", "Observation", "observe"]
 
@@ -74,7 +73,7 @@ def observe(
     fault: Callable[[float], FloatArray],
     report: Callable[[int, int], None] | None = None,
 ) -> Flights:
-    """Fly n aircraft from wings level with aoa, angles and rates zero, and return what the observer says.
+    """Fly n aircraft from wings level with aoa, angles and rates zero, and return the observer's residuals.
 
     Parameters
     ----------
@@ -83,57 +82,36 @@ def observe(
     fault : (3, n) added to the gyros at a time in s, rad/s.
     report : told how many samples of all are flown.
     """
-    n = variation.shape[1]
+    n, body = variation.shape[1], setting.inversion.body
     samples = np.arange(round(setting.duration_s / setting.record_s))
     steps = max(1, round(setting.record_s / setting.step_s))
     h = setting.record_s / steps
-    z = np.zeros((len(STATES) + 3, n))
-    z[TAS], z[ALTITUDE], z[POWER] = setting.tas_m_s, setting.altitude_m, commanded_power(np.array(setting.throttle))
-    residual, states, controls = (np.empty((samples.size, rows, n)) for rows in (3, len(STATES), len(CONTROLS)))
-    for k in samples:
-        loop = _Loop(setting=setting, variation=variation, offset=noise[k], fault=fault)
-        t = float(k) * setting.record_s
-        residual[k], states[k] = loop.measured(t, z) - z[-3:], z[:-3]
-        for i in range(steps):
-            first, controls_now = loop.change(t + i * h, z)
-            controls[k] = controls_now if i == 0 else controls[k]
-            z = _runge_kutta(loop, t + i * h, z, first=first, h=h)
-        if report is not None:
-            report(int(k) + 1, samples.size)
-    return Flights(
-        time_s=np.asarray(samples * setting.record_s, dtype=np.float64),
-        residual=residual,
-        states=states,
-        controls=controls,
-    )
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Loop:
-    """Aircraft, gyros, controller and observer between two recorded samples; z is the state, (13, n), and x-hat."""
-
-    setting: Observation
-    variation: FloatArray
-    offset: FloatArray
-    fault: Callable[[float], FloatArray]
-
-    def measured(self, t: float, z: FloatArray) -> FloatArray:
-        return z[RATES] + self.offset + self.fault(t)
-
-    def change(self, t: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return dz/dt and the controls."""
-        setting, body = self.setting, self.setting.inversion.body
-        x, seen, y = z[:-3], z[-3:], self.measured(t, z)
+    def change(t: float, z: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dz/dt, of the aircraft's state, (13, n), and the observer's, (3, n), and the controls."""
+        x, seen, y = z[:-3], z[-3:], z[RATES] + offset + fault(t)
         at = conditions_at(x, body)
         u = setting.inversion.controls(x, y, setting.command(t), throttle=setting.throttle, at=at)
         rates = y if setting.from_measured else seen
         M = moments(at, at.coefficients(rates, u), thrust_force(at, u))
         observed = rate_derivatives(rates, M, body.airframe) + setting.observer_gain * (y - seen)
-        return np.concatenate([derivatives(x, u, body, at=at, variation=self.variation), observed]), u
+        return np.concatenate([derivatives(x, u, body, at=at, variation=variation), observed]), u
 
-
-def _runge_kutta(loop: _Loop, t: float, z: FloatArray, *, first: FloatArray, h: float) -> FloatArray:
-    second, _ = loop.change(t + 0.5 * h, z + 0.5 * h * first)
-    third, _ = loop.change(t + 0.5 * h, z + 0.5 * h * second)
-    fourth, _ = loop.change(t + BEFORE_THE_END * h, z + h * third)
-    return np.asarray(z + h / 6.0 * (first + 2.0 * (second + third) + fourth))
+    z = np.zeros((len(STATES) + 3, n))
+    z[TAS], z[ALTITUDE], z[POWER] = setting.tas_m_s, setting.altitude_m, commanded_power(np.array(setting.throttle))
+    residual, states, controls = (np.empty((samples.size, rows, n)) for rows in (3, len(STATES), len(CONTROLS)))
+    for k in samples:
+        start = float(k) * setting.record_s
+        residual[k], states[k] = z[RATES] + noise[k] + fault(start) - z[-3:], z[:-3]
+        for i in range(steps):
+            t = start + i * h
+            first, u = change(t, z, noise[k])
+            controls[k] = u if i == 0 else controls[k]
+            second, _ = change(t + 0.5 * h, z + 0.5 * h * first, noise[k])
+            third, _ = change(t + 0.5 * h, z + 0.5 * h * second, noise[k])
+            fourth, _ = change(t + BEFORE_THE_END * h, z + h * third, noise[k])
+            z = z + h / 6.0 * (first + 2.0 * (second + third) + fourth)
+        if report is not None:
+            report(int(k) + 1, samples.size)
+    time_s = np.asarray(samples * setting.record_s, dtype=np.float64)
+    return Flights(time_s=time_s, residual=residual, states=states, controls=controls)

@@ -1,4 +1,4 @@
-"""Any linear aircraft model from a YAML file: names, matrices, trim; in SI and radians."""
+"""A linear aircraft model of a YAML file: names, matrices, trim; in SI and radians."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from ..channels import STANDARD
 from ..dictionary.validation import Number, Positive, Rules, Text, validated
 from ..errors import ConfigError
 from ..yaml12 import load_yaml
-from .linear import LinearModel
+from .model import LinearModel
 
 __all__ = ["ModelDocument", "load_model"]
 
 FloatArray = NDArray[np.float64]
 Names = Annotated[tuple[Text, ...], Field(min_length=1)]
-Row = tuple[Number, ...]
-Matrix = Annotated[tuple[Row, ...], Field(min_length=1)]
+Matrix = Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
 
 
 class ModelDocument(Rules):
@@ -59,15 +58,19 @@ class ModelDocument(Rules):
                 raise ValueError(f"{key.replace('measured', 'outputs')}: a name stands twice; keep one")
         n_x, n_u, n_y = len(self.states), len(self.inputs), len(self.measured)
         for key, shape in {"A": (n_x, n_x), "B": (n_x, n_u), "C": (n_y, n_x), "D": (n_y, n_u)}.items():
-            _require_shape(key, getattr(self, key), shape)
+            rows = getattr(self, key)
+            if rows is not None and [len(row) for row in rows] != [shape[1]] * shape[0]:
+                raise ValueError(
+                    f"{key}: the names ask for {shape[0]} rows of {shape[1]}, got {len(rows)} of "
+                    f"{' or '.join(map(str, sorted({len(row) for row in rows})))}; write one list per row"
+                )
         hidden = [name for name in self.measured if name not in self.states]
         if self.C is None and hidden:
             raise ValueError(f"C: missing, and output '{hidden[0]}' is no state; add C")
-        self._require_names()
-        return self
-
-    def _require_names(self) -> None:
         names = dict.fromkeys((*self.states, *self.inputs, *self.measured))
+        for name in self.inputs:
+            if name in self.measured:
+                raise ValueError(f"inputs: '{name}' is an output too; rename one")
         for key in ("units", "trim"):
             for name in getattr(self, key):
                 if name not in names:
@@ -80,6 +83,7 @@ class ModelDocument(Rules):
                 raise ValueError(
                     f"units: '{name}' is in {standard.unit} in a model, got '{given}'; convert the matrices"
                 )
+        return self
 
 
 def load_model(path: str | Path) -> LinearModel:
@@ -108,12 +112,3 @@ def load_model(path: str | Path) -> LinearModel:
         airspeed_m_s=document.airspeed_m_s,
         source=document.source or str(path),
     )
-
-
-def _require_shape(key: str, rows: tuple[Row, ...] | None, shape: tuple[int, int]) -> None:
-    if rows is not None and [len(row) for row in rows] != [shape[1]] * shape[0]:
-        widths = sorted({len(row) for row in rows})
-        raise ValueError(
-            f"{key}: the names ask for {shape[0]} rows of {shape[1]}, got {len(rows)} of "
-            f"{' or '.join(map(str, widths))}; write one list per row"
-        )

@@ -1,0 +1,85 @@
+"""A page of a reproduction: its text from YAML, filled with what was computed, and its tables and drawings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..exhibit import Drawing, Exhibit, Panel, Table
+from ..yaml12 import load_yaml
+
+__all__ = ["FOLDER", "Page", "drawing", "exhibit", "fill", "load", "percent", "table"]
+
+FOLDER = Path(__file__).parent
+Page = Mapping[str, Any]
+
+
+@cache
+def load(name: str) -> Page:
+    """Return a YAML file of this package, read once.
+
+    A page of it has a title, a heading (or `headings` by what came out), a verdict, `facts`, `rows` of (quantity,
+    published, ours), `captions` and `tables` by name, and `notes`. `{names}` in it are filled by `exhibit`.
+    """
+    loaded: Page = load_yaml(FOLDER / f"{name}.yaml")
+    return loaded
+
+
+def fill(text: Any, **values: object) -> Any:
+    """Return text, or lists of text, with every {name} replaced by its value, as `str.format` does."""
+    return text.format_map(values) if isinstance(text, str) else tuple(fill(part, **values) for part in text)
+
+
+def exhibit(
+    page: Page,
+    values: Mapping[str, object],
+    *,
+    heading: object = None,
+    rows: Iterable[Sequence[str]] = (),
+    tables: Sequence[Table] = (),
+    drawings: Sequence[Drawing] = (),
+    before: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> Exhibit:
+    """Return a page, the table of published and own numbers first.
+
+    Parameters
+    ----------
+    values : of the names in its text.
+    heading : key in the page's `headings`; None where it has one `heading`.
+    rows : of the comparison, after those of the page.
+    before, notes : notes before and after those of the page.
+    """
+    compared = (*fill(page.get("rows", ()), **values), *map(tuple, rows))
+    comparison = Table(
+        name="comparison", title="Published and ours", heads=("quantity", "published", "ours"), rows=compared
+    )
+    return Exhibit(
+        kicker="Reproduction",
+        title=fill(page["title"], **values),
+        heading=fill(page["heading"] if heading is None else page["headings"][heading], **values),
+        verdict=fill(page["verdict"], **values),
+        facts=fill(page.get("facts", ()), **values),
+        tables=(comparison, *tables),
+        drawings=tuple(drawings),
+        notes=(*before, *fill(page["notes"], **values), *notes),
+    )
+
+
+def table(page: Page, name: str, rows: Iterable[Sequence[str]], **values: object) -> Table:
+    """Return a table with the title and the heads that the page has for it."""
+    text = page["tables"][name]
+    heads = fill(text["heads"], **values)
+    return Table(name=name, title=fill(text["title"], **values), heads=heads, rows=tuple(map(tuple, rows)))
+
+
+def drawing(page: Page, name: str, panels: Iterable[Panel], *, across: int = 1, **values: object) -> Drawing:
+    """Return a figure with the caption that the page has for it."""
+    return Drawing(name=name, caption=fill(page["captions"][name], **values), panels=tuple(panels), across=across)
+
+
+def percent(value: float) -> str:
+    """Return "86.0 %"."""
+    return f"{value:.1f} %"

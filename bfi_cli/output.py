@@ -15,7 +15,8 @@ import numpy as np
 from .documents import identify_document
 from .errors import ConfigError
 from .exhibit import Drawing, Exhibit
-from .result import IdentifyResult, Provenance
+from .identify.result import IdentifyResult
+from .provenance import Provenance
 
 __all__ = ["exhibit_files", "identify_files", "replace_files", "write_results"]
 

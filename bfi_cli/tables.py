@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from . import rows
 from .exhibit import Exhibit
-from .result import IdentifyResult
+from .identify.result import IdentifyResult
 from .wording import shortened, verdict
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from .result import Candidate, FaultEstimate, IdentifyResult
+from .faults import FaultEstimate
+from .identify.result import Candidate, IdentifyResult
 
 __all__ = [
     "axis_label",

@@ -23,12 +23,12 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels"),
-    ("units", "faults", "yaml12", "plain"),
-    ("channels", "result", "serialize", "dictionary", "exhibit"),
-    ("flightlog", "conditioning", "config", "provenance", "wording", "documents"),
+    ("units", "faults", "yaml12", "plain", "identify.methods", "preprocessing.summary", "provenance"),
+    ("channels", "identify.result", "serialize", "dictionary", "exhibit"),
+    ("flightlog", "config", "wording", "documents"),
     ("aircraft", "calibration", "rows"),
-    ("study",),
-    ("airdata", "audit", "detect", "diagnosability", "dmae", "fir", "identify", "monitor", "onset"),
+    ("preprocessing",),
+    ("airdata", "audit", "detect", "diagnosability", "fir", "identify", "monitor", "onset"),
     ("engine",),
     ("compare", "montecarlo"),
     ("reproduce",),

@@ -5,7 +5,7 @@ put the two together on the raw signals, or on what a predictor leaves of them.
 """
 
 from .on_log import audit_on_log
-from .result import Audit, AuditedAtom, AuditModel, Signatures
+from .result import Audit, AuditedAtom, Signatures
 from .without_log import audit
 
-__all__ = ["Audit", "AuditModel", "AuditedAtom", "Signatures", "audit", "audit_on_log"]
+__all__ = ["Audit", "AuditedAtom", "Signatures", "audit", "audit_on_log"]

@@ -12,7 +12,7 @@ from .options import tell
 
 if TYPE_CHECKING:
     from ..exhibit import Exhibit
-    from ..result import Provenance
+    from ..provenance import Provenance
 
 __all__ = ["give"]
 

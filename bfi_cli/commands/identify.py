@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..identify.methods import METHODS
 from .options import channel_options, configured, exit_code, json_option, log_argument, tell, window_options
 
 if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
-    from ..result import IdentifyResult
+    from ..identify.result import IdentifyResult
 
 __all__ = ["command"]
 
@@ -34,7 +35,8 @@ ONSET_SAMPLES = 1.5
 @click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
-@click.option("--method", help="ml (maximum likelihood) or risro (as published).  [default: ml]")
+@click.option("--method", metavar="NAME", help=f"How: {', '.join(METHODS)}.  [default: ml]")
+@click.option("--model", metavar="NAME", help="A linear model of bfi simulate, for method dmae.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
@@ -51,7 +53,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..identify import identify_faults
     from ..provenance import provenance
 
-    config = configured(config_path, options, {"method": options["method"]})
+    config = configured(config_path, options, {"method": options["method"], "dmae.model": options["model"]})
     dictionary = config.load_dictionary()
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
     if dictionary is None:

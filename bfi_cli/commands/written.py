@@ -14,7 +14,7 @@ from .options import json_option
 if TYPE_CHECKING:
     from ..faults import Fault
     from ..flightlog import FlightLog
-    from ..result import Provenance
+    from ..provenance import Provenance
 
 __all__ = ["SCHEMA", "echo_written", "json_option", "log_document", "log_lines", "out_option"]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-__all__ = ["Columns", "Compressed", "compress", "lagged", "restrict", "with_fault"]
+__all__ = ["Columns", "Compressed", "compress", "lagged", "restrict", "with_fault", "with_scaled_outputs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -236,6 +236,18 @@ def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
     lags = data.R[:, columns.theta_lags].reshape(len(R), columns.order, -1)
     R[:, columns.y_lags] += (lags @ add).reshape(len(R), -1)
     R[:, columns.y] += data.R[:, columns.theta] @ add
+    return _compressed(R, columns, data.n_rows)
+
+
+def with_scaled_outputs(data: Compressed, scale: FloatArray, shift: FloatArray) -> Compressed:
+    """Return the factor of the same record with ``scale * y + shift``, each (n_outputs,), in place of its outputs y.
+
+    A shift needs the column of ones; without it the shift must be zero.
+    """
+    columns, R = data.columns, data.R.copy(order="F")
+    ones = R[:, columns.ones].sum(axis=1)
+    for place, copies in ((columns.y_lags, columns.order), (columns.y, 1)):
+        R[:, place] = R[:, place] * np.tile(scale, copies) + np.outer(ones, np.tile(shift, copies))
     return _compressed(R, columns, data.n_rows)
 
 

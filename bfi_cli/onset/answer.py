@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
+from ..errors import ConfigError
 from ..flightlog import FlightLog
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate
@@ -44,6 +45,8 @@ def find_onset(log: FlightLog, config: Config) -> OnsetResult:
     ConfigError : the calibration cannot be used, or the method does not do what is asked.
     """
     with threadpool_limits(1):
+        if config.method not in ("ml", "risro"):
+            raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
         return find_onset_as_published(log, config) if config.method == "risro" else _found(log, config)
 
 

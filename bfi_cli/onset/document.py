@@ -9,7 +9,7 @@ from typing import Any
 
 from ..faults import Fault, fault_to_dict
 from ..plain import to_plain
-from ..result import Provenance
+from ..provenance import Provenance
 from .result import OnsetFault, OnsetResult
 
 __all__ = ["SCHEMA", "onset_document", "onset_tables"]

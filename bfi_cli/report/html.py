@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from .. import rows
 from ..exhibit import Exhibit
-from ..result import IdentifyResult, Provenance
+from ..identify.result import IdentifyResult
+from ..provenance import Provenance
 from ..wording import verdict
 from .captions import caption
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
-from ..result import IdentifyResult
+from ..identify.result import IdentifyResult
 from ..wording import number
 
 __all__ = ["declared", "model_of", "said", "with_noise"]

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..exhibit import Exhibit, Table
 from ..plain import from_plain, member, to_plain
-from ..result import Provenance
+from ..provenance import Provenance
 from .catalogue import REPRODUCTIONS
 
 __all__ = ["REPRODUCE_SCHEMA", "list_exhibit", "reproduce_document", "reproduce_exhibit", "summary_exhibit"]

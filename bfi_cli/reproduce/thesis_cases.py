@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..dmae import DmaeSettings
 from ..exhibit import Exhibit
 from ..faults import Fault
 from ..flightlog import FlightLog, inject
+from ..identify.dmae import DmaeSettings
 from .record import thesis_record
 from .settings import Settings
 from .thesis_page import Page, percent, reconstructed

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..dmae import DmaeSettings
 from ..exhibit import Exhibit
 from ..faults import Fault
 from ..flightlog import FlightLog, inject
+from ..identify.dmae import DmaeSettings
 from ..wording import number
 from .record import thesis_record
 from .settings import Settings

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..exhibit import Curve, Drawing, Exhibit, Panel, Span, Table, curve
 from ..faults import Fault, Shape, unit_signal
 from ..flightlog import FlightLog, inject
-from ..identify.published import solve
+from ..identify.risro import solve
 from ..kernels.lagged import compress
 from ..onset import OnsetResult, find_onset
 from ..wording import number

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ..aircraft.citation import CITATION
 from ..config import Config
-from ..dmae import DmaeResult, DmaeSettings, Reference, dmae
 from ..faults import unit_signal
 from ..flightlog import FlightLog
 from ..identify import identify_faults
+from ..identify.dmae import DmaeResult, DmaeSettings, Reference, dmae
 from ..onset import find_onset
 from ..onset.result import OnsetFault
 from ..wording import interval, number

@@ -48,19 +48,16 @@ def audit(dictionary: Dictionary, config: Config, *, duration_s: float | None = 
     rate_hz = span.rate_hz or _fine_rate_hz(span.stop_s - span.start_s, len(faults), fastest or 0.0)
     n_samples = max(2, round((span.stop_s - span.start_s) * rate_hz))
     few = len(faults) <= MOST_ATOMS and n_samples * len(faults) <= MOST_VALUES
-    time_s = span.start_s + np.arange(n_samples) / rate_hz
+    time_s = span.start_s + np.arange(n_samples if few else 0) / rate_hz
     channels = list(dict.fromkeys(fault.channel for fault in faults))
     theta = signals(faults, time_s, channels, window_start_s=span.start_s) if few else None
     listing = _listing(dictionary, faults, span, theta=theta, largest_model=largest_order(config))
-    if theta is None:
-        signatures, warnings = (
-            None,
-            [
-                f"{len(faults)} faults over this window are too many signals to compare; "
-                "give a shorter --duration, a lower --rate, or larger steps in the grids"
-            ],
-        )
-    else:
+    signatures = None
+    warnings = [
+        f"{len(faults)} faults over this window are too many signals to compare; "
+        "give a shorter --duration, a lower --rate, or larger steps in the grids"
+    ]
+    if theta is not None:
         theta = theta[:, :, list(listing.live)]
         names = [listing.names[j] for j in listing.live]
         signatures, alike = compare(names, time_s, own_channel(theta), theta.reshape(-1, len(names)))

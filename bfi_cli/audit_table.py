@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +9,10 @@ from .audit import Audit, AuditedAtom
 from .audit.comparison import pairs
 from .faults import SHAPE_KEYS, Fault, fault_to_dict
 from .plain import to_plain
+from .printable import printable, shortened
 from .provenance import Provenance
-from .wording import number, quantity, shortened
+from .serialize import to_csv
+from .wording import number, quantity
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -96,20 +96,12 @@ def audit_tables(audit: Audit) -> dict[str, str]:
     for entry in entries:
         physical = entry["minimal_physical"] or {"value": None, "unit": None}
         entry |= {"minimal_physical": physical["value"], "physical_unit": physical["unit"]}
-    tables = {"atoms.csv": _csv(ATOM_COLUMNS, ([entry[column] for column in ATOM_COLUMNS] for entry in entries))}
+    tables = {"atoms.csv": to_csv([ATOM_COLUMNS, *([entry[column] for column in ATOM_COLUMNS] for entry in entries)])}
     if audit.signatures is not None:
         names, matrix = audit.signatures.names, to_plain(audit.signatures.coherence)
         rows = ([name, *row] for name, row in zip(names, matrix, strict=True))
-        tables["coherence.csv"] = _csv(("name", *names), rows)
+        tables["coherence.csv"] = to_csv([("name", *names), *rows])
     return tables
-
-
-def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([str(value).lower() if isinstance(value, bool) else value for value in row] for row in rows)
-    return text.getvalue()
 
 
 def print_audit(console: Console, audit: Audit) -> None:
@@ -122,7 +114,7 @@ def print_audit(console: Console, audit: Audit) -> None:
     console.print(Text(headline, style="bold green" if live == len(audit.atoms) else "bold yellow"))
     grid = Table.grid(padding=(0, 2))
     for name, value in _facts(audit):
-        grid.add_row(Text(name, style="dim"), Text(value, overflow="fold"))
+        grid.add_row(Text(name, style="dim"), Text(printable(value), overflow="fold"))
     console.print(grid)
     console.print(_atoms_table(audit))
     if len(audit.atoms) > MOST_ROWS:
@@ -136,7 +128,7 @@ def print_audit(console: Console, audit: Audit) -> None:
         else []
     )
     for note in (*noted[:MOST_NOTES], *cut, *audit.notes):
-        console.print(Text(f"note: {note}"))
+        console.print(Text(printable(f"note: {note}")))
 
 
 def _facts(audit: Audit) -> list[tuple[str, str]]:
@@ -229,5 +221,5 @@ def _table(
     for head in heads:
         table.add_column(head, overflow="fold", no_wrap=head != "shape")
     for row in body:
-        table.add_row(*map(Text, row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     return table

@@ -39,6 +39,8 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 SCHEMA = 1
+# A million windows of three shapes, decades of flight: 20 letters for each number.
+MAX_BYTES = 64_000_000
 FEWEST_WINDOWS = 20
 HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
 RATE_TOLERANCE, DURATION_TOLERANCE = 0.01, 0.1
@@ -247,7 +249,7 @@ def load_tables(path: str | Path) -> tuple[Table, ...]:
     """
     where = str(path)
     try:
-        document = json.loads(read_text(Path(path), error=ConfigError))
+        document = json.loads(read_text(Path(path), error=ConfigError, most_bytes=MAX_BYTES))
     except json.JSONDecodeError as problem:
         raise ConfigError(f"{where}: not JSON ({problem.msg.lower()}); give a file of bfi calibrate") from None
     kind = mapping(document, where=where).get("kind")

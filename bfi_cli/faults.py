@@ -9,13 +9,14 @@ import reprlib
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, NoReturn, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DictionaryError
+from .printable import shortened
+from .sample_file import read_samples
 
 __all__ = [
     "SHAPES",
@@ -55,8 +56,10 @@ REQUIRED_KEYS = ("frequency_hz", "time_constant_s", "duration_s", "file")
 TEXT_KEYS = ("shape", "name", "channel", "file", "phase_reference")
 POSITIVE_KEYS = ("frequency_hz", "time_constant_s", "duration_s")
 ONSET_TOLERANCE_SAMPLES = 1e-6
+SHOWN_LETTERS = 120
 _ABRIDGED = reprlib.Repr()
 _ABRIDGED.maxstring = _ABRIDGED.maxother = 100
+_ABRIDGED.maxlevel = 3  # what lies deeper does not fit beside the rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +150,7 @@ def _waveform(fault: Fault, time_s: FloatArray, window_start_s: float) -> FloatA
         case "ramp_hold":
             return _slope(fault) * np.minimum(elapsed, _required(fault, "duration_s"))
         case "samples":
-            time, value = _read_samples(fault.file or _missing(fault, "file"))
+            time, value = read_samples(fault.file or _missing(fault, "file"))
             return np.interp(elapsed, time, value, left=0.0)
     return np.ones_like(elapsed)
 
@@ -165,33 +168,6 @@ def _required(fault: Fault, key: str) -> float:
 
 def _missing(fault: Fault, key: str) -> NoReturn:
     raise DictionaryError(f"{fault.name or fault.shape}: {key}: missing; a {fault.shape} needs it")
-
-
-def _read_samples(path: str) -> tuple[FloatArray, FloatArray]:
-    try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        reason = error.strerror.lower() if isinstance(error, OSError) and error.strerror else "not a text file"
-        raise DictionaryError(f"{path}: cannot read the samples, {reason}; give a CSV file of time, value") from None
-    numbered = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
-    rows = [(i, _sample(line)) for i, line in numbered]
-    if rows and rows[0][1] is None:
-        del rows[0]
-    for i, row in rows:
-        if row is None:
-            raise DictionaryError(f"{path}: line {i}: not two finite numbers; each line is time in s, value")
-    table = np.array([row for _, row in rows], dtype=np.float64).reshape(-1, 2)
-    if len(table) == 0 or not np.all(np.diff(table[:, 0]) > 0):
-        raise DictionaryError(f"{path}: times do not increase from line to line; sort the samples by time")
-    return table[:, 0], table[:, 1]
-
-
-def _sample(line: str) -> list[float] | None:
-    try:
-        row = [float(field) for field in line.replace(";", ",").split(",")]
-    except ValueError:
-        return None
-    return row if len(row) == 2 and all(map(math.isfinite, row)) else None
 
 
 def magnitude_unit(fault: Fault, channel_unit: str) -> str:
@@ -300,7 +276,9 @@ def _value_problem(key: str, value: object) -> str | None:
 
 def did_you_mean(word: object, known: Sequence[str]) -> str:
     """Return "; did you mean 'onset_s'?", or "; known: ..." where nothing is close."""
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6) if isinstance(word, str) else []
+    close: list[str] = []
+    if isinstance(word, str) and len(word) <= SHOWN_LETTERS:
+        close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
 
 
@@ -314,4 +292,6 @@ def unknown_key(key: str, known: Sequence[str]) -> str:
 def shown(value: object) -> str:
     """Return a value as a message shows it: YAML's words, quoted text, abridged."""
     words: dict[object, str] = {None: "null", True: "true", False: "false"}
-    return words[value] if value is None or isinstance(value, bool) else _ABRIDGED.repr(value)
+    if value is None or isinstance(value, bool):
+        return words[value]
+    return shortened(_ABRIDGED.repr(value), SHOWN_LETTERS)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from .errors import ConfigError
 from .exhibit import Drawing, Exhibit
 from .identify.result import IdentifyResult
 from .provenance import Provenance
+from .serialize import to_csv
 
 __all__ = ["exhibit_files", "identify_files", "replace_files", "write_results"]
 
@@ -83,8 +83,8 @@ def exhibit_files(exhibit: Exhibit, document: Mapping[str, Any], origin: Provena
         figure = draw(drawing)
         vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
         files[f"{drawing.name}.png"] = to_png(figure)
-        files[f"{drawing.name}_figure.csv"] = _csv(DRAWING_COLUMNS, _points(drawing)).encode()
-    files |= {f"{table.name}.csv": _csv(table.heads, table.rows).encode() for table in exhibit.tables}
+        files[f"{drawing.name}_figure.csv"] = to_csv([DRAWING_COLUMNS, *_points(drawing)]).encode()
+    files |= {f"{table.name}.csv": to_csv([table.heads, *table.rows]).encode() for table in exhibit.tables}
     files["report.html"] = render_exhibit(exhibit, origin, vectors).encode()
     files["result.json"] = to_json(document).encode() + b"\n"
     return files
@@ -105,15 +105,14 @@ def _points(drawing: Drawing) -> Iterable[Sequence[object]]:
 
 def _tables(result: IdentifyResult) -> dict[str, str]:
     orders = zip(result.model.orders, result.model.criterion_no_fault, result.model.criterion_best, strict=True)
+    candidates = ([getattr(candidate, column) for column in CANDIDATE_COLUMNS] for candidate in result.candidates)
     series = _series(result)
+    samples = zip(*(values.tolist() for values in series.values()), strict=True)
     return {
-        "faults.csv": _csv(FAULT_COLUMNS, _faults(result)),
-        "candidates.csv": _csv(
-            CANDIDATE_COLUMNS,
-            ([getattr(candidate, column) for column in CANDIDATE_COLUMNS] for candidate in result.candidates),
-        ),
-        "orders.csv": _csv(("order", "criterion_no_fault", "criterion_best"), orders),
-        "series.csv": _csv(tuple(series), zip(*(values.tolist() for values in series.values()), strict=True)),
+        "faults.csv": to_csv([FAULT_COLUMNS, *_faults(result)]),
+        "candidates.csv": to_csv([CANDIDATE_COLUMNS, *candidates]),
+        "orders.csv": to_csv([("order", "criterion_no_fault", "criterion_best"), *orders]),
+        "series.csv": to_csv(chain([tuple(series)], samples)),
     }
 
 
@@ -139,20 +138,6 @@ def _series(result: IdentifyResult) -> dict[str, np.ndarray[tuple[int], np.dtype
 
 def _column(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
-
-
-def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return text.getvalue()
-
-
-def _cell(value: object) -> object:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def replace_files(files: Mapping[str, bytes], directory: Path) -> tuple[Path, ...]:

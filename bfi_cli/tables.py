@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from . import rows
 from .exhibit import Exhibit
 from .identify.result import IdentifyResult
-from .wording import shortened, verdict
+from .printable import printable, shortened
+from .wording import verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,7 +30,7 @@ def print_identify(console: Console, result: IdentifyResult) -> None:
     """
     from rich.text import Text
 
-    console.print(Text(verdict(result), style=COLOURS[result.decision]))
+    console.print(Text(printable(verdict(result)), style=COLOURS[result.decision]))
     if result.faults:
         _print_faults(console, result)
     if result.candidates:
@@ -41,9 +42,9 @@ def print_exhibit(console: Console, exhibit: Exhibit) -> None:
     """Print verdict, tables, facts and notes; a table of more than `MAX_ROWS` rows is cut."""
     from rich.text import Text
 
-    console.print(Text(exhibit.verdict, style=COLOURS[exhibit.tone]))
+    console.print(Text(printable(exhibit.verdict), style=COLOURS[exhibit.tone]))
     for one in exhibit.tables:
-        console.print(Text(f"\n{one.title}", style="dim"))
+        console.print(Text(f"\n{printable(one.title)}", style="dim"))
         body = [[shortened(cell, CELL_LETTERS) for cell in row] for row in one.rows[:MAX_ROWS]]
         console.print(_table(one.heads, body, folded=range(len(one.heads))))
         if len(one.rows) > MAX_ROWS:
@@ -82,7 +83,7 @@ def _pairs(facts: Sequence[tuple[str, ...]]) -> Table:
 
     grid = Table.grid(padding=(0, 2))
     for name, value in facts:
-        grid.add_row(Text(shortened(name, NAME_LETTERS), style="dim"), Text(value))
+        grid.add_row(Text(shortened(name, NAME_LETTERS), style="dim"), Text(printable(value)))
     return grid
 
 
@@ -93,7 +94,7 @@ def _table(heads: Sequence[str], body: Iterable[Sequence[str]], *, folded: Seque
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for i, head in enumerate(heads):
-        table.add_column(Text(head), overflow="fold", no_wrap=i not in folded)
+        table.add_column(Text(printable(head)), overflow="fold", no_wrap=i not in folded)
     for row in body:
-        table.add_row(*map(Text, row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     return table

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from .faults import FaultEstimate
 from .identify.result import Candidate, IdentifyResult
+from .printable import shortened
 
 __all__ = [
     "axis_label",
@@ -66,15 +67,6 @@ def interval(ci95: Sequence[float], *, joint: str = " to ", extra: int = 0) -> s
         return "-"
     spread = 0.5 * abs(high - low)
     return joint.join(number(value, spread=spread, extra=extra) for value in (low, high))
-
-
-def shortened(text: str, width: int) -> str:
-    """Return `text` on one line, its middle left out where it is longer than `width`."""
-    text = "".join(letter if letter.isprintable() else " " for letter in text)
-    if len(text) <= width:
-        return text
-    head = (width - 1) // 2
-    return f"{text[:head]}…{text[len(text) - (width - 1 - head) :]}"
 
 
 def axis_label(name: str, unit: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NoReturn
 import yaml
 
 from .errors import BfiError, ConfigError
+from .printable import shortened
 
 __all__ = ["load_yaml", "read_text"]
 
@@ -21,15 +22,48 @@ FLOAT = re.compile(
 )
 TAG = "tag:yaml.org,2002:"
 
+# A dictionary of 10 000 faults, the most there may be, of four keys each; PyYAML reads some 20 000 values in a second.
+MAX_VALUES = 100_000
+# Those values at 40 letters each.
+MAX_BYTES = 4_000_000
+# A seed of 128 bits has 39; Python itself refuses to read and show numbers of more than 4300 digits.
+MAX_DIGITS = 50
+# Of what a complaint of PyYAML quotes: an alias, a tag, a token.
+PROBLEM_LETTERS = 160
+
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's reader with its own (version 1.1) scalar rules and constructors removed."""
+    """PyYAML's reader with its own (version 1.1) scalar rules and constructors removed, and aliases counted."""
 
     yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012
     yaml_constructors: ClassVar[dict[Any, Any]] = {}
 
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.n_values = 0
+        self.sizes: dict[str | None, int] = {}
 
-def _refuse(node: yaml.Node, problem: str) -> NoReturn:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Compose a value and count it, an alias as all values of its anchor: none is ever written out beyond that."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        before = self.n_values
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor in self.anchors and event.anchor not in self.sizes:
+                _refuse(event, f"alias '{event.anchor}' stands in its own value; write it out")
+            self.n_values += self.sizes.get(event.anchor, 0)
+            if self.n_values > MAX_VALUES:
+                _refuse(event, f"aliases expand to more than {MAX_VALUES} values; write them out")
+        else:
+            self.n_values += 1
+            if self.n_values > MAX_VALUES:
+                _refuse(event, f"more than {MAX_VALUES} values; shorten the document")
+        node = super().compose_node(parent, index)
+        if not isinstance(event, yaml.AliasEvent) and event.anchor is not None:
+            self.sizes[event.anchor] = self.n_values - before
+        return node
+
+
+def _refuse(node: Any, problem: str) -> NoReturn:
     raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
@@ -40,12 +74,11 @@ def _unknown_tag(loader: _Loader, node: yaml.Node) -> NoReturn:
 def _scalar(pattern: re.Pattern[str], kind: str, convert: Callable[[str], object]) -> None:
     def construct(loader: _Loader, node: yaml.ScalarNode) -> object:
         text = loader.construct_scalar(node)
-        try:
-            if pattern.match(text):
-                return convert(text)
-        except ValueError:
-            pass
-        _refuse(node, f"'{text:.40}' is not of type {kind}")
+        if kind == "int" and len(text) > MAX_DIGITS:
+            _refuse(node, f"a whole number of {len(text)} digits; give one of at most {MAX_DIGITS}")
+        if not pattern.match(text):
+            _refuse(node, f"'{text:.40}' is not of type {kind}")
+        return convert(text)
 
     _Loader.add_implicit_resolver(f"{TAG}{kind}", pattern, None)
     _Loader.add_constructor(f"{TAG}{kind}", construct)
@@ -68,7 +101,7 @@ def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
         if not isinstance(key, str | int | float | bool | None):
             _refuse(key_node, "a key must be a plain word")
         if key in result:
-            _refuse(key_node, f"key '{key}' stands twice; keep one")
+            _refuse(key_node, f"key '{shortened(str(key), 40)}' stands twice; keep one")
         result[key] = loader.construct_object(value_node, deep=True)
     return result
 
@@ -121,17 +154,23 @@ def load_yaml(source: str | Path, *, where: str | None = None, error: type[BfiEr
         raise error(f"{name}: line {line}, column {column}: a character YAML does not allow; remove it") from None
     except RecursionError:
         raise error(f"{name}: nested too deeply; flatten the document") from None
+    except (ValueError, OverflowError):  # PyYAML's own, of an escape such as "\\UFFFFFFFF"
+        raise error(f"{name}: an escape that stands for no character; mend the YAML") from None
 
 
-def read_text(path: Path, *, error: type[BfiError]) -> str:
+def read_text(path: Path, *, error: type[BfiError], most_bytes: int = MAX_BYTES) -> str:
     """Return the text of a UTF-8 file.
 
     Raises
     ------
-    error : it does not exist, cannot be read, or is not UTF-8.
+    error : it does not exist, cannot be read, is larger than `most_bytes`, or is not UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
+        with path.open("rb") as file:  # not its size first: a pipe or a device has none
+            data = file.read(most_bytes + 1)
+        if len(data) > most_bytes:
+            raise error(f"{path}: larger than {most_bytes / 1e6:g} MB, the most that is read; shorten it")
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as fault:
         raise error(f"{path}: byte {fault.start} is not UTF-8 text; save the file as UTF-8") from None
     except (OSError, ValueError) as fault:
@@ -141,6 +180,6 @@ def read_text(path: Path, *, error: type[BfiError]) -> str:
 
 def _place(fault: yaml.MarkedYAMLError) -> str:
     mark = fault.problem_mark or fault.context_mark
-    problem = " ".join(f"{fault.problem or fault.context or 'not YAML'}".split())
+    problem = shortened(" ".join(f"{fault.problem or fault.context or 'not YAML'}".split()), PROBLEM_LETTERS)
     problem += "" if ";" in problem else "; mend the YAML"
     return f"line {mark.line + 1}, column {mark.column + 1}: {problem}" if mark else problem

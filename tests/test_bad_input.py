@@ -91,6 +91,17 @@ LOGS: dict[str, tuple[str, str]] = {
     "folder": ("(a folder)", "folder: is a directory; give a log file in it"),
 }
 
+PROVENANCE = {
+    **dict.fromkeys(("version", "numpy", "scipy", "command", "date", "log_sha256"), ""),
+    "seed": 0,
+    "config_sha256": None,
+    "dictionary_sha256": None,
+}
+OUTSIDE = "lies outside the dictionary's folder; move it there or give --allow-outside"
+LAUGHS = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 30)
+)
+
 CONFIGS = {
     "outputz: [tas]": "c.yaml: outputz: unknown key; did you mean 'outputs'?",
     "model: {ordr: 4}": "c.yaml: model.ordr: unknown key; did you mean 'order'?",
@@ -115,6 +126,22 @@ CONFIGS = {
     "seed: 1\nseed: 2": "key 'seed' stands twice; keep one",
     "a: [": "c.yaml: line 2, column 1: expected the node content, but found '<stream end>'; mend",
     "a: !!python/object:os.system x": "unknown tag",
+    LAUGHS: "c.yaml: line 5, column 45: aliases expand to more than 100000 values; write them out",
+    "a: &a [1, *a]": "c.yaml: line 1, column 11: alias 'a' stands in its own value; write it out",
+    "model: &m {order: 4}\nselection: {<<: *m}": "c.yaml: selection.<<: unknown key; known: criterion, evidence, ",
+    f"seed: {'9' * 10_000}": "c.yaml: line 1, column 7: a whole number of 10000 digits; give one of at most 50",
+    f"method: {'x' * 100_000}": f"c.yaml: method: not one of the choices, got '{'x' * 47}...{'x' * 48}'; known: ml, ",
+    f"{'x' * 1000}: 1": f"c.yaml: {'x' * 19}…{'x' * 20}: unknown key; known: inputs, ",
+    f"*{'x' * 100_000}": "xxxxxxxx…xxxxxx",
+    "[" * 100_000: "c.yaml: nested too deeply; flatten the document",
+    f"# {'x' * 4_000_000}": "c.yaml: larger than 4 MB, the most that is read; shorten it",
+    "[seed, strict]: 1": "c.yaml: line 1, column 1: a key must be a plain word; mend the YAML",
+    '"\\UFFFFFFFF": 1': "c.yaml: an escape that stands for no character; mend the YAML",
+    f"seed: {'[' * 90}{']' * 90}": "c.yaml: seed: must be a whole number, got [[[[...]]]]",
+    "".join(f"k{i}: 1\n" for i in range(3000)): " | and 2995 more; mend these first",
+    "start_time: {shapes: [samples], samples: ../x.csv}": "c.yaml: start_time.samples: '../x.csv' lies outside the "
+    "configuration's folder; move it there or give --allow-outside",
+    "dictionary: {atoms: [{shape: samples, file: ../x.csv}]}": f"dictionary.atoms[0].file: '../x.csv' {OUTSIDE}",
 }
 
 DICTIONARIES = {
@@ -128,6 +155,20 @@ DICTIONARIES = {
     "atoms:\n- {shape: bias, onset_s: no}": "d.yaml: atoms[0].onset_s: must be a number, got 'no'",
     "atoms:\n- {shape: bias, onset_s: 3, offset_s: 2}": "d.yaml: atoms[0]: offset_s must be after onset_s",
     "atoms:\n- {shape: samples, file: none.csv}": "d.yaml: atoms[0].file: no such file, got 'none.csv'; give a CSV",
+    **{
+        f"atoms: [{{shape: samples, file: {file}}}]": f"d.yaml: atoms[0].file: '{file}' {OUTSIDE}\n"
+        for file in ("../x.csv", "/etc/passwd", "folder/../../x.csv", "link.csv")
+    },
+    'atoms: [{shape: samples, file: "a\\0b"}]': r"d.yaml: atoms[0].file: no such file, got 'a\x00b'; give a CSV file",
+    **{
+        f"atoms: [{{shape: samples, file: {file}.csv}}]": f"{file}.csv: {problem}"
+        for file, problem in {
+            "falls": "times do not increase from line to line; sort the samples by time",
+            "text": "line 2: not two finite numbers; each line is time in s, value",
+            "infinite_value": "line 2: not two finite numbers; each line is time in s, value",
+            "large": "cannot read the samples, larger than 20 MB; give a CSV file of time, value",
+        }.items()
+    },
     "grids:\n- {shape: bias, onset_s: {start: 5, stop: 2, step: 1}}": "stop must not be before start (5), got 2",
     "grids:\n- {shape: bias, onset_s: {start: 0, stop: 9, step: 1e-9}}": "more than 10000 values; give a larger step",
     "atoms:\n- {shape: bias, onset_s: 300}": "no live atom: 'bias_tas_300' starts at 300 s, after the window ends",
@@ -237,6 +278,7 @@ COMMANDS = {
     "report good.csv": (2, "good.csv: not JSON"),
     "report two.h5": (2, "two.h5: not a text file; give the result.json"),
     "report other.json": (2, "other.json: not a result of this program, it has no 'kind'; give the result.json"),
+    "report reproduced.json": (2, "reproduce: exhibit: '../../drawn' is no name of a file; run the command again"),
     "report damaged.json": (2, "damaged.json: no key 'faults'; the file is damaged or of another program"),
 }
 
@@ -261,6 +303,16 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "good.csv").write_text(csv())
     (folder / "good.yaml").write_text(FAULTS)
     (folder / "in_the_way").write_text("a file")
+    (folder.parent / "x.csv").write_text("0,0\n1,1\n")
+    (folder / "link.csv").symlink_to("../x.csv")
+    (folder / "falls.csv").write_text("0,0\n2,1\n1,2\n")
+    (folder / "infinite_value.csv").write_text("0,0\n1,inf\n")
+    with open(folder / "large.csv", "wb") as file:
+        file.truncate(20_000_001)
+    reproduced = {"kind": "reproduce", "schema": 1, "provenance": PROVENANCE}
+    drawn = {"name": "../../drawn", "caption": "", "panels": [], "heat_maps": []}
+    told = dict.fromkeys(("kicker", "title", "heading", "verdict"), "")
+    (folder / "reproduced.json").write_text(json.dumps({**reproduced, "exhibit": {**told, "drawings": [drawn]}}))
     (folder / "other.json").write_text("{}")
     (folder / "damaged.json").write_text('{"kind": "identify", "schema": 1}')
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")
@@ -275,7 +327,9 @@ def contents(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize(("line", "document", "code", "fragment"), ROWS, ids=[f"{row[0]} {row[1]}" for row in ROWS])
+@pytest.mark.parametrize(
+    ("line", "document", "code", "fragment"), ROWS, ids=[f"{row[0]} {row[1]}"[:80] for row in ROWS]
+)
 def test_one_line_says_where_what_and_what_to_do(
     bfi: Callable, desk: Path, monkeypatch: pytest.MonkeyPatch, line: str, document: str, code: int, fragment: str
 ):

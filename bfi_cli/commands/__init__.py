@@ -19,6 +19,7 @@ import click
 
 from .. import __version__
 from ..errors import BfiError
+from ..printable import printable, shortened
 
 __all__ = ["COMMANDS", "cli", "main"]
 
@@ -38,6 +39,9 @@ COMMANDS = {
     "report": "Draw the report of a stored result.",
 }
 USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130
+# Quoted values are shortened where they are quoted; this keeps the rest, as the names of a log of many channels, from
+# filling more than 40 rows of a terminal of 100 columns. Where and what to do stand at the ends.
+LONGEST_LINE = 4000
 
 # What click says of a value, as a pattern, and as this program says it.
 VALUES = (
@@ -161,7 +165,7 @@ def _did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def _complain(message: str, code: int) -> int:
     try:
-        click.echo(" ".join(message.split()), err=True)
+        click.echo(shortened(message.strip(), LONGEST_LINE), err=True)
     except BrokenPipeError:
         _close_output(sys.stdout, sys.stderr)
     return code
@@ -179,9 +183,11 @@ def _close_output(*streams: TextIO) -> None:
 def _crash(error: Exception) -> str:
     what = f"bfi: a defect of ours, {error!r}"
     try:
-        with tempfile.NamedTemporaryFile("w", prefix="bfi-crash-", suffix=".txt", delete=False) as file:
-            file.write(f"bfi {__version__}\n{' '.join(sys.argv)}\n")
-            traceback.print_exception(error, file=file)
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="bfi-crash-", suffix=".txt", encoding="utf-8", delete=False
+        ) as file:
+            lines = [f"bfi {__version__}", " ".join(sys.argv), *"".join(traceback.format_exception(error)).split("\n")]
+            file.writelines(f"{printable(line)}\n" for line in lines)
     except OSError as full:
         return f"{what}; please report it (no crash file, {full.strerror})"
     return f"{what}; please report it with {file.name}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, json_option, tell, window_options
+from .options import channel_options, json_option, outside_option, tell, window_options
 from .progress import progress
 from .start_time import SHAPES, scan_config
 
@@ -45,6 +45,7 @@ LENGTH = "Of a window.  [default: 120, or the whole of a shorter log]"
 @click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
+@outside_option
 @click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
 @click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
 @json_option

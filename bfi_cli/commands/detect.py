@@ -14,6 +14,7 @@ from .options import (
     exit_code,
     json_option,
     log_argument,
+    outside_option,
     two_numbers,
     window_options,
 )
@@ -39,6 +40,7 @@ __all__ = ["command"]
 @window_options
 @channel_options
 @click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where the threshold cannot be trusted.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a channel fails.")

@@ -10,7 +10,7 @@ import click
 
 from ..errors import ConfigError
 from .answered import give
-from .options import channel_options, configured, json_option, number_or_word, window_options
+from .options import channel_options, configured, json_option, number_or_word, outside_option, window_options
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ FLIGHT = {
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--seed", type=int, metavar="N", help="Of the noise of a model.  [default: 0]")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
 @json_option
@@ -83,7 +84,7 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
 
     config = _config(config_path, options)
     _check(log, config, options)
-    dictionary = config.load_dictionary()
+    dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     if dictionary is None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
     result, log_sha256 = _assessed(log, dictionary, config, options)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, json_option, tell, window_options
+from .options import channel_options, configured, json_option, outside_option, tell, window_options
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -38,6 +38,7 @@ OF_A_LOG = {
 @channel_options
 @click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, figure and tables.")
 @json_option
 def command(file: str, log: str | None, config_path: str | None, **options: Any) -> None:
@@ -47,7 +48,7 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
     from ..provenance import provenance
 
     config = _config(config_path, log, options)
-    dictionary = load_dictionary(file)
+    dictionary = load_dictionary(file, allow_outside=options["allow_outside"])
     audit, log_sha256 = _audited(dictionary, log, config, options)
     origin = provenance(
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed

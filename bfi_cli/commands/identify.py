@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..identify.methods import METHODS
-from .options import channel_options, configured, exit_code, json_option, log_argument, tell, window_options
+from .options import (
+    channel_options,
+    configured,
+    exit_code,
+    json_option,
+    log_argument,
+    outside_option,
+    tell,
+    window_options,
+)
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -38,6 +47,7 @@ ONSET_SAMPLES = 1.5
 @click.option("--method", metavar="NAME", help=f"How: {', '.join(METHODS)}.  [default: ml]")
 @click.option("--model", metavar="NAME", help="A linear model of bfi simulate, for method dmae.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
@@ -54,7 +64,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..provenance import provenance
 
     config = configured(config_path, options, {"method": options["method"], "dmae.model": options["model"]})
-    dictionary = config.load_dictionary()
+    dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
     if dictionary is None:
         result, dictionary = _without_dictionary(flight, config)

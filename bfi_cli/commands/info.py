@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..flightlog import LogReport, inspect_log, read_log
+from ..printable import printable
 from ..provenance import provenance
 from ..serialize import to_json
 from .options import channel_options, json_option, log_argument, window_options
@@ -60,15 +61,16 @@ def _document(report: LogReport) -> dict[str, Any]:
 
 def _show(report: LogReport) -> None:
     from rich.console import Console
+    from rich.text import Text
 
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False)
     for line in _headline(report):
-        console.print(line, soft_wrap=True)
+        console.print(Text(printable(line)), soft_wrap=True)
     for table in (_channels(report), _excitation(report), _windows(report), _segments(report)):
         if table.row_count:
             console.print(table)
     for note in report.notes:
-        console.print(f"note: {note}", soft_wrap=True)
+        console.print(Text(printable(f"note: {note}")), soft_wrap=True)
 
 
 def _headline(report: LogReport) -> list[str]:
@@ -96,7 +98,7 @@ def _table(title: str, rows: Sequence[Mapping[str, str | float | None]]) -> Tabl
 
 def _cell(value: str | float | None) -> str:
     if value is None or isinstance(value, str):
-        return value or ""
+        return printable(value or "")
     return f"{value:.5g}"
 
 

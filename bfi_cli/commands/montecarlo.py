@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import json_option, tell
+from .options import json_option, outside_option, tell
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ __all__ = ["command"]
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: 1]")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the trials.")
 @click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write trials, summary and figures.")
 @click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
 @json_option
@@ -44,7 +45,7 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
     if options["resume"] and out is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
-    sweep = load_sweep(config_path, trials=options["trials"], seed=options["seed"])
+    sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
     records = check_records(sweep)
     digest = digest_of(sweep, records)
     total = sweep.n_trials * len(sweep.scenarios)
@@ -98,14 +99,14 @@ def _origin(sweep: Sweep, records: dict[str, str]) -> Provenance:
 
 def _files(summary: Summary, done: list[tuple[Row, float]], document: dict[str, Any]) -> dict[str, bytes]:
     from ..montecarlo.journal import TIMING_COLUMNS, timing_cells
-    from ..montecarlo.row import COLUMNS, csv_text
+    from ..montecarlo.row import COLUMNS
     from ..plots.montecarlo import MONTECARLO_FIGURES
     from ..plots.style import to_png, to_svg
-    from ..serialize import to_json
+    from ..serialize import to_csv, to_json
 
     files = {
-        "trials.csv": csv_text([COLUMNS, *(row.cells() for row, _ in done)]).encode(),
-        "timings.csv": csv_text([TIMING_COLUMNS, *(timing_cells(*pair) for pair in done)]).encode(),
+        "trials.csv": to_csv([COLUMNS, *(row.cells() for row, _ in done)]).encode(),
+        "timings.csv": to_csv([TIMING_COLUMNS, *(timing_cells(*pair) for pair in done)]).encode(),
     }
     for name, plot in MONTECARLO_FIGURES.items():
         figure = plot(summary)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
+from ..printable import printable
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -20,6 +21,7 @@ __all__ = [
     "json_option",
     "log_argument",
     "number_or_word",
+    "outside_option",
     "tell",
     "two_numbers",
     "window_options",
@@ -112,6 +114,15 @@ def window_options(command: Command) -> Command:
     return click.option("--from", "from_s", type=float, metavar="S", help="Start of the window.")(command)
 
 
+def outside_option(command: Command) -> Command:
+    """Add --allow-outside, passed as `allow_outside`."""
+    return click.option(
+        "--allow-outside",
+        is_flag=True,
+        help="Read sample files also where they lie outside the folder of the dictionary or configuration.",
+    )(command)
+
+
 def json_option(command: Command) -> Command:
     """Add --json, passed as `as_json`: true also where stdout is not a terminal."""
     return click.option(
@@ -126,7 +137,7 @@ def json_option(command: Command) -> Command:
 def tell(sentence: str) -> None:
     """Print a note for the person at the terminal to stderr; silent where stderr is none."""
     if sys.stderr.isatty():
-        click.echo(sentence, err=True)
+        click.echo(printable(sentence), err=True)
 
 
 def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, Any] | None = None) -> Config:
@@ -145,7 +156,7 @@ def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, A
     from ..config import Config, load_config, merge
 
     given = {**_shared(options), **(own or {})}
-    config = load_config(path) if path is not None else Config()
+    config = load_config(path, allow_outside=options["allow_outside"]) if path is not None else Config()
     maps = {place: {**getattr(config, place), **given[place]} for place in MAPS if given.get(place)}
     try:
         return merge(config, {**given, **dict.fromkeys(MAPS), **maps})

@@ -15,6 +15,7 @@ from .options import (
     exit_code,
     json_option,
     log_argument,
+    outside_option,
     two_numbers,
     window_options,
 )
@@ -46,6 +47,7 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
+@outside_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..printable import printable
 from .options import json_option
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def echo_written(log: FlightLog, out: Path, *, kind: str, as_json: bool, log_sha
     if as_json:
         click.echo(to_json(log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)))
     else:
-        click.echo("\n".join(log_lines(log)))
+        click.echo("\n".join(map(printable, log_lines(log))))
 
 
 def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[str, Any]:

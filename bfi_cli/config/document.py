@@ -109,20 +109,29 @@ class Config(Rules):
         """Of the file, None for the defaults."""
         return self._sha256
 
-    def load_dictionary(self) -> Dictionary | None:
+    def load_dictionary(self, *, allow_outside: bool = False) -> Dictionary | None:
         """Return the dictionary the configuration names or holds, None where there is none.
+
+        Parameters
+        ----------
+        allow_outside : the sample files of a dictionary may lie outside its folder.
 
         Raises
         ------
         DictionaryError : see `bfi_cli.dictionary.load_dictionary`.
         """
         if self.dictionary is None or isinstance(self.dictionary, str):
-            return None if self.dictionary is None else load_dictionary(self.dictionary)
+            source = self.dictionary
+            return None if source is None else load_dictionary(source, allow_outside=allow_outside)
         return load_dictionary(self.dictionary, where=f"{self.path or 'configuration'}: dictionary")
 
 
-def load_config(path: str | Path) -> Config:
+def load_config(path: str | Path, *, allow_outside: bool = False) -> Config:
     """Return the configuration of a YAML file; an empty file is the defaults.
+
+    Parameters
+    ----------
+    allow_outside : sample files may lie outside the file's folder.
 
     Raises
     ------
@@ -130,7 +139,7 @@ def load_config(path: str | Path) -> Config:
     """
     path = Path(path)
     data = load_yaml(read_text(path, error=ConfigError), where=str(path), error=ConfigError)
-    context = {"folder": path.parent}
+    context = {"folder": path.parent, "allow_outside": allow_outside}
     config = validated(Config, {} if data is None else data, where=str(path), error=ConfigError, context=context)
     return _with_origin(config, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
 
@@ -151,7 +160,9 @@ def merge(config: Config, overrides: Mapping[str, Any], *, where: str = "command
         if value is not None:
             *parents, key = dotted.split(".")
             _branch(data, parents)[key] = value
-    return _with_origin(validated(Config, data, where=where, error=ConfigError), config.path, config.sha256)
+    context = {"allow_outside": True}  # those of the file were asked when it was read, the others are the user's own
+    merged = validated(Config, data, where=where, error=ConfigError, context=context)
+    return _with_origin(merged, config.path, config.sha256)
 
 
 def _branch(data: dict[str, Any], parents: list[str]) -> dict[str, Any]:

@@ -18,6 +18,8 @@ from pydantic import (
 )
 
 from ..dictionary.validation import Number, Positive, Rules, Text, Whole
+from ..faults import shown
+from ..sample_file import lies_inside
 
 __all__ = [
     "STRONG_EVIDENCE",
@@ -42,13 +44,26 @@ def _word_or_number(value: object) -> str:
 
 def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
     if len(set(values)) < len(values):
-        raise ValueError(f"a value stands twice, got {list(values)}; keep one")
+        raise ValueError(f"a value stands twice, got {shown(list(values))}; keep one")
     return values
 
 
 def beside_config(path: str, info: ValidationInfo) -> str:
     """Return a path relative to the file it stands in as one relative to the working directory."""
     return str(Path((info.context or {}).get("folder", "")) / path)
+
+
+def _inside_config(file: str, info: ValidationInfo) -> str:
+    """Return the path as `beside_config` does, of a file that lies in the configuration's folder."""
+    context, path = info.context or {}, beside_config(file, info)
+    try:
+        allowed = context.get("allow_outside") or lies_inside(Path(path), Path(context.get("folder", "")))
+    except ValueError:
+        raise ValueError(f"no such file, got {shown(file)}; give a CSV file of time, value") from None
+    if not allowed:
+        problem = f"{shown(file)} lies outside the configuration's folder"
+        raise ValueError(f"{problem}; move it there or give --allow-outside")
+    return path
 
 
 Natural = Annotated[Whole, Field(ge=1)]
@@ -163,7 +178,7 @@ class StartTime(Rules):
         AfterValidator(_distinct),
     ] = ("bias", "drift", "sine")
     """What to look for: bias, drift, sine, lagged_bias, ramp_hold, samples."""
-    samples: Annotated[Text, AfterValidator(beside_config)] | None = None
+    samples: Annotated[Text, AfterValidator(_inside_config)] | None = None
     """CSV of time (s after the onset), value: the shape samples; a file relative to this one."""
     false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
     """Accepted probability of declaring a fault where there is none."""

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ..errors import DictionaryError
 from ..faults import Fault, unit_signal
+from ..printable import shortened
 from ..yaml12 import load_yaml, read_text
 from .document import DictionaryDocument
 from .expansion import expand
-from .validation import editor_schema, validated
+from .validation import SENTENCE_LETTERS, editor_schema, validated
 
 __all__ = ["Dictionary", "DictionaryDocument", "dead_reason", "expand", "json_schema", "load_dictionary", "signals"]
 
@@ -56,7 +57,11 @@ def _shifted(fault: Fault, shift_s: float) -> Fault:
 
 
 def load_dictionary(
-    source: str | Path | Mapping[str, Any] | DictionaryDocument, *, where: str | None = None, folder: Path | None = None
+    source: str | Path | Mapping[str, Any] | DictionaryDocument,
+    *,
+    where: str | None = None,
+    folder: Path | None = None,
+    allow_outside: bool = False,
 ) -> Dictionary:
     """Return the dictionary of a YAML file, of a mapping, or of a document validated already.
 
@@ -64,7 +69,10 @@ def load_dictionary(
     ----------
     source : a `str` is a path.
     where : what messages call it; default the path, or "dictionary".
-    folder : what the sample files of a mapping are relative to; those of a file are relative to the file.
+    folder : what the sample files of a mapping are relative to, default the working directory; those of a file are
+        relative to the file.
+    allow_outside : sample files may lie outside that folder. They may for a mapping without a folder: its sample files
+        are named by the caller.
 
     Raises
     ------
@@ -79,12 +87,12 @@ def load_dictionary(
     where = where or "dictionary"
     document = source
     if not isinstance(document, DictionaryDocument):
-        context = {"folder": folder or Path()}
+        context = {"folder": folder or Path(), "allow_outside": allow_outside or folder is None}
         document = validated(DictionaryDocument, source, where=where, error=DictionaryError, context=context)
     try:
         atoms = expand(document)
     except ValueError as problem:
-        raise DictionaryError(f"{where}: {problem}") from None
+        raise DictionaryError(f"{where}: {shortened(str(problem), SENTENCE_LETTERS)}") from None
     canonical = document.model_dump_json(exclude_unset=True).encode()
     return Dictionary(
         atoms=atoms,

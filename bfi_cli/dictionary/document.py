@@ -9,6 +9,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, model_validator
 
 from ..faults import shown
+from ..sample_file import lies_inside
 from .validation import Number, Positive, Rules, Text
 
 __all__ = ["MAX_ATOMS", "AtomEntry", "DictionaryDocument", "GridEntry", "Range"]
@@ -66,11 +67,15 @@ def _nonzero(value: Any) -> Any:
 
 
 def _existing(file: str, info: ValidationInfo) -> str:
-    path = Path((info.context or {}).get("folder", "")) / file
+    context = info.context or {}
+    folder = Path(context.get("folder", ""))
+    path = folder / file
     try:
-        found = path.is_file()
+        is_outside, found = not lies_inside(path, folder), path.is_file()
     except (OSError, ValueError):
-        found = False
+        is_outside, found = False, False
+    if is_outside and not context.get("allow_outside"):  # said first: whether the file exists is not told
+        raise ValueError(f"{shown(file)} lies outside the dictionary's folder; move it there or give --allow-outside")
     if not found:
         raise ValueError(f"no such file, got {shown(str(path))}; give a CSV file of time, value")
     return str(path)

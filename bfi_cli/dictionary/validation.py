@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
+import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
@@ -15,8 +16,9 @@ from pydantic_core import ErrorDetails
 
 from ..errors import BfiError
 from ..faults import did_you_mean, shown, unknown_key
+from ..printable import shortened
 
-__all__ = ["Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
+__all__ = ["SENTENCE_LETTERS", "Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]
@@ -25,12 +27,15 @@ Text = Annotated[str, Field(min_length=1)]
 Loc = tuple[int | str, ...]
 M = TypeVar("M", bound=BaseModel)
 
-MAX_COMPLAINTS = 50
+BRANCH = re.compile(r"<[a-z]+>")  # of a union, as its tag names it
+MAX_COMPLAINTS = 5  # more do not fit on a few rows of a terminal
+KEY_LETTERS, SENTENCE_LETTERS = 40, 300
 WRONG_KIND = {
     "bool_type": "must be true or false",
     "dict_type": "must be a mapping of key: value",
     "finite_number": "must be a finite number",
     "float_type": "must be a number",
+    "invalid_key": "a key must be text; put it in quotes",
     "int_from_float": "must be a whole number",
     "int_type": "must be a whole number",
     "mapping_type": "must be a mapping of key: value",
@@ -65,9 +70,12 @@ def validated(
         return model.model_validate(data, context=dict(context or {}))
     except ValidationError as fault:
         details = [one for one in fault.errors(include_url=False) if not _follows_from_another(one)]
-    complaints = list(dict.fromkeys(_complaint(model, one) for one in details))
-    if len(complaints) > MAX_COMPLAINTS:
-        complaints = [*complaints[:MAX_COMPLAINTS], f"and {len(complaints) - MAX_COMPLAINTS} more"]
+    complaints: list[str] = []
+    for n, one in enumerate(details):
+        if len(complaints) == MAX_COMPLAINTS:
+            complaints.append(f"and {len(details) - n} more; mend these first")
+            break
+        complaints += [text] if (text := _complaint(model, one)) not in complaints else []
     raise error(f"{where}: {' | '.join(complaints)}")
 
 
@@ -129,8 +137,9 @@ def _place(loc: Loc, kind: str) -> str:
     for before, part in zip((None, *loc), loc, strict=False):
         if isinstance(part, int):
             path += f"[{part}]"
-        elif not (isinstance(before, int) or part.startswith("<")):
-            path += f".{part}" if path else part or "''"
+        elif not (isinstance(before, int) or BRANCH.fullmatch(part)):
+            key = shortened(part, KEY_LETTERS)
+            path += f".{key}" if path else key or "''"
     # A union without a tag of its own complains about the whole entry, and means its `shape`.
     return f"{path}.shape" if kind in ("union_tag_invalid", "union_tag_not_found") else path
 
@@ -142,7 +151,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
             return unknown_key(str(details["loc"][-1]), _known_keys(model, details["loc"]))
         case "union_tag_invalid":
             known = [tag.strip("' ") for tag in limits["expected_tags"].split(",")]
-            return f"unknown shape, got '{limits['tag']}'{did_you_mean(limits['tag'], known)}"
+            return f"unknown shape, got {shown(limits['tag'])}{did_you_mean(limits['tag'], known)}"
         case "missing" | "union_tag_not_found":
             return "missing; add it"
         case "literal_error":
@@ -152,8 +161,8 @@ def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
             return f"{details['msg'].replace('Input should', 'must')}, got {value}"
         case "value_error":
-            return str(limits["error"])
-    wrong = WRONG_KIND.get(kind) or details["msg"][:1].lower() + details["msg"][1:]
+            return shortened(str(limits["error"]), SENTENCE_LETTERS)
+    wrong = WRONG_KIND.get(kind) or f"{details['msg'][:1].lower()}{details['msg'][1:]}; write another value"
     what, semicolon, remedy = wrong.partition(";")
     return f"{what}, got {value}{semicolon}{remedy}"
 

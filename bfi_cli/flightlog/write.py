@@ -7,15 +7,17 @@ import io
 import os
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import ConfigError
+from ..printable import printable
 from .annotations import faults_to_json, segments_to_json
-from .record import FlightLog, FloatArray
+from .record import FlightLog, FloatArray, Truth
 from .text import CLEAN, FAULTS, SEGMENTS
 
 if TYPE_CHECKING:
@@ -65,16 +67,17 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
     import h5py
 
     with h5py.File(path, "w") as file:
+        names = _names(log, _link_name)
         _dataset(file, "time", log.time_s, unit="s")
         for name, channel in log.channels.items():
-            _dataset(file, _link_name(name), channel.values, unit=channel.unit)
+            _dataset(file, names[name], channel.values, unit=channel.unit)
         if log.segments:
             file.attrs["segments"] = segments_to_json(log.segments)
         if log.truth is not None:
             truth = file.create_group("truth")
-            truth.attrs["faults"] = faults_to_json(log.truth.faults)
+            truth.attrs["faults"] = _faults(log.truth, names)
             for name, clean in log.truth.clean.items():
-                _dataset(truth, _link_name(name) + CLEAN, clean, unit=_unit_of(log, name))
+                _dataset(truth, names[name] + CLEAN, clean, unit=_unit_of(log, name))
 
 
 def _dataset(node: h5py.Group, name: str, values: FloatArray, *, unit: str) -> None:
@@ -88,17 +91,36 @@ def _link_name(name: str) -> str:
     return f"{plain}_" if plain in ("", ".", "..", "time", "truth") else plain
 
 
+def _names(log: FlightLog, plain: Callable[[str], str]) -> dict[str, str]:
+    """Return the name of each channel in the file; underscores tell those apart that would be alike there."""
+    names: dict[str, str] = {}
+    taken = set()
+    for name in (*log.channels, *(log.truth.clean if log.truth else ())):
+        if name not in names:
+            new = plain(name)
+            while new in taken:
+                new += "_"
+            taken.add(new)
+            names[name] = new
+    return names
+
+
+def _faults(truth: Truth, names: Mapping[str, str]) -> str:
+    return faults_to_json([replace(fault, channel=names.get(fault.channel, fault.channel)) for fault in truth.faults])
+
+
 def _unit_of(log: FlightLog, name: str) -> str:
     return log.channels[name].unit if name in log.channels else ""
 
 
 def _write_csv(log: FlightLog, path: Path) -> None:
-    columns = dict(_csv_columns(log))
+    names = _names(log, _column_name)
+    columns = dict(_csv_columns(log, names))
     with open(path, "w", encoding="utf-8", newline="") as file:
         if log.segments:
             file.write(f"{SEGMENTS}{segments_to_json(log.segments)}\n")
         if log.truth is not None:
-            file.write(f"{FAULTS}{faults_to_json(log.truth.faults)}\n")
+            file.write(f"{FAULTS}{_faults(log.truth, names)}\n")
         header = io.StringIO()
         csv.writer(header, lineterminator="\n").writerow(columns)
         file.write(header.getvalue())
@@ -106,15 +128,19 @@ def _write_csv(log: FlightLog, path: Path) -> None:
             file.write(",".join(map(repr, row)) + "\n")
 
 
-def _csv_columns(log: FlightLog) -> Iterator[tuple[str, FloatArray]]:
+def _csv_columns(log: FlightLog, names: Mapping[str, str]) -> Iterator[tuple[str, FloatArray]]:
     yield "time [s]", log.time_s
     for name, channel in log.channels.items():
-        yield _header(name, channel.unit), channel.values
+        yield _header(names[name], channel.unit), channel.values
     if log.truth is not None:
         for name, clean in log.truth.clean.items():
-            yield _header(name + CLEAN, _unit_of(log, name)), clean
+            yield _header(names[name] + CLEAN, _unit_of(log, name)), clean
+
+
+def _column_name(name: str) -> str:
+    """Return a name that a header takes: on one line, printable, no comment, quote or other delimiter."""
+    return printable(re.sub(r"[\s\"#;]+", " ", name).strip()) or "_"
 
 
 def _header(name: str, unit: str) -> str:
-    plain = re.sub(r"[\s\"#;]+", " ", name).strip()
-    return f"{plain} [{unit}]" if unit else plain
+    return f"{name} [{unit}]" if unit else name

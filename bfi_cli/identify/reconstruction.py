@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import unit_signal
+from ..faults import active_samples, unit_signal
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
@@ -97,14 +98,20 @@ def against_truth(window: PreparedWindow, found: MethodResult, series: Sequence[
     wanted: dict[int, float] = {}
     unknown: list[str] = []
     time_s, start_s = window.native.time_s, window.window_start_s
+    # No file is opened because a log names it.
+    named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
         channel = window.log.channel(fault.channel).name
+        name = fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}"
+        if fault.file is not None and os.path.abspath(fault.file) not in named:
+            unknown += [name] if active_samples(fault, time_s).any() else []
+            continue
         signal = fault.magnitude * unit_signal(fault, time_s, window_start_s=start_s)
         if not np.any(signal):
             continue
         entry, z = _entry_of(window, channel, signal)
         if entry is None:
-            unknown.append(fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}")
+            unknown.append(name)
         else:
             wanted[entry] = wanted.get(entry, 0.0) + z
     wanted = {j: z for j, z in wanted.items() if z != 0.0}

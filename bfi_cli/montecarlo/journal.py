@@ -18,7 +18,8 @@ from types import TracebackType
 from typing import Any
 
 from ..errors import SweepError
-from .row import COLUMNS, Row, csv_text, row_from_cells
+from ..serialize import to_csv
+from .row import COLUMNS, Row, row_from_cells
 from .scenarios import Sweep
 
 __all__ = ["TIMING_COLUMNS", "Journal", "timing_cells"]
@@ -68,7 +69,7 @@ class Journal:
         """Write what is known whole and go on from there: a torn last line is gone."""
         path = self.folder / name
         aside = path.with_suffix(".new")
-        aside.write_text(csv_text([columns, *lines]), encoding="utf-8", newline="")
+        aside.write_text(to_csv([columns, *lines]), encoding="utf-8", newline="")
         aside.replace(path)
         return path.open("a", encoding="utf-8", newline="")
 
@@ -81,7 +82,7 @@ class Journal:
         """
         try:
             for file, cells in ((self._rows, row.cells()), (self._times, timing_cells(row, seconds))):
-                file.write(csv_text([cells]))
+                file.write(to_csv([cells]))
                 file.flush()
         except OSError as error:
             raise SweepError(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-__all__ = ["COLUMNS", "ERROR_DIGITS", "Row", "csv_text", "rounded", "row_from_cells"]
+from ..serialize import to_json
+
+__all__ = ["COLUMNS", "ERROR_DIGITS", "Row", "rounded", "row_from_cells"]
 
 ESTIMATE_DIGITS = 12
 ERROR_DIGITS = 6
@@ -71,13 +71,6 @@ def row_from_cells(cells: Sequence[str]) -> Row:
     return Row(**{key: text[key] or None for key in TEXTS} | {"scenario": text["scenario"]} | read)
 
 
-def csv_text(lines: Iterable[Sequence[str]]) -> str:
-    """Return lines of cells as CSV."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(lines)
-    return text.getvalue()
-
-
 def rounded(value: float, digits: int = ESTIMATE_DIGITS) -> float:
     """Return `value` at so many significant digits: what a file says is what a summary is made of."""
     return float(f"{value:.{digits}g}")
@@ -86,4 +79,4 @@ def rounded(value: float, digits: int = ESTIMATE_DIGITS) -> float:
 def _cell(value: object) -> str:
     if value is None or isinstance(value, str):
         return value or ""
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False)
+    return to_json(value, indent=None)

@@ -17,6 +17,7 @@ from ..config import Config, merge
 from ..dictionary import Dictionary, DictionaryDocument, load_dictionary
 from ..dictionary.validation import validated
 from ..errors import ConfigError
+from ..printable import printable
 from ..yaml12 import load_yaml, read_text
 from .definition import FlownModel, RecordedLog, SweepRules
 
@@ -105,12 +106,15 @@ class Sweep:
                 yield Trial(scenario=scenario, number=number, seed=int(child.generate_state(1, np.uint64)[0]))
 
 
-def load_sweep(path: str | Path, *, trials: int | None = None, seed: int | None = None) -> Sweep:
+def load_sweep(
+    path: str | Path, *, trials: int | None = None, seed: int | None = None, allow_outside: bool = False
+) -> Sweep:
     """Return the sweep of a YAML file.
 
     Parameters
     ----------
     trials, seed : in place of the file's.
+    allow_outside : sample files may lie outside the folder of their dictionary.
 
     Raises
     ------
@@ -119,12 +123,12 @@ def load_sweep(path: str | Path, *, trials: int | None = None, seed: int | None 
     """
     path = Path(path)
     data = load_yaml(read_text(path, error=ConfigError), where=str(path), error=ConfigError)
-    context = {"folder": path.parent}
+    context = {"folder": path.parent, "allow_outside": allow_outside}
     rules = validated(SweepRules, {} if data is None else data, where=str(path), error=ConfigError, context=context)
     return Sweep(
         path=str(path),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        scenarios=_scenarios(rules, str(path)),
+        scenarios=_scenarios(rules, str(path), allow_outside),
         n_trials=rules.trials if trials is None else trials,
         seed=rules.seed if seed is None else seed,
         workers=rules.workers,
@@ -132,8 +136,8 @@ def load_sweep(path: str | Path, *, trials: int | None = None, seed: int | None 
     )
 
 
-def _scenarios(rules: SweepRules, where: str) -> tuple[Scenario, ...]:
-    dictionaries = [_dictionary(source, where) for source in rules.dictionary]
+def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scenario, ...]:
+    dictionaries = [_dictionary(source, where, allow_outside) for source in rules.dictionary]
     configs = _configs(rules, where)
     _check_active(rules.active, dictionaries, where)
     axes: dict[str, Sequence[tuple[str, Any]]] = {
@@ -157,7 +161,7 @@ def _scenario(rules: SweepRules, chosen: Mapping[str, tuple[str, Any]], varying:
     words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
     labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
     return Scenario(
-        name=" ".join(words) or "all",
+        name=printable(" ".join(words)) or "all",  # as trials.csv has it, where --resume looks for it
         axes={**labels, **{f"noise.{channel}": sd for channel, sd in noise}, "active": value["active"], **settings},
         setting=_setting(value["record"], dictionary, noise, config),
         n_active=value["active"],
@@ -194,8 +198,9 @@ def _word(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
-def _dictionary(source: str | DictionaryDocument, where: str) -> Dictionary:
-    return load_dictionary(source, where=None if isinstance(source, str) else f"{where}: dictionary")
+def _dictionary(source: str | DictionaryDocument, where: str, allow_outside: bool) -> Dictionary:
+    name = None if isinstance(source, str) else f"{where}: dictionary"
+    return load_dictionary(source, where=name, allow_outside=allow_outside)
 
 
 def _check_active(active: Sequence[int], dictionaries: Sequence[Dictionary], where: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..printable import printable
 from .summary import Proportion, Summary
 
 if TYPE_CHECKING:
@@ -27,11 +28,11 @@ def print_summary(console: Console, summary: Summary) -> None:
         rates = (one.isolation, one.false_alarm, one.missed_detection, one.coverage)
         error = one.magnitude_error.get("p50")
         cells = (one.name, str(one.trials), *map(_percent, rates), "-" if error is None else f"{error:.2g}")
-        table.add_row(*map(Text, cells))
+        table.add_row(*(Text(printable(cell)) for cell in cells))
     console.print(table)
     console.print(Text("Shares in % with their 95 % Wilson intervals.", style="dim"))
     for note in summary.notes:
-        console.print(Text(f"Note: {note}"))
+        console.print(Text(printable(f"Note: {note}")))
 
 
 def _percent(share: Proportion) -> str:

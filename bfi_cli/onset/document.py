@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..faults import Fault, fault_to_dict
 from ..plain import to_plain
 from ..provenance import Provenance
+from ..serialize import to_csv
 from .result import OnsetFault, OnsetResult
 
 __all__ = ["SCHEMA", "onset_document", "onset_tables"]
@@ -105,12 +103,4 @@ def onset_tables(result: OnsetResult) -> dict[str, str]:
         for point in zip(*(x.tolist() for x in (one.onset_s, one.statistic, one.magnitude, one.sd)), strict=True)
     )
     heads = ("shape", "channel", "onset_s", "statistic", "magnitude", "sd")
-    return {"faults.csv": _csv(FAULT_COLUMNS, rows), "profile.csv": _csv(heads, points)}
-
-
-def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([None if value != value else value for value in row] for row in rows)
-    return text.getvalue()
+    return {"faults.csv": to_csv([FAULT_COLUMNS, *rows]), "profile.csv": to_csv([heads, *points])}

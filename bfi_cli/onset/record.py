@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels.onset_scan import ENDING, STARTING
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
+from ..sample_file import sample_bytes
 from .shapes import Form, Sampling, forms_of
 
 __all__ = ["DECIMALS", "ScanRecord", "prepare_record"]
@@ -109,7 +109,7 @@ def prepare_record(log: FlightLog, config: Config) -> ScanRecord:
             shapes=asked.shapes,
             ends=asked.ends,
             frequency_hz=asked.frequency_hz,
-            samples=None if asked.samples is None else _digest(asked.samples),
+            samples=None if asked.samples is None else hashlib.sha256(sample_bytes(asked.samples)).hexdigest(),
         ),
     )
 
@@ -125,14 +125,6 @@ def _probes(log: FlightLog, config: Config) -> Dictionary:
             Fault(shape="sine", channel=config.outputs[0], onset_s=middle, frequency_hz=high, name="an oscillation")
         )
     return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
-
-
-def _digest(path: str) -> str:
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ConfigError(f"{path}: cannot read the samples, {reason}; give a CSV file of time, value") from None
 
 
 def _band(asked: tuple[float, float] | None, n_samples: int, rate_hz: float) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..printable import printable
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Look, plain, settled, styled
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ __all__ = ["draw"]
 WIDTH_IN, PANEL_IN, LINE_IN = 6.9, 2.1, 0.16
 CELL_IN, MAP_LABELS_IN, TALLEST_MAP_IN = 0.28, 0.9, 6.0
 LETTERS, MAP_LETTERS, TITLE_LETTERS = 60, 24, 110
+# The layout fails where labels do not fit: beside a panel of 2.1 in, and side by side over the page of 6.9 in.
+AXIS_LETTERS, ROOM_LETTERS, HANDLE_LETTERS = 40, 140, 6
 MOST_NUMBERS = 16
 LOOKS: tuple[Look, ...] = (
     {"color": BLUE, "marker": "o"},
@@ -47,32 +50,46 @@ def draw(drawing: Drawing) -> Figure:
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(len(heights), across, height_ratios=heights)
     for i, panel in enumerate(drawing.panels):
-        _draw_panel(figure.add_subplot(grid[i // across, i % across]), panel, columns=columns)
+        _draw_panel(
+            figure.add_subplot(grid[i // across, i % across]), panel, columns=columns, room=ROOM_LETTERS // across
+        )
     for i, heat_map in enumerate(drawing.heat_maps):
         _draw_map(figure.add_subplot(grid[len(rows) + i, :]), heat_map)
     return settled(figure)
 
 
 def _legend_in(panel: Panel, columns: int) -> float:
+    return LINE_IN * (-(-len(_labels(panel)) // columns) + bool(panel.title))
+
+
+def _labels(panel: Panel) -> set[str]:
     labels = {one.label for one in panel.curves} | {name for name, _ in panel.levels} | {s.label for s in panel.spans}
-    return LINE_IN * (-(-len(labels - {""}) // columns) + bool(panel.title))
+    return labels - {""}
 
 
-def _draw_panel(axes: Axes, panel: Panel, *, columns: int) -> None:
+def _letters(panel: Panel, columns: int, room: int) -> int:
+    """Return to how many letters the labels of the legend are cut so that the columns fit beside each other."""
+    longest = sorted((len(printable(label)) for label in _labels(panel)), reverse=True)[:columns]
+    fits = sum(min(length, LETTERS) + HANDLE_LETTERS for length in longest) <= room
+    return LETTERS if fits else room // len(longest) - HANDLE_LETTERS
+
+
+def _draw_panel(axes: Axes, panel: Panel, *, columns: int, room: int) -> None:
+    letters = _letters(panel, columns, room)
     for i, one in zip(count(), panel.curves, strict=False):
-        _draw_curve(axes, one, LOOKS[i % len(LOOKS)])
+        _draw_curve(axes, one, LOOKS[i % len(LOOKS)], letters)
     for (label, level), dash in zip(panel.levels, ("--", ":", "-.", (0, (1, 3))) * 9, strict=False):
-        axes.axhline(level, color=BLACK, ls=dash, lw=0.9, label=plain(label, LETTERS) or None)
+        axes.axhline(level, color=BLACK, ls=dash, lw=0.9, label=plain(label, letters) or None)
     named: set[str] = set()
     for span in panel.spans:
         label = span.label if span.label not in named else ""
         named.add(span.label)
         if span.high > span.low:
-            axes.axvspan(span.low, span.high, color=GREY, alpha=0.3, lw=0.0, label=plain(label, LETTERS) or None)
+            axes.axvspan(span.low, span.high, color=GREY, alpha=0.3, lw=0.0, label=plain(label, letters) or None)
         else:
-            axes.axvline(span.low, color=GREY, ls=":", lw=1.0, label=plain(label, LETTERS) or None)
+            axes.axvline(span.low, color=GREY, ls=":", lw=1.0, label=plain(label, letters) or None)
     _set_axes(axes, panel)
-    _name_all(axes, plain(panel.title, TITLE_LETTERS), columns)
+    _name_all(axes, plain(panel.title, room), columns)
 
 
 def _set_axes(axes: Axes, panel: Panel) -> None:
@@ -82,8 +99,8 @@ def _set_axes(axes: Axes, panel: Panel) -> None:
         axes.set_yscale("log")
     if panel.y_limits is not None:
         axes.set_ylim(*panel.y_limits)
-    axes.set_xlabel(plain(panel.x_label))
-    axes.set_ylabel(plain(panel.y_label))
+    axes.set_xlabel(plain(panel.x_label, LETTERS))
+    axes.set_ylabel(plain(panel.y_label, AXIS_LETTERS))
 
 
 def _name_all(axes: Axes, title: str, columns: int) -> None:
@@ -105,8 +122,8 @@ def _name_all(axes: Axes, title: str, columns: int) -> None:
     legend.get_title().set_fontsize(axes.title.get_fontsize())
 
 
-def _draw_curve(axes: Axes, one: Curve, look: Look) -> None:
-    name: Look = {"label": plain(one.label, LETTERS) or None, "ls": DASHES[one.style], "lw": 1.0}
+def _draw_curve(axes: Axes, one: Curve, look: Look, letters: int) -> None:
+    name: Look = {"label": plain(one.label, letters) or None, "ls": DASHES[one.style], "lw": 1.0}
     if one.style in ("points", "bars"):
         ends = None if one.low is None or one.high is None else np.clip([one.y - one.low, one.high - one.y], 0.0, None)
         axes.errorbar(one.x, one.y, ends, ms=3.5, capsize=2.0, **look, **name)
@@ -126,7 +143,7 @@ def _draw_map(axes: Axes, heat_map: HeatMap) -> None:
     )
     axes.set_yticks(range(len(heat_map.rows)), [plain(name, MAP_LETTERS) for name in heat_map.rows])
     axes.set_title(plain(heat_map.title, TITLE_LETTERS), loc="left")
-    axes.figure.colorbar(image, ax=axes, label=plain(heat_map.label), fraction=0.04, pad=0.02)
+    axes.figure.colorbar(image, ax=axes, label=plain(heat_map.label, AXIS_LETTERS), fraction=0.04, pad=0.02)
     if max(values.shape, default=0) > MOST_NUMBERS:
         return
     middle = float(np.nanmean([np.nanmin(values), np.nanmax(values)])) if np.isfinite(values).any() else 0.0

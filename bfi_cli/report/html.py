@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from .. import rows
 from ..exhibit import Exhibit
 from ..identify.result import IdentifyResult
+from ..printable import printable
 from ..provenance import Provenance
 from ..wording import verdict
 from .captions import caption
@@ -77,16 +78,27 @@ def _template(name: str) -> Template:
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, loader=FunctionLoader(_file)
+        autoescape=True,
+        finalize=_shown,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=FunctionLoader(_file),
     )
     environment.filters["unbroken"] = _unbroken
     return environment.get_template(name)
+
+
+def _shown(value: object) -> object:
+    """Make text of a template printable; what is HTML already stays."""
+    return printable(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
 
 
 def _unbroken(text: str) -> Markup:
     """Keep a short text on one line; let a long name break after its underscores."""
     from markupsafe import Markup, escape
 
+    text = printable(text)
     if len(text) <= ONE_LINE_LETTERS:
         return escape(text.replace(" ", "\u00a0"))
     return Markup("_<wbr>").join(escape(part) for part in text.split("_"))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..errors import ConfigError
 from ..exhibit import Exhibit, Table
+from ..faults import shown
 from ..plain import from_plain, member, to_plain
 from ..provenance import Provenance
 from .catalogue import REPRODUCTIONS
@@ -39,7 +42,11 @@ def reproduce_exhibit(document: Mapping[str, Any], *, where: str = "reproduce") 
     ------
     ConfigError : a key is missing, or a value is of another kind.
     """
-    return from_plain(Exhibit, member(document, "exhibit", where=where), where=f"{where}: exhibit")
+    exhibit = from_plain(Exhibit, member(document, "exhibit", where=where), where=f"{where}: exhibit")
+    for name in [one.name for one in exhibit.drawings] + [one.name for one in exhibit.tables]:
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+            raise ConfigError(f"{where}: exhibit: {shown(name)} is no name of a file; run the command again")
+    return exhibit
 
 
 def summary_exhibit(made: Sequence[tuple[str, Exhibit | Exception]]) -> Exhibit:

@@ -76,9 +76,7 @@ def test_risro_as_published_is_risro_with_its_key(log, thesis):
 
 
 def test_an_unknown_method_is_refused_with_the_nearest():
-    with pytest.raises(
-        ConfigError, match="not one of the choices, got 'dmea'; did you mean 'dmae'"
-    ):
+    with pytest.raises(ConfigError, match="not one of the choices, got 'dmea'; did you mean 'dmae'"):
         merge(Config(), {"method": "dmea"}, where="--method")
 
 
@@ -92,9 +90,7 @@ def test_dmae_refuses_what_it_cannot_work_with(log, thesis):
     with pytest.raises(LogError, match=r"citation_bias\.h5: method dmae needs a model, .*; give --model NAME"):
         identify_faults(log, thesis, merge(Config(), {"method": "dmae"}))
     short = read_log(DATA / "citation_bias.csv").window(None, 30.0)
-    with pytest.raises(
-        LogError, match=r"csv: method dmae needs aoa, pitch, pitch_rate of the model 'citation'; "
-    ):
+    with pytest.raises(LogError, match=r"csv: method dmae needs aoa, pitch, pitch_rate of the model 'citation'; "):
         identify_faults(short, thesis, settings("dmae"))
     for model in ("citatoin", "f16"):
         with pytest.raises(ConfigError, match=f"^dmae.model: no linear model, got '{model}'; "):

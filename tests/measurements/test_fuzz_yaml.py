@@ -1,0 +1,179 @@
+"""What damaged YAML does to the loaders and to the command line: a line that says so, or a right answer."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import resource
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bfi_cli.config import load_config
+from bfi_cli.dictionary import load_dictionary
+from bfi_cli.errors import BfiError
+from bfi_cli.montecarlo import load_sweep
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[2]
+FILES: dict[str, Callable[[Path], object]] = {
+    "example.yaml": load_config,
+    "thesis_dictionary.yaml": load_dictionary,
+    "airdata_dictionary.yaml": load_dictionary,
+    "montecarlo_thesis.yaml": load_sweep,
+}
+MUTATIONS = 500
+LONGEST_LINE = 4000
+MOST_MEMORY = 1_000_000_000
+SPECIALS = (
+    *(
+        "&a ",
+        "*a",
+        "!!int ",
+        "!!binary ",
+        "!x ",
+        "<<: *a",
+        "- ",
+        "? ",
+        ": ",
+        "|\n",
+        ">\n",
+        "%YAML 1.1\n",
+        "---\n",
+        "...\n",
+    ),
+    *("{", "}", "[", "]", "#", '"', "'", "\t", "\0", "\x85", "\u2028", "\ufeff", "\U0001f600", "null", "~", "true"),
+    *(
+        ".inf",
+        "-.inf",
+        ".nan",
+        "1e999",
+        "-0",
+        "0x" + "f" * 5000,
+        "9" * 5000,
+        "1e5000",
+        "-1",
+        "0",
+        "1e-320",
+        '"\\ud800"',
+    ),
+    *("[" * 2000, "{a: " * 500, "x" * 100_000, '"\\UFFFFFFFF"', "2001-01-01", "12:30:00", "../../../etc/passwd"),
+    "&x [1, 1, 1, 1, 1, 1, 1, 1, 1]\nb: &y [*x, *x, *x, *x, *x, *x, *x, *x]\nc: &z [*y, *y, *y, *y, *y, *y, *y, *y]\n",
+)
+
+
+def mutated(content: bytes, rng: random.Random) -> bytes:
+    """Return the bytes with one to three changes."""
+    for _ in range(rng.choice((1, 1, 2, 3))):
+        at = rng.randrange(len(content) + 1)
+        end = min(len(content), at + rng.choice((1, 2, 8, 40)))
+        match rng.randrange(6):
+            case 0:
+                content = content[:at] + bytes([rng.randrange(256)]) + content[at + 1 :]
+            case 1:
+                content = content[:at] + content[end:]
+            case 2:
+                content = content[:end] + content[at:end] * rng.choice((1, 3, 50)) + content[end:]
+            case 3:
+                words = content.split(b" ")
+                i, j = rng.randrange(len(words)), rng.randrange(len(words))
+                words[i], words[j] = words[j], words[i]
+                content = b" ".join(words)
+            case 4:
+                content = content[:at] + rng.choice(SPECIALS).encode() + content[at:]
+            case _:  # in place of a value
+                lines = content.split(b"\n")
+                i = rng.randrange(len(lines))
+                key, colon, _ = lines[i].partition(b": ")
+                lines[i] = key + colon + rng.choice(SPECIALS).encode()
+                content = b"\n".join(lines)
+    return content
+
+
+def said_well(line: str) -> bool:
+    """Return whether a message is one line of the house form."""
+    return "\n" not in line and ": " in line and ("; " in line or "must " in line) and len(line) <= LONGEST_LINE
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_loaders(name: str, tmp_path: Path):
+    rng = random.Random(f"loaders {name}")
+    content = (ROOT / "configs" / name).read_bytes()
+    for other in FILES:
+        (tmp_path / other).write_bytes((ROOT / "configs" / other).read_bytes())
+    path = tmp_path / "damaged.yaml"
+    outcomes: Counter[str] = Counter()
+    for n in range(MUTATIONS):
+        path.write_bytes(mutated(content, rng))
+        try:
+            FILES[name](path)
+        except BfiError as error:
+            outcomes["refused" if said_well(str(error)) else f"{n}: {error}"] += 1
+        except Exception as error:
+            outcomes[f"{n}: {error!r}"] += 1
+        else:
+            outcomes["read"] += 1
+    print(f"\n{name}: {dict(outcomes)} of {MUTATIONS}")
+    assert set(outcomes) == {"refused", "read"}
+    assert 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < MOST_MEMORY
+
+
+RUN = """
+import json, resource, sys
+from bfi_cli.commands import _run
+code = _run(sys.argv[1:])
+sys.stdout.flush()
+print(json.dumps([code, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss]), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("name", ["example.yaml", "thesis_dictionary.yaml", "airdata_dictionary.yaml"])
+def test_command_line(name: str, tmp_path: Path):
+    """The whole program, each in a process of its own: exit 0, 2, 3 or 4, one line or an answer, bounded memory."""
+    rng = random.Random(f"commands {name}")
+    content = (ROOT / "configs" / name).read_bytes()
+    for other in FILES:
+        (tmp_path / other).write_bytes((ROOT / "configs" / other).read_bytes())
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+    def run(*argv: str) -> tuple[int, int, str, str]:
+        done = subprocess.run(
+            [sys.executable, "-c", RUN, *argv],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        *said, last = done.stderr.splitlines()
+        code, peak = json.loads(last)
+        return code, 1024 * peak, done.stdout, "\n".join(said)
+
+    assert run("simulate", "citation", "-o", "log.h5", "--noise", "tas=0.01", "--rate", "20")[0] == 0
+    outcomes: Counter[int] = Counter()
+    largest = 0
+    for n in range(MUTATIONS // 10):
+        (tmp_path / "damaged.yaml").write_bytes(mutated(content, rng))
+        if "dictionary" in name:
+            argv = ["dictionary", "damaged.yaml", "--json"]
+        else:
+            argv = ["identify", "log.h5", "-c", "damaged.yaml", "-d", "thesis_dictionary.yaml", "--json"]
+        code, peak, printed, said = run(*argv)
+        largest = max(largest, peak)
+        outcomes[code] += 1
+        assert code in (0, 2, 3, 4), (n, said)
+        if code in (2, 3):
+            assert said_well(said), (n, said[:500])
+            assert said.isprintable()
+            assert printed == ""
+        else:
+            assert json.loads(printed)["kind"] == argv[0]
+            assert said == ""
+    print(f"\n{name}: exit codes {dict(sorted(outcomes.items()))}, at most {largest / 1e6:.0f} MB")
+    assert largest < MOST_MEMORY

@@ -90,17 +90,17 @@ def _compared_what(audit: Audit) -> str:
     return "raw signals" if audit.model is None else "filtered signatures"
 
 
-def audit_tables(audit: Audit) -> dict[str, str]:
-    """Return the CSV text of each table by its file name; coherence.csv only where the signals were compared."""
+def audit_tables(audit: Audit) -> dict[str, bytes]:
+    """Return the CSV file of each table by its file name; coherence.csv only where the signals were compared."""
     entries = [_atom_entry(atom) for atom in audit.atoms]
     for entry in entries:
         physical = entry["minimal_physical"] or {"value": None, "unit": None}
         entry |= {"minimal_physical": physical["value"], "physical_unit": physical["unit"]}
-    tables = {"atoms.csv": to_csv([ATOM_COLUMNS, *([entry[column] for column in ATOM_COLUMNS] for entry in entries)])}
+    tables = {"atoms.csv": to_csv(ATOM_COLUMNS, ([entry[column] for column in ATOM_COLUMNS] for entry in entries))}
     if audit.signatures is not None:
         names, matrix = audit.signatures.names, to_plain(audit.signatures.coherence)
         rows = ([name, *row] for name, row in zip(names, matrix, strict=True))
-        tables["coherence.csv"] = to_csv([("name", *names), *rows])
+        tables["coherence.csv"] = to_csv(("name", *names), rows)
     return tables
 
 

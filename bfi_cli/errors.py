@@ -9,7 +9,10 @@ __all__ = [
     "ExcitationError",
     "LogError",
     "SweepError",
+    "first_line",
 ]
+
+LONGEST_DETAIL = 120
 
 
 class BfiError(Exception):
@@ -38,3 +41,9 @@ class ExcitationError(LogError):
 
 class SweepError(BfiError):
     """A Monte Carlo sweep cannot be run or continued."""
+
+
+def first_line(error: Exception) -> str:
+    """Return what a library says of an error, as part of one line: its first line, and no more than fits."""
+    lines = str(error).strip().splitlines()
+    return " ".join((lines[0] if lines else type(error).__name__).split())[:LONGEST_DETAIL]

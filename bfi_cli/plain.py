@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 import numpy as np
 
 from .errors import ConfigError
+from .printable import valid_text
 
 __all__ = ["from_plain", "mapping", "member", "to_plain"]
 
@@ -26,6 +27,8 @@ def to_plain(value: object) -> Any:
     ----------
     value : a dataclass, mapping, sequence, array, scalar or None, nested to any depth.
     """
+    if isinstance(value, str):
+        return valid_text(value)
     if isinstance(value, np.ndarray):
         return _plain_array(value)
     if isinstance(value, np.generic):
@@ -35,8 +38,8 @@ def to_plain(value: object) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
-        return {str(key): to_plain(entry) for key, entry in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
+        return {valid_text(str(key)): to_plain(entry) for key, entry in value.items()}
+    if isinstance(value, Sequence):
         return [to_plain(entry) for entry in value]
     return value
 

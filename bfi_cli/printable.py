@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-__all__ = ["printable", "shortened"]
+import codecs
+
+__all__ = ["SHOWN", "printable", "shortened", "valid_text"]
+
+# Name of the error handler of `valid_text`, for streams, files and `str.encode`.
+SHOWN = "bfi-shown"
 
 NAMED = {"\n": r"\n", "\t": r"\t", "\r": r"\r"}
 BYTES = range(0xDC80, 0xDD00)  # what Python makes of a byte of a file name that is not UTF-8
@@ -23,8 +28,10 @@ def printable(text: str) -> str:
 
 
 def _letter(letter: str) -> str:
-    if letter.isprintable():
-        return letter
+    return letter if letter.isprintable() else _code(letter)
+
+
+def _code(letter: str) -> str:
     code = ord(letter)
     if code in BYTES:
         code -= 0xDC00
@@ -42,3 +49,18 @@ def shortened(text: str, width: int) -> str:
         return text
     head = (width - 1) // 2
     return f"{text[:head]}…{text[len(text) - (width - 1 - head) :]}"
+
+
+def valid_text(text: str) -> str:
+    r"""Return `text` as any UTF-8 file can hold it: the byte 0xff of a file name (a lone surrogate) becomes `\xff`."""
+    return text.encode("utf-8", SHOWN).decode("utf-8")
+
+
+def _escaped(error: UnicodeError) -> tuple[str, int]:
+    """Show what an encoding lacks by its code."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(map(_code, error.object[error.start : error.end])), error.end
+
+
+codecs.register_error(SHOWN, _escaped)

@@ -11,6 +11,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from made_logs import write_hdf5
+from odd_logs import ODD
+from scipy.io import savemat
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.flightlog import write_log
@@ -222,9 +225,22 @@ OPTIONS = {
     "-d absent.yaml": (2, "absent.yaml: cannot be read, no such file or directory; check the path"),
     "-d folder": (2, "folder: cannot be read, is a directory; check the path"),
     "-d good.csv": (2, "good.csv: must be a mapping of key: value, got 'time [s],elevator [rad],tas [m/s]"),
-    "--out in_the_way": (2, "in_the_way: file exists; give another --out"),
-    "--out in_the_way/deeper": (2, "in_the_way/deeper: not a directory; give another --out"),
+    "--out in_the_way": (2, "in_the_way: cannot be written, not a directory; give another --out"),
+    "--out in_the_way/deeper": (2, "in_the_way/deeper: cannot be written, not a directory; give another --out"),
 }
+
+# Every command on logs of one, two and three samples; two are a log for `info`, `convert` and `inject`.
+SHORT = (
+    "info {}",
+    "identify {} -d good.yaml",
+    "identify {}",
+    "start-time {}",
+    "detect {}",
+    "diagnosability {} -d good.yaml",
+    "dictionary good.yaml {}",
+    "convert {} -o new.csv --rate 5",
+    "info {} --from 0 --to 0.1",
+)
 
 COMMANDS = {
     "identfy good.csv": (2, "bfi: unknown command 'identfy'; did you mean 'identify'?"),
@@ -250,11 +266,21 @@ COMMANDS = {
     "convert good.csv -o new.h5 --rate 1e-9": (3, "nothing is left of it at 1e-09 Hz; give a higher --rate"),
     "convert good.csv -o new.h5 --rate fast": (2, "--rate: not a number, got 'fast'; give one like 12.5"),
     "convert good.csv -o new.txt": (2, "new.txt: no format with the suffix '.txt'; name the file .h5 or .csv"),
-    "convert good.csv -o folder": (2, "folder: no format with the suffix ''; name the file .h5 or .csv"),
-    "convert good.csv -o nowhere/new.h5": (2, "nowhere/new.h5: cannot be written, no such file or directory; give"),
+    "convert good.csv -o folder": (2, "folder: cannot be written, is a directory; give another --output"),
     "convert good.csv -o in_the_way/new.h5": (2, "in_the_way/new.h5: cannot be written, not a directory; give"),
-    "convert good.csv -o folder.csv": (2, "folder.csv: cannot be written, is a directory; give another path"),
+    "convert good.csv -o folder.csv": (2, "folder.csv: cannot be written, is a directory; give another --output"),
     "convert truncated.h5 -o new.csv": (3, "truncated.h5: damaged or truncated HDF5 file"),
+    **{
+        f"{command.format('one.' + kind)}": (3, f"one.{kind}: {said}")
+        for kind, said in (("h5", "no signals, got no array of more than one"), ("mat", "no signals, got no array of"))
+        for command in SHORT
+    },
+    **{f"{command.format('one_sample.csv')}": (3, "one_sample.csv: 1 samples below the header") for command in SHORT},
+    **{
+        f"{command.format(name)}": (3, f"{name}: ")
+        for name in ("two_samples.csv", "three_samples.csv")
+        for command in SHORT[1:]
+    },
     "inject good.csv -o new.h5": (2, "bfi inject: --fault is missing; give --fault SPEC"),
     "inject good.csv -o new.h5 --fault bais,onset_s=3": (2, "shape: unknown shape, got 'bais'; did you mean 'bias'?"),
     "inject good.csv -o new.h5 --fault ''": (2, "shape: unknown shape, got ''; known: bias, drift"),
@@ -273,6 +299,43 @@ COMMANDS = {
     "simulate citation -o new.h5 --seed -1": (2, "--seed: too small, got -1; give 0 or more"),
     "simulate citation -o new.h5 --discretisation rk4": (2, "not one of the choices, got 'rk4'; known: 'zoh'"),
     "simulate citation -o new.h5 --noise tas": (2, "--noise: expected NAME=SD, got 'tas'; write --noise tas=0.01"),
+    "convert good.csv -o good.csv": (2, "good.csv: is an input of this command; give another --output"),
+    "convert good.csv -o folder/../good.csv --force": (2, "good.csv: is an input of this command; give another --out"),
+    "convert good.csv -o hard.csv --force": (2, "hard.csv: is an input of this command; give another --output"),
+    "convert good.csv -o soft.csv --force": (2, "soft.csv: is an input of this command; give another --output"),
+    "convert soft.csv -o good.csv --force": (2, "good.csv: is an input of this command; give another --output"),
+    "convert good.csv -o held.csv": (
+        2,
+        "held.csv: exists and was not written by bfi; give another --output, or --force",
+    ),
+    "inject good.csv -o good.csv --fault bias,onset_s=5": (2, "good.csv: is an input of this command; give another"),
+    "inject good.csv -o held.csv --fault bias,onset_s=5": (2, "held.csv: exists and was not written by bfi; give"),
+    "inject good.csv -o held.csv --force --fault samples,file=held.csv": (2, "held.csv: is an input of this command"),
+    "simulate citation -o good.csv": (2, "good.csv: exists and was not written by bfi; give another --output, or"),
+    "simulate citation -o truncated.h5": (2, "truncated.h5: exists and was not written by bfi; give another --output"),
+    "calibrate good.csv -o good.csv": (2, "good.csv: is an input of this command; give another -o"),
+    "calibrate good.csv -o other.json": (2, "other.json: exists and was not written by bfi; give another -o, or --for"),
+    "calibrate good.csv -o other.json --append": (
+        2,
+        "other.json: kind is 'None', not 'calibration'; give a file",
+    ),
+    "identify taken/series.csv --out taken --force": (2, "taken/series.csv: is an input of this command; give another"),
+    "identify good.csv -d taken/result.json --out taken --force": (2, "taken/result.json: is an input of this command"),
+    "identify good.csv -d good.yaml --out taken": (
+        2,
+        "exists and was not written by bfi; give another --out",
+    ),
+    "start-time good.csv --out taken": (
+        2,
+        "taken/report.html: exists and was not written by bfi; give another --out, or",
+    ),
+    "detect good.csv --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out, or"),
+    "diagnosability good.csv -d good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi"),
+    "dictionary good.yaml --out taken": (2, "taken/result.json: exists and was not written by bfi; give another --out"),
+    "montecarlo -c sweep.yaml --out taken": (2, "taken/trials.csv: exists and was not written by bfi; give another"),
+    "montecarlo -c sweep.yaml --out begun": (2, "begun/unfinished/trials.csv: exists and was not written by bfi; give"),
+    "reproduce thesis-5-1 --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
+    "identify good.csv --series": (2, "bfi identify: --series is about --json; add --json"),
     "report absent.json": (2, "absent.json: no such file or directory; give the result.json of a command's --out"),
     "report folder": (2, "folder: is a directory; give the result.json of a command's --out"),
     "report good.csv": (2, "good.csv: not JSON"),
@@ -284,6 +347,7 @@ COMMANDS = {
 
 ROWS = (
     *((f"identify {name} -d good.yaml", "", 3, fragment) for name, (_, fragment) in LOGS.items()),
+    *((f"identify {name} -d good.yaml", "", 3, fragment) for name, (_, fragment) in ODD.items()),
     *(("identify good.csv -d good.yaml -c c.yaml", text, 2, fragment) for text, fragment in CONFIGS.items()),
     *(("identify good.csv -d d.yaml", text, 2, fragment) for text, fragment in DICTIONARIES.items()),
     *((f"identify good.csv -d good.yaml {options}", "", *expected) for options, expected in OPTIONS.items()),
@@ -313,11 +377,27 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     drawn = {"name": "../../drawn", "caption": "", "panels": [], "heat_maps": []}
     told = dict.fromkeys(("kicker", "title", "heading", "verdict"), "")
     (folder / "reproduced.json").write_text(json.dumps({**reproduced, "exhibit": {**told, "drawings": [drawn]}}))
+    (folder / "hard.csv").hardlink_to(folder / "good.csv")
+    (folder / "soft.csv").symlink_to("good.csv")
+    (folder / "sweep.yaml").write_text("record: {model: citation}\ndictionary: good.yaml\nactive: 1\ntrials: 1\n")
+    for name in ("taken/series.csv", "taken/result.json", "taken/report.html", "taken/trials.csv"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(FAULTS if name.endswith(".json") else csv())
+    (folder / "begun" / "unfinished").mkdir(parents=True)
+    (folder / "begun" / "unfinished" / "trials.csv").write_text(csv())
     (folder / "other.json").write_text("{}")
     (folder / "damaged.json").write_text('{"kind": "identify", "schema": 1}')
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")
     write_log(FLIGHT, folder / "two.h5")
     (folder / "truncated.h5").write_bytes((folder / "two.h5").read_bytes()[:20_000])
+    rows = csv().splitlines(keepends=True)
+    (folder / "two_samples.csv").write_text("".join(rows[:3]))
+    (folder / "three_samples.csv").write_text("".join(rows[:4]))
+    one = {"time": T[:1], "elevator": ELEVATOR[:1], "tas": TAS[:1]}
+    write_hdf5(folder / "one.h5", **one)
+    savemat(folder / "one.mat", one)
+    for name, (write, _) in ODD.items():
+        write(folder / name)
     with h5py.File(folder / "no_signals.h5", "w") as file:
         file.attrs["comment"] = "nothing was recorded"
     return folder
@@ -361,7 +441,7 @@ def test_dead_duplicate_and_constant_faults_are_notes_while_one_is_live(bfi: Cal
     path = tmp_path / "mixed.yaml"
     onsets = {"live": 20, "again": 20, "late": 300, "constant": 0}
     path.write_text("atoms:\n" + "".join(f"- {{name: {k}, shape: bias, onset_s: {v}}}\n" for k, v in onsets.items()))
-    outcome = bfi("identify", desk / "good.csv", "-d", path)
+    outcome = bfi("identify", desk / "good.csv", "-d", path, "--json")
     document = json.loads(outcome.stdout)
     notes = {candidate["name"]: candidate["note"] for candidate in document["candidates"]}
     assert outcome.code == 0

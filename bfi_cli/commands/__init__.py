@@ -6,20 +6,23 @@ import contextlib
 import difflib
 import errno
 import importlib
+import io
+import logging
 import os
 import re
+import signal
 import sys
 import tempfile
 import traceback
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TextIO
 
 import click
 
 from .. import __version__
 from ..errors import BfiError
-from ..printable import printable, shortened
+from ..printable import SHOWN, shortened
 
 __all__ = ["COMMANDS", "cli", "main"]
 
@@ -97,9 +100,40 @@ def main(argv: list[str] | None = None) -> None:
     """Run the command line and exit with a code of the contract (never 1, never a traceback)."""
     if "_BFI_COMPLETE" in os.environ:
         cli(prog_name="bfi")
+    # What is open is closed, and the cursor shown again, before the shell's code for this signal is returned.
+    signal.signal(signal.SIGTERM, lambda number, _frame: sys.exit(128 + number))
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
-    sys.exit(_run(argv))
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written, fonts read anew
+    _open_streams()
+    code = _run(argv)
+    if code == INTERRUPTED:
+        # Python ends by the signal, whatever sys.exit says, where the interruption passed through an exec of text, as
+        # the making of a dataclass during an import is; scripts are promised 130.
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+        os._exit(code)
+    sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Make the standard streams take any text, and none of them be absent; the order is that of their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        stream: TextIO | None = getattr(sys, name)
+        file: int | None = None
+        if stream is None:
+            # Closed by the caller. A file of ours would else take its number, and be printed into. Stdout cannot be
+            # written then, so that an answer is not lost without a word.
+            file = os.open(os.devnull, os.O_WRONLY if name == "stderr" else os.O_RDONLY)
+        elif number and isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=SHOWN)
+            if isinstance(stream.buffer, io.RawIOBase):
+                # PYTHONUNBUFFERED: a raw stream forgets what a full disk did not take of a long answer.
+                file = stream.fileno()
+        if file is not None:
+            encoding = "utf-8" if stream is None else stream.encoding
+            opened = open(file, "w" if number else "r", encoding=encoding, errors=SHOWN, closefd=False)  # noqa: SIM115
+            setattr(sys, name, opened)
 
 
 def _run(argv: Sequence[str] | None) -> int:
@@ -122,10 +156,12 @@ def _run(argv: Sequence[str] | None) -> int:
     except MemoryError:
         return _complain("bfi: out of memory; choose a shorter window or a lower --rate", LOG)
     except Exception as error:
-        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            _close_output(sys.stdout)
-            return _complain("bfi: no space left on the device; free some, or write elsewhere", USAGE)
+        if isinstance(error, OSError) and (error.errno == errno.ENOSPC or not _flushed()):
+            reason = (error.strerror or str(error)).lower()
+            return _complain(f"stdout: cannot be written, {reason}; free some space, or write elsewhere", USAGE)
         return _complain(_crash(error), DEFECT)
+    finally:
+        _flushed()
     return 0
 
 
@@ -165,10 +201,20 @@ def _did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def _complain(message: str, code: int) -> int:
     try:
-        click.echo(shortened(message.strip(), LONGEST_LINE), err=True)
-    except BrokenPipeError:
-        _close_output(sys.stdout, sys.stderr)
+        print(shortened(message.strip(), LONGEST_LINE), file=sys.stderr, flush=True)
+    except OSError:
+        _close_output(sys.stderr)
     return code
+
+
+def _flushed() -> bool:
+    """Say whether stdout takes what is left for it; what it does not take is dropped."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _close_output(sys.stdout)
+        return False
+    return True
 
 
 def _close_output(*streams: TextIO) -> None:
@@ -181,13 +227,35 @@ def _close_output(*streams: TextIO) -> None:
 
 
 def _crash(error: Exception) -> str:
-    what = f"bfi: a defect of ours, {error!r}"
+    """Write what a maintainer needs to a crash file, and nothing of the user's; return the line to print."""
+    what = f"bfi: a defect of ours, {type(error).__name__}"
+    text = "".join(f"{line}\n" for line in _crash_lines(error))
     try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="bfi-crash-", suffix=".txt", encoding="utf-8", delete=False
-        ) as file:
-            lines = [f"bfi {__version__}", " ".join(sys.argv), *"".join(traceback.format_exception(error)).split("\n")]
-            file.writelines(f"{printable(line)}\n" for line in lines)
+        with tempfile.NamedTemporaryFile("wb", prefix="bfi-crash-", suffix=".txt", delete=False) as file:
+            file.write(text.encode("utf-8", SHOWN))
     except OSError as full:
-        return f"{what}; please report it (no crash file, {full.strerror})"
-    return f"{what}; please report it with {file.name}"
+        return f"{what}; report it (no crash file, {(full.strerror or str(full)).lower()})"
+    return f"{what}; report it with {file.name}"
+
+
+def _crash_lines(error: BaseException) -> Iterator[str]:
+    """Yield versions, command and options without their values, and per exception the frames and its type.
+
+    The message of an exception, the values of options and the paths of logs are left out: they can hold data.
+    """
+    from importlib.metadata import version
+
+    python = ".".join(map(str, sys.version_info[:3]))
+    yield f"bfi {__version__}, Python {python} on {sys.platform}, numpy {version('numpy')}, scipy {version('scipy')}"
+    name = next((word for word in sys.argv[1:] if word in COMMANDS), "")
+    command = cli.get_command(click.Context(cli), name)
+    known = {flag for one in command.params for flag in (*one.opts, *one.secondary_opts)} if command else set()
+    yield " ".join(["bfi", name, *(flag for word in sys.argv[1:] if (flag := word.partition("=")[0]) in known)])
+    chain = [error]
+    while (cause := chain[0].__cause__ or chain[0].__context__) is not None and cause not in chain:
+        chain.insert(0, cause)
+    for one in chain:
+        yield "Traceback (most recent call last):"
+        for frame, line in traceback.walk_tb(one.__traceback__):
+            yield f'  File "{frame.f_code.co_filename}", line {line}, in {frame.f_code.co_name}'
+        yield type(one).__name__

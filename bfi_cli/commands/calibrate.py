@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, json_option, outside_option, tell, window_options
-from .progress import progress
+from .answered import show_lines
+from .options import (
+    channel_options,
+    force_option,
+    inputs_of,
+    json_option,
+    log_of,
+    outside_option,
+    progress_option,
+    tell,
+    window_options,
+)
+from .progress import stages
 from .start_time import SHAPES, scan_config
 
 if TYPE_CHECKING:
@@ -47,31 +60,35 @@ LENGTH = "Of a window.  [default: 120, or the whole of a shorter log]"
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @outside_option
 @click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@progress_option
+@force_option
 @json_option
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""
     from ..calibration import load_tables, merged, save_tables
-    from ..flightlog import read_log
-    from ..output import replace_files
+    from ..files import aside, check_files
     from ..provenance import provenance
 
     config = scan_config(config_path, options)
-    names = {"group": options["group"], "channel_map": dict(config.channels), "unit_map": dict(config.units)}
-    flights = [read_log(log, **names) for log in logs]
+    joined = options["append"] and out.exists()
+    if joined:
+        load_tables(out)
+    check_files([out], inputs=inputs_of(config, *logs), force=joined or options["force"], option="-o")
+    flights = [log_of(log, options["group"], config) for log in logs]
     length_s = options["length_s"] or min(LENGTH_S, *(_duration_s(flight, config) for flight in flights))
     windows = (length_s, options["step_s"] or 0.5 * length_s)
     table = _table(flights, config, windows, options["progress"])
-    kept = load_tables(out) if options["append"] and out.exists() else ()
+    kept = load_tables(out) if joined else ()
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
     tables = merged(kept, table)
     notes = _notes(tables[-1], flights)
     text = save_tables(tables, origin, notes)
-    replace_files({out.name: text.encode() + b"\n"}, out.parent)
+    with aside(out.parent, place=out, option="-o") as new:
+        (new / out.name).write_text(text + "\n", encoding="utf-8")
     tell(f"wrote {out}")
     for note in notes:
         tell(note)
-    _show(table, text, as_json=options["as_json"])
+    show_lines(json.loads(text), _lines(table), as_json=options["as_json"])
 
 
 def _duration_s(flight: FlightLog, config: Config) -> float:
@@ -87,8 +104,8 @@ def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float
         for flight in flights
         for window in windows_of(flight, config, length_s=windows[0], step_s=windows[1])
     ]
-    with progress("windows", wanted=wanted) as report:
-        return table_of_windows(pieces, config, report)
+    with stages(wanted=wanted) as progress:
+        return table_of_windows(pieces, config, partial(progress, f"{len(pieces)} windows"))
 
 
 def _notes(table: Table, flights: list[FlightLog]) -> tuple[str, ...]:
@@ -111,18 +128,15 @@ def _notes(table: Table, flights: list[FlightLog]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _show(table: Table, text: str, *, as_json: bool) -> None:
-    if as_json:
-        click.echo(text)
-        return
+def _lines(table: Table) -> list[str]:
     from ..calibration import FEWEST_WINDOWS, null_of
 
-    click.echo(f"{table.n_windows} windows without a fault, {table.n_unusable} could not be analysed")
+    counted = f"{table.n_windows} windows without a fault, {table.n_unusable} could not be analysed"
     if table.n_windows < FEWEST_WINDOWS:
-        click.echo(f"too few for a threshold, {FEWEST_WINDOWS} are needed")
-        return
+        return [counted, f"too few for a threshold, {FEWEST_WINDOWS} are needed"]
     null = null_of(table, table.settings.shapes)
-    for shape in table.settings.shapes:
-        click.echo(
-            f"{shape}: median {null.median[shape]:.4g}, 1 % false alarms above {null.threshold(shape, 0.01):.4g}"
-        )
+    shapes = (
+        f"{shape}: median {null.median[shape]:.4g}, 1 % false alarms above {null.threshold(shape, 0.01):.4g}"
+        for shape in table.settings.shapes
+    )
+    return [counted, *shapes]

@@ -7,9 +7,11 @@ from typing import Any
 
 import click
 
-from ..flightlog import read_log, resample, write_log
-from .options import channel_options, log_argument, window_options
-from .written import echo_written, json_option, out_option
+from ..files import check_files
+from ..flightlog import read_log, resample
+from ..flightlog.resampling import with_reach
+from .options import channel_options, json_option, log_argument, window_options
+from .written import out_option, write_and_show
 
 __all__ = ["command"]
 
@@ -22,10 +24,19 @@ __all__ = ["command"]
 @window_options
 @json_option
 def command(
-    log: str, out: Path, rate_hz: float | None, from_s: float | None, to_s: float | None, as_json: bool, **source: Any
+    *,
+    log: str,
+    out: Path,
+    force: bool,
+    rate_hz: float | None,
+    from_s: float | None,
+    to_s: float | None,
+    as_json: bool,
+    **source: Any,
 ) -> None:
     """Write a log as HDF5 or CSV, under standard names and in SI units, resampled with --rate."""
-    flight = read_log(log, **source)
+    check_files([out], inputs=[log], force=force)
+    first_s, last_s = with_reach(rate_hz, from_s, to_s)
+    flight = read_log(log, from_s=first_s, to_s=last_s, **source)
     flight = flight.window(from_s, to_s) if rate_hz is None else resample(flight, rate_hz, from_s=from_s, to_s=to_s)
-    write_log(flight, out)
-    echo_written(flight, out, kind="convert", log_sha256=flight.sha256, seed=0, as_json=as_json)
+    write_and_show(flight, out, kind="convert", log_sha256=flight.sha256, as_json=as_json)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,9 +11,13 @@ from .options import (
     channel_options,
     configured,
     exit_code,
-    json_option,
+    inputs_of,
     log_argument,
+    log_of,
+    out_options,
     outside_option,
+    progress_option,
+    series_option,
     two_numbers,
     window_options,
 )
@@ -41,11 +44,11 @@ __all__ = ["command"]
 @channel_options
 @click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
 @outside_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
+@out_options
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where the threshold cannot be trusted.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a channel fails.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
-@json_option
+@progress_option
+@series_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say which channel of LOG fails, and when: null-space detection, without a model and without a dictionary.
@@ -53,17 +56,22 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
     from ..detect import detect_document, detect_exhibit, detect_faults, settings_of
-    from ..flightlog import read_log
+    from ..files import check_folder
+    from ..output import exhibit_names
     from ..provenance import provenance
 
     config = _config(config_path, options)
     settings = settings_of(config)
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    inputs = inputs_of(config, log)
+    if options["out"] is not None:
+        names = exhibit_names(("detection",), ("alarms", "channels"))
+        check_folder(options["out"], names, inputs=inputs, force=options["force"])
+    flight = log_of(log, options["group"], config)
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, settings, report=report)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
-    give(detect_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"])
+    give(detect_exhibit(document), document, options, origin=origin, inputs=inputs)
     context.exit(exit_code(config, trusted=result.is_calibrated, decision=result.decision))
 
 

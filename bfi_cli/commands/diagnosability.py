@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import ConfigError
 from .answered import give
-from .options import channel_options, configured, json_option, number_or_word, outside_option, window_options
+from .options import (
+    channel_options,
+    configured,
+    inputs_of,
+    log_of,
+    number_or_word,
+    out_options,
+    outside_option,
+    progress_option,
+    series_option,
+    window_options,
+)
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -70,9 +80,9 @@ FLIGHT = {
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--seed", type=int, metavar="N", help="Of the noise of a model.  [default: 0]")
 @outside_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
-@json_option
+@out_options
+@progress_option
+@series_option
 def command(log: str | None, config_path: str | None, **options: Any) -> None:
     """Say how well each fault of a dictionary can be seen in LOG, a log without faults, and told from the others.
 
@@ -80,6 +90,8 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     manoeuvres: --model citation --noise tas=0.01 --manoeuvre 3211 --manoeuvre doublet.
     """
     from ..diagnosability import diagnosability_document, diagnosability_exhibit
+    from ..files import check_folder
+    from ..output import exhibit_names
     from ..provenance import provenance
 
     config = _config(config_path, options)
@@ -87,12 +99,16 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     if dictionary is None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
+    inputs = inputs_of(config, log, dictionary=dictionary)
+    if options["out"] is not None:
+        names = exhibit_names(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
+        check_folder(options["out"], names, inputs=inputs, force=options["force"])
     result, log_sha256 = _assessed(log, dictionary, config, options)
     origin = provenance(
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
     document = diagnosability_document(result, origin)
-    give(diagnosability_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"])
+    give(diagnosability_exhibit(document), document, options, origin=origin, inputs=inputs)
 
 
 def _check(log: str | None, config: Config, options: Mapping[str, Any]) -> None:
@@ -112,11 +128,10 @@ def _assessed(
     from threadpoolctl import threadpool_limits
 
     from ..diagnosability import assess, assess_manoeuvres, flights_of, sizes_of
-    from ..flightlog import read_log
 
     sizes = sizes_of(config)
     if log is not None:
-        flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+        flight = log_of(log, options["group"], config)
         with threadpool_limits(1):
             return assess(flight, dictionary, config, sizes=sizes), flight.sha256
     with threadpool_limits(1), progress("records", wanted=options["progress"]) as report:

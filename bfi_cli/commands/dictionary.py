@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import channel_options, configured, json_option, outside_option, tell, window_options
+from .answered import show
+from .options import (
+    channel_options,
+    configured,
+    inputs_of,
+    json_option,
+    log_of,
+    out_options,
+    outside_option,
+    tell,
+    window_options,
+)
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -17,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+NAMES = ("atoms.csv", "coherence.csv", "audit.svg", "audit.png", "result.json")
 OF_A_LOG = {
     "inputs": "--input",
     "outputs": "--output",
@@ -39,33 +50,29 @@ OF_A_LOG = {
 @click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @outside_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, figure and tables.")
+@out_options
 @json_option
 def command(file: str, log: str | None, config_path: str | None, **options: Any) -> None:
     """Say what the faults of the dictionary FILE are, which are alike, and on a LOG how large each must be."""
     from ..audit_table import audit_document, print_audit
     from ..dictionary import load_dictionary
+    from ..files import check_folder, replace_files
     from ..provenance import provenance
 
     config = _config(config_path, log, options)
     dictionary = load_dictionary(file, allow_outside=options["allow_outside"])
+    inputs = inputs_of(config, file, log, dictionary=dictionary)
+    if options["out"] is not None:
+        check_folder(options["out"], NAMES, inputs=inputs, force=options["force"])
     audit, log_sha256 = _audited(dictionary, log, config, options)
     origin = provenance(
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
     if options["out"] is not None:
-        from ..output import replace_files
-
-        written = replace_files(_files(audit, origin), options["out"])
+        written = replace_files(_files(audit, origin), options["out"], inputs=inputs, force=options["force"])
         tell(f"wrote {written[-1]}")
-    if options["as_json"]:
-        from ..serialize import to_json
-
-        click.echo(to_json(audit_document(audit, origin)))
-        return
-    from rich.console import Console
-
-    print_audit(Console(highlight=False), audit)
+    document = audit_document(audit, origin)
+    show(document, lambda console: print_audit(console, audit), as_json=options["as_json"])
 
 
 def _audited(dictionary: Dictionary, log: str | None, config: Config, options: dict[str, Any]) -> tuple[Audit, str]:
@@ -75,9 +82,7 @@ def _audited(dictionary: Dictionary, log: str | None, config: Config, options: d
         return audit(dictionary, config, duration_s=options["duration_s"]), ""
     from threadpoolctl import threadpool_limits
 
-    from ..flightlog import read_log
-
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
+    flight = log_of(log, options["group"], config)
     with threadpool_limits(1):
         return audit_on_log(flight, dictionary, config), flight.sha256
 
@@ -98,7 +103,7 @@ def _files(audit: Audit, origin: Provenance) -> dict[str, bytes]:
     from ..plots.style import to_png, to_svg
     from ..serialize import to_json
 
-    files = {name: text.encode() for name, text in audit_tables(audit).items()}
+    files = audit_tables(audit)
     if audit.signatures is not None:
         figure = plot_audit(audit)
         files |= {"audit.svg": to_svg(figure), "audit.png": to_png(figure)}

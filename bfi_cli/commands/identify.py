@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..identify.methods import METHODS
+from .answered import show
 from .options import (
+    advise,
     channel_options,
     configured,
     exit_code,
-    json_option,
+    inputs_of,
     log_argument,
+    log_of,
+    out_options,
     outside_option,
+    progress_option,
+    series_option,
     tell,
     window_options,
 )
+from .progress import stages
 
 if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
     from ..identify.result import IdentifyResult
+    from ..kernels.progress import Progress
 
 __all__ = ["command"]
 
@@ -48,10 +56,11 @@ ONSET_SAMPLES = 1.5
 @click.option("--model", metavar="NAME", help="A linear model of bfi simulate, for method dmae.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
 @outside_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
+@out_options
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
-@json_option
+@progress_option
+@series_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say which faults of a dictionary are in LOG, how large they are and how sure that is.
@@ -59,17 +68,25 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
     from ..documents import identify_document
-    from ..flightlog import read_log
+    from ..files import check_folder, replace_files
     from ..identify import identify_faults
+    from ..output import IDENTIFY_NAMES, identify_files
     from ..provenance import provenance
+    from ..tables import print_identify
 
     config = configured(config_path, options, {"method": options["method"], "dmae.model": options["model"]})
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
-    if dictionary is None:
-        result, dictionary = _without_dictionary(flight, config)
-    else:
-        result = identify_faults(flight, dictionary, config)
+    inputs = inputs_of(config, log, dictionary=dictionary)
+    if options["out"] is not None:
+        check_folder(options["out"], IDENTIFY_NAMES, inputs=inputs, force=options["force"])
+    flight = log_of(log, options["group"], config)
+    notes = advise(flight, config)
+    with stages(wanted=options["progress"]) as progress:
+        if dictionary is None:
+            result, dictionary = _without_dictionary(flight, config, progress)
+        else:
+            result = identify_faults(flight, dictionary, config, progress)
+    result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(
         log_sha256=flight.sha256,
         config_sha256=config.sha256,
@@ -77,15 +94,21 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         seed=config.seed,
     )
     if options["out"] is not None:
-        from ..output import write_results
-
-        write_results(result, origin, options["out"])
+        with stages(wanted=options["progress"]) as progress:
+            files = identify_files(result, origin, partial(progress, "figures"))
+        replace_files(files, options["out"], inputs=inputs, force=options["force"])
         tell(f"wrote {options['out'] / 'report.html'}")
-    _show(result, identify_document(result, origin), as_json=options["as_json"])
+    document = identify_document(result, origin)
+    show(
+        document,
+        lambda console: print_identify(console, result),
+        as_json=options["as_json"],
+        series=options["series"],
+    )
     context.exit(exit_code(config, trusted=result.decision != "not_identifiable", decision=result.decision))
 
 
-def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResult, Dictionary]:
+def _without_dictionary(flight: FlightLog, config: Config, progress: Progress) -> tuple[IdentifyResult, Dictionary]:
     """Identify what the onset scan proposes; where that is nothing, say how large each shape would have had to be.
 
     The evidence asked for is then that of the scan, so that its minimal detectable magnitudes are shown.
@@ -94,7 +117,7 @@ def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResu
     from ..identify import identify_faults
     from ..onset import compared, find_onset, proposed
 
-    scanned = find_onset(flight, merge(config, {"method": "ml"}))
+    scanned = find_onset(flight, merge(config, {"method": "ml"}), progress)
     dictionary = proposed(scanned)
     if scanned.faults:
         told = f"no dictionary: {len(scanned.faults)} found by the onset scan; their onsets are taken as known here"
@@ -105,23 +128,10 @@ def _without_dictionary(flight: FlightLog, config: Config) -> tuple[IdentifyResu
             f"no dictionary: the onset scan finds no fault at a false-alarm rate of {100.0 * scanned.false_alarm:.3g} "
             "%; the candidates are each shape at its most suspicious onset"
         )
-    result = identify_faults(flight, dictionary, config)
+    result = identify_faults(flight, dictionary, config, progress)
     notes = (told, *scanned.notes, *(note for note in result.notes if note not in scanned.notes))
     truth = result.truth
     if truth is not None:
         tolerance_s = ONSET_SAMPLES / result.log.rate_hz
         truth = compared(truth, result.faults, scanned.truth or (), tolerance_s=tolerance_s)
     return replace(result, notes=notes, truth=truth), dictionary
-
-
-def _show(result: IdentifyResult, document: dict[str, Any], *, as_json: bool) -> None:
-    if as_json:
-        from ..serialize import to_json
-
-        click.echo(to_json(document))
-        return
-    from rich.console import Console
-
-    from ..tables import print_identify
-
-    print_identify(Console(), result)

@@ -10,10 +10,11 @@ import click
 from ..flightlog import LogReport, inspect_log, read_log
 from ..printable import printable
 from ..provenance import provenance
-from ..serialize import to_json
+from .answered import show
 from .options import channel_options, json_option, log_argument, window_options
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
 __all__ = ["command"]
@@ -28,12 +29,10 @@ SCHEMA = 1
 @json_option
 def command(log: str, as_json: bool, from_s: float | None, to_s: float | None, **source: Any) -> None:
     """Show channels, units, rate, gaps, held samples, excitation of a log, and windows to analyse."""
-    flight = read_log(log, **source).window(from_s, to_s)
+    flight = read_log(log, from_s=from_s, to_s=to_s, **source).window(from_s, to_s)
     report = inspect_log(flight)
-    if as_json:
-        click.echo(to_json(_document(report) | {"provenance": provenance(log_sha256=flight.sha256)}))
-    else:
-        _show(report)
+    document = _document(report) | {"provenance": provenance(log_sha256=flight.sha256)}
+    show(document, lambda console: _draw(console, report), as_json=as_json)
 
 
 def _document(report: LogReport) -> dict[str, Any]:
@@ -59,18 +58,16 @@ def _document(report: LogReport) -> dict[str, Any]:
     }
 
 
-def _show(report: LogReport) -> None:
-    from rich.console import Console
+def _draw(console: Console, report: LogReport) -> None:
     from rich.text import Text
 
-    console = Console(highlight=False)
     for line in _headline(report):
-        console.print(Text(printable(line)), soft_wrap=True)
+        console.print(Text(printable(line)), soft_wrap=not console.is_terminal)
     for table in (_channels(report), _excitation(report), _windows(report), _segments(report)):
         if table.row_count:
             console.print(table)
     for note in report.notes:
-        console.print(Text(printable(f"note: {note}")), soft_wrap=True)
+        console.print(Text(printable(f"note: {note}")), soft_wrap=not console.is_terminal)
 
 
 def _headline(report: LogReport) -> list[str]:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .options import channel_options, json_option, log_argument
-from .written import echo_written, out_option
+from .written import out_option, write_and_show
 
 __all__ = ["command"]
 
@@ -19,16 +19,18 @@ __all__ = ["command"]
 @out_option
 @channel_options
 @json_option
-def command(*, log: str, specs: tuple[str, ...], out: Path, as_json: bool, **source: Any) -> None:
+def command(*, log: str, specs: tuple[str, ...], out: Path, force: bool, as_json: bool, **source: Any) -> None:
     """Add faults to LOG and store the truth beside them; faults it already carries stay.
 
     SPEC is a shape and its keys, times in the log's own seconds: bias,channel=tas,magnitude=4,onset_s=13.8.
     """
     from ..faults import parse_spec
-    from ..flightlog import read_log, write_log
+    from ..files import check_files
+    from ..flightlog import read_log
     from ..flightlog.inject import inject
 
+    faults = [parse_spec(spec) for spec in specs]
+    check_files([out], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
     clean = read_log(log, **source)
-    faulty = inject(clean, [parse_spec(spec) for spec in specs])
-    write_log(faulty, out)
-    echo_written(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json)
+    faulty = inject(clean, faults)
+    write_and_show(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import json_option, outside_option, tell
+from .answered import show
+from .options import inputs_of, json_option, out_options, outside_option, progress_option, tell
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
     from ..provenance import Provenance
 
 __all__ = ["command"]
+
+NAMES = (
+    *("trials.csv", "timings.csv", "summary.json"),
+    *("isolation.svg", "isolation.png", "magnitude_error.svg", "magnitude_error.png"),
+)
 
 
 @click.command("montecarlo")
@@ -30,8 +36,8 @@ __all__ = ["command"]
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the trials.")
 @click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
 @outside_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write trials, summary and figures.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
+@out_options
+@progress_option
 @json_option
 def command(config_path: str, out: Path | None, **options: Any) -> None:
     """Add known faults to a record many times, identify them, and count how often the answer is right.
@@ -39,13 +45,18 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     CONFIG names the record, the dictionary and what varies; configs/montecarlo_thesis.yaml is an example. The numbers
     are the same for any number of workers, and for a sweep that was stopped and continued.
     """
+    from ..files import check_folder, replace_files
     from ..montecarlo import check_records, digest_of, load_sweep, summarise, summary_document
+    from ..montecarlo.table import print_summary
 
     if options["workers"] is not None and options["scheduler"] is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
     if options["resume"] and out is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
     sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
+    inputs, force = _inputs(sweep), options["force"]
+    if out is not None:
+        check_folder(out, NAMES, inputs=inputs, force=force)
     records = check_records(sweep)
     digest = digest_of(sweep, records)
     total = sweep.n_trials * len(sweep.scenarios)
@@ -55,12 +66,18 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     origin = _origin(sweep, records)
     document = summary_document(summary, origin, digest=digest)
     if out is not None:
-        from ..output import replace_files
-
-        replace_files(_files(summary, done, document), out)
+        replace_files(_files(summary, done, document), out, inputs=inputs, force=force)
         journal.remove()
         tell(f"wrote {out / 'summary.json'}")
-    _show(summary, document, as_json=options["as_json"])
+    show(document, lambda console: print_summary(console, summary), as_json=options["as_json"])
+
+
+def _inputs(sweep: Sweep) -> tuple[str, ...]:
+    """Return the files that a sweep reads."""
+    named = {sweep.path}
+    for setting in {id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values():
+        named.update(inputs_of(setting.config, getattr(setting.record, "log", None), dictionary=setting.dictionary))
+    return tuple(named)
 
 
 def _run(
@@ -68,7 +85,8 @@ def _run(
 ) -> tuple[list[tuple[Row, float]], Any]:
     from ..montecarlo import Journal, run_sweep
 
-    opened = nullcontext() if out is None else Journal(out, sweep, digest=digest, resume=options["resume"])
+    resume, force = options["resume"], options["force"]
+    opened = nullcontext() if out is None else Journal(out, sweep, digest=digest, resume=resume, force=force)
     with opened as journal:
         try:
             done = run_sweep(
@@ -105,23 +123,10 @@ def _files(summary: Summary, done: list[tuple[Row, float]], document: dict[str, 
     from ..serialize import to_csv, to_json
 
     files = {
-        "trials.csv": to_csv([COLUMNS, *(row.cells() for row, _ in done)]).encode(),
-        "timings.csv": to_csv([TIMING_COLUMNS, *(timing_cells(*pair) for pair in done)]).encode(),
+        "trials.csv": to_csv(COLUMNS, (row.cells() for row, _ in done)),
+        "timings.csv": to_csv(TIMING_COLUMNS, (timing_cells(*pair) for pair in done)),
     }
     for name, plot in MONTECARLO_FIGURES.items():
         figure = plot(summary)
         files |= {f"{name}.svg": to_svg(figure), f"{name}.png": to_png(figure)}
     return {**files, "summary.json": to_json(document).encode() + b"\n"}
-
-
-def _show(summary: Summary, document: dict[str, Any], *, as_json: bool) -> None:
-    if as_json:
-        from ..serialize import to_json
-
-        click.echo(to_json(document))
-        return
-    from rich.console import Console
-
-    from ..montecarlo.table import print_summary
-
-    print_summary(Console(highlight=False), summary)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,15 +14,24 @@ from ..printable import printable
 
 if TYPE_CHECKING:
     from ..config import Config
+    from ..dictionary import Dictionary
+    from ..flightlog import FlightLog
 
 __all__ = [
+    "advise",
     "channel_options",
     "configured",
     "exit_code",
+    "force_option",
+    "inputs_of",
     "json_option",
     "log_argument",
+    "log_of",
     "number_or_word",
+    "out_options",
     "outside_option",
+    "progress_option",
+    "series_option",
     "tell",
     "two_numbers",
     "window_options",
@@ -124,14 +134,63 @@ def outside_option(command: Command) -> Command:
 
 
 def json_option(command: Command) -> Command:
-    """Add --json, passed as `as_json`: true also where stdout is not a terminal."""
-    return click.option(
-        "--json",
-        "as_json",
-        is_flag=True,
-        callback=lambda _context, _option, given: given or not sys.stdout.isatty(),
-        help="JSON on stdout (the default when stdout is not a terminal).",
-    )(command)
+    """Add --json, passed as `as_json`."""
+    return click.option("--json", "as_json", is_flag=True, is_eager=True, help="JSON on stdout in place of a table.")(
+        command
+    )
+
+
+def series_option(command: Command) -> Command:
+    """Add --json and --series, passed as `as_json` and `series`."""
+
+    def with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:
+        if given and not context.params["as_json"]:
+            raise click.UsageError("--series is about --json; add --json", context)
+        return given
+
+    said = "With --json: what has an entry per sample or onset, too; result.json of --out always has it."
+    return json_option(click.option("--series", is_flag=True, callback=with_json, help=said)(command))
+
+
+def force_option(command: Command) -> Command:
+    """Add --force, passed as `force`."""
+    return click.option("--force", is_flag=True, help="Replace files that bfi did not write; never an input.")(command)
+
+
+def out_options(command: Command) -> Command:
+    """Add --out and --force, passed as the path `out` and `force`."""
+    path = click.Path(path_type=Path)
+    return click.option("--out", type=path, metavar="DIR", help="Write result, report, figures and tables.")(
+        force_option(command)
+    )
+
+
+def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
+    """Return the files that a command reads: `paths` and those that its configuration and dictionary name."""
+    asked = config.start_time
+    named = {*paths, config.path, asked.samples, asked.calibration}
+    if dictionary is not None:
+        named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
+    return tuple(path for path in named if path)
+
+
+def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
+    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
+    from ..flightlog.quality import advice_on_windows
+
+    if (config.window.from_s, config.window.to_s) != (None, None):
+        return ()
+    note = advice_on_windows(flight)
+    if note is None:
+        return ()
+    tell(note)
+    return (note,)
+
+
+def progress_option(command: Command) -> Command:
+    """Add --progress/--no-progress, passed as `progress`: None where neither is given."""
+    shown = "Show it on stderr.  [default: on a terminal]"
+    return click.option("--progress/--no-progress", default=None, help=shown)(command)
 
 
 def tell(sentence: str) -> None:
@@ -162,6 +221,24 @@ def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, A
         return merge(config, {**given, **dict.fromkeys(MAPS), **maps})
     except ConfigError as error:
         raise ConfigError(_by_option(str(error))) from None
+
+
+def log_of(path: str, group: str | None, config: Config) -> FlightLog:
+    """Read the log of an analysis; of one that is large only the window, the time to learn from and the filter's reach.
+
+    Raises
+    ------
+    LogError : it cannot be read.
+    """
+    from ..flightlog import read_log
+    from ..flightlog.resampling import with_reach
+
+    from_s, to_s, rate = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
+    if config.detect.train is not None and from_s is not None:
+        from_s = min(from_s, config.detect.train[0])
+    from_s, to_s = with_reach(rate if isinstance(rate, float) else None, from_s, to_s)
+    names = {"channel_map": dict(config.channels), "unit_map": dict(config.units)}
+    return read_log(path, group=group, from_s=from_s, to_s=to_s, **names)
 
 
 def _shared(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A progress bar with an estimate, on stderr."""
+"""A progress bar with an estimate, on stderr: of what is counted, or of stages that follow each other."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["progress"]
+__all__ = ["progress", "stages"]
 
 
 @contextmanager
@@ -18,7 +18,7 @@ def progress(label: str, *, wanted: bool | None = None) -> Iterator[Callable[[in
     label : what is counted, "trials".
     wanted : show it; None for yes where stderr is a terminal.
     """
-    if not (sys.stderr.isatty() if wanted is None else wanted):
+    if not _shown(wanted):
         yield lambda _done, _total: None
         return
     from rich.console import Console
@@ -28,3 +28,33 @@ def progress(label: str, *, wanted: bool | None = None) -> Iterator[Callable[[in
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def stages(*, wanted: bool | None = None) -> Iterator[Callable[[str, float], None]]:
+    """Yield what is told the name of a stage and the part of it that is done; a new stage begins the bar anew.
+
+    Parameters
+    ----------
+    wanted : show it; None for yes where stderr is a terminal.
+    """
+    if not _shown(wanted):
+        yield lambda _stage, _done: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    with Progress(*columns, TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def show(stage: str, done: float) -> None:
+            if stage != bar.tasks[0].description:
+                bar.reset(task, description=stage)
+            bar.update(task, completed=done)
+
+        yield show
+
+
+def _shown(wanted: bool | None) -> bool:
+    return sys.stderr.isatty() if wanted is None else wanted

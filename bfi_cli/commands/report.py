@@ -15,9 +15,12 @@ from ..documents import identify_from_document
 from ..errors import ConfigError
 from ..plain import from_plain, member
 from ..provenance import Provenance
-from .options import tell
+from .answered import show
+from .options import force_option, series_option, tell
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from ..exhibit import Exhibit
 
 __all__ = ["command"]
@@ -37,31 +40,36 @@ EXHIBITS = {
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder of the files  [default: the folder of RESULT.json]"
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the document itself, also where stdout is a terminal.")
-def command(result: Path, out: Path | None, as_json: bool) -> None:
+@force_option
+@series_option
+def command(result: Path, out: Path | None, *, force: bool, as_json: bool, series: bool) -> None:
     """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin)."""
+    from ..files import replace_files, same_file
+
     document = _read(result)
-    directory = out if out is not None else result.parent
-    if isinstance(document, Mapping) and document.get("kind") in EXHIBITS:
-        _draw_exhibit(document, str(result), directory, as_json=as_json)
-        return
-    from ..output import write_results
+    folder = out if out is not None else result.parent
+    is_exhibit = isinstance(document, Mapping) and document.get("kind") in EXHIBITS
+    files, draw = (_exhibit if is_exhibit else _identification)(document, str(result))
+    # Beside its own result the report is drawn anew; the result itself stays as it is.
+    beside = same_file(folder / "result.json", result)
+    if beside:
+        del files["result.json"]
+    replace_files(files, folder, inputs=[result], force=force or beside)
+    tell(f"wrote {folder / 'report.html'}")
+    show(document, draw, as_json=as_json, series=series)
 
-    found, provenance = identify_from_document(document, where=str(result))
-    write_results(found, provenance, directory)
-    tell(f"wrote {directory / 'report.html'}")
-    if _as_json(as_json):
-        _print(document)
-        return
-    from rich.console import Console
 
+def _identification(document: Any, where: str) -> tuple[dict[str, bytes], Callable[[Console], None]]:
+    from ..output import identify_files
     from ..tables import print_identify
 
-    print_identify(Console(), found)
+    found, provenance = identify_from_document(document, where=where)
+    return identify_files(found, provenance), lambda console: print_identify(console, found)
 
 
-def _draw_exhibit(document: Mapping[str, Any], where: str, directory: Path, *, as_json: bool) -> None:
-    from ..output import exhibit_files, replace_files
+def _exhibit(document: Mapping[str, Any], where: str) -> tuple[dict[str, bytes], Callable[[Console], None]]:
+    from ..output import exhibit_files
+    from ..tables import print_exhibit
 
     package, function, schema = EXHIBITS[document["kind"]]
     if document.get("schema") != schema:
@@ -71,16 +79,7 @@ def _draw_exhibit(document: Mapping[str, Any], where: str, directory: Path, *, a
     origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
     module = importlib.import_module(f"...{package}", __name__)
     exhibit = _laid_out(getattr(module, function), document, where)
-    replace_files(exhibit_files(exhibit, document, origin), directory)
-    tell(f"wrote {directory / 'report.html'}")
-    if _as_json(as_json):
-        _print(document)
-        return
-    from rich.console import Console
-
-    from ..tables import print_exhibit
-
-    print_exhibit(Console(highlight=False), exhibit)
+    return exhibit_files(exhibit, document, origin), lambda console: print_exhibit(console, exhibit)
 
 
 def _laid_out(lay_out: Callable[[Mapping[str, Any]], Exhibit], document: Mapping[str, Any], where: str) -> Exhibit:
@@ -102,13 +101,3 @@ def _read(path: Path) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not JSON ({error}); {GIVE}") from None
-
-
-def _as_json(asked: bool) -> bool:
-    return asked or not sys.stdout.isatty()
-
-
-def _print(document: Mapping[str, Any]) -> None:
-    from ..serialize import to_json
-
-    click.echo(to_json(document))

@@ -10,7 +10,7 @@ import click
 
 from ..errors import BfiError, ConfigError
 from .answered import give
-from .options import channel_options, json_option, tell, window_options
+from .options import channel_options, out_options, progress_option, series_option, tell, window_options
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -34,15 +34,17 @@ OF_A_LOG = {"from_s": "--from", "to_s": "--to", "channel_map": "--channel", "uni
 @click.option("--set", "choices", multiple=True, metavar="KEY=VALUE", help="An open choice of f16-table2; repeatable.")
 @window_options
 @channel_options
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures, tables.")
-@click.option("--progress/--no-progress", default=None, help="Show it on stderr.  [default: on a terminal]")
-@json_option
+@out_options
+@progress_option
+@series_option
 @click.pass_context
-def command(context: click.Context, /, name: str, out: Path | None, **options: Any) -> None:
+def command(context: click.Context, /, name: str, **options: Any) -> None:
     """Make the published figure or table NAME again, ours beside theirs.
 
     Without NAME, or with "list", the names are listed; "all" makes every one, each in a folder of its own in --out.
     """
+    from ..files import check_folder
+    from ..output import exhibit_names
     from ..provenance import provenance
     from ..reproduce import Settings
     from ..reproduce.catalogue import find, run
@@ -52,6 +54,10 @@ def command(context: click.Context, /, name: str, out: Path | None, **options: A
         name = find(name)
     if options["choices"] and name != "f16-table2":
         raise ConfigError(f"--set: {name} leaves no choice open, f16-table2 does; leave --set out")
+    inputs = () if options["log_path"] is None else (options["log_path"],)
+    if options["out"] is not None:
+        for folder in (options["out"], *(_folders(options["out"]) if name == "all" else ())):
+            check_folder(folder, exhibit_names(), inputs=inputs, force=options["force"])
     log = _log(options)
     settings = Settings(log=log, **{key: options[key] for key in ("quick", "trials", "seed", "workers", "choices")})
     origin = provenance(log_sha256=log.sha256 if log else "", seed=settings.seed)
@@ -59,12 +65,12 @@ def command(context: click.Context, /, name: str, out: Path | None, **options: A
     if name == "list":
         exhibit = list_exhibit()
     elif name == "all":
-        exhibit, code = _every(settings, origin, out, wanted=options["progress"])
+        exhibit, code = _every(settings, origin, options, inputs)
     else:
         with progress(name, wanted=options["progress"]) as report:
             exhibit = run(name, replace(settings, report=report))
     document = reproduce_document(name, exhibit, origin)
-    give(exhibit, document, origin=origin, out=out, as_json=options["as_json"])
+    give(exhibit, document, options, origin=origin, inputs=inputs)
     context.exit(code)
 
 
@@ -81,13 +87,24 @@ def _log(options: dict[str, Any]) -> FlightLog | None:
         group=options["group"],
         channel_map=options["channel_map"],
         unit_map=options["unit_map"],
+        from_s=options["from_s"],
+        to_s=options["to_s"],
     )
     return log.window(options["from_s"], options["to_s"])
 
 
-def _every(settings: Settings, origin: Provenance, out: Path | None, *, wanted: bool | None) -> tuple[Exhibit, int]:
+def _folders(out: Path) -> list[Path]:
+    from ..reproduce.catalogue import REPRODUCTIONS
+
+    return [out / name for name in REPRODUCTIONS]
+
+
+def _every(
+    settings: Settings, origin: Provenance, options: dict[str, Any], inputs: tuple[str, ...]
+) -> tuple[Exhibit, int]:
     """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
-    from ..output import exhibit_files, replace_files
+    from ..files import replace_files
+    from ..output import exhibit_files
     from ..reproduce.catalogue import REPRODUCTIONS, run
     from ..reproduce.document import reproduce_document, summary_exhibit
 
@@ -96,15 +113,16 @@ def _every(settings: Settings, origin: Provenance, out: Path | None, *, wanted: 
     for name, entry in REPRODUCTIONS.items():
         place = (entry.module, entry.function)
         if place not in shared:
-            with progress(name, wanted=wanted) as report:
+            with progress(name, wanted=options["progress"]) as report:
                 try:
                     shared[place] = run(name, replace(settings, report=report))
                 except BfiError as error:
                     shared[place] = error
         one = shared[place]
         made.append((name, one))
-        if out is not None and not isinstance(one, BfiError):
-            replace_files(exhibit_files(one, reproduce_document(name, one, origin), origin), out / name)
-            tell(f"wrote {out / name / 'report.html'}")
+        if options["out"] is not None and not isinstance(one, BfiError):
+            files, folder = exhibit_files(one, reproduce_document(name, one, origin), origin), options["out"] / name
+            replace_files(files, folder, inputs=inputs, force=options["force"])
+            tell(f"wrote {folder / 'report.html'}")
     codes = [one.exit_code for _, one in made if isinstance(one, BfiError)]
     return summary_exhibit(made), max(codes, default=0)

@@ -9,7 +9,7 @@ import click
 
 from ..errors import ConfigError
 from .options import json_option
-from .written import echo_written, out_option
+from .written import out_option, write_and_show
 
 if TYPE_CHECKING:
     from ..aircraft import Discretisation
@@ -52,6 +52,7 @@ def command(
     *,
     model: str,
     out: Path,
+    force: bool,
     manoeuvre: str,
     amplitude: float,
     start: float,
@@ -74,8 +75,9 @@ def command(
     import numpy as np
 
     from .. import aircraft
-    from ..flightlog import write_log
+    from ..files import check_files
 
+    check_files([out], force=force)
     time_s = aircraft.time_axis(duration_s=duration, rate_hz=rate)
     log = aircraft.simulate(
         aircraft.find_model(model),
@@ -87,5 +89,4 @@ def command(
         noise_sd=noise,
         quantum=quantum,
     )
-    write_log(log, out)
-    echo_written(log, out, kind="simulate", seed=seed, as_json=as_json)
+    write_and_show(log, out, kind="simulate", seed=seed, as_json=as_json)

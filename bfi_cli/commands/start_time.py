@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,15 +10,21 @@ import click
 from ..errors import ConfigError
 from .answered import give
 from .options import (
+    advise,
     channel_options,
     configured,
     exit_code,
-    json_option,
+    inputs_of,
     log_argument,
+    log_of,
+    out_options,
     outside_option,
+    progress_option,
+    series_option,
     two_numbers,
     window_options,
 )
+from .progress import stages
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -26,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["SHAPES", "command", "scan_config"]
 
 SHAPES = "bias, drift, sine, lagged_bias, ramp_hold or samples; repeatable.  [default: bias, drift, sine]"
+DRAWINGS, TABLES = ("profile", "outputs"), ("faults", "profile", "shapes")
 METHODS = {"scan": "ml", "thesis": "risro"}
 
 
@@ -48,24 +55,31 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
 @outside_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write result, report, figures and tables.")
+@out_options
 @click.option("--strict", is_flag=True, default=None, help="Exit 4 where there is no trustworthy answer.")
 @click.option("--fail-on", metavar="fault", help="Exit 10 where a fault is declared.")
-@json_option
+@progress_option
+@series_option
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
-    from ..flightlog import read_log
+    from ..files import check_folder
     from ..onset import find_onset, onset_document, onset_exhibit, onset_tables
+    from ..output import exhibit_names
     from ..provenance import provenance
 
     config = scan_config(config_path, options)
-    flight = read_log(log, group=options["group"], channel_map=dict(config.channels), unit_map=dict(config.units))
-    result = find_onset(flight, config)
+    inputs = inputs_of(config, log)
+    if options["out"] is not None:
+        check_folder(options["out"], exhibit_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
+    flight = log_of(log, options["group"], config)
+    notes = advise(flight, config)
+    with stages(wanted=options["progress"]) as progress:
+        result = find_onset(flight, config, progress)
+    result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)
-    tables = {name: text.encode() for name, text in onset_tables(result).items()}
-    give(onset_exhibit(document), document, origin=origin, out=options["out"], as_json=options["as_json"], extra=tables)
+    give(onset_exhibit(document), document, options, origin=origin, inputs=inputs, extra=onset_tables(result))
     trusted = result.decision != "not_identifiable" and result.p_value is not None
     context.exit(exit_code(config, trusted=trusted, decision=result.decision))
 

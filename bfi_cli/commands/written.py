@@ -1,4 +1,4 @@
-"""The answer of a command that makes a log: a few lines on a terminal, a JSON document otherwise."""
+"""What the commands that make a log have in common: the file, and a few lines or a JSON document about it."""
 
 from __future__ import annotations
 
@@ -9,44 +9,42 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..printable import printable
-from .options import json_option
+from .answered import show_lines
+from .options import force_option
 
 if TYPE_CHECKING:
     from ..faults import Fault
     from ..flightlog import FlightLog
     from ..provenance import Provenance
 
-__all__ = ["SCHEMA", "echo_written", "json_option", "log_document", "log_lines", "out_option"]
+__all__ = ["SCHEMA", "log_document", "log_lines", "out_option", "write_and_show"]
 
 SCHEMA = 1
 
 
 def out_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add -o/--output, the log file to write, passed as the path `out`."""
+    """Add -o/--output, the log file to write, and --force, passed as the path `out` and `force`."""
     path = click.Path(path_type=Path)
     return click.option(
         "-o", "--output", "out", required=True, metavar="OUT", type=path, help="The file to write, .h5 or .csv."
-    )(command)
+    )(force_option(command))
 
 
-def echo_written(log: FlightLog, out: Path, *, kind: str, as_json: bool, log_sha256: str = "", seed: int = 0) -> None:
-    """Print what was written to `out`: the JSON document of `kind`, or lines.
+def write_and_show(log: FlightLog, out: Path, *, kind: str, as_json: bool, log_sha256: str = "", seed: int = 0) -> None:
+    """Write a log to `out`, and print what it holds: the JSON document of `kind`, or lines.
 
     Parameters
     ----------
-    log : what was written.
     log_sha256 : of the log it was made from, "" where there was none.
     seed : of the random steps.
     """
+    from ..flightlog import write_log
     from ..provenance import provenance
-    from ..serialize import to_json
 
+    write_log(log, out)
     log = replace(log, path=str(out))
-    if as_json:
-        click.echo(to_json(log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)))
-    else:
-        click.echo("\n".join(map(printable, log_lines(log))))
+    document = log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)
+    show_lines(document, log_lines(log), as_json=as_json)
 
 
 def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from .sections import (
     Dmae,
     Model,
     Names,
+    PathText,
     Risro,
     Selection,
     StartTime,
@@ -48,7 +49,7 @@ def _registered(name: str) -> str:
 
 
 DictionarySource = Annotated[
-    Annotated[Text, AfterValidator(beside_config), Tag("<path>")]
+    Annotated[PathText, AfterValidator(beside_config), Tag("<path>")]
     | Annotated[DictionaryDocument, AfterValidator(_expandable), Tag("<document>")],
     Discriminator(_path_or_document),
 ]

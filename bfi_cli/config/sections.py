@@ -13,6 +13,8 @@ from pydantic import (
     StrictBool,
     Tag,
     ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
     field_validator,
     model_validator,
 )
@@ -30,6 +32,7 @@ __all__ = [
     "Model",
     "Names",
     "Natural",
+    "PathText",
     "Risro",
     "Selection",
     "StartTime",
@@ -66,6 +69,15 @@ def _inside_config(file: str, info: ValidationInfo) -> str:
     return path
 
 
+def _path(value: object, read: ValidatorFunctionWrapHandler) -> str:
+    """Return the name of a file, also one that is no UTF-8 text, which pydantic does not take for a string."""
+    if isinstance(value, str) and value != value.encode("utf-8", "ignore").decode("utf-8"):
+        return value
+    text: str = read(value)
+    return text
+
+
+PathText = Annotated[Text, WrapValidator(_path)]
 Natural = Annotated[Whole, Field(ge=1)]
 Names = Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_distinct)]
 Rate = Annotated[
@@ -178,11 +190,11 @@ class StartTime(Rules):
         AfterValidator(_distinct),
     ] = ("bias", "drift", "sine")
     """What to look for: bias, drift, sine, lagged_bias, ramp_hold, samples."""
-    samples: Annotated[Text, AfterValidator(_inside_config)] | None = None
+    samples: Annotated[PathText, AfterValidator(_inside_config)] | None = None
     """CSV of time (s after the onset), value: the shape samples; a file relative to this one."""
     false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
     """Accepted probability of declaring a fault where there is none."""
-    calibration: Text | None = None
+    calibration: PathText | None = None
     """A table of `bfi calibrate`, self, or gaussian; default the shipped table."""
     ends: StrictBool = False
     """Whether the end of the fault is searched for too."""

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from ..errors import DictionaryError, LogError
+from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from .record import Segment
 
@@ -31,8 +31,10 @@ def segments_from_json(text: str, *, where: str) -> tuple[Segment, ...]:
 def _segment(entry: dict[str, Any], where: str) -> Segment:
     try:
         start, stop = float(entry["t_start"]), float(entry["t_end"])
-    except (KeyError, TypeError, ValueError):
-        raise LogError(f"{where}: a segment needs the numbers t_start and t_end, got {entry}; mend the file") from None
+    except (KeyError, TypeError, ValueError, OverflowError):
+        raise LogError(
+            f"{where}: a segment needs the numbers t_start and t_end, got {str(entry)[:80]}; mend the file"
+        ) from None
     return Segment(label=str(entry.get("label", "")), start_s=start, stop_s=stop, note=str(entry.get("note", "")))
 
 
@@ -59,7 +61,7 @@ def _objects(text: str, where: str) -> list[dict[str, Any]]:
     try:
         entries = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise LogError(f"{where}: not JSON, {error}; mend the file") from None
+        raise LogError(f"{where}: not JSON, {first_line(error)}; mend the file") from None
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise LogError(f"{where}: not a JSON list of objects; mend the file")
     return entries

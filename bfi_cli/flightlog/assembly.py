@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,10 +11,15 @@ import numpy as np
 from ..channels import STANDARD, NameMatch, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
-from .raw import RawColumn, RawLog
+from .raw import RawColumn, RawLog, different_length
 from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
 
-__all__ = ["assemble"]
+__all__ = ["assemble", "time_column"]
+
+# Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
+LATEST = 1e12
+# Hz. Above every flight recorder; audio is at 2e5.
+FASTEST = 1e9
 
 
 @dataclass(slots=True, kw_only=True)
@@ -46,11 +51,12 @@ def assemble(
         _place(naming, column, match)
     if not naming.taken.keys() - {"time"}:
         raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
-    time_s = _time(path, naming, raw.sample_rate_hz)
+    time_s = _time(path, naming, raw)
     order = [column.source for column in raw.columns]
     channels = dict(sorted(naming.taken.items(), key=lambda item: order.index(item[1].source)))
     for channel in channels.values():
-        _check_length(path, channel.source, channel.values, time_s)
+        if channel.values.size != time_s.size:
+            raise different_length(path, channel.source, channel.values.size, time_s.size)
     naming.notes.extend(_unstated_units(channels))
     return FlightLog(
         path=path,
@@ -61,6 +67,18 @@ def assemble(
         sha256=sha256,
         notes=tuple(naming.notes),
     )
+
+
+def time_column(
+    columns: Sequence[RawColumn], channel_map: Mapping[str, str], unit_map: Mapping[str, str]
+) -> RawColumn | None:
+    """Return the column that `assemble` takes for the time axis, with its unit; None where there is none."""
+    for column, match in _by_precedence({column.source: column for column in columns}, channel_map, unit_map):
+        if match is not None and match.name == "time":
+            stated = column.unit if column.unit is not None else match.unit
+            if match.rank < 0 or _fits("time", stated):
+                return replace(column, unit=stated)
+    return None
 
 
 def _check_maps(
@@ -149,16 +167,22 @@ def _unstated_units(channels: Mapping[str, Channel]) -> Iterator[str]:
         yield f"no unit is stated for {taken}; these are taken, another one is stated with --unit NAME=UNIT"
 
 
-def _time(path: str, naming: _Naming, sample_rate_hz: float | None) -> FloatArray:
+def _time(path: str, naming: _Naming, raw: RawLog) -> FloatArray:
     channel = naming.taken.pop("time", None)
     if channel is None:
-        return _counted(path, naming, sample_rate_hz)
+        return _counted(path, naming, raw)
     time_s, source = channel.values, channel.source
     bad = np.flatnonzero(~np.isfinite(time_s))
     if bad.size:
         raise LogError(f"{path}: '{source}' is not a number at sample {bad[0]} ({bad.size} in all); mend the time axis")
     if time_s.size < 2:
         raise LogError(f"{path}: {time_s.size} samples, at least 2 are needed; give a longer log")
+    late = np.flatnonzero(np.abs(time_s) > LATEST)
+    if late.size:
+        raise LogError(
+            f"{path}: '{source}' is no time of a flight at sample {late[0]}, got {time_s[late[0]]:.6g} s; state its "
+            f"unit with --unit {source}=us, or mend the time axis"
+        )
     back = np.flatnonzero(np.diff(time_s) <= 0.0)
     if back.size:
         k = int(back[0]) + 1
@@ -169,22 +193,20 @@ def _time(path: str, naming: _Naming, sample_rate_hz: float | None) -> FloatArra
     return time_s
 
 
-def _counted(path: str, naming: _Naming, sample_rate_hz: float | None) -> FloatArray:
-    if sample_rate_hz is None or not (np.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
+def _counted(path: str, naming: _Naming, raw: RawLog) -> FloatArray:
+    rate_hz = raw.sample_rate_hz
+    if rate_hz is None:
         has = ", ".join(sorted(naming.taken))
         raise LogError(
             f"{path}: no time, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: {has}; "
             "map one with --channel time=NAME"
         )
-    naming.notes.append(f"time is counted from sample_rate_hz = {sample_rate_hz:g} Hz")
-    return frozen_array(np.arange(next(iter(naming.taken.values())).values.size) / sample_rate_hz)
-
-
-def _check_length(path: str, name: str, values: FloatArray, time_s: FloatArray) -> None:
-    if values.size != time_s.size:
-        raise LogError(
-            f"{path}: '{name}' has {values.size} samples, the time axis {time_s.size}; give all one time axis"
-        )
+    count = next(iter(naming.taken.values())).values.size
+    rows = np.arange(raw.first_sample, raw.first_sample + count)
+    if not (0.0 < rate_hz <= FASTEST) or rows[-1] / rate_hz > LATEST:
+        raise LogError(f"{path}: sample_rate_hz is no rate of a recorder, got {rate_hz:g} Hz; mend it")
+    naming.notes.append(f"time is counted from sample_rate_hz = {rate_hz:g} Hz")
+    return frozen_array(rows / rate_hz)
 
 
 def _truth(path: str, raw: RawLog, time_s: FloatArray) -> Truth | None:
@@ -196,5 +218,6 @@ def _truth(path: str, raw: RawLog, time_s: FloatArray) -> Truth | None:
 def _clean(path: str, raw: RawLog, time_s: FloatArray) -> Iterator[tuple[str, FloatArray]]:
     for name, column in raw.clean.items():
         values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
-        _check_length(path, f"{name}_clean", values, time_s)
+        if values.size != time_s.size:
+            raise different_length(path, f"{name}_clean", values.size, time_s.size)
         yield name, frozen_array(values)

@@ -11,16 +11,18 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-__all__ = ["readable_variables"]
+__all__ = ["Variable", "unpacked_size", "variables"]
 
 MATRIX, COMPRESSED = 14, 15
 INT8, INT32, UINT32, UTF8 = 1, 5, 6, 16
 SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
 TEXT = {1: 1, 2: 1, 4: 2, 16: 1, 17: 2, 18: 4}
 CELL, STRUCT, CHAR = 1, 2, 4
+UNLIKE = {3: "is an object", 5: "is a sparse matrix", 16: "is a function", 17: "is an object"}
 NUMERIC = range(6, 16)
 COMPLEX = 0x0800
 DEEPEST = 20
@@ -32,33 +34,77 @@ class _Element:
     data: memoryview
 
 
-def readable_variables(file: bytes) -> dict[str, bool]:
-    """Return the variables of a file, false for a class that holds no signals (sparse, object, function).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """An array: `count` numbers, its fields and cells included; `unlike` says why it holds no signals, or None."""
 
-    Parameters
-    ----------
-    file : the whole file.
+    name: str
+    count: int
+    unlike: str | None
+
+
+def unpacked_size(file: bytes) -> int:
+    """Return the bytes that the variables of a file claim to take unpacked; nothing is unpacked for it.
+
+    Raises
+    ------
+    ValueError : as `variables`.
+    """
+    return sum(
+        len(element.data) if element.kind != COMPRESSED else _claimed(zlib.decompressobj(), element, order)
+        for element, order in _top(file)
+    )
+
+
+def variables(file: bytes) -> list[Variable]:
+    """Return the variables of a file; what is compressed is unpacked no further than it claims.
 
     Raises
     ------
     ValueError : sizes that contradict each other or the length of the file.
     """
+    found = []
+    for element, order in _top(file):
+        array = _unpacked(element, order) if element.kind == COMPRESSED else element
+        if array.kind != MATRIX:
+            raise ValueError(f"an element of type {array.kind} is no variable")
+        found.append(_array(array.data, order, depth=0))
+    return found
+
+
+def _top(file: bytes) -> Iterator[tuple[_Element, str]]:
     if len(file) < 136 or file[126:128] not in (b"IM", b"MI"):
         raise ValueError("the header is damaged")
     order = "<" if file[126:128] == b"IM" else ">"
-    return dict(_variable(element, order) for element in _elements(memoryview(file)[128:], order))
+    for element in _elements(memoryview(file)[128:], order):
+        yield element, order
 
 
-def _variable(element: _Element, order: str) -> tuple[str, bool]:
-    if element.kind == COMPRESSED:
-        try:
-            inner = memoryview(zlib.decompress(element.data))
-        except zlib.error as error:
-            raise ValueError(f"compressed data are damaged ({error})") from None
-        element = next(_elements(inner, order), element)
-    if element.kind != MATRIX:
-        raise ValueError(f"an element of type {element.kind} is no variable")
-    return _array(element.data, order, depth=0)
+def _claimed(unpacking: Any, element: _Element, order: str) -> int:
+    """Unpack the tag of a compressed array and return the size it claims."""
+    try:
+        tag = unpacking.decompress(element.data, 8)
+    except zlib.error as error:
+        raise ValueError(f"compressed data are damaged ({error})") from None
+    if len(tag) < 8:
+        raise ValueError("compressed data are cut off")
+    kind, size = struct.unpack(f"{order}II", tag)
+    if kind != MATRIX:
+        raise ValueError(f"an element of type {kind} is no variable")
+    return int(size)
+
+
+def _unpacked(element: _Element, order: str) -> _Element:
+    unpacking = zlib.decompressobj()
+    size = _claimed(unpacking, element, order)
+    try:
+        data = unpacking.decompress(unpacking.unconsumed_tail, max(size, 1))
+        unpacking.decompress(unpacking.unconsumed_tail, 8)  # the padding, and with it the check sum
+    except zlib.error as error:
+        raise ValueError(f"compressed data are damaged ({error})") from None
+    if len(data) < size or not unpacking.eof:
+        raise ValueError(f"compressed data are damaged (they claim {size} bytes and hold others)")
+    return _Element(MATRIX, memoryview(data)[:size])
 
 
 def _elements(data: memoryview, order: str) -> Iterator[_Element]:
@@ -78,8 +124,8 @@ def _elements(data: memoryview, order: str) -> Iterator[_Element]:
         at += step
 
 
-def _array(data: memoryview, order: str, *, depth: int) -> tuple[str, bool]:
-    """Check one array and return its name and whether it can hold signals."""
+def _array(data: memoryview, order: str, *, depth: int) -> Variable:
+    """Check one array, and those in it."""
     parts = list(_elements(data, order))
     if depth > DEEPEST or len(parts) < 3:
         raise ValueError("an array lacks its flags, size or name")
@@ -91,23 +137,27 @@ def _array(data: memoryview, order: str, *, depth: int) -> tuple[str, bool]:
     shape = np.frombuffer(size.data, f"{order}i4").tolist()
     if len(shape) < 2 or min(shape) < 0:
         raise ValueError(f"an array has the size {shape}")
-    known = _body(word & 0xFF, body, math.prod(shape), order, depth=depth, is_complex=bool(word & COMPLEX))
-    return bytes(name.data).decode("latin-1"), known
-
-
-def _body(kind: int, body: list[_Element], count: int, order: str, *, depth: int, is_complex: bool) -> bool:
+    kind, count, inner = word & 0xFF, math.prod(shape), []
     if kind in NUMERIC:
-        _check_count(body, count, SIZES, copies=2 if is_complex else 1)
+        _check_count(body, count, SIZES, copies=2 if word & COMPLEX else 1)
     elif kind == CHAR:
         if body or count:
             _check_text(body)
     elif kind == STRUCT:
-        return _check_nested(body[2:], count * _n_fields(body, order), order, depth=depth)
+        inner = _nested(body[2:], count * _n_fields(body, order), order, depth=depth)
     elif kind == CELL:
-        return _check_nested(body, count, order, depth=depth)
+        inner = _nested(body, count, order, depth=depth)
     else:
-        return False
-    return True
+        return Variable(name=_name(name), count=0, unlike=UNLIKE.get(kind, "holds no numbers"))
+    return Variable(
+        name=_name(name),
+        count=sum(part.count for part in inner) if inner else count,
+        unlike=next((f"has a part that {part.unlike}" for part in inner if part.unlike), None),
+    )
+
+
+def _name(element: _Element) -> str:
+    return bytes(element.data).decode("latin-1")
 
 
 def _check_count(body: list[_Element], count: int, sizes: dict[int, int], *, copies: int) -> None:
@@ -132,8 +182,7 @@ def _n_fields(body: list[_Element], order: str) -> int:
     return len(body[1].data) // length
 
 
-def _check_nested(body: list[_Element], count: int, order: str, *, depth: int) -> bool:
+def _nested(body: list[_Element], count: int, order: str, *, depth: int) -> list[Variable]:
     if len(body) != count or any(part.kind != MATRIX for part in body):
         raise ValueError(f"{count} arrays should be nested, got {len(body)}")
-    known = [_array(part.data, order, depth=depth + 1)[1] for part in body if len(part.data)]
-    return all(known)
+    return [_array(part.data, order, depth=depth + 1) for part in body if len(part.data)]

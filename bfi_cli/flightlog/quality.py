@@ -14,9 +14,11 @@ from .holds import Hold, find_hold, find_quantum, repeat_fraction
 from .record import Channel, FlightLog, FloatArray, Segment
 from .timing import gap_starts, is_uniform, position, time_jitter, uneven_step
 
-__all__ = ["ChannelReport", "LogReport", "hold_of", "inspect_log", "require_usable"]
+__all__ = ["ChannelReport", "LogReport", "advice_on_windows", "hold_of", "inspect_log", "require_usable"]
 
 LARGEST = 1e30
+# From here on the dynamics change within a record, and a scan takes minutes: a window is worth a word.
+LONG_S, MOST_NAMED = 600.0, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,9 +72,7 @@ class LogReport:
 
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
-    at = gap_starts(log.time_s)
-    gaps = tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in at)
-    inputs = [name for name in INPUTS if name in log.channels]
+    gaps, inputs = _gaps(log), _inputs(log)
     return LogReport(
         path=log.path,
         n_samples=log.n_samples,
@@ -88,6 +88,27 @@ def inspect_log(log: FlightLog) -> LogReport:
         segments=log.segments,
         notes=log.notes,
     )
+
+
+def advice_on_windows(log: FlightLog) -> str | None:
+    """Return a sentence that names the windows with the most moves; None where the log is not long."""
+    duration_s = float(log.time_s[-1] - log.time_s[0])
+    if duration_s <= LONG_S:
+        return None
+    windows = suggest_windows(log, _inputs(log), _gaps(log), at_most=MOST_NAMED)
+    named = [f"--from {one.start_s:.10g} --to {one.stop_s:.10g} ({one.channel})" for one in windows]
+    return (
+        f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}; "
+        "the whole record is analysed"
+    )
+
+
+def _inputs(log: FlightLog) -> list[str]:
+    return [name for name in INPUTS if name in log.channels]
+
+
+def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
+    return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
 
 
 def _channel_report(log: FlightLog, channel: Channel) -> ChannelReport:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,28 @@ from ..errors import LogError
 from ..faults import Fault
 from .record import Segment
 
-__all__ = ["RawColumn", "RawLog", "choose_group", "is_signal", "numeric"]
+__all__ = [
+    "LARGEST",
+    "RawColumn",
+    "RawLog",
+    "Span",
+    "TimeOf",
+    "choose_group",
+    "different_length",
+    "is_signal",
+    "left_out",
+    "numeric",
+    "rate_of",
+    "require_bytes",
+    "require_few",
+    "require_memory",
+    "unfit_kind",
+]
+
+# Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
+LARGEST = 4 * 10**9
+# Channels of a file. The largest recorders have about 4000 parameters.
+MOST_CHANNELS = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,14 +48,20 @@ class RawColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RawLog:
-    """One file as read. `faults` is None where the file carries no truth; `clean` is by channel."""
+    """One file as read, from `first_sample` on. `faults` is None where it carries no truth; `clean` is by channel."""
 
     columns: Sequence[RawColumn]
     sample_rate_hz: float | None = None
+    first_sample: int = 0
     segments: tuple[Segment, ...] = ()
     faults: tuple[Fault, ...] | None = None
     clean: Mapping[str, RawColumn] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+
+# The window that is wanted, None for the ends of the log; and what finds the time axis among columns without values.
+Span = tuple[float | None, float | None]
+TimeOf = Callable[[Sequence[RawColumn]], RawColumn | None]
 
 
 def is_signal(shape: Sequence[int]) -> bool:
@@ -46,6 +73,84 @@ def numeric(values: Any) -> NDArray[np.float64] | None:
     """Return values as a flat float64 array, None where they are no real numbers."""
     array = np.asarray(values)
     return array.astype(np.float64).ravel() if array.dtype.kind in "fiub" else None
+
+
+def unfit_kind(kind: str, shape: tuple[int, ...]) -> str:
+    """Return why an array of this numpy kind and shape is no signal."""
+    if kind in "SU":
+        return "holds text"
+    if 0 in shape:
+        return "is empty"
+    if kind == "c":
+        return "holds complex numbers"
+    if kind not in "fiub":
+        return "holds no numbers"
+    if max(shape, default=1) == 1:
+        return "is a single number"
+    return f"is a table of {' x '.join(map(str, shape))} ({len(shape)}-D)"
+
+
+def left_out(name: str, why: str) -> str:
+    """Return the note on an array that is no channel; `why` is "holds text", "is a table of 600 x 3 (2-D)"."""
+    advice = "; give each column a dataset of its own" if why.startswith("is a table") else ""
+    return f"'{name}' {why} and is left out{advice}"
+
+
+def different_length(path: str, name: str, n: int, n_times: int) -> LogError:
+    """Return the error of a channel that does not fit the time axis."""
+    return LogError(f"{path}: '{name}' has {n} samples, the time axis {n_times}; give all one time axis")
+
+
+def require_few(path: str, count: int, what: str) -> None:
+    """Check that a file has no more channels (or `what` else) than a recorder writes.
+
+    Raises
+    ------
+    LogError : it has.
+    """
+    if count > MOST_CHANNELS:
+        raise LogError(f"{path}: {count} {what}, the limit is {MOST_CHANNELS}; export fewer channels")
+
+
+def require_bytes(path: str, count: int) -> None:
+    """Check that what a file unpacks to fits into memory.
+
+    Raises
+    ------
+    LogError : it does not.
+    """
+    if count > LARGEST:
+        raise LogError(
+            f"{path}: its variables need {count / 1e9:.1f} GB of memory, the limit is {LARGEST / 1e9:.0f} GB; "
+            "save fewer of them, or a part of the flight"
+        )
+
+
+def require_memory(path: str, n_channels: int, n_samples: int, advice: str, *, total: int | None = None) -> None:
+    """Check that channels fit into memory before they are read; `total` samples where their lengths differ.
+
+    Raises
+    ------
+    LogError : they do not.
+    """
+    needed = 8 * (n_channels * n_samples if total is None else total)
+    if needed > LARGEST:
+        raise LogError(
+            f"{path}: {n_channels} channels of {n_samples} samples need {needed / 1e9:.1f} GB of memory, the limit is "
+            f"{LARGEST / 1e9:.0f} GB; {advice}"
+        )
+
+
+def rate_of(path: str, stated: object) -> float:
+    """Return the sample_rate_hz that a file states.
+
+    Raises
+    ------
+    LogError : it is no number.
+    """
+    if not isinstance(stated, int | float | np.integer | np.floating):
+        raise LogError(f"{path}: sample_rate_hz is no number, got {str(stated)[:40]!r}; mend it")
+    return float(stated)
 
 
 def choose_group(path: str, wanted: str | None, groups: Sequence[str], *, has_signals: bool) -> str | None:

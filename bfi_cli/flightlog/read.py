@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from ..errors import LogError
-from .assembly import assemble
-from .raw import RawLog
+from .assembly import assemble, time_column
+from .raw import RawLog, Span, TimeOf
 from .record import FlightLog
 
 __all__ = ["read_log"]
@@ -24,6 +26,8 @@ def read_log(
     group: str | None = None,
     channel_map: Mapping[str, str] | None = None,
     unit_map: Mapping[str, str] | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
 ) -> FlightLog:
     """Read a flight log; the format is told by the content of the file.
 
@@ -33,6 +37,8 @@ def read_log(
     group : HDF5 group or MATLAB struct that holds the channels; found by itself where there is just one.
     channel_map : standard name -> name in the file, for names that are not known.
     unit_map : name in the file, or standard name -> its unit, for channels that state none or a wrong one.
+    from_s, to_s : what is wanted of the log, on its time axis. More may be returned, so cut it with `window`: only of
+        an HDF5 log that is large are the samples outside left unread.
 
     Returns
     -------
@@ -42,18 +48,27 @@ def read_log(
     Raises
     ------
     ConfigError : a unit of `unit_map` that is unknown or of another quantity.
-    LogError : the file cannot be read, or has no usable time axis, or channels of different length.
+    LogError : the file cannot be read, or has no usable time axis, channels of different length, or data in other
+        files; or it needs more memory than a log should.
     """
     name = str(path)
-    sha256 = _digest(name)
-    raw = _read(name, group)
-    return assemble(raw, path=name, sha256=sha256, channel_map=channel_map or {}, unit_map=unit_map or {})
+    _require_file(name)
+    channel_map, unit_map = channel_map or {}, unit_map or {}
+    time_of = partial(time_column, channel_map=channel_map, unit_map=unit_map)
+    raw = _read(name, group, (from_s, to_s), time_of)
+    return assemble(raw, path=name, sha256=_digest(name), channel_map=channel_map, unit_map=unit_map)
 
 
 def _digest(path: str) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _require_file(path: str) -> None:
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+        raise LogError(f"{path}: is no file but a device or a pipe; write the log to a file first")
     try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        open(path, "rb").close()
     except IsADirectoryError:
         raise LogError(f"{path}: is a directory; give a log file in it") from None
     except FileNotFoundError:
@@ -63,7 +78,7 @@ def _digest(path: str) -> str:
         raise LogError(f"{path!r}: cannot be read, {reason.lower()}; give the path of a log") from None
 
 
-def _read(path: str, group: str | None) -> RawLog:
+def _read(path: str, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
     with open(path, "rb") as file:
         head = file.read(4096)
     if not head:
@@ -71,7 +86,7 @@ def _read(path: str, group: str | None) -> RawLog:
     if any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)):
         from .hdf5 import read_hdf5
 
-        return read_hdf5(path, group=group)
+        return read_hdf5(path, group=group, span=span, time_of=time_of)
     if head.startswith(MATLAB):
         from .matlab import read_matlab
 

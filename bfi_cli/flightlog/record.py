@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import LogError
 from ..faults import Fault
 
-__all__ = ["Channel", "FlightLog", "Segment", "Truth", "frozen_array"]
+__all__ = ["Channel", "FlightLog", "Segment", "Truth", "frozen_array", "nothing_between"]
 
 FloatArray = NDArray[np.float64]
 
@@ -21,6 +21,14 @@ def frozen_array(values: object) -> FloatArray:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
+
+
+def nothing_between(path: str, span: tuple[float, float], ends: tuple[float, float]) -> LogError:
+    """Return the error of a window without samples in a log that runs between `ends`, s."""
+    return LogError(
+        f"{path}: no samples between {span[0]:g} s and {span[1]:g} s, the log runs from {ends[0]:g} s to "
+        f"{ends[1]:g} s; change --from/--to"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,6 +114,9 @@ class FlightLog:
             if channel.source == name:
                 return channel
         has = ", ".join(sorted(self.channels))
+        for note in self.notes:
+            if note.startswith(f"'{name}' ") and "left out" in note:
+                raise LogError(f"{self.path}: {note.partition(';')[0]}; the log has: {has}")
         raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; map one with --channel {name}=NAME")
 
     def signals(self, names: Sequence[str]) -> FloatArray:
@@ -121,10 +132,7 @@ class FlightLog:
         step = 1.0 / self.rate_hz
         keep = (self.time_s >= start - 1e-6 * step) & (self.time_s < stop - 1e-6 * step)
         if np.count_nonzero(keep) < 2:
-            raise LogError(
-                f"{self.path}: no samples between {start:g} s and {stop:g} s, the log runs from "
-                f"{self.time_s[0]:g} s to {self.time_s[-1]:g} s; change --from/--to"
-            )
+            raise nothing_between(self.path, (start, stop), (self.time_s[0], self.time_s[-1]))
         return self.take(keep)
 
     def take(self, keep: NDArray[np.bool_]) -> FlightLog:

@@ -16,7 +16,7 @@ from .quality import hold_of
 from .record import FlightLog, FloatArray, frozen_array
 from .timing import is_uniform
 
-__all__ = ["resample", "resample_with"]
+__all__ = ["resample", "resample_with", "with_reach"]
 
 LONGEST_BRIDGE = 4.5
 SAME_RATE = 1e-3
@@ -62,8 +62,7 @@ def resample_with(
     ConfigError, LogError : see `resample`.
     """
     _check_rate(log, rate_hz)
-    margin = MARGIN_PERIODS / rate_hz
-    part = log.window(None if from_s is None else from_s - margin, None if to_s is None else to_s + margin)
+    part = log.window(*with_reach(rate_hz, from_s, to_s))
     holds = _holds(part, log)
     carried = _cut_alike(extra.reshape(log.n_samples, -1), log, part)
     if not holds and is_uniform(part.time_s) and abs(part.rate_hz / rate_hz - 1.0) < SAME_RATE:
@@ -83,6 +82,12 @@ def _cut_alike(extra: FloatArray, whole: FlightLog, part: FlightLog) -> FloatArr
     """Return the rows of `extra` that belong to a window of a log."""
     first = int(np.searchsorted(whole.time_s, part.time_s[0]))
     return extra[first : first + part.n_samples]
+
+
+def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) -> tuple[float | None, float | None]:
+    """Return a window widened by what the filter of a resampling to this rate reaches beyond it."""
+    margin = MARGIN_PERIODS / rate_hz if rate_hz else 0.0
+    return None if from_s is None else from_s - margin, None if to_s is None else to_s + margin
 
 
 def _check_rate(log: FlightLog, rate_hz: float) -> None:

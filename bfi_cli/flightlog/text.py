@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
-from pathlib import Path
+import os
+from array import array
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +17,18 @@ from ..channels import split_unit
 from ..errors import LogError
 from ..faults import Fault
 from .annotations import faults_from_json, segments_from_json
-from .raw import RawColumn, RawLog
+from .raw import RawColumn, RawLog, require_few
+from .record import Segment
 
 __all__ = ["CLEAN", "FAULTS", "SEGMENTS", "read_csv"]
 
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
 CLEAN = "_clean"
+# Bytes; a cell of two characters becomes a number of eight bytes, and a log is held twice while it is put together.
+LARGEST_TEXT = 10**9
+# Characters. The longest lines are the JSON of the faults of a log; a row of 10 000 channels has 250 000.
+LONGEST_LINE = 10**6
 ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 
 
@@ -29,41 +37,64 @@ def read_csv(path: str) -> RawLog:
 
     Raises
     ------
-    LogError : no header, ragged rows, text where a number belongs (with line and column), no samples.
+    LogError : no header, ragged rows, text where a number belongs (with line and column), no samples; too large.
     """
-    lines = _decode(Path(path).read_bytes()).splitlines()
-    rows = [(i, line) for i, line in enumerate(lines, start=1) if line.strip() and line.lstrip()[0] != "#"]
-    if not rows:
-        raise LogError(f"{path}: no header line, the file holds no text but comments; give a log with channels")
-    delimiter = _delimiter(rows[0][1])
-    names = _header(path, *rows[0], delimiter=delimiter)
-    values = _numbers(path, rows[1:], names, delimiter=delimiter)
-    columns = _columns(names, values)
-    faults = _comment(lines, FAULTS)
-    if faults is None:
-        return RawLog(columns=columns, segments=segments_from_json(_comment(lines, SEGMENTS) or "[]", where=path))
-    return _with_truth(path, columns, lines, faults_from_json(faults, where=f"{path}: faults"))
+    size = os.path.getsize(path)
+    if size > LARGEST_TEXT:
+        raise LogError(
+            f"{path}: {size / 1e9:.1f} GB of text, the limit is {LARGEST_TEXT / 1e9:.0f} GB (numbers take up to four "
+            "times as much in memory); cut the log, or export it as HDF5 and give --from/--to"
+        )
+    try:
+        return _read(path, "utf-8-sig")
+    except UnicodeDecodeError:
+        return _read(path, "latin-1")
 
 
-def _with_truth(path: str, columns: list[RawColumn], lines: list[str], faults: tuple[Fault, ...]) -> RawLog:
+def _read(path: str, encoding: str) -> RawLog:
+    with open(path, encoding=encoding) as file:
+        comments: dict[str, str] = {}
+        rows = _rows(path, file, comments)
+        header = next(rows, None)
+        if header is None:
+            raise LogError(f"{path}: no header line, the file holds no text but comments; give a log with channels")
+        delimiter = _delimiter(header[1])
+        names = _header(path, *header, delimiter=delimiter)
+        columns = _columns(names, _numbers(path, rows, names, delimiter=delimiter))
+    segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
+    if FAULTS not in comments:
+        return RawLog(columns=columns, segments=segments)
+    return _with_truth(columns, segments, faults_from_json(comments[FAULTS], where=f"{path}: faults"))
+
+
+def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:
+    """Yield number and text of the lines that are neither empty nor comments; keep those comments that say something.
+
+    Raises
+    ------
+    LogError : a line that is longer than any log's.
+    """
+    line = 0
+    while text := file.readline(LONGEST_LINE + 1):
+        line += 1
+        if len(text) > LONGEST_LINE:
+            raise LogError(
+                f"{path}: line {line} is longer than {LONGEST_LINE} characters; write a line for each sample, or "
+                "export the log again"
+            )
+        if text.lstrip().startswith("#"):
+            for key in (FAULTS, SEGMENTS):
+                if text.startswith(key):
+                    comments.setdefault(key, text.removeprefix(key))
+        elif text.strip():
+            yield line, text.rstrip("\n")
+
+
+def _with_truth(columns: list[RawColumn], segments: tuple[Segment, ...], faults: tuple[Fault, ...]) -> RawLog:
     clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
     return RawLog(
-        columns=[c for c in columns if not c.source.endswith(CLEAN)],
-        segments=segments_from_json(_comment(lines, SEGMENTS) or "[]", where=f"{path}: segments"),
-        faults=faults,
-        clean=clean,
+        columns=[c for c in columns if not c.source.endswith(CLEAN)], segments=segments, faults=faults, clean=clean
     )
-
-
-def _decode(data: bytes) -> str:
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-
-
-def _comment(lines: Sequence[str], key: str) -> str | None:
-    return next((line.removeprefix(key) for line in lines if line.startswith(key)), None)
 
 
 def _delimiter(header: str) -> str:
@@ -85,12 +116,14 @@ def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
         cells.pop()
     if any(_is_number(cell) for cell in cells):
         raise LogError(f"{path}: no header, line {line} holds numbers; write the channels' names above them")
-    for i, cell in enumerate(cells):
+    require_few(path, len(cells), "columns")
+    places: dict[str, int] = {}
+    for i, cell in enumerate(cells, start=1):
         if not cell:
-            raise LogError(f"{path}: line {line}, column {i + 1} has no name; name every channel in the header")
-        if cell in cells[:i]:
-            at = cells.index(cell) + 1
-            raise LogError(f"{path}: columns {at} and {i + 1} are both named '{cell}'; rename one of them")
+            raise LogError(f"{path}: line {line}, column {i} has no name; name every channel in the header")
+        if cell in places:
+            raise LogError(f"{path}: columns {places[cell]} and {i} are both named '{cell}'; rename one of them")
+        places[cell] = i
     return cells
 
 
@@ -102,20 +135,21 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(
-    path: str, rows: Sequence[tuple[int, str]], names: Sequence[str], *, delimiter: str
+    path: str, rows: Iterator[tuple[int, str]], names: Sequence[str], *, delimiter: str
 ) -> NDArray[np.float64]:
-    if len(rows) < 2:
-        raise LogError(f"{path}: {len(rows)} samples below the header, at least 2 are needed; give a recorded log")
-    values = np.empty((len(rows), len(names)))
-    for i, (line, text) in enumerate(rows):
+    first = list(islice(rows, 2))
+    if len(first) < 2:
+        raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
+    values = array("d")  # eight bytes a number while it grows
+    for line, text in chain(first, rows):
         cells = text.split(delimiter)
         try:
             if "_" in text or len(cells) != len(names):
                 raise ValueError
-            values[i] = [float(cell) for cell in cells]
+            values.extend([float(cell) for cell in cells])
         except ValueError:
-            values[i] = _careful(f"{path}: line {line}", _cells(text, delimiter), names)
-    return values
+            values.extend(_careful(f"{path}: line {line}", _cells(text, delimiter), names))
+    return np.frombuffer(values).reshape(-1, len(names))
 
 
 def _careful(where: str, cells: list[str], names: Sequence[str]) -> list[float]:

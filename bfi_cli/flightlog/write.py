@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 import re
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConfigError
-from ..printable import printable
+from ..files import ATTRIBUTE, MARK, OWNER, aside
+from ..printable import SHOWN, printable
 from .annotations import faults_to_json, segments_to_json
 from .record import FlightLog, FloatArray, Truth
 from .text import CLEAN, FAULTS, SEGMENTS
@@ -33,41 +32,28 @@ def write_log(log: FlightLog, path: str | Path) -> None:
 
     Parameters
     ----------
-    path : ends in .h5, .hdf5 or .csv; an existing file is replaced only when the new one is complete.
+    path : ends in .h5, .hdf5 or .csv; an existing file is replaced only when the new one is complete, a missing folder
+        is made.
 
     Raises
     ------
-    ConfigError : another suffix, or the folder does not exist or cannot be written.
+    ConfigError : another suffix, or the file cannot be written.
     """
     target = Path(path)
     suffix = target.suffix.lower()
     if suffix not in (".h5", ".hdf5", ".csv"):
         raise ConfigError(f"{target}: no format with the suffix '{target.suffix}'; name the file .h5 or .csv")
-    try:
-        with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as file:
-            temporary = Path(file.name)
-        try:
-            (_write_csv if suffix == ".csv" else _write_hdf5)(log, temporary)
-            temporary.chmod(0o666 & ~_umask())
-            temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ConfigError(f"{target}: cannot be written, {reason}; give another path with --output") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    with aside(target.parent, place=target, option="--output") as new:
+        (_write_csv if suffix == ".csv" else _write_hdf5)(log, new / target.name)
 
 
 def _write_hdf5(log: FlightLog, path: Path) -> None:
     import h5py
 
-    with h5py.File(path, "w") as file:
-        names = _names(log, _link_name)
+    names = _names(log, _link_name)
+    # Made in memory: on a full disk the HDF5 library prints tracebacks and ends the process.
+    with h5py.File(path, "w", driver="core", backing_store=False) as file:
+        file.attrs[ATTRIBUTE] = OWNER
         _dataset(file, "time", log.time_s, unit="s")
         for name, channel in log.channels.items():
             _dataset(file, names[name], channel.values, unit=channel.unit)
@@ -78,6 +64,8 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
             truth.attrs["faults"] = _faults(log.truth, names)
             for name, clean in log.truth.clean.items():
                 _dataset(truth, names[name] + CLEAN, clean, unit=_unit_of(log, name))
+        file.flush()
+        path.write_bytes(file.id.get_file_image())
 
 
 def _dataset(node: h5py.Group, name: str, values: FloatArray, *, unit: str) -> None:
@@ -116,7 +104,8 @@ def _unit_of(log: FlightLog, name: str) -> str:
 def _write_csv(log: FlightLog, path: Path) -> None:
     names = _names(log, _column_name)
     columns = dict(_csv_columns(log, names))
-    with open(path, "w", encoding="utf-8", newline="") as file:
+    with open(path, "w", encoding="utf-8", errors=SHOWN, newline="") as file:
+        file.write(f"{MARK}\n")
         if log.segments:
             file.write(f"{SEGMENTS}{segments_to_json(log.segments)}\n")
         if log.truth is not None:

@@ -23,6 +23,7 @@ from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
 from ..kernels.kalman import Gaussian, StateSpace
 from ..kernels.multimodel import FAULT, NO_FAULT, BankRun, Reset, double_model, state_and_fault
+from ..kernels.progress import Progress, unseen
 from ..kernels.selection import Penalty
 from ..kernels.whiteness import effective_rows
 from ..preprocessing.regression import RegressionData
@@ -258,7 +259,9 @@ def _sd(covariance: FloatArray) -> FloatArray:
 NOISE, ANGULAR_NOISE = 0.01, 1e-4
 
 
-def identify_by_dmae(window: PreparedWindow, regression: RegressionData, config: Config) -> MethodResult:
+def identify_by_dmae(
+    window: PreparedWindow, _regression: RegressionData, config: Config, _progress: Progress = unseen
+) -> MethodResult:
     """Estimate the course of a fault of the output at the log's own rate, and what of the dictionary explains it.
 
     A fault is declared where its hypothesis becomes more probable than that of none. The course is then filtered as the

@@ -12,6 +12,7 @@ from scipy import special
 from ..faults import Decision
 from ..kernels.bilinear import Fit
 from ..kernels.covariance import covariance, single_additions, unfold
+from ..kernels.progress import Report, parts, silent
 from ..kernels.selection import Penalty, Scored
 from ..preprocessing.fault_free_model import detectable_at
 from ..preprocessing.regression import RegressionData
@@ -82,7 +83,11 @@ class MethodResult:
 
 
 def averaged_magnitudes(
-    regression: RegressionData, fits: Sequence[Scored], penalty: Penalty, overdispersion: FloatArray
+    regression: RegressionData,
+    fits: Sequence[Scored],
+    penalty: Penalty,
+    overdispersion: FloatArray,
+    report: Report = silent,
 ) -> MagnitudeEstimates:
     """Return the magnitudes at the best order, with the spread between orders added to their variances.
 
@@ -93,12 +98,13 @@ def averaged_magnitudes(
     fits : of one support at every order.
     penalty : the criterion they are scored by.
     overdispersion : (n_live,) see `bfi_cli.preprocessing.overdispersion`.
+    report : told how far it is.
     """
     criteria = np.array([scored.criterion for scored in fits])
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     best = int(np.argmin(criteria))
     keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
-    layers = {n: _at_order(regression, fits[n].fit, overdispersion) for n in keep}
+    layers = {n: _at_order(regression, fits[n].fit, overdispersion) for n, _ in parts(report, keep)}
     value, _, cov = layers[best]
     spread = np.array([layers[n][1] + (layers[n][0] - value) ** 2 for n in keep])
     weight = weights[keep, None] * np.isfinite(spread)

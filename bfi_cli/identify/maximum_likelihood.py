@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from ..config import STRONG_EVIDENCE, Config
 from ..errors import LogError
 from ..kernels.bilinear import Fit, fit_magnitudes
 from ..kernels.covariance import Unfolded, unfold
+from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.selection import Penalty, Scored, Search, full_support, search_orders
 from ..kernels.whiteness import effective_rows
 from ..preprocessing.overdispersion import overdispersion
@@ -50,23 +52,30 @@ class Selection:
     unfolded: Unfolded
 
 
-def identify_by_likelihood(window: PreparedWindow, regression: RegressionData, config: Config) -> MethodResult:
+def identify_by_likelihood(
+    window: PreparedWindow, regression: RegressionData, config: Config, progress: Progress = unseen
+) -> MethodResult:
     """Select order and support by EBIC, then drop atoms that fail the overdispersion or the robustness test.
 
     Raises
     ------
     LogError : a threshold is asked for, and the window is too short to estimate all magnitudes at once.
     """
-    coarse = _at_half_rate(window, regression, config)
+    coarse = _at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
     names = [window.names[j] for j in window.live]
     rules = config.selection
     selection = select(
-        regression, evidence=rules.evidence, extended=rules.criterion == "ebic", max_active=rules.max_active
+        regression,
+        evidence=rules.evidence,
+        extended=rules.criterion == "ebic",
+        max_active=rules.max_active,
+        report=partial(progress, "search for the faults"),
     )
     if rules.threshold is not None:
         selection = _by_threshold(regression, selection, rules.threshold)
-    dispersion = overdispersion(window, regression, selection.best.fit)
-    estimates = _estimates(regression, selection, coarse, dispersion)
+    elsewhere = partial(progress, "the same shapes elsewhere")
+    dispersion = overdispersion(window, regression, selection.best.fit, elsewhere)
+    estimates = _estimates(regression, selection, coarse, dispersion, partial(progress, "magnitudes"))
     notes: list[str] = []
     while rules.threshold is None:
         failed = _failed_test(regression, selection, estimates, dispersion)
@@ -75,7 +84,8 @@ def identify_by_likelihood(window: PreparedWindow, regression: RegressionData, c
         atom, reason = failed
         notes.append(f"'{names[atom]}' is not declared: {reason}")
         selection = _without(regression, selection, atom)
-        estimates = _estimates(regression, selection, coarse, dispersion)
+        sizing = partial(progress, f"magnitudes, {len(notes)} declined")
+        estimates = _estimates(regression, selection, coarse, dispersion, sizing)
     several, fit = len(selection.searches) > 1, selection.best.fit
     plain = [search.of(()) for search in selection.searches]
     lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
@@ -100,31 +110,37 @@ def identify_by_likelihood(window: PreparedWindow, regression: RegressionData, c
     )
 
 
-def _at_half_rate(window: PreparedWindow, regression: RegressionData, config: Config) -> RegressionData | None:
+def _at_half_rate(
+    window: PreparedWindow, regression: RegressionData, config: Config, report: Report
+) -> RegressionData | None:
     """Return the regression at half the rate; None where the record is exact, so nothing is to be learnt, or short."""
     if window.exact and window.rate.factor == 1:
         return None
     try:
         signals = decimate_signals(window.native, 2 * window.rate.factor, window.lowpass)
-        return build_regression(signals, regression.atoms, config, orders=regression.orders)
+        return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
     except LogError:
         return None
 
 
-def select(regression: RegressionData, *, evidence: float, extended: bool, max_active: int | None) -> Selection:
+def select(
+    regression: RegressionData, *, evidence: float, extended: bool, max_active: int | None, report: Report = silent
+) -> Selection:
     """Search supports at every order on common rows and take the best.
 
     Parameters
     ----------
     evidence, extended : see `Penalty`.
     max_active : largest support; None for no limit.
+    report : told how far it is.
     """
     n_atoms, n_rows = len(regression.atoms), regression.n_rows
     penalty = Penalty(
         n_rows=n_rows, n_effective=float(n_rows), n_candidates=n_atoms, evidence=evidence, extended=extended
     )
-    problems = [regression.problem(order) for order in regression.orders]
-    searches = search_orders(problems, range(n_atoms), penalty, max_active=max_active)
+    preparing, searching = shares(report, 1, 4)
+    problems = [regression.problem(order) for order, _ in parts(preparing, regression.orders)]
+    searches = search_orders(problems, range(n_atoms), penalty, max_active=max_active, report=searching)
     selection = _best_of(regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
     effective = max(effective_rows(selection.unfolded.error), 2.0 * per_output)
@@ -193,18 +209,23 @@ def _refit(regression: RegressionData, search: Search, fit: Fit, penalty: Penalt
 
 
 def _estimates(
-    regression: RegressionData, selection: Selection, coarse: RegressionData | None, dispersion: FloatArray
+    regression: RegressionData,
+    selection: Selection,
+    coarse: RegressionData | None,
+    dispersion: FloatArray,
+    report: Report,
 ) -> MagnitudeEstimates:
     """Return the magnitudes of a selection, averaged over orders, with the spread to half the rate."""
-    estimates = averaged_magnitudes(regression, selection.fits, selection.penalty, dispersion)
+    here, fitting, there = shares(report, 1, 1, 1)
+    estimates = averaged_magnitudes(regression, selection.fits, selection.penalty, dispersion, here)
     if coarse is None:
         return estimates
     active = list(selection.best.fit.atoms)
     penalty = replace(selection.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
     start = estimates.value[active] / coarse.magnitude_unit[active]
-    fits = [fit_magnitudes(coarse.problem(order), active, start) for order in coarse.orders]
+    fits = [fit_magnitudes(coarse.problem(order), active, start) for order, _ in parts(fitting, coarse.orders)]
     scored = [Scored(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
-    other = averaged_magnitudes(coarse, scored, penalty, dispersion)
+    other = averaged_magnitudes(coarse, scored, penalty, dispersion, there)
     return with_rate_spread(estimates, other, active, selection.penalty)
 
 

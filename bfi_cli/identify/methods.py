@@ -14,8 +14,8 @@ class Method:
     Attributes
     ----------
     summary : in a few words, for the reader of a result.
-    function : "module:function" of this package, which takes a `PreparedWindow`, its `RegressionData` and the `Config`
-        and returns a `MethodResult`; imported when it is used.
+    function : "module:function" of this package, which takes a `PreparedWindow`, its `RegressionData`, the `Config`
+        and the `Progress` to tell, and returns a `MethodResult`; imported when it is used.
     intervals : its standard deviations are meant to cover the truth.
     several_outputs : it works on more than one output.
     candidates : it says of every entry how large it might be, whether declared or not.

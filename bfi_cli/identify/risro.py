@@ -7,6 +7,7 @@ corner of the rank-one matrix, which T leaves free; `risro-as-published` follows
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from ..config import Config
 from ..kernels.bilinear import fit_magnitudes
 from ..kernels.covariance import unfold
 from ..kernels.lagged import Compressed, restrict
+from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.selection import Penalty, Scored
 from ..kernels.sparsity import SparseStage
@@ -37,14 +39,16 @@ ZERO = 1e-7
 CORNER_ERROR = 0.01
 
 
-def identify_by_risro(_window: PreparedWindow, regression: RegressionData, config: Config) -> MethodResult:
+def identify_by_risro(
+    _window: PreparedWindow, regression: RegressionData, config: Config, progress: Progress = unseen
+) -> MethodResult:
     """Run RISRO at every order and keep that with the best criterion; variances are the likelihood's at its result."""
     n_atoms, n_rows = len(regression.atoms), regression.n_rows
     penalty = Penalty(
         n_rows=n_rows, n_effective=float(n_rows), n_candidates=n_atoms, evidence=config.selection.evidence
     )
     solutions, criteria = {}, {}
-    for order in regression.orders:
+    for order, _ in parts(partial(progress, "every order"), regression.orders):
         solutions[order] = solution = solve(restrict(regression.data, order=order), config)
         variance = solution.misfit**2 / n_rows + regression.floor**2
         n_parameters = regression.problem(order).n_predictor + n_atoms

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from .progress import Report, parts, silent
+
 __all__ = ["Columns", "Compressed", "compress", "lagged", "restrict", "with_fault", "with_scaled_outputs"]
 
 FloatArray = NDArray[np.float64]
@@ -159,6 +161,7 @@ def compress(
     feedthrough: bool = False,
     constant: bool = True,
     block_rows: int = 1024,
+    report: Report = silent,
 ) -> Compressed:
     """Return the triangular factor of the stacked lagged matrix, accumulated block by block.
 
@@ -171,6 +174,7 @@ def compress(
     feedthrough : inputs act in the same sample too.
     constant : include a column of ones.
     block_rows : lagged rows formed at a time.
+    report : told how far it is.
 
     Raises
     ------
@@ -191,7 +195,7 @@ def compress(
     picked = np.array([i * columns.n_atoms + j for i, j in signals], dtype=np.intp)
     R = np.zeros((columns.size, columns.size), order="F")
     block = np.empty((columns.size, max(1, min(block_rows, len(y) - order))))
-    for start in range(order, len(y), block.shape[1]):
+    for start, _ in parts(report, range(order, len(y), block.shape[1])):
         rows = slice(start - order, start + block.shape[1])
         atoms = theta[rows].reshape(len(y[rows]), -1)[:, picked]
         _fill_block(block, columns, (u[rows], y[rows], atoms))

@@ -16,6 +16,7 @@ from .onset_pairs import EndTables, scan_pairs, screen_pairs, tabulate_ends
 from .onset_scan import ENDING, STARTING, Profile
 from .onset_shapes import Waveform
 from .onset_tables import Scan
+from .progress import Report, parts, shares, silent
 
 __all__ = ["Limits", "Pair", "Span", "climb", "pair_limits", "peaks", "scan_ends", "span_at", "spread"]
 
@@ -90,7 +91,7 @@ def pair_limits(scan: Scan, waveform: Waveform, min_duration: int | None = None)
     return Limits(first=first, last=last, shortest=shortest)
 
 
-def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None) -> Span:
+def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None, report: Report = silent) -> Span:
     """Return the best start and end of a fault.
 
     Parameters
@@ -98,14 +99,17 @@ def scan_ends(scan: Scan, waveform: Waveform, *, min_duration: int | None = None
     scan : from `prepare_scan`.
     waveform : of the same number of samples.
     min_duration : samples between start and end, at least; 2 s if None.
+    report : told how far it is.
 
     Raises
     ------
     ValueError : the record is too short for any pair.
     """
     tables, limits = tabulate_ends(scan, waveform), pair_limits(scan, waveform, min_duration)
-    _, pair = climb(scan, tables, limits=limits, begin=_candidates(scan, tables, limits))
-    return span_at(scan, tables, limits=limits, pair=pair)
+    looking, climbing, last = shares(report, 1, 2, 1)
+    begin = _candidates(scan, tables, limits, looking)
+    _, pair = climb(scan, tables, limits=limits, begin=begin, report=climbing)
+    return span_at(scan, tables, limits=limits, pair=pair, report=last)
 
 
 def climb(
@@ -116,6 +120,7 @@ def climb(
     begin: list[Pair],
     finalists: int = FINALISTS,
     rounds: int = ROUNDS,
+    report: Report = silent,
 ) -> tuple[float, Pair]:
     """Return the best statistic, and its pair, that alternate sweeps reach from any of the pairs to begin with.
 
@@ -123,18 +128,19 @@ def climb(
     """
     sweeps: dict[tuple[str, int], tuple[float, Pair]] = {}
 
-    def sweep(kind: str, at: int) -> tuple[float, Pair]:
+    def sweep(kind: str, at: int, own: Report) -> tuple[float, Pair]:
         if (kind, at) not in sweeps:
             pairs = limits.ends(at) if kind == "ends" else limits.starts(at)
-            sweeps[kind, at] = _best(scan, tables, pairs, finalists=finalists)
+            sweeps[kind, at] = _best(scan, tables, pairs, finalists=finalists, report=own)
         return sweeps[kind, at]
 
     tops = []
-    for pair in begin:
+    for pair, of_begin in parts(report, begin):
         reached = -np.inf
-        for _ in range(rounds):
-            _, pair = sweep("ends", min(pair[0], limits.last - limits.shortest))
-            statistic, pair = sweep("starts", pair[1])
+        for _, of_round in parts(of_begin, range(rounds)):
+            over_ends, over_starts = shares(of_round, 1, 1)
+            _, pair = sweep("ends", min(pair[0], limits.last - limits.shortest), over_ends)
+            statistic, pair = sweep("starts", pair[1], over_starts)
             if statistic <= reached:
                 break
             reached = statistic
@@ -142,14 +148,15 @@ def climb(
     return max(tops)
 
 
-def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair) -> Span:
+def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair, report: Report = silent) -> Span:
     """Return the result at a pair, moved where the exact sweeps over starts and ends find better."""
     start, end = pair
-    for _ in range(ROUNDS):
+    for _, of_round in parts(report, range(ROUNDS)):
+        first, second = shares(of_round, 1, 1)
         ends = limits.ends(start)
-        over_ends = scan_pairs(scan, tables, ends)
+        over_ends = scan_pairs(scan, tables, ends, first)
         end = int(ends[1, over_ends.best])
-        over_starts = scan_pairs(scan, tables, limits.starts(end))
+        over_starts = scan_pairs(scan, tables, limits.starts(end), second)
         best = over_starts.best
         if start == over_starts.onsets[best]:
             break
@@ -166,9 +173,9 @@ def span_at(scan: Scan, tables: EndTables, *, limits: Limits, pair: Pair) -> Spa
     )
 
 
-def _best(scan: Scan, tables: EndTables, pairs: IntArray, *, finalists: int) -> tuple[float, Pair]:
+def _best(scan: Scan, tables: EndTables, pairs: IntArray, *, finalists: int, report: Report) -> tuple[float, Pair]:
     """Return statistic and pair of the best of pairs (2, n)."""
-    statistic = screen_pairs(scan, tables, pairs)
+    statistic = screen_pairs(scan, tables, pairs, report)
     if finalists:
         pairs = pairs[:, np.argsort(-statistic)[:finalists]]
         statistic = scan_pairs(scan, tables, pairs).statistic
@@ -176,12 +183,12 @@ def _best(scan: Scan, tables: EndTables, pairs: IntArray, *, finalists: int) -> 
     return float(statistic[best]), (int(pairs[0, best]), int(pairs[1, best]))
 
 
-def _candidates(scan: Scan, tables: EndTables, limits: Limits) -> list[Pair]:
+def _candidates(scan: Scan, tables: EndTables, limits: Limits, report: Report) -> list[Pair]:
     one_sided = limits.starts(limits.last), limits.ends(limits.first)
     high = [pairs[:, peaks(screen_pairs(scan, tables, pairs), PEAKS)] for pairs in one_sided]
     grid = np.linspace(limits.first, limits.last, GRID).astype(np.intp)
     pairs = limits.pairs(np.append(grid, high[0][0]), np.append(grid, high[1][1]))
-    ranked = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs))[: CLIMBS * FINALISTS]]
+    ranked = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs, report))[: CLIMBS * FINALISTS]]
     ranked = ranked[:, np.argsort(-scan_pairs(scan, tables, ranked).statistic)]
     return spread(ranked, count=CLIMBS, reach=APART * max(1, (limits.last - limits.first) // GRID))
 

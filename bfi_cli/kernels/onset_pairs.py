@@ -15,6 +15,7 @@ from .onset_profile import Pencil, minimise, pencil, screen
 from .onset_scan import Profile, in_blocks, magnitude_bound, profile
 from .onset_shapes import Waveform
 from .onset_tables import Scan, correlations, differenced
+from .progress import Report, silent
 
 __all__ = ["EndTables", "scan_pairs", "screen_pairs", "tabulate_ends"]
 
@@ -85,15 +86,15 @@ def _energies(scan: Scan, tables: EndTables, pairs: IntArray) -> FloatArray:
     return differenced(differenced(S, scan.degree).transpose(1, 0, 2), scan.degree)
 
 
-def scan_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> Profile:
+def scan_pairs(scan: Scan, tables: EndTables, pairs: IntArray, report: Report = silent) -> Profile:
     """Return the exact profile over the magnitude of pairs (2, n_pairs); its `onsets` are the starts."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
-    found = in_blocks(scan, bound, lambda b: minimise(stack_pairs(scan, tables, pairs[:, b]), bound[b]))
+    found = in_blocks(scan, bound, lambda b: minimise(stack_pairs(scan, tables, pairs[:, b]), bound[b]), report)
     return profile(scan, tables.waveform, onsets=pairs[0], found=found)
 
 
-def screen_pairs(scan: Scan, tables: EndTables, pairs: IntArray) -> FloatArray:
+def screen_pairs(scan: Scan, tables: EndTables, pairs: IntArray, report: Report = silent) -> FloatArray:
     """Return a lower bound (n_pairs,) of the statistic of pairs (2, n_pairs), usually close."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
-    found = in_blocks(scan, bound, lambda b: screen(stack_pairs(scan, tables, pairs[:, b]), bound[b]))
+    found = in_blocks(scan, bound, lambda b: screen(stack_pairs(scan, tables, pairs[:, b]), bound[b]), report)
     return -scan.n_rows * found.F

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .onset_profile import Minimum, Pencil, log_ratio, minimise, pencil
 from .onset_shapes import Waveform
 from .onset_tables import Scan, Tables, tabulate
+from .progress import Report, parts, silent
 
 __all__ = [
     "Profile",
@@ -72,7 +73,12 @@ def magnitude_bound(scan: Scan, waveform: Waveform, lengths: IntArray) -> FloatA
 
 
 def scan_shape(
-    scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *, max_magnitude: float | None = None
+    scan: Scan,
+    waveform: Waveform,
+    onsets: IntArray | None = None,
+    *,
+    max_magnitude: float | None = None,
+    report: Report = silent,
 ) -> Profile:
     """Return the exact profile over the magnitude of a fault that lasts to the end of the record.
 
@@ -82,6 +88,7 @@ def scan_shape(
     waveform : of the same number of samples, see `onset_shapes`.
     onsets : samples, each in s..n_samples - s - 1; `default_onsets` if None.
     max_magnitude : bound of |z|; `magnitude_bound` if None.
+    report : told how far it is.
     """
     onsets = default_onsets(scan) if onsets is None else np.asarray(onsets, dtype=np.intp)
     _check(scan, waveform, onsets)
@@ -90,7 +97,7 @@ def scan_shape(
         bound = magnitude_bound(scan, waveform, scan.n_samples - onsets)
     else:
         bound = np.full(len(onsets), max_magnitude * waveform.unit)
-    found = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]))
+    found = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
     return profile(scan, waveform, onsets=onsets, found=found)
 
 
@@ -112,11 +119,11 @@ def stack_onsets(scan: Scan, tables: Tables, onsets: IntArray) -> Pencil:
     return pencil(C, S, scan.W)
 
 
-def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimum]) -> Minimum:
+def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimum], report: Report = silent) -> Minimum:
     """Return the minima of a long stack, made in blocks that stay in the processor's cache."""
     size = max(1, CACHE_DOUBLES // (scan.order + scan.n_outputs) ** 2)
-    parts = [minimised(slice(i, i + size)) for i in range(0, len(bound), size)]
-    z, F, curvature = (np.concatenate([getattr(x, name) for x in parts]) for name in ("z", "F", "curvature"))
+    blocks = [minimised(slice(i, i + size)) for i, _ in parts(report, range(0, len(bound), size))]
+    z, F, curvature = (np.concatenate([getattr(x, name) for x in blocks]) for name in ("z", "F", "curvature"))
     return Minimum(z=z, F=F, curvature=curvature)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bilinear import Bilinear, Fit, fit_magnitudes, relaxed
+from .progress import Report, Step, parts, shares, silent, steps
 
 __all__ = ["Penalty", "Scored", "Search", "full_support", "search_orders"]
 
@@ -83,7 +84,12 @@ class Search:
 
 
 def search_orders(
-    problems: Sequence[Bilinear], candidates: Sequence[int], penalty: Penalty, *, max_active: int | None = None
+    problems: Sequence[Bilinear],
+    candidates: Sequence[int],
+    penalty: Penalty,
+    *,
+    max_active: int | None = None,
+    report: Report = silent,
 ) -> tuple[Search, ...]:
     """Search supports at every order: forward from none, backward from all (of a small dictionary) and from the best.
 
@@ -96,12 +102,18 @@ def search_orders(
     candidates : live atoms.
     penalty : the criterion.
     max_active : largest support; None for all candidates.
+    report : told how far it is.
     """
-    every = [_Visits(problem, penalty) for problem in problems]
-    for visits in every:
-        _explore(visits, candidates, max_active)
+    exploring, comparing = shares(report, 3, 1)
+    # Of an order nobody knows how many fits it takes: adding PATIENCE atoms that do not help tries each so often.
+    about = (PATIENCE + 1) * len(candidates) + 1
+    every = []
+    for problem, of_order in parts(exploring, problems):
+        every.append(_Visits(problem, penalty, steps(of_order, about)))
+        _explore(every[-1], candidates, max_active)
     leaders = [visits.search().best.fit for visits in every]
-    for visits, own in zip(every, leaders, strict=True):
+    for (visits, own), of_order in parts(comparing, list(zip(every, leaders, strict=True))):
+        visits.step = steps(of_order, about)
         for leader in leaders:
             if leader is not own and leader.atoms:
                 _backward(visits, visits.visit(leader.atoms, [leader.z]), visits.limit)
@@ -110,7 +122,9 @@ def search_orders(
 
 def full_support(problem: Bilinear, atoms: tuple[int, ...], penalty: Penalty) -> Scored | None:
     """Return the fit of all atoms at once, None where the rows do not suffice."""
-    return _Visits(problem, penalty).full(atoms) if len(atoms) <= _room(problem, penalty.n_rows) else None
+    if len(atoms) > _room(problem, penalty.n_rows):
+        return None
+    return _Visits(problem, penalty, steps(silent, 1)).full(atoms)
 
 
 def _explore(visits: _Visits, candidates: Sequence[int], max_active: int | None) -> None:
@@ -131,7 +145,8 @@ def _room(problem: Bilinear, n_rows: int) -> int:
 class _Visits:
     """Fits of one order, each support's best remembered."""
 
-    def __init__(self, problem: Bilinear, penalty: Penalty) -> None:
+    def __init__(self, problem: Bilinear, penalty: Penalty, step: Step) -> None:
+        self.step = step
         self.problem = problem
         self.penalty = penalty
         self.limit = 0
@@ -145,11 +160,17 @@ class _Visits:
     def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> Scored:
         """Fit a support (ascending) from several starts."""
         for start in starts:
+            self.step()
             fit = fit_magnitudes(self.problem, atoms, np.asarray(start, dtype=np.float64))
             known = self.scored.get(atoms)
             if known is None or fit.log_det < known.fit.log_det:
                 self.scored[atoms] = Scored(criterion=self.penalty.criterion(fit), fit=fit)
         return self.scored[atoms]
+
+    def relaxed(self, base: Fit | None, atom: int) -> tuple[float, float]:
+        """Free the lags of an atom, see `relaxed`."""
+        self.step()
+        return relaxed(self.problem, base, atom)
 
     def add(self, base: Fit, atom: int, magnitude: float) -> Scored:
         """Fit `base` with one more atom, from zero and from its relaxed magnitude."""
@@ -164,7 +185,7 @@ class _Visits:
 
     def full(self, atoms: tuple[int, ...]) -> Scored:
         """Fit all atoms at once, from zero and from the magnitudes of the relaxed problem."""
-        guess = [relaxed(self.problem, None, atom)[1] for atom in atoms]
+        guess = [self.relaxed(None, atom)[1] for atom in atoms]
         return self.visit(atoms, [np.zeros(len(atoms)), guess])
 
 
@@ -180,7 +201,7 @@ def _forward(visits: _Visits, candidates: Sequence[int], limit: int) -> Scored:
 
 def _best_addition(visits: _Visits, base: Fit, candidates: Sequence[int]) -> Scored:
     """Return the best single addition; atoms whose relaxed fit is worse than the best found are not fitted."""
-    bounds = [(*relaxed(visits.problem, base, atom), atom) for atom in candidates if atom not in base.atoms]
+    bounds = [(*visits.relaxed(base, atom), atom) for atom in candidates if atom not in base.atoms]
     best: Scored | None = None
     for bound, magnitude, atom in sorted(bounds):
         if best is not None and bound > best.fit.log_det + MARGIN:

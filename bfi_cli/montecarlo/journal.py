@@ -7,10 +7,10 @@ finished files are the same however often the sweep was stopped.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -18,7 +18,8 @@ from types import TracebackType
 from typing import Any
 
 from ..errors import SweepError
-from ..serialize import to_csv
+from ..files import MARK, replace_files
+from ..serialize import csv_lines, to_csv
 from .row import COLUMNS, Row, row_from_cells
 from .scenarios import Sweep
 
@@ -37,7 +38,7 @@ class Journal:
     done : rows and seconds found when it was opened, in the order of the trials.
     """
 
-    def __init__(self, out: Path, sweep: Sweep, *, digest: str, resume: bool) -> None:
+    def __init__(self, out: Path, sweep: Sweep, *, digest: str, resume: bool, force: bool = False) -> None:
         """Open the journal of a sweep.
 
         Parameters
@@ -45,11 +46,12 @@ class Journal:
         out : folder of the results, made if it does not exist.
         digest : of the sweep and its records.
         resume : continue with the rows found there, of a stopped sweep or of a finished one.
+        force : replace files of a folder of the same name that holds no sweep.
 
         Raises
         ------
-        SweepError : there is an unfinished sweep and `resume` was not asked for, or it is of another sweep; the folder
-            cannot be written to.
+        SweepError : there is an unfinished sweep and `resume` was not asked for, or it is of another sweep.
+        ConfigError : the folder cannot be written to, or holds files of these names and no sweep.
         """
         self.folder = out / FOLDER
         self.done = _found(out, sweep, digest) if resume else []
@@ -57,21 +59,16 @@ class Journal:
             raise SweepError(
                 f"{self.folder}: an unfinished sweep is there; add --resume to continue it, or {START_ANEW}"
             )
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            (self.folder / OF).write_text(json.dumps({"digest": digest, "path": sweep.path}), encoding="utf-8")
-            self._rows = self._begun(ROWS, COLUMNS, [row.cells() for row, _ in self.done])
-            self._times = self._begun(TIMES, TIMING_COLUMNS, [timing_cells(*pair) for pair in self.done])
-        except OSError as error:
-            raise SweepError(f"{out}: {(error.strerror or str(error)).lower()}; give another --out") from None
-
-    def _begun(self, name: str, columns: Sequence[str], lines: Sequence[Sequence[str]]) -> io.TextIOWrapper:
-        """Write what is known whole and go on from there: a torn last line is gone."""
-        path = self.folder / name
-        aside = path.with_suffix(".new")
-        aside.write_text(to_csv([columns, *lines]), encoding="utf-8", newline="")
-        aside.replace(path)
-        return path.open("a", encoding="utf-8", newline="")
+        # What is known is written whole, and rows are added to it: a torn last line is gone.
+        begun = {
+            OF: json.dumps({"digest": digest, "path": sweep.path}).encode(),
+            ROWS: to_csv(COLUMNS, [row.cells() for row, _ in self.done]),
+            TIMES: to_csv(TIMING_COLUMNS, [timing_cells(*pair) for pair in self.done]),
+        }
+        replace_files(begun, self.folder, force=force or "digest" in _document(self.folder / OF))
+        self._rows, self._times = (
+            (self.folder / name).open("a", encoding="utf-8", newline="") for name in (ROWS, TIMES)
+        )
 
     def add(self, row: Row, seconds: float) -> None:
         """Append a row and hand it to the operating system.
@@ -82,7 +79,7 @@ class Journal:
         """
         try:
             for file, cells in ((self._rows, row.cells()), (self._times, timing_cells(row, seconds))):
-                file.write(to_csv([cells]))
+                file.write(csv_lines([cells]))
                 file.flush()
         except OSError as error:
             raise SweepError(
@@ -99,8 +96,11 @@ class Journal:
         self._times.close()
 
     def remove(self) -> None:
-        """Remove the folder; to be called when the results are in place."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Remove the folder, and nothing of others in it; to be called when the results are in place."""
+        with contextlib.suppress(OSError):
+            for name in (ROWS, TIMES, OF):
+                (self.folder / name).unlink(missing_ok=True)
+            self.folder.rmdir()
 
 
 def timing_cells(row: Row, seconds: float) -> tuple[str, str, str]:
@@ -155,5 +155,6 @@ def _lines(path: Path, columns: Sequence[str]) -> list[list[str]]:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return []
+    text = text.removeprefix(f"{MARK}\n")
     reader = csv.reader(io.StringIO(text[: text.rfind("\n") + 1], newline=""))
     return list(islice(reader, 1, None)) if text.startswith(",".join(columns)) else []

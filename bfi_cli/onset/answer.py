@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from ..config import Config
 from ..errors import ConfigError
 from ..flightlog import FlightLog
+from ..kernels.progress import Progress, Report, parts, shares, unseen
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate
 from .joint import Likelihood
@@ -30,7 +32,7 @@ UNMOVED = 0.1
 SLACK = 1e-3
 
 
-def find_onset(log: FlightLog, config: Config) -> OnsetResult:
+def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
     """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
 
     Parameters
@@ -38,6 +40,7 @@ def find_onset(log: FlightLog, config: Config) -> OnsetResult:
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
         published search, one solution per onset.
+    progress : told the name of every stage and how far it is.
 
     Raises
     ------
@@ -47,16 +50,21 @@ def find_onset(log: FlightLog, config: Config) -> OnsetResult:
     with threadpool_limits(1):
         if config.method not in ("ml", "risro"):
             raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
-        return find_onset_as_published(log, config) if config.method == "risro" else _found(log, config)
+        published = config.method == "risro"
+        return find_onset_as_published(log, config, progress) if published else _found(log, config, progress)
 
 
-def _found(log: FlightLog, config: Config) -> OnsetResult:
-    record = prepare_record(log, config)
-    first = sweep(record, record.y)
-    rule = rule_for(log, record, config, order=first.order)
-    verdicts, estimates, last = _until_nothing_is_left(record, first, rule)
-    estimates = _settled(record, estimates, last.plain_order)
-    while len(estimates) > 1 and (fewer := _without_one(record, estimates, last.plain_order, rule)) is not None:
+def _found(log: FlightLog, config: Config, progress: Progress) -> OnsetResult:
+    record = prepare_record(log, config, partial(progress, "the window"))
+    first = sweep(record, record.y, report=partial(progress, "scan of all onsets"))
+    rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
+    verdicts, estimates, last = _until_nothing_is_left(record, first, rule, progress)
+    if estimates:
+        estimates = _settled(record, estimates, last.plain_order, partial(progress, "every fault again"))
+    while len(estimates) > 1:
+        leaving = partial(progress, f"{len(estimates)} faults, each left out")
+        if (fewer := _without_one(record, estimates, last.plain_order, rule, leaving)) is None:
+            break
         i, estimates = fewer
         del verdicts[i]
     y = _less(record.y, *estimates)
@@ -75,7 +83,9 @@ def _found(log: FlightLog, config: Config) -> OnsetResult:
     )
 
 
-def _until_nothing_is_left(record: ScanRecord, first: Sweep, rule: Rule) -> tuple[list[Verdict], list[Estimate], Sweep]:
+def _until_nothing_is_left(
+    record: ScanRecord, first: Sweep, rule: Rule, progress: Progress
+) -> tuple[list[Verdict], list[Estimate], Sweep]:
     """Return the faults in the order of their evidence, and the sweep in which there was none any more.
 
     Each is estimated again as soon as another is known: what an error of the first leaves behind looks like a fault.
@@ -85,26 +95,35 @@ def _until_nothing_is_left(record: ScanRecord, first: Sweep, rule: Rule) -> tupl
     y, seen = record.y, first
     while len(found) < MOST_FAULTS and (verdict := rule.verdict(seen)).beyond:
         verdicts.append(verdict)
-        found.append(_likeliest(record, y, verdict, seen.order))
-        if len(found) > 1:
-            found = _settled(record, found, seen.order)
+        n = len(verdicts)
+        report = partial(progress, f"fault {n}")
+        measuring, again = shares(report, 1, n - 1)
+        found.append(_likeliest(record, y, verdict, seen.order, measuring))
+        if n > 1:
+            found = _settled(record, found, seen.order, again)
+        report(1.0)
         y = _less(record.y, *found)
-        seen = sweep(record, y)
+        seen = sweep(record, y, report=partial(progress, f"scan of all onsets without {n} fault{'s' * (n > 1)}"))
     return verdicts, found, seen
 
 
-def _likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> Estimate:
+def _likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int, report: Report) -> Estimate:
     """Return the fault of the likeliest shape; of an oscillation that is known only once its phase has been freed.
 
     What the first shape leaves unexplained counts against the freedom of the other.
     """
     likeliest = verdict.beyond[0]
-    steps = [estimate(record, y, peak, order=order) for peak in verdict.beyond if peak.form.shape == "bias"]
+    of_steps, of_likeliest, of_sine = shares(report, 1, 2, 2)
+    biases = [peak for peak in verdict.beyond if peak.form.shape == "bias"]
+    steps = [estimate(record, y, peak, order=order, report=own) for peak, own in parts(of_steps, biases)]
     jump_s = steps[0].onset_s if steps else None
-    first = steps[0] if likeliest.form.shape == "bias" else estimate(record, y, likeliest, order=order, jump_s=jump_s)
+    if likeliest.form.shape == "bias":
+        first = steps[0]
+    else:
+        first = estimate(record, y, likeliest, order=order, jump_s=jump_s, report=of_likeliest)
     for peak in verdict.beyond[1:]:
         if peak.form.shape == "sine":
-            sine = estimate(record, y, peak, order=order, jump_s=jump_s)
+            sine = estimate(record, y, peak, order=order, jump_s=jump_s, report=of_sine)
             freedom = (1 + peak.n_parameters - likeliest.n_parameters) * float(np.log(len(y) - order))
             charge = freedom * _dispersion(record, _less(y, first), first, order)
             better = sine.is_told and sine.statistic > first.statistic + charge
@@ -121,27 +140,28 @@ def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) 
     return max(1.0, float(np.mean(rest.profile.statistic)))
 
 
-def _settled(record: ScanRecord, estimates: list[Estimate], order: int) -> list[Estimate]:
+def _settled(record: ScanRecord, estimates: list[Estimate], order: int, report: Report) -> list[Estimate]:
     """Estimate every fault again with the others taken off, at the order chosen when all were, until none moves.
 
     What explains the record worse than before is not taken: another order may not look where the fault begins.
     """
     misfit = _misfit(record, estimates, order)
-    for _ in range(MOST_ROUNDS):
+    for _, of_round in parts(report, range(MOST_ROUNDS)):
         before = estimates
-        for i in range(len(estimates)):
-            fault = _again(record, estimates, i, order)
+        for i, own in parts(of_round, range(len(before))):
+            fault = _again(record, estimates, i, order, own)
             moved = _jointly(record, [*estimates[:i], fault, *estimates[i + 1 :]], order)
             reached = _misfit(record, moved, order)
             if reached <= misfit + SLACK * len(record.y):
                 misfit, estimates = reached, moved
         if not any(map(_moved, before, estimates)):
             break
+    report(1.0)
     return estimates
 
 
 def _without_one(
-    record: ScanRecord, estimates: list[Estimate], order: int, rule: Rule
+    record: ScanRecord, estimates: list[Estimate], order: int, rule: Rule, report: Report
 ) -> tuple[int, list[Estimate]] | None:
     """Return which fault is not needed, and the others without it; None where all are.
 
@@ -149,9 +169,11 @@ def _without_one(
     not begin at zero.
     """
     whole = _misfit(record, estimates, order)
-    for i in sorted(range(len(estimates)), key=lambda k: estimates[k].statistic):
-        others = _settled(record, estimates[:i] + estimates[i + 1 :], order)
+    weakest_first = sorted(range(len(estimates)), key=lambda k: estimates[k].statistic)
+    for i, own in parts(report, weakest_first):
+        others = _settled(record, estimates[:i] + estimates[i + 1 :], order, own)
         if _misfit(record, others, order) - whole < rule.threshold(estimates[i].form.shape):
+            report(1.0)
             return i, others
     return None
 
@@ -162,13 +184,14 @@ def _misfit(record: ScanRecord, estimates: list[Estimate], order: int) -> float:
     return (len(record.y) - order) * fit.log_det
 
 
-def _again(record: ScanRecord, estimates: list[Estimate], i: int, order: int) -> Estimate:
+def _again(record: ScanRecord, estimates: list[Estimate], i: int, order: int, report: Report) -> Estimate:
     """Return one of the faults estimated anew; its deviation admits what its shape shows elsewhere in the record."""
     others = _less(record.y, *estimates[:i], *estimates[i + 1 :])
     fault, output = estimates[i], estimates[i].form.output
     dispersion = _dispersion(record, _less(others, fault), fault, order)
-    peak = peak_of(record, scan_of(record, others, order, output=output), fault.form)
-    return estimate(record, others, peak, order=order, dispersion=dispersion)
+    scanning, measuring = shares(report, 1, 2)
+    peak = peak_of(record, scan_of(record, others, order, output=output), fault.form, scanning)
+    return estimate(record, others, peak, order=order, dispersion=dispersion, report=measuring)
 
 
 def _jointly(record: ScanRecord, estimates: list[Estimate], order: int) -> list[Estimate]:

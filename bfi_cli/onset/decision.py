@@ -9,6 +9,7 @@ from ..calibration import Null, Table, differences, load_tables, nearest, null_o
 from ..config import Config
 from ..errors import ConfigError
 from ..flightlog import FlightLog
+from ..kernels.progress import Report, silent
 from .null import earlier_windows, gaussian_table, table_of_windows
 from .record import ScanRecord
 from .result import CalibrationUse
@@ -72,7 +73,7 @@ class Rule:
         return self.null.threshold(shape, self.false_alarm)
 
 
-def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int) -> Rule:
+def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, report: Report = silent) -> Rule:
     """Return the rule the configuration asks for.
 
     Parameters
@@ -80,6 +81,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int) 
     log : the whole, for its own earlier part.
     record : the window.
     order : of the model, for a simulation.
+    report : told how far it is.
 
     Raises
     ------
@@ -89,12 +91,12 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int) 
     asked = config.start_time
     match asked.calibration:
         case "gaussian":
-            table = gaussian_table(record, order, seed=config.seed)
+            table = gaussian_table(record, order, seed=config.seed, report=report)
             note = "the threshold assumes white Gaussian errors, which real flights do not have: false alarms are more"
             return _rule(table, record, config, "gaussian", (f"{note} frequent than stated",))
         case "self":
             windows = earlier_windows(log, config)
-            table = table_of_windows([(log, window) for window in windows], config)
+            table = table_of_windows([(log, window) for window in windows], config, report)
             note = (
                 f"calibrated on {table.n_windows} overlapping windows before the analysed one, taken to be fault-free"
             )

@@ -88,8 +88,8 @@ def _profile(result: OnsetResult) -> dict[str, Any]:
     }
 
 
-def onset_tables(result: OnsetResult) -> dict[str, str]:
-    """Return the CSV text of the faults and of the profiles, by file name."""
+def onset_tables(result: OnsetResult) -> dict[str, bytes]:
+    """Return the CSV files of the faults and of the profiles, by file name."""
     rows = []
     for one in result.faults:
         estimate, fault = one.estimate, one.estimate.fault
@@ -103,4 +103,4 @@ def onset_tables(result: OnsetResult) -> dict[str, str]:
         for point in zip(*(x.tolist() for x in (one.onset_s, one.statistic, one.magnitude, one.sd)), strict=True)
     )
     heads = ("shape", "channel", "onset_s", "statistic", "magnitude", "sd")
-    return {"faults.csv": to_csv([FAULT_COLUMNS, *rows]), "profile.csv": to_csv([heads, *points])}
+    return {"faults.csv": to_csv(FAULT_COLUMNS, rows), "profile.csv": to_csv(heads, points)}

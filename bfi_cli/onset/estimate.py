@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..kernels.onset_scan import Profile, scan_shape
 from ..kernels.onset_tables import Scan
+from ..kernels.progress import Report, Step, silent, steps
 from .joint import Likelihood
 from .oscillation import Sinusoid, measured, place, statistics
 from .pulses import Fine, phases, pulses, step_s, within
@@ -27,6 +28,8 @@ NORMAL = 1.959963984540054
 BESIDE = 2
 STRIDE = 3
 ROUNDS = 2
+# Fits and scans after which an estimate is said to be half done: about the median of those of the shipped logs.
+STEPS = 150
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +66,7 @@ def estimate(
     order: int,
     dispersion: float = 1.0,
     jump_s: float | None = None,
+    report: Report = silent,
 ) -> Estimate:
     """Return the fault of a peak.
 
@@ -72,21 +76,25 @@ def estimate(
     order : of the model.
     dispersion : how many times the statistic of other onsets exceeds what white noise would make it, at least 1.
     jump_s : where a step was seen, on the log's axis: where an oscillation of another phase than 0 may begin.
+    report : told how far it is.
     """
+    step = steps(report, STEPS)
     if peak.form.shape == "sine":
+        likelihood = Likelihood(record=record, y=y, order=order, step=step)
         one = measured(
-            Likelihood(record=record, y=y, order=order),
+            likelihood,
             peak,
             dispersion=dispersion,
             jump=None if jump_s is None else record.native(jump_s),
         )
         form = replace(peak.form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
-        fine, end = _around(Likelihood(record=record, y=y, order=order), peak, one)
+        fine, end = _around(likelihood, peak, one)
         z, is_told = one.z, one.is_told_by_the_record
     else:
         scan = scan_of(record, y, order, output=peak.form.output)
-        form, (fine, end) = peak.form, _refined(record, scan, peak, DROP * dispersion)
+        form, (fine, end) = peak.form, _refined(record, scan, peak, DROP * dispersion, step)
         z, is_told = float(fine.z[fine.best]), True
+    report(1.0)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
     inside = np.flatnonzero(missing <= DROP * dispersion)
     return Estimate(
@@ -142,53 +150,56 @@ def _spread(fine: Fine, weight: FloatArray, dispersion: float) -> float:
     return float(np.sqrt(np.sum(weight[seen] * squares) / np.sum(weight[seen])))
 
 
-def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float) -> tuple[Fine, Place | None]:
+def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float, step: Step) -> tuple[Fine, Place | None]:
     """Return the profile with the onsets between the conditioned samples where they matter, and the end."""
     if record.sampling.factor == 1:
         end = None if peak.end is None else (peak.end, 0)
         return _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
     if peak.end is not None:
-        return _ending(record, scan, peak.form, ((peak.onset, 0), (peak.end, 0)), drop)
+        return _ending(record, scan, peak.form, ((peak.onset, 0), (peak.end, 0)), drop, step)
     close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
     nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
-    return _lasting(record, scan, peak.form, nearby), None
+    return _lasting(record, scan, peak.form, nearby, step), None
 
 
-def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray) -> Fine:
+def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray, step: Step) -> Fine:
     lead = record.sampling.lead
     found = []
     for phase in phases(record):
+        step()
         profile = scan_shape(scan, waveform(form, record.sampling, phase), nearby - lead)
         found.append((phase, replace(profile, onsets=nearby)))
     return _joined(record, found, step_s(record))
 
 
-def _ending(record: ScanRecord, scan: Scan, form: Form, span: tuple[Place, Place], drop: float) -> tuple[Fine, Place]:
+def _ending(
+    record: ScanRecord, scan: Scan, form: Form, span: tuple[Place, Place], drop: float, step: Step
+) -> tuple[Fine, Place]:
     """Move end and start in turn between the conditioned samples; the search for both knew sharp edges only.
 
     The filter smears the edges, so the best start of sharp ones may be far off: starts everywhere are asked again.
     """
     start, end = span
-    end = _best_end(record, scan, form, start, end)
+    end = _best_end(record, scan, form, start, end, step)
     every = within(record, scan, [*{start, *((k, 0) for k in range(0, end[0] - 1, STRIDE))}])
-    coarse = pulses(record, scan, form, [(one, end) for one in every])
+    coarse = pulses(record, scan, form, [(one, end) for one in every], step)
     missing = coarse.statistic.max() - coarse.statistic
     close = [one for one, less in zip(every, missing, strict=True) if less <= drop]
     start = every[coarse.best]
     for _ in range(ROUNDS):
-        end = _best_end(record, scan, form, start, end)
+        end = _best_end(record, scan, form, start, end, step)
         near = range(start[0] - BESIDE, start[0] + BESIDE + 1)
         places = within(record, scan, [*{*close, *((k, phase) for k in near for phase in phases(record))}])
-        fine = pulses(record, scan, form, [(one, end) for one in places if one[0] < end[0] - 1])
+        fine = pulses(record, scan, form, [(one, end) for one in places if one[0] < end[0] - 1], step)
         start = fine.places[fine.best]
     return fine, end
 
 
-def _best_end(record: ScanRecord, scan: Scan, form: Form, start: Place, end: Place) -> Place:
+def _best_end(record: ScanRecord, scan: Scan, form: Form, start: Place, end: Place, step: Step) -> Place:
     latest, factor = record.sampling.n_samples - 1, record.sampling.factor
     ends = [(min(end[0] + k, latest), phase) for k in range(-1, BESIDE) for phase in phases(record)]
     ends = [one for one in ends if one[0] * factor + one[1] > start[0] * factor + start[1]]
-    return ends[pulses(record, scan, form, [(start, one) for one in ends]).best]
+    return ends[pulses(record, scan, form, [(start, one) for one in ends], step).best]
 
 
 def _joined(record: ScanRecord, profiles: Sequence[tuple[int, Profile]], step: float) -> Fine:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels.bilinear import Fit, bilinear, fit_magnitudes
 from ..kernels.lagged import compress
+from ..kernels.progress import Step
 from .record import ScanRecord
 
 __all__ = ["Likelihood"]
@@ -26,11 +27,13 @@ class Likelihood:
     Attributes
     ----------
     y : (n_samples, n_outputs) scaled outputs.
+    step : called at every fit, so that whoever fits many can tell how far it is.
     """
 
     record: ScanRecord
     y: FloatArray
     order: int
+    step: Step | None = None
 
     @property
     def n_rows(self) -> int:
@@ -39,6 +42,8 @@ class Likelihood:
 
     def fit(self, theta: FloatArray, start: FloatArray | None = None) -> Fit:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
+        if self.step is not None:
+            self.step()
         data = compress(self.record.u, self.y, theta, order=self.order, feedthrough=self.record.feedthrough)
         problem = bilinear(data, self.order, floor=FLOOR if self.record.floor is None else self.record.floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..errors import LogError
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
+from ..kernels.progress import Report, parts, silent
 from .record import ScanRecord, prepare_record
 from .sweep import Sweep, sweep
 
@@ -28,7 +29,7 @@ STABLE = 0.999
 OVERLAPPING = 4
 
 
-def gaussian_table(record: ScanRecord, order: int, *, seed: int) -> Table:
+def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report = silent) -> Table:
     """Return the table of records simulated with the model fitted without a fault and white Gaussian errors.
 
     Parameters
@@ -36,11 +37,14 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int) -> Table:
     record : its inputs are kept.
     order : of the model, and of the scans.
     seed : of the errors.
+    report : told how far it is.
     """
     rng = np.random.default_rng(seed)
     model = _fitted(record, order)
     with threadpool_limits(1):
-        sweeps = [sweep(record, _simulated(record, model, order, rng), order) for _ in range(TRIALS)]
+        sweeps = [
+            sweep(record, _simulated(record, model, order, rng), order, own) for _, own in parts(report, range(TRIALS))
+        ]
     return _table(record.settings, sweeps, ("simulated",))
 
 
@@ -112,21 +116,17 @@ def earlier_windows(log: FlightLog, config: Config) -> Windows:
     return [(first + i * step_s, first + i * step_s + length_s) for i in range(n)]
 
 
-def _silent(_done: int, _total: int) -> None:
-    pass
-
-
 def table_of_windows(
     pieces: Sequence[tuple[FlightLog, tuple[float, float]]],
     config: Config,
-    report: Callable[[int, int], None] = _silent,
+    report: Report = silent,
 ) -> Table:
     """Return the table of windows of logs that hold no fault; those that cannot be analysed are counted.
 
     Parameters
     ----------
     pieces : log, and start and end of the window on its axis.
-    report : told how many are done, (done, total).
+    report : told how far it is.
 
     Raises
     ------
@@ -137,20 +137,18 @@ def table_of_windows(
     names: dict[str, None] = {}
     n_unusable = 0
     problem: LogError | None = None
-    for done, (log, (from_s, to_s)) in enumerate(pieces):
-        report(done, len(pieces))
+    for (log, (from_s, to_s)), own in parts(report, pieces):
         try:
             record = prepare_record(log, merge(config, {"window": {"from_s": from_s, "to_s": to_s}}))
             if settings is not None and record.settings.orders != settings.orders:
                 raise LogError(f"{log.path}: the window from {from_s:g} s is shorter than the others")
             with threadpool_limits(1):
-                sweeps.append(sweep(record, record.y))
+                sweeps.append(sweep(record, record.y, report=own))
         except LogError as unusable:
             n_unusable, problem = n_unusable + 1, unusable
             continue
         settings = settings or record.settings
         names[Path(log.path).name] = None
-    report(len(pieces), len(pieces))
     if settings is None:
         raise problem or LogError("calibration: no window; give a longer log or shorter windows")
     return _table(settings, sweeps, tuple(names), n_unusable)

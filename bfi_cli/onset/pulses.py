@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..kernels import onset_shapes
 from ..kernels.onset_scan import scan_shape
 from ..kernels.onset_tables import Scan
+from ..kernels.progress import Step
 from .record import ScanRecord
 from .shapes import Form, Place, signal
 
@@ -53,11 +54,12 @@ def step_s(record: ScanRecord) -> float:
     return -phases(record).step / record.sampling.factor / record.sampling.rate_hz
 
 
-def pulses(record: ScanRecord, scan: Scan, form: Form, spans: Sequence[tuple[Place, Place | None]]) -> Fine:
-    """Return the profile over starts and ends, in the order given; the starts are its places."""
+def pulses(record: ScanRecord, scan: Scan, form: Form, spans: Sequence[tuple[Place, Place | None]], step: Step) -> Fine:
+    """Return the profile over starts and ends, in the order given; the starts are its places. Each is a step."""
     sampling = record.sampling
     found = []
     for start, end in spans:
+        step()
         first = start[0] - sampling.lead
         samples = np.zeros(sampling.n_samples)
         samples[: sampling.n_samples - first] = signal(form, sampling, start, end)[first:]

@@ -15,6 +15,7 @@ from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels.onset_scan import ENDING, STARTING
+from ..kernels.progress import Report, silent
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
 from ..sample_file import sample_bytes
 from .shapes import Form, Sampling, forms_of
@@ -71,15 +72,15 @@ class ScanRecord:
         return round((time_s - float(self.time_s[0])) * self.sampling.rate_hz * self.sampling.factor)
 
 
-def prepare_record(log: FlightLog, config: Config) -> ScanRecord:
-    """Return the window of a log made ready for the scan.
+def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> ScanRecord:
+    """Return the window of a log made ready for the scan; `report` is told how far it is.
 
     Raises
     ------
     LogError, ExcitationError : the log cannot be used.
     ConfigError : the frequencies asked for are too high for the rate asked for.
     """
-    window = prepare_window(log, _probes(log, config), config)
+    window = prepare_window(log, _probes(log, config), config, report)
     regression = regression_of(window, config)
     layout, orders = regression.layout, regression.orders
     n, rate_hz = len(window.signals.time_s), window.signals.rate_hz

@@ -7,6 +7,7 @@ has no test of whether there is a fault. Of several shapes, the one that explain
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from ..flightlog.record import frozen_array
 from ..kernels.lagged import compress
 from ..kernels.onset_scan import Profile, default_onsets
 from ..kernels.onset_tables import Scan
+from ..kernels.progress import Progress, Report, parts, unseen
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.termination import Settings
 from .estimate import Estimate
@@ -35,8 +37,12 @@ SHAPES = ("bias", "drift")
 NOTE = "the published method declares the peak of the magnitude; it has no test of whether there is a fault at all"
 
 
-def find_onset_as_published(log: FlightLog, config: Config) -> OnsetResult:
+def find_onset_as_published(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
     """Return the onset where the magnitude of a separate solution for every onset is largest.
+
+    Parameters
+    ----------
+    log, config, progress : see `find_onset`.
 
     Raises
     ------
@@ -44,11 +50,12 @@ def find_onset_as_published(log: FlightLog, config: Config) -> OnsetResult:
     LogError, ExcitationError : the log cannot be used.
     """
     _check(config)
-    record = prepare_record(log, config)
+    record = prepare_record(log, config, partial(progress, "the window"))
     forms = [form for form in record.forms if form.shape in SHAPES]
     plain = [plain_criterion(record, _scan(record, order, max(record.orders))) for order in record.orders]
     order = record.orders[int(np.argmin(plain))]
-    peaks = tuple(_peak(record, form, order, config) for form in forms)
+    every = parts(partial(progress, "a solution for every onset"), forms)
+    peaks = tuple(_peak(record, form, order, config, own) for form, own in every)
     found = min(peaks, key=lambda peak: peak.profile.rss[_largest(peak)])
     estimate = _estimate(record, found)
     curve = Sweep(
@@ -92,10 +99,12 @@ def _scan(record: ScanRecord, order: int, first: int) -> Scan:
     return scan_of(record, record.y, order, output=0, first=first)
 
 
-def _peak(record: ScanRecord, form: Form, order: int, config: Config) -> Peak:
+def _peak(record: ScanRecord, form: Form, order: int, config: Config, report: Report) -> Peak:
     scan = _scan(record, order, order)
     onsets = default_onsets(scan)
-    solved = [_solve(record, signal(form, record.sampling, (int(k), 0)), order, config) for k in onsets]
+    solved = [
+        _solve(record, signal(form, record.sampling, (k, 0)), order, config) for k, _ in parts(report, onsets.tolist())
+    ]
     z = np.array([float(one.z[0]) for one in solved])
     rss = np.array([one.misfit**2 for one in solved])
     floor = np.finfo(float).tiny

@@ -16,6 +16,7 @@ from ..faults import Fault, unit_signal
 from ..kernels.bilinear import Fit
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import decimate
+from ..kernels.progress import Report, parts, silent
 from .regression import RegressionData
 from .window import PreparedWindow
 
@@ -29,17 +30,19 @@ N_ONSETS = 33
 INSIDE = (0.1, 0.9)
 
 
-def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit) -> FloatArray:
+def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit, report: Report = silent) -> FloatArray:
     """Return (n_live,) factors, at least 1: how much the variance of a magnitude exceeds that of white errors.
 
     Parameters
     ----------
     window : with the dictionary.
     regression : of the window; fit : the chosen one of it.
+    report : told how far it is.
     """
     known: dict[Fault, float] = {}
     factors = np.ones(len(window.live))
-    for n, fault in enumerate(window.faults[entry] for entry in window.live):
+    for (n, entry), _ in parts(report, list(enumerate(window.live))):
+        fault = window.faults[entry]
         lasting = None if fault.offset_s is None else fault.offset_s - fault.onset_s
         family = replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
         if family not in known:

@@ -14,6 +14,7 @@ from ..kernels.bilinear import Bilinear, bilinear
 from ..kernels.covariance import Layout
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, compress, with_fault, with_scaled_outputs
+from ..kernels.progress import Report, silent
 
 __all__ = ["RegressionData", "Signals", "build_regression", "decimate_signals", "feasible_orders"]
 
@@ -133,7 +134,12 @@ class RegressionData:
 
 
 def build_regression(
-    signals: Signals, atoms: Sequence[int], config: Config, *, orders: Sequence[int] | None = None
+    signals: Signals,
+    atoms: Sequence[int],
+    config: Config,
+    *,
+    orders: Sequence[int] | None = None,
+    report: Report = silent,
 ) -> RegressionData:
     """Scale the signals as the configuration says and factorise them once, for every order and every fault.
 
@@ -141,6 +147,7 @@ def build_regression(
     ----------
     atoms : dictionary entries to look for.
     orders : to choose from; default the configuration's.
+    report : told how far it is.
 
     Raises
     ------
@@ -162,7 +169,7 @@ def build_regression(
         signals=signals,
         atoms=tuple(atoms),
         layout=Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough),
-        data=compress(u, y, theta, order=max(orders), feedthrough=config.feedthrough),
+        data=compress(u, y, theta, order=max(orders), feedthrough=config.feedthrough, report=report),
         center=center,
         unit=unit,
         magnitude_unit=magnitude_unit,

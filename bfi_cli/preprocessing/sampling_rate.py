@@ -13,6 +13,7 @@ from ..errors import LogError
 from ..faults import Fault
 from ..kernels.decimation import Lowpass
 from ..kernels.lagged import compress
+from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.selection import Penalty, full_support
 from .regression import RegressionData, Signals, build_regression, decimate_signals
 
@@ -99,7 +100,12 @@ def lowest_rate(signals: Signals, faults: Sequence[Fault]) -> float:
 
 
 def reduce_rate_for_noise(
-    signals: Signals, choice: RateChoice, faults: Mapping[int, Fault], config: Config, lowpass: Lowpass
+    signals: Signals,
+    choice: RateChoice,
+    faults: Mapping[int, Fault],
+    config: Config,
+    lowpass: Lowpass,
+    report: Report = silent,
 ) -> tuple[RateChoice, RegressionData | None]:
     """Halve the rate for as long as a VARX there prefers many lags and the dictionary allows it.
 
@@ -110,6 +116,7 @@ def reduce_rate_for_noise(
     signals : at the log's own rate.
     choice : the fastest rate that suits.
     faults : what is looked for, by its place in the dictionary.
+    report : told how far it is.
 
     Returns
     -------
@@ -118,12 +125,15 @@ def reduce_rate_for_noise(
     """
     lowest = lowest_rate(signals, list(faults.values()))
     while signals.rate_hz / (2 * choice.factor) >= lowest:
+        factorising, trying, report = shares(report, 1, 1, 2)
         try:
             decimated = decimate_signals(signals, choice.factor, lowpass)
-            regression = build_regression(decimated, tuple(faults), config, orders=config.model.orders)
+            regression = build_regression(
+                decimated, tuple(faults), config, orders=config.model.orders, report=factorising
+            )
         except LogError:
             return choice, None
-        lags = _preferred_order(regression)
+        lags = _preferred_order(regression, trying)
         if lags < MANY_LAGS:
             return choice, regression
         reason = f"at {decimated.rate_hz:.4g} Hz the noise asks for {lags} lags"
@@ -131,12 +141,12 @@ def reduce_rate_for_noise(
     return choice, None
 
 
-def _preferred_order(regression: RegressionData) -> int:
+def _preferred_order(regression: RegressionData, report: Report) -> int:
     """Return the order with the best BIC, all faults of a small dictionary free; 0 where the rows do not suffice."""
     n_atoms, n_rows = len(regression.atoms), regression.n_rows
     atoms = tuple(range(n_atoms)) if n_atoms <= MOST_ATOMS else ()
     penalty = Penalty(n_rows=n_rows, n_effective=float(n_rows), n_candidates=len(atoms), evidence=0.0, extended=False)
-    fits = [full_support(regression.problem(order), atoms, penalty) for order in regression.orders]
+    fits = [full_support(regression.problem(order), atoms, penalty) for order, _ in parts(report, regression.orders)]
     scored = [fit for fit in fits if fit is not None]
     return min(scored, key=lambda one: one.criterion).fit.order if scored else 0
 
@@ -170,6 +180,8 @@ def _empty_from(signals: Signals) -> float | None:
 
     The spectrum of the differenced output falls by 30 dB and more within two octaves only behind a filter.
     """
+    if len(signals.y) < 3:  # one step has no spectrum
+        return None
     edges = []
     for output in signals.y.T:
         f, power = _spectrum(np.diff(output), signals.rate_hz)

@@ -16,6 +16,7 @@ from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.quality import hold_of
 from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, Lowpass
+from ..kernels.progress import Report, parts, shares, silent
 from .regression import RegressionData, Signals, build_regression, decimate_signals
 from .sampling_rate import RateChoice, choose_rate, is_exact, reduce_rate_for_noise
 from .summary import LogSummary, log_summary
@@ -76,8 +77,8 @@ class PreparedWindow:
         )
 
 
-def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config) -> PreparedWindow:
-    """Cut, check, filter and decimate a log, and the signals of a dictionary with it.
+def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent) -> PreparedWindow:
+    """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` is told how far it is.
 
     Raises
     ------
@@ -87,6 +88,7 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config) -> Pr
     from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
     used = [*config.inputs, *config.outputs]
     part = log.window(from_s, to_s)
+    report(0.0)
     start_s, native_rate_hz = float(part.time_s[0]), part.rate_hz
     stop_s = float(part.time_s[-1]) + 1.0 / part.rate_hz
     faults = dictionary.resolved(start_s)
@@ -120,10 +122,11 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config) -> Pr
     lowpass = Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=config.conditioning.filter)
     exact = is_exact(native)
     rate, regression = choose_rate(native, list(seen.values()), exact=exact, asked=rate_hz), None
+    choosing, comparing = shares(report, 1, 1)
     if rate_hz == "auto" and not exact:
-        rate, regression = reduce_rate_for_noise(native, rate, seen, config, lowpass)
+        rate, regression = reduce_rate_for_noise(native, rate, seen, config, lowpass, choosing)
     decimated = decimate_signals(native, rate.factor, lowpass) if regression is None else regression.signals
-    reasons |= unusable_atoms(decimated.theta, names, tuple(seen))
+    reasons |= unusable_atoms(decimated.theta, names, tuple(seen), comparing)
     live = tuple(j for j in seen if j not in reasons)
     if not live:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
@@ -148,14 +151,14 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config) -> Pr
     )
 
 
-def regression_of(window: PreparedWindow, config: Config) -> RegressionData:
+def regression_of(window: PreparedWindow, config: Config, report: Report = silent) -> RegressionData:
     """Return the regression of a window with all its live entries, the one built for the choice of the rate if it fits.
 
     Raises
     ------
     LogError : the window has no rows for any order.
     """
-    return window.regression or build_regression(window.signals, window.live, config)
+    return window.regression or build_regression(window.signals, window.live, config, report=report)
 
 
 def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -> bool:
@@ -204,20 +207,23 @@ def _require_movement(log: FlightLog, config: Config) -> None:
         )
 
 
-def unusable_atoms(theta: FloatArray, names: Sequence[str], indices: Sequence[int]) -> dict[int, str]:
+def unusable_atoms(
+    theta: FloatArray, names: Sequence[str], indices: Sequence[int], report: Report = silent
+) -> dict[int, str]:
     """Return why atoms cannot be told apart from nothing, from a constant, or from earlier atoms.
 
     Parameters
     ----------
     theta : (n_samples, n_outputs, n_atoms) signals of all dictionary entries; names : of all of them.
     indices : the entries to look at; earlier ones are kept.
+    report : told how far it is.
     """
     reasons: dict[int, str] = {}
     n, n_y, _ = theta.shape
     flat = theta.reshape(n * n_y, theta.shape[2])
     basis = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
     kept: list[int] = []
-    for j in indices:
+    for j, _ in parts(report, indices):
         signal = flat[:, j]
         size = float(np.linalg.norm(signal))
         if size == 0.0:

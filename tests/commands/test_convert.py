@@ -24,7 +24,7 @@ def log(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("suffix", [".h5", ".csv"])
 def test_names_and_units_are_normalised(bfi, log: Path, tmp_path: Path, suffix: str):
     out = tmp_path / f"out{suffix}"
-    outcome = bfi("convert", log, "-o", out)
+    outcome = bfi("convert", log, "-o", out, "--json")
     assert (outcome.code, outcome.stderr) == (0, "")
     document = json.loads(outcome.stdout)
     assert (document["kind"], document["n_samples"]) == ("convert", 1500)
@@ -53,7 +53,7 @@ def test_rate_window_unit_and_channel(bfi, log: Path, tmp_path: Path):
     ("options", "code", "message"),
     [
         (["-o", "OUT/out.xlsx"], 2, "no format with the suffix '.xlsx'; name the file .h5 or .csv"),
-        (["-o", "OUT/absent/out.h5"], 2, "cannot be written, no such file or directory"),
+        (["-o", "OUT/flight.csv"], 2, "flight.csv: is an input of this command; give another --output"),
         (["-o", "OUT/out.h5", "--rate", "100"], 3, "recorded at 50 Hz, it cannot be resampled to 100 Hz"),
         (["-o", "OUT/out.h5", "--rate", "fast"], 2, "--rate"),
         ([], 2, "-o"),

@@ -55,8 +55,14 @@ def terminal(bfi, monkeypatch: pytest.MonkeyPatch):
     return run
 
 
+def lines_of(path: Path) -> list[str]:
+    first, *lines = path.read_text().splitlines(keepends=True)
+    assert first == "# written by bfi\n"
+    return lines
+
+
 def document(bfi, *argv):
-    outcome = bfi("dictionary", *argv)
+    outcome = bfi("dictionary", *argv, "--json")
     assert (outcome.code, outcome.stderr) == (0, "")
     assert "NaN" not in outcome.stdout
     return json.loads(outcome.stdout)
@@ -131,11 +137,11 @@ def test_the_files_hold_what_the_document_says(bfi, tmp_path: Path):
         "result.json",
     }
     assert json.loads((out / "result.json").read_text()) == found
-    atoms = list(csv.DictReader(io.StringIO((out / "atoms.csv").read_text())))
+    atoms = list(csv.DictReader(lines_of(out / "atoms.csv")))
     assert [atom["name"] for atom in atoms] == [atom["name"] for atom in found["atoms"]]
     assert float(atoms[5]["minimal_physical"]) == found["atoms"][5]["minimal_physical"]["value"]
     assert atoms[0]["live"] == "true"
-    rows = list(csv.reader(io.StringIO((out / "coherence.csv").read_text())))
+    rows = list(csv.reader(lines_of(out / "coherence.csv")))
     np.testing.assert_array_equal(np.array([row[1:] for row in rows[1:]], dtype=float), found["coherence"]["matrix"])
 
 

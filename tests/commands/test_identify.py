@@ -26,7 +26,7 @@ def identify(bfi: Callable) -> Callable[..., dict[str, Any]]:
     """Run the command, which must succeed without a word on stderr, and return its document."""
 
     def run(*argv: object, code: int = 0) -> dict[str, Any]:
-        outcome = bfi("identify", *argv)
+        outcome = bfi("identify", *argv, "--json", "--series")
         assert (outcome.code, outcome.stderr) == (code, "")
         document: dict[str, Any] = json.loads(outcome.stdout)
         return document
@@ -92,16 +92,16 @@ CONTRACT = {
 
 
 def test_the_document_of_the_contract(identify: Callable, bfi: Callable):
-    document = identify(BIAS, "-d", FAULTS, "--json")
+    document = identify(BIAS, "-d", FAULTS)
     for path, keys in CONTRACT.items():
         part: Any = document
         for key in filter(None, path.split(".")):
             part = part[int(key)] if key.isdigit() else part[key]
         assert set(keys.split()) <= set(part), path
     assert (document["kind"], document["schema"]) == ("identify", 1)
-    assert document["provenance"]["command"] == f"bfi identify {BIAS} -d {FAULTS} --json"
+    assert document["provenance"]["command"] == f"bfi identify {BIAS} -d {FAULTS} --json --series"
     assert document["provenance"]["log_sha256"] == read_log(BIAS).sha256
-    assert "NaN" not in bfi("identify", BIAS, "-d", FAULTS).stdout
+    assert "NaN" not in bfi("identify", BIAS, "-d", FAULTS, "--json", "--series").stdout
 
 
 def test_absent_sizes_are_null(identify: Callable, tmp_path: Path):
@@ -320,7 +320,7 @@ def test_out_writes_everything_and_report_draws_it_again(bfi: Callable, identify
     assert set(files) == FILES | {f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")}
     assert json.loads(files["result.json"]) == document
     assert b"http://" not in files["report.html"].replace(b"http://www.w3.org", b"")
-    assert files["faults.csv"].count(b"\n") == 3
+    assert files["faults.csv"].count(b"\n") == 4
 
     outcome = bfi("report", tmp_path / "deep" / "out" / "result.json", "--out", tmp_path / "again")
     assert (outcome.code, outcome.stderr) == (0, "")

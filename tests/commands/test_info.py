@@ -30,7 +30,7 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_the_document_of_the_contract(bfi, log: Path):
-    outcome = bfi("info", log)
+    outcome = bfi("info", log, "--json")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
     assert (document["kind"], document["schema"]) == ("info", 1)
@@ -46,7 +46,7 @@ def test_the_document_of_the_contract(bfi, log: Path):
     assert document["notes"] == [
         "no unit is stated for aoa (rad); these are taken, another one is stated with --unit NAME=UNIT"
     ]
-    assert document["provenance"]["command"] == f"bfi info {log}"
+    assert document["provenance"]["command"] == f"bfi info {log} --json"
     assert len(document["provenance"]["log_sha256"]) == 64
 
 
@@ -68,7 +68,7 @@ def test_a_terminal_gets_tables(bfi, log: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_window_a_unit_and_a_channel(bfi, log: Path):
-    outcome = bfi("info", log, "--from", 10, "--to", 20, "--unit", "vtas=m/s", "--channel", "pitch=aoa")
+    outcome = bfi("info", log, "--from", 10, "--to", 20, "--unit", "vtas=m/s", "--channel", "pitch=aoa", "--json")
     document = json.loads(outcome.stdout)
     assert document["log"]["n_samples"] == 100
     channels = {channel["name"]: channel for channel in document["channels"]}
@@ -100,6 +100,6 @@ def test_what_the_user_can_mend_is_one_line(bfi, log: Path, argv: list[str], cod
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["citation_20180312_f1.h5", "sim_ae4320_de3211_1.h5", "de3211_1.mat"])
 def test_recorded_flights(bfi, flights: Path, name: str):
-    document = json.loads(bfi("info", flights / name).stdout)
+    document = json.loads(bfi("info", flights / name, "--json").stdout)
     assert document["windows"]
     assert document["uniform"]

@@ -57,14 +57,14 @@ def test_two_commands_do_the_same_as_one_with_both_faults(clean: Path, out: Path
         np.testing.assert_array_equal(steps.truth.clean[name], read_log(clean).channel(name).values)
 
 
-def test_a_file_may_be_replaced_by_its_faulty_version(clean: Path, out: Path):
+def test_a_file_is_never_replaced_by_its_faulty_version(clean: Path, out: Path):
     out.write_bytes(clean.read_bytes())
-    assert _run(["inject", str(out), "--fault", BIAS, "-o", str(out)]) == 0
-    assert read_log(out).truth is not None
+    assert _run(["inject", str(out), "--fault", BIAS, "-o", str(out), "--force"]) == 2
+    assert out.read_bytes() == clean.read_bytes()
 
 
 def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, capsys: pytest.CaptureFixture[str]):
-    assert _run(["inject", str(clean), "--fault", SINE, "-o", str(out)]) == 0
+    assert _run(["inject", str(clean), "--fault", SINE, "-o", str(out), "--json"]) == 0
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert captured.err == ""
@@ -89,7 +89,7 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
 
 
 def test_a_fault_over_the_whole_log_is_a_note(clean: Path, out: Path, capsys: pytest.CaptureFixture[str]):
-    assert _run(["inject", str(clean), "--fault", "bias,channel=tas,magnitude=1", "-o", str(out)]) == 0
+    assert _run(["inject", str(clean), "--fault", "bias,channel=tas,magnitude=1", "-o", str(out), "--json"]) == 0
     [note] = json.loads(capsys.readouterr().out)["notes"]
     assert note.startswith("fault 'bias' on tas acts at every sample of the log")
 

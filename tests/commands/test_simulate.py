@@ -81,7 +81,7 @@ def test_the_same_seed_gives_the_same_file_and_another_seed_another(tmp_path: Pa
 
 
 def test_the_document_of_the_contract_goes_to_stdout(out: Path, capsys: pytest.CaptureFixture[str]):
-    simulate(out, *SHORT, "--seed", "5")
+    simulate(out, *SHORT, "--seed", "5", "--json")
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert captured.err == ""
@@ -108,7 +108,8 @@ def on_a_terminal(*arguments: str) -> str:
     return shown
 
 
-def test_a_terminal_gets_one_line(out: Path):
+def test_a_terminal_gets_one_line(out: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COLUMNS", "300")
     channels = "elevator [rad], tas [m/s], aoa [rad], pitch [rad], pitch_rate [rad/s]"
     shown = on_a_terminal("simulate", "citation", "-o", str(out), *SHORT)
     assert shown == f"{out}: 150 samples at 50 Hz: {channels}\r\n"
@@ -119,7 +120,7 @@ def test_a_terminal_gets_the_document_with_json(out: Path):
 
 
 def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFixture[str]):
-    simulate(out, "--amplitude", "0.5")
+    simulate(out, "--amplitude", "0.5", "--json")
     assert any("a linear model holds for about 0.1" in note for note in json.loads(capsys.readouterr().out)["notes"])
 
 

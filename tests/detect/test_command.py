@@ -20,7 +20,7 @@ def failing(flown: Callable[..., FlightLog], tmp_path_factory: pytest.TempPathFa
 
 
 def test_the_document(bfi, failing: Path):
-    outcome = bfi("detect", failing, "--train", "0:8")
+    outcome = bfi("detect", failing, "--train", "0:8", "--json", "--series")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
     assert (document["kind"], document["schema"], document["decision"]) == ("detect", 1, "fault")
@@ -47,32 +47,32 @@ def test_every_key_of_the_configuration_acts_and_the_command_line_wins(bfi, fail
         "inputs: [elevator_inner_left]\noutputs: [aoa, pitch]\nwindow: {from_s: 1, to_s: 18}\n"
         "conditioning: {rate_hz: 10}\ndetect: {train: [1, 9], false_alarm: 0.05, method: parity, turns: false}\n"
     )
-    document = json.loads(bfi("detect", failing, "-c", file).stdout)
+    document = json.loads(bfi("detect", failing, "-c", file, "--json").stdout)
     options = ("--input", "elevator_inner_left", "--output", "aoa", "--output", "pitch", "--from", 1, "--to", 18)
     more = ("--rate", 10, "--train", "1:9", "--false-alarm", 0.05, "--method", "parity", "--no-turns")
-    other = json.loads(bfi("detect", failing, *options, *more).stdout)
+    other = json.loads(bfi("detect", failing, *options, *more, "--json").stdout)
     for one in (document, other):
         del one["provenance"]
     assert document == other
     assert (document["train"], document["false_alarm"], document["log"]["rate_hz"]) == ([1.0, 9.0], 0.05, 10.0)
-    won = json.loads(bfi("detect", failing, "-c", file, "--train", "2:8", "--output", "aoa").stdout)
+    won = json.loads(bfi("detect", failing, "-c", file, "--train", "2:8", "--output", "aoa", "--json").stdout)
     assert (won["train"], won["outputs"], won["inputs"]) == ([2.0, 8.0], ["aoa"], ["elevator_inner_left"])
 
 
 def test_strict_asks_for_a_threshold_that_is_known_to_hold(bfi, failing: Path, tmp_path: Path):
-    short = bfi("detect", failing, "--train", "0:8", "--strict", "--fail-on", "fault")
+    short = bfi("detect", failing, "--train", "0:8", "--strict", "--fail-on", "fault", "--json")
     assert (short.code, json.loads(short.stdout)["is_calibrated"]) == (4, False)
     exact = bfi("simulate", "b747", "-o", tmp_path / "clean.h5", "--duration", 20)
     assert exact.code == 0
-    clean = bfi("detect", tmp_path / "clean.h5", "--strict")
+    clean = bfi("detect", tmp_path / "clean.h5", "--strict", "--json")
     assert (clean.code, json.loads(clean.stdout)["is_calibrated"]) == (0, True)
 
 
 def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
-    document = json.loads(bfi("detect", failing, "--train", "0:8").stdout)
+    document = json.loads(bfi("detect", failing, "--train", "0:8", "--json").stdout)
     words = document["commands"][0].split()
     assert words[:2] == ["bfi", "identify"]
-    outcome = bfi(*words[1:], "--rate", "10", "--order", "2")
+    outcome = bfi(*words[1:], "--rate", "10", "--order", "2", "--json")
     assert outcome.code == 0, outcome.stderr
     assert json.loads(outcome.stdout)["decision"] in ("fault", "no_fault", "not_identifiable")
 

@@ -17,7 +17,7 @@ FLOWN = ("--model", "citation", "-d", THESIS, "--draws", 1)
 
 
 def test_a_log(bfi, tmp_path: Path):
-    outcome = bfi("diagnosability", BIAS, "-d", THESIS, "--magnitude", 0.5, "--out", tmp_path / "out")
+    outcome = bfi("diagnosability", BIAS, "-d", THESIS, "--magnitude", 0.5, "--out", tmp_path / "out", "--json")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
     assert (document["kind"], len(document["atoms"]), document["draws"]) == ("diagnosability", 7, 1)
@@ -30,7 +30,7 @@ def test_a_log(bfi, tmp_path: Path):
 
 def test_a_model(bfi, thesis):
     words = ("--manoeuvre", "doublet", "--manoeuvre", "none", "--noise", "tas=0.05", "--at-limit", "--seed", 3)
-    outcome = bfi("diagnosability", *FLOWN, *words, "--amplitude", 0.05, "--magnitude", "bias_13.8=2")
+    outcome = bfi("diagnosability", *FLOWN, *words, "--amplitude", 0.05, "--magnitude", "bias_13.8=2", "--json")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
     flights = Flights(
@@ -47,7 +47,7 @@ def test_a_model(bfi, thesis):
 def test_the_configuration_names_dictionary_and_window(bfi, tmp_path: Path):
     config = tmp_path / "c.yaml"
     config.write_text(f"dictionary: {THESIS}\nwindow: {{from_s: 2, to_s: 25}}\nmodel: {{order: 4}}\n")
-    document = json.loads(bfi("diagnosability", BIAS, "-c", config).stdout)
+    document = json.loads(bfi("diagnosability", BIAS, "-c", config, "--json").stdout)
     assert document["model"]["order"] == 4
     assert 2.0 <= document["log"]["start_s"] < document["log"]["stop_s"] < 25.0
 
@@ -63,7 +63,9 @@ def test_every_key_of_the_configuration_acts(bfi, tmp_path):
     flight = ("--amplitude", 0.02, "--start", 1, "--step", 0.8, "--duration", 25, "--turbulence", 0.1, "--draws", 1)
     sizes = ("--magnitude", 0.5, "--magnitude", "bias_6.35=2", "--at-limit", "--seed", 3)
     words = ("-d", THESIS, "--model", "citation", "--manoeuvre", "doublet", "--noise", "tas=0.01", *flight, *sizes)
-    by_file, by_options = (json.loads(bfi("diagnosability", *given).stdout) for given in (("-c", file), words))
+    by_file, by_options = (
+        json.loads(bfi("diagnosability", *given, "--json").stdout) for given in (("-c", file), words)
+    )
     for one in (by_file, by_options):
         del one["provenance"]
     assert by_file == by_options

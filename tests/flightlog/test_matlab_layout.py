@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import zlib
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 from scipy.sparse import csc_array
 
-from bfi_cli.flightlog.matlab_layout import readable_variables
+from bfi_cli.flightlog.matlab_layout import unpacked_size, variables
 
 LEAVES = st.one_of(
     st.floats(),
@@ -26,21 +27,26 @@ NAMES = st.text("abcdef", min_size=1, max_size=8)
 VALUES = st.recursive(LEAVES, lambda inner: st.dictionaries(NAMES, inner, min_size=1, max_size=3), max_leaves=6)
 
 
-def saved(variables: dict[str, Any], *, compressed: bool = False) -> bytes:
+def saved(written: dict[str, Any], *, compressed: bool = False) -> bytes:
     file = io.BytesIO()
-    savemat(file, variables, do_compression=compressed)
+    savemat(file, written, do_compression=compressed)
     return file.getvalue()
 
 
 @settings(max_examples=60)
-@given(variables=st.dictionaries(NAMES, VALUES, min_size=1, max_size=4), compressed=st.booleans())
-def test_what_is_saved_passes(variables: dict[str, Any], compressed: bool):
-    assert readable_variables(saved(variables, compressed=compressed)) == dict.fromkeys(variables, True)
+@given(written=st.dictionaries(NAMES, VALUES, min_size=1, max_size=4), compressed=st.booleans())
+def test_what_is_saved_passes(written: dict[str, Any], compressed: bool):
+    found = variables(saved(written, compressed=compressed))
+    assert {variable.name: variable.unlike for variable in found} == dict.fromkeys(written)
 
 
 def test_classes_without_signals_are_told_apart():
     file = saved({"tas": np.ones(3), "matrix": csc_array(np.eye(3)), "inside": {"matrix": csc_array(np.eye(2))}})
-    assert readable_variables(file) == {"tas": True, "matrix": False, "inside": False}
+    assert {variable.name: variable.unlike for variable in variables(file)} == {
+        "tas": None,
+        "matrix": "is a sparse matrix",
+        "inside": "has a part that is a sparse matrix",
+    }
 
 
 @settings(max_examples=60)
@@ -48,7 +54,7 @@ def test_classes_without_signals_are_told_apart():
 def test_a_truncated_file_does_not_pass(cut: int, compressed: bool):
     file = saved({"tas": np.arange(50.0)}, compressed=compressed)
     with pytest.raises(ValueError, match=r"bytes|cut off|damaged|lacks"):
-        readable_variables(file[:-cut])
+        variables(file[:-cut])
 
 
 def test_a_size_that_the_data_do_not_have_does_not_pass():
@@ -56,4 +62,19 @@ def test_a_size_that_the_data_do_not_have_does_not_pass():
     shape = struct.pack("<ii", 1, 50)
     assert file.count(shape) == 1
     with pytest.raises(ValueError, match="an array of 5000 numbers has 400 bytes"):
-        readable_variables(file.replace(shape, struct.pack("<ii", 1, 5000)))
+        variables(file.replace(shape, struct.pack("<ii", 1, 5000)))
+
+
+def test_what_is_compressed_is_unpacked_no_further_than_it_claims():
+    """A bomb: 64 MB of zeros behind a tag that claims 80 bytes."""
+    bomb = zlib.compress(struct.pack("<II", 14, 80) + bytes(2**26), 9)
+    file = saved({}) + struct.pack("<II", 15, len(bomb)) + bomb
+    assert unpacked_size(file) == 80
+    with pytest.raises(ValueError, match="they claim 80 bytes and hold others"):
+        variables(file)
+
+
+def test_the_size_unpacked_is_told_without_unpacking():
+    written = {"tas": np.zeros(10**6), "aoa": np.zeros(10**5)}
+    assert unpacked_size(saved(written, compressed=True)) == unpacked_size(saved(written))
+    assert sum(variable.count for variable in variables(saved(written))) == 1_100_000

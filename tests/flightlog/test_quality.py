@@ -12,6 +12,7 @@ from made_logs import made_log
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import inspect_log, read_log, require_usable
+from bfi_cli.flightlog.quality import advice_on_windows
 from bfi_cli.flightlog.timing import gap_starts, is_uniform, time_jitter
 
 T = np.arange(0.0, 60.0, 0.1)
@@ -149,3 +150,12 @@ def test_recorded_flights_are_usable_and_their_manoeuvres_found(flights: Path):
         steps = [s for s in log.segments if s.label in ("short_period_step", "de3211_1")]
         assert any(w.start_s < step.stop_s and w.stop_s > step.start_s for step in steps for w in report.windows)
         require_usable(log, ["tas", "elevator"])
+
+
+def test_a_long_record_without_moves_has_no_window_to_suggest():
+    time_s = np.arange(0.0, 700.0, 0.5)
+    tas = 90.0 + np.sin(time_s)
+    assert advice_on_windows(made_log(time_s, tas=tas, elevator=np.zeros(time_s.size))) == (
+        "the record is 12 min long; bfi info suggests no window of it; the whole record is analysed"
+    )
+    assert advice_on_windows(made_log(time_s[:1200], tas=tas[:1200])) is None

@@ -53,7 +53,7 @@ def stop_after(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_two_scenarios_from_end_to_end(bfi: Callable, written: Callable, tmp_path: Path):
-    outcome = bfi("montecarlo", "-c", written("fast"), "--out", tmp_path / "out")
+    outcome = bfi("montecarlo", "-c", written("fast"), "--out", tmp_path / "out", "--json")
     assert (outcome.code, outcome.stderr) == (0, "")
     document = json.loads(outcome.stdout)
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
@@ -70,6 +70,7 @@ def test_two_scenarios_from_end_to_end(bfi: Callable, written: Callable, tmp_pat
         assert scenario["coverage"]["rate"] is None
         assert scenario["detection_delay_s"] is None
     with (tmp_path / "out" / "trials.csv").open() as file:
+        assert next(file) == "# written by bfi\n"
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS
     assert len(rows) == 12
@@ -93,14 +94,14 @@ def test_stopped_and_continued_is_not_stopped(montecarlo: Callable[..., Path], m
             part = montecarlo("fast", "part", *(["--resume"] if n == 3 else []), code=130)
         assert {path.name for path in part.iterdir()} == {"unfinished"}
     lines = (part / "unfinished" / "trials.csv").read_bytes().splitlines(keepends=True)
-    assert len(lines) == 1 + 5 + 3
+    assert len(lines) == 2 + 5 + 3
     assert whole.joinpath("trials.csv").read_bytes().startswith(b"".join(lines))
     assert "add --resume to continue it" in complaint(montecarlo, "fast", "part")
     again = montecarlo("fast", "part", "--resume")
     assert {path.name for path in again.iterdir()} == FILES
     for name in FILES - {"timings.csv", "summary.json"}:
         assert (again / name).read_bytes() == (whole / name).read_bytes(), name
-    assert len((again / "timings.csv").read_text().splitlines()) == 13
+    assert len((again / "timings.csv").read_text().splitlines()) == 14
 
 
 def complaint(montecarlo: Callable[..., Path], *argv: object) -> str:
@@ -149,7 +150,7 @@ def test_another_sweep_is_not_continued(montecarlo: Callable[..., Path], monkeyp
 
 
 def test_failing_trials_are_rows_and_a_note(bfi: Callable, written: Callable):
-    outcome = bfi("montecarlo", "-c", written("failing"))
+    outcome = bfi("montecarlo", "-c", written("failing"), "--json")
     document = json.loads(outcome.stdout)
     assert outcome.code == 0
     good, bad = document["scenarios"]

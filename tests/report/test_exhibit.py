@@ -79,10 +79,10 @@ def test_the_files_of_an_exhibit():
         *("profile.svg", "profile.png", "profile_figure.csv", "faults.csv", "report.html", "result.json")
     }
     assert json.loads(files["result.json"]) == {"kind": "test", "value": None}
-    points = list(csv.DictReader(io.StringIO(files["profile_figure.csv"].decode())))
+    points = list(csv.DictReader(files["profile_figure.csv"].decode().splitlines()[1:]))
     assert len(points) == 3 * len(STYLES) * X.size + 2
     assert points[-1] == {"panel": "a map", "curve": "b", "x": "c", "y": "", "low": "", "high": ""}
-    assert files["faults.csv"] == b"shape,onset\nbias,0.5 s\n"
+    assert files["faults.csv"] == b"# written by bfi\nshape,onset\nbias,0.5 s\n"
 
 
 def test_the_report_shows_it_all_and_escapes_it():

@@ -10,13 +10,8 @@ from made_results import fault_result
 
 from bfi_cli.documents import identify_from_document
 from bfi_cli.errors import ConfigError
-from bfi_cli.output import identify_files, replace_files, write_results
-
-FIGURES = ("outputs", "fault", "magnitudes", "residuals", "orders")
-NAMES = {
-    *("result.json", "report.html", "faults.csv", "candidates.csv", "orders.csv", "series.csv"),
-    *(f"{name}.{ending}" for name in FIGURES for ending in ("png", "svg")),
-}
+from bfi_cli.files import replace_files
+from bfi_cli.output import IDENTIFY_NAMES, identify_files
 
 
 def contents(folder):
@@ -25,19 +20,20 @@ def contents(folder):
 
 def table(path):
     with path.open(encoding="utf-8", newline="") as file:
+        assert next(file) == "# written by bfi\n"
         return list(csv.DictReader(file))
 
 
 @pytest.fixture(scope="module")
 def stored(provenance, tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored") / "a" / "b"
-    written = write_results(fault_result(), provenance, folder)
+    written = replace_files(identify_files(fault_result(), provenance), folder)
     assert written[-1].name == "result.json"
     return folder
 
 
 def test_all_files_are_written_and_nothing_else(stored):
-    assert set(contents(stored)) == NAMES
+    assert set(contents(stored)) == set(IDENTIFY_NAMES)
 
 
 def test_a_stored_result_draws_the_same_files(stored):
@@ -66,7 +62,7 @@ def test_an_interrupted_write_leaves_the_old_result(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "write_bytes", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        replace_files({"a": b"new", "b": b"new"}, tmp_path)
+        replace_files({"a": b"new", "b": b"new"}, tmp_path, force=True)
     assert contents(tmp_path) == {"a": b"old", "b": b"old"}
 
 
@@ -83,7 +79,7 @@ def test_an_interruption_while_moving_leaves_the_whole_new_result(tmp_path, monk
 
     monkeypatch.setattr(os, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        replace_files(dict.fromkeys(old, b"new"), tmp_path)
+        replace_files(dict.fromkeys(old, b"new"), tmp_path, force=True)
     assert contents(tmp_path) == dict.fromkeys(old, b"new")
 
 
@@ -95,5 +91,5 @@ def test_other_files_of_the_folder_are_left_alone(tmp_path):
 
 def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
     (tmp_path / "out").write_text("")
-    with pytest.raises(ConfigError, match=r"out: file exists; give another --out$"):
+    with pytest.raises(ConfigError, match=r"out: cannot be written, not a directory; give another --out$"):
         replace_files({"a": b""}, tmp_path / "out")

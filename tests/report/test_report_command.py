@@ -19,7 +19,7 @@ def stored(tmp_path, provenance):
 
 
 def test_draws_all_files_and_prints_the_document(stored, tmp_path, capsys):
-    assert _run(["report", str(stored), "--out", str(tmp_path / "again")]) == 0
+    assert _run(["report", str(stored), "--out", str(tmp_path / "again"), "--json", "--series"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out) == json.loads(stored.read_text("utf-8"))
     assert err == ""

@@ -21,7 +21,7 @@ def test_all_of_them_are_made_and_can_be_drawn_again(
     bfi: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setitem(COMMANDS, "reproduce", "")
-    done = bfi("reproduce", "all", "--quick", "--out", tmp_path)
+    done = bfi("reproduce", "all", "--quick", "--out", tmp_path, "--json", "--series")
     summary = reproduce_exhibit(json.loads(done.stdout))
     print("\n" + "\n".join(f"{row[0]}: {row[2]}. {row[3]}" for row in summary.tables[0].rows))
     assert done.code == 0, done.stderr

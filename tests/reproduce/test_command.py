@@ -15,6 +15,7 @@ from bfi_cli.reproduce.document import reproduce_exhibit
 
 DATA = Path(__file__).parents[2] / "data"
 Run = Callable[..., Any]
+JSON = ("--json", "--series")
 
 
 @pytest.fixture
@@ -28,14 +29,14 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("words", [(), ("list",)])
 def test_without_a_name_the_names_are_listed(words: tuple[str, ...], bfi: Run):
-    done = bfi("reproduce", *words)
+    done = bfi("reproduce", *words, *JSON)
     document = json.loads(done.stdout)
     assert (done.code, document["name"]) == (0, "list")
     assert [row[0] for row in reproduce_exhibit(document).tables[0].rows] == list(REPRODUCTIONS)
 
 
 def test_a_figure_is_written_with_everything_that_draws_it_again(bfi: Run, tmp_path: Path):
-    done = bfi("reproduce", "fir", "--quick", "--trials", 1, "--seed", 3, "--out", tmp_path / "fir")
+    done = bfi("reproduce", "fir", "--quick", "--trials", 1, "--seed", 3, "--out", tmp_path / "fir", *JSON)
     assert done.code == 0, done.stderr
     document = json.loads(done.stdout)
     assert document == json.loads((tmp_path / "fir/result.json").read_text())
@@ -47,7 +48,7 @@ def test_a_figure_is_written_with_everything_that_draws_it_again(bfi: Run, tmp_p
 
 def test_the_same_seed_gives_the_same_exhibit_and_another_another(bfi: Run):
     first, again, other = (
-        json.loads(bfi("reproduce", "fir", "--quick", "--trials", 1, "--seed", seed).stdout)["exhibit"]
+        json.loads(bfi("reproduce", "fir", "--quick", "--trials", 1, "--seed", seed, *JSON).stdout)["exhibit"]
         for seed in (1, 1, 2)
     )
     assert first == again
@@ -55,7 +56,7 @@ def test_the_same_seed_gives_the_same_exhibit_and_another_another(bfi: Run):
 
 
 def test_a_log_takes_the_place_of_the_simulated_record(bfi: Run):
-    done = bfi("reproduce", "thesis-5-1", "--log", DATA / "citation_clean.h5", "--from", 0, "--to", 20)
+    done = bfi("reproduce", "thesis-5-1", "--log", DATA / "citation_clean.h5", "--from", 0, "--to", 20, *JSON)
     document = json.loads(done.stdout)
     assert done.code == 0, done.stderr
     assert len(document["provenance"]["log_sha256"]) == 64
@@ -67,7 +68,7 @@ def test_a_log_takes_the_place_of_the_simulated_record(bfi: Run):
 def test_all_makes_each_in_a_folder_of_its_own_and_names_what_a_log_does_not_allow(bfi: Run, tmp_path: Path):
     """The first ten seconds end before the fault of figure 5-13."""
     log = ("--log", DATA / "citation_clean.h5", "--to", 10)
-    done = bfi("reproduce", "all", "--quick", *log, "--out", tmp_path)
+    done = bfi("reproduce", "all", "--quick", *log, "--out", tmp_path, *JSON)
     assert done.code == 2
     rows = reproduce_exhibit(json.loads(done.stdout)).tables[0].rows
     assert [row[0] for row in rows] == ["thesis-5-1", "thesis-5-1-again", "thesis-5-13"]

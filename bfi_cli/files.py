@@ -1,0 +1,189 @@
+"""The files a command writes: none of the user's is lost, and each is replaced whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from .errors import ConfigError
+
+__all__ = [
+    "ATTRIBUTE",
+    "MARK",
+    "OWNER",
+    "aside",
+    "check_files",
+    "check_folder",
+    "is_ours",
+    "replace_files",
+    "same_file",
+]
+
+# How a file says that this program wrote it: the first line of a CSV file, an attribute of the root of an HDF5 file,
+# the kind and the provenance of a JSON document.
+MARK = "# written by bfi"
+ATTRIBUTE, OWNER = "written_by", "bfi"
+KIND = re.compile(
+    rb'"kind"\s*:\s*"(?:calibration|compare|detect|diagnosability|diagnose|dictionary|identify|info|montecarlo|plot'
+    rb'|reproduce|start-time)"'
+)
+PROVENANCE = re.compile(rb'"provenance"\s*:\s*\{')
+# Our documents begin with their kind and end with their provenance; the series between may be gigabytes long.
+END_BYTES = 65_536
+HDF5 = b"\x89HDF\r\n\x1a\n"
+# What a folder of results is known by, and what is moved into it last.
+DOCUMENTS = ("result.json", "summary.json")
+
+
+def is_ours(path: Path) -> bool:
+    """Say whether a file states that this program wrote it."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(END_BYTES)
+            file.seek(max(0, path.stat().st_size - END_BYTES))
+            tail = file.read()
+    except OSError:
+        return False
+    if head.startswith(HDF5):
+        return _attribute(path) == OWNER
+    if head.lstrip()[:1] == b"{":
+        return all(any(map(words.search, (head, tail))) for words in (KIND, PROVENANCE))
+    return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] == [MARK.encode()]
+
+
+def _attribute(path: Path) -> object:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return file.attrs.get(ATTRIBUTE)
+    except Exception:  # a damaged file can make the HDF5 library raise anything
+        return None
+
+
+def same_file(one: str | Path, other: str | Path) -> bool:
+    """Say whether two paths name one existing file: another spelling, a symbolic or a hard link."""
+    try:
+        return os.path.samefile(one, other)
+    except (OSError, ValueError):
+        return False
+
+
+def check_files(
+    paths: Iterable[Path], *, inputs: Sequence[str | Path] = (), force: bool = False, option: str = "--output"
+) -> None:
+    """Check that files may be written; nothing is.
+
+    Parameters
+    ----------
+    inputs : what the command reads, never replaced.
+    force : replace files that this program did not write.
+    option : that names the files, for messages.
+
+    Raises
+    ------
+    ConfigError : one is an input, is not ours, or no file can be written there.
+    """
+    for path in paths:
+        if any(same_file(path, one) for one in inputs):
+            raise ConfigError(f"{path}: is an input of this command; give another {option}")
+        reason = _obstacle(path)
+        if reason is not None:
+            raise ConfigError(f"{path}: cannot be written, {reason}; give another {option}")
+        if not force and os.path.lexists(path) and not is_ours(path):
+            raise ConfigError(
+                f"{path}: exists and was not written by bfi; give another {option}, or --force to replace it"
+            )
+
+
+def check_folder(folder: Path, names: Iterable[str], *, inputs: Sequence[str | Path] = (), force: bool = False) -> None:
+    """Check that files may be written to a folder of --out; all files of a folder of results are ours.
+
+    Raises
+    ------
+    ConfigError : see `check_files`.
+    """
+    reason = _obstacle(folder / "file")
+    if reason is not None:
+        raise ConfigError(f"{folder}: cannot be written, {reason}; give another --out")
+    ours = any(is_ours(folder / name) for name in DOCUMENTS)
+    check_files((folder / name for name in names), inputs=inputs, force=force or ours, option="--out")
+
+
+def _obstacle(path: Path) -> str | None:
+    """Return why no file can be written at a path, None where it can, as far as can be told without writing."""
+    if os.path.lexists(path) and not path.is_symlink() and not path.is_file():
+        return "is a directory" if path.is_dir() else "is no plain file"
+    if path.is_file() and not os.access(path, os.W_OK):
+        return "is read-only"
+    above = next(one for one in path.absolute().parents if os.path.lexists(one))
+    if not above.is_dir():
+        return "not a directory"
+    return None if os.access(above, os.W_OK | os.X_OK) else "permission denied"
+
+
+def replace_files(
+    files: Mapping[str, bytes], folder: Path, *, inputs: Sequence[str | Path] = (), force: bool = False
+) -> tuple[Path, ...]:
+    """Check that files may be written to a folder of --out, then write all of them: see `check_folder` and `aside`.
+
+    Raises
+    ------
+    ConfigError : one may not be replaced, or the folder cannot be made or written to; nothing is written then.
+    """
+    check_folder(folder, files, inputs=inputs, force=force)
+    with aside(folder, place=folder, option="--out") as new:
+        for name, content in files.items():
+            (new / name).write_bytes(content)
+    return tuple(folder / name for name in files)
+
+
+@contextlib.contextmanager
+def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
+    """Yield an empty folder; the files in it are moved into `folder` when the block ends, none if it fails.
+
+    Folders that are missing are made, and removed again after a failure. A file that is replaced hands on its mode.
+
+    Parameters
+    ----------
+    place, option : what could not be written and the option that names it, for messages.
+
+    Raises
+    ------
+    ConfigError : the folder cannot be made or written to.
+    """
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".bfi-", dir=folder, ignore_cleanup_errors=True) as new:
+            yield Path(new)
+            names = sorted(os.listdir(new), key=lambda name: (name in DOCUMENTS, name))
+            for name in names:
+                if (folder / name).exists():
+                    shutil.copymode(folder / name, Path(new) / name)
+            _move_all(names, Path(new), folder)
+    except BaseException as error:
+        for one in made:
+            with contextlib.suppress(OSError):
+                one.rmdir()
+        if isinstance(error, OSError):
+            reason = (error.strerror or str(error)).lower()
+            raise ConfigError(f"{place}: cannot be written, {reason}; give another {option}") from error
+        raise
+
+
+def _move_all(names: Sequence[str], new: Path, folder: Path) -> None:
+    """Move all files; an interruption meanwhile waits until all are there, so that a result is never half of each."""
+    try:
+        for name in names:
+            os.replace(new / name, folder / name)
+    except KeyboardInterrupt:
+        for name in names:
+            if (new / name).exists():
+                os.replace(new / name, folder / name)
+        raise

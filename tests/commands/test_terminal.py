@@ -1,0 +1,206 @@
+"""Answers on a real terminal of any width, in a pipe, and on streams that do not take them."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import pty
+import re
+import struct
+import subprocess
+import sys
+import termios
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BIAS, FAULTS = ROOT / "data" / "citation_bias.h5", ROOT / "configs" / "thesis_dictionary.yaml"
+IDENTIFY = ("identify", BIAS, "-d", FAULTS)
+# Colours only: nothing that moves the cursor, which an answer has no use for.
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+QUICK = ("--rate", "10", "--order", "4")
+
+
+def environment(**variables: str) -> dict[str, str]:
+    kept = {key: value for key, value in os.environ.items() if key not in ("COLUMNS", "PYTHONUTF8")}
+    return {**kept, "TERM": "xterm-256color", "PYTHONPATH": str(ROOT), **variables}
+
+
+def on_terminal(columns: int, *argv: object) -> list[str]:
+    """Run the command on a pseudo-terminal of so many columns and return its lines without colours."""
+    screen, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    program = [sys.executable, "-m", "bfi_cli", *map(str, argv)]
+    with subprocess.Popen(
+        program, stdin=terminal, stdout=terminal, stderr=subprocess.PIPE, env=environment(), cwd=ROOT
+    ) as process:
+        os.close(terminal)
+        shown = b""
+        try:
+            while part := os.read(screen, 65536):
+                shown += part
+        except OSError:  # how a terminal says that nobody writes to it any more
+            pass
+        os.close(screen)
+        assert process.stderr is not None
+        assert (process.wait(), process.stderr.read()) == (0, b"")
+    return COLOUR.sub("", shown.decode()).splitlines()
+
+
+def in_shell(line: str, cwd: Path, **variables: str) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run(
+        ["sh", "-c", line.replace("bfi", f"{sys.executable} -m bfi_cli", 1)],
+        capture_output=True,
+        env=environment(**variables),
+        cwd=cwd,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def failing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a log whose angle of attack steps at 12 s."""
+    folder = tmp_path_factory.mktemp("terminal")
+    noise = "--noise aoa=0.0005 --noise pitch=0.0005 --noise pitch_rate=0.0002"
+    assert in_shell(f"bfi simulate b747 -o clean.h5 --duration 20 {noise}", folder).returncode == 0
+    fault = "bias,channel=aoa,magnitude=0.02,onset_s=12"
+    assert in_shell(f"bfi inject clean.h5 --fault {fault} -o failing.h5", folder).returncode == 0
+    return folder / "failing.h5"
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+@pytest.mark.parametrize(
+    ("argv", "kept"),
+    [
+        (IDENTIFY, r" bias_13\.8 +tas +13\.8"),
+        (("start-time", BIAS, *QUICK, "--shape", "bias"), r" bias +tas +13\.8"),
+        (("detect", "FAILING", "--train", "0:8"), r" aoa +12 s"),
+    ],
+    ids=["identify", "start-time", "detect"],
+)
+def test_fault_channel_and_onset_stand_in_one_line_that_fits(
+    columns: int, argv: tuple[object, ...], kept: str, failing: Path
+):
+    lines = on_terminal(columns, *(failing if word == "FAILING" else word for word in argv))
+    assert max(map(len, lines)) <= columns
+    assert any(re.match(kept, line) for line in lines)
+    assert "\x1b" not in "".join(lines)
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ("info", BIAS),
+        ("dictionary", FAULTS, BIAS),
+        ("diagnosability", BIAS, "-d", FAULTS),
+        ("reproduce", "list"),
+        ("calibrate", BIAS, "-o", "OUT", "--length", "16", "--step", "8", *QUICK, "--shape", "bias"),
+        ("montecarlo", "-c", ROOT / "configs" / "montecarlo_thesis.yaml", "--trials", "1"),
+    ],
+    ids=lambda argv: argv[0],
+)
+def test_no_line_is_wider_than_a_narrow_terminal(argv: tuple[object, ...], tmp_path: Path):
+    lines = on_terminal(40, *(tmp_path / "t.json" if word == "OUT" else word for word in argv))
+    assert lines
+    assert max(map(len, lines)) <= 40
+
+
+@pytest.mark.parametrize(("variables", "columns"), [({}, 120), ({"COLUMNS": "60"}, 60), ({"FORCE_COLOR": "1"}, 120)])
+def test_a_pipe_gets_the_table_plain(variables: dict[str, str], columns: int):
+    done = in_shell(f"bfi identify {BIAS} -d {FAULTS}", ROOT, **variables)
+    text = done.stdout.decode()
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert text.startswith("Fault: a bias of 4.004 m/s")
+    assert "\x1b" not in text
+    assert 0.8 * columns < max(map(len, text.splitlines())) <= columns
+
+
+def test_json_holds_the_series_when_asked():
+    plain, whole = (json.loads(in_shell(f"bfi info {BIAS} --json", ROOT).stdout) for _ in range(2))
+    assert set(plain) == set(whole)
+    short, long = (
+        json.loads(in_shell(f"bfi identify {BIAS} -d {FAULTS} --json {more}", ROOT).stdout) for more in ("", "--series")
+    )
+    assert set(long) - set(short) == {"series"}
+
+
+NAME = b"fl\xffight.h5"
+COMMANDS = (
+    ("info {log}", 0),
+    ("info {log} --json", 0),
+    ("convert {log} -o {new}.csv", 0),
+    ("inject {log} --fault bias,channel=tas,magnitude=1,onset_s=3 -o {new}.h5 --json", 0),
+    ("identify {log} -d {faults} -c {config} --out {new}", 0),
+    ("report {new}/result.json", 0),
+    ("report {new}/result.json --json --out {new}2", 0),
+    ("identify {log}x", 3),
+    ("identify {log} -d {log}x", 2),
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_names_that_are_no_text(encoding: str, tmp_path: Path):
+    names = {
+        "log": NAME, "new": b"n\xff", "faults": b"d\xff.yaml", "config": b"c\xff.yaml",
+    }  # fmt: skip
+    folder = os.fsencode(tmp_path)
+    for source, name in ((BIAS, "log"), (FAULTS, "faults")):
+        Path(os.fsdecode(os.path.join(folder, names[name]))).write_bytes(source.read_bytes())
+    Path(os.fsdecode(os.path.join(folder, names["config"]))).write_text("seed: 1\n")
+    for line, code in COMMANDS:
+        words = line.format(**{key: os.fsdecode(name) for key, name in names.items()})
+        done = in_shell(f"bfi {words}", tmp_path, PYTHONIOENCODING=encoding)
+        assert done.returncode == code, done.stderr
+        said = done.stdout.decode(encoding) + done.stderr.decode(encoding)
+        assert "--json" not in line or json.loads(done.stdout)
+        assert done.stderr.count(b"\n") == (code != 0)
+        assert "\\xff" in said or "report" in line or "--out" in line
+    stored = Path(os.fsdecode(os.path.join(folder, names["new"])))
+    document = json.loads((stored / "result.json").read_text("utf-8"))
+    assert document["log"]["path"] == r"fl\xffight.h5"
+    assert r"fl\xffight.h5" in (stored / "report.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("streams", "code", "line"),
+    [
+        (">/dev/full", 2, b"stdout: cannot be written, no space left on device; free some space, or write elsewhere\n"),
+        (">&-", 2, b"stdout: cannot be written, bad file descriptor; free some space, or write elsewhere\n"),
+        (">/dev/full 2>/dev/full", 2, b""),
+        (">&- 2>&- <&-", 2, b""),
+        ("2>/dev/full", 0, b""),
+        ("2>&-", 0, b""),
+    ],
+)
+def test_streams_that_take_nothing(streams: str, code: int, line: bytes, tmp_path: Path):
+    for words in ("--help", f"info {BIAS}", f"identify {BIAS} -d {FAULTS} --json --series"):
+        done = in_shell(f"bfi {words} {streams}", tmp_path, TMPDIR=str(tmp_path))
+        assert (done.returncode, done.stderr) == (code, line)
+        assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_long_answer_is_printed_whole_or_refused(unbuffered: str, tmp_path: Path):
+    command = f"bfi identify {BIAS} -d {FAULTS} --json --series > answer.json"
+    done = in_shell(f"ulimit -f 2; exec {command}", tmp_path, PYTHONUNBUFFERED=unbuffered)
+    assert done.returncode == 2
+    assert done.stderr == b"stdout: cannot be written, file too large; free some space, or write elsewhere\n"
+
+
+@pytest.mark.parametrize("line", ["convert {log} -o new.h5", "convert {log} -o new.csv", "identify {log} --out new"])
+def test_a_disk_that_fills_up_leaves_nothing(line: str, tmp_path: Path):
+    """A limit on the size of a file stands for the disk: a kilobyte or two."""
+    words = f"{line.format(log=BIAS)} {f'-d {FAULTS}' if 'identify' in line else ''}"
+    done = in_shell(f"ulimit -f 2; exec bfi {words}", tmp_path)
+    assert done.returncode == 2
+    assert re.fullmatch(rb"new.*: cannot be written, file too large; give another --out(put)?\n", done.stderr)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("home", ["/nonexistent", "/dev/null", ""])
+def test_a_home_that_cannot_be_written_is_no_news(home: str, tmp_path: Path):
+    elsewhere = dict.fromkeys(("XDG_CACHE_HOME", "XDG_CONFIG_HOME"), f"{home}/x")
+    done = in_shell(f"bfi identify {BIAS} -d {FAULTS} --out {tmp_path}", ROOT, HOME=home, **elsewhere)
+    assert (done.returncode, done.stderr) == (0, b"")

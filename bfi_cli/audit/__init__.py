@@ -1,4 +1,4 @@
-"""What a fault dictionary can tell apart, before a fault is looked for (METHOD section 4).
+"""What a fault dictionary can tell apart, before a fault is looked for.
 
 `definition` looks at the dictionary as it is written, `comparison` at how alike signals are; `without_log` and `on_log`
 put the two together on the raw signals, or on what a predictor leaves of them.

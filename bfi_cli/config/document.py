@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, StrictBo
 from ..dictionary import Dictionary, DictionaryDocument, expand, load_dictionary
 from ..dictionary.validation import Rules, Text, Whole, editor_schema, validated
 from ..errors import ConfigError
-from ..faults import did_you_mean
+from ..faults import did_you_mean, shown
 from ..identify.methods import METHODS
 from ..yaml12 import load_yaml, read_text
 from .sections import (
@@ -44,7 +44,7 @@ def _expandable(document: DictionaryDocument) -> DictionaryDocument:
 
 def _registered(name: str) -> str:
     if name not in METHODS:
-        raise ValueError(f"not one of the choices, got '{name}'{did_you_mean(name, list(METHODS))}")
+        raise ValueError(f"not one of the choices, got {shown(name)}{did_you_mean(name, list(METHODS))}")
     return name
 
 

@@ -115,3 +115,15 @@ def test_files(tmp_path):
     ]:
         with pytest.raises(ConfigError, match=complaint):
             load_yaml(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "n_values"),
+    [("a", 1), ("[1, 2]", 3), ("{a: 1}", 3), ("[&a [1, 2], *a]", 7), ("[&a [1], &b [*a, *a], *b, *b]", 18)],
+)
+def test_values_are_counted_as_if_aliases_were_written_out(text, n_values, monkeypatch):
+    monkeypatch.setattr("bfi_cli.yaml12.MAX_VALUES", n_values)
+    load_yaml(text)
+    monkeypatch.setattr("bfi_cli.yaml12.MAX_VALUES", n_values - 1)
+    with pytest.raises(ConfigError, match=f"more than {n_values - 1} values; "):
+        load_yaml(text)

@@ -60,7 +60,8 @@ def _inside_config(file: str, info: ValidationInfo) -> str:
     """Return the path as `beside_config` does, of a file that lies in the configuration's folder."""
     context, path = info.context or {}, beside_config(file, info)
     try:
-        allowed = context.get("allow_outside") or lies_inside(Path(path), Path(context.get("folder", "")))
+        # A configuration made in Python has no folder, and its files are the caller's own.
+        allowed = context.get("allow_outside") or "folder" not in context or lies_inside(Path(path), context["folder"])
     except ValueError:
         raise ValueError(f"no such file, got {shown(file)}; give a CSV file of time, value") from None
     if not allowed:

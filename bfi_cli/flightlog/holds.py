@@ -62,7 +62,8 @@ def _period(at: FloatArray) -> float | None:
         return None
     ticks = np.bincount(np.round(at).astype(np.intp))
     padded = 4 << int(ticks.size).bit_length()
-    low, high = int(0.75 / rough * padded), min(int(1.35 / rough * padded), padded // 2)
+    # Ticks of a period between two whole numbers come after either of them; the shorter one may be the rough one.
+    low, high = int(min(0.75 / rough, 1.0 / (rough + 1.0)) * padded), min(int(1.35 / rough * padded), padded // 2)
     coherence = np.abs(np.fft.rfft(ticks, padded)[low : high + 1]) / at.size
     best = int(np.argmax(coherence))
     return padded / (low + best) if coherence[best] >= LEAST_COHERENCE else None

@@ -147,7 +147,7 @@ def test_an_interruption_amid_the_figures_leaves_the_old_answer(tmp_path: Path, 
     out = tmp_path / "out"
     out.mkdir()
     (out / "result.json").write_text("old")
-    ended = at_a_terminal("identify", TWO, "-d", FAULTS, "--out", out, until="figures", number=number)
+    ended = at_a_terminal("identify", TWO, "-d", FAULTS, "--out", out, "--force", until="figures", number=number)
     assert (ended.code, ended.stdout) == (128 + number, "")
     assert has_its_cursor(ended.terminal)
     assert [path.name for path in out.iterdir()] == ["result.json"]

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from .faults import Fault
     from .flightlog import FlightLog, inject, inspect_log, read_log, resample, write_log
     from .identify import identify_faults
+    from .identify.result import IdentifyResult
     from .onset import find_onset
-    from .result import IdentifyResult
 
 __version__ = "0.1.0"
 
@@ -73,8 +73,8 @@ _HOME = {
     "faults": ("Fault",),
     "flightlog": ("FlightLog", "inject", "inspect_log", "read_log", "resample", "write_log"),
     "identify": ("identify_faults",),
+    "identify.result": ("IdentifyResult",),
     "onset": ("find_onset",),
-    "result": ("IdentifyResult",),
 }
 
 

@@ -10,7 +10,7 @@ from .audit.comparison import pairs
 from .faults import SHAPE_KEYS, Fault, fault_to_dict
 from .plain import to_plain
 from .printable import printable, shortened
-from .result import Provenance
+from .provenance import Provenance
 from .serialize import to_csv
 from .wording import number, quantity
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["AUDIT_SCHEMA", "audit_document", "audit_tables", "print_audit"]
 
 AUDIT_SCHEMA = 1
+MODEL_KEYS = ("inputs", "outputs", "order", "feedthrough", "noise_sd")
 MATRIX_ATOMS = 12
 MOST_ROWS = 40
 MOST_NOTES = 8
@@ -51,7 +52,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
         "relative_to": audit.relative_to,
         "log": None if audit.log_path is None else {"path": audit.log_path, "native_rate_hz": audit.native_rate_hz},
         "window": {**window, "why": audit.why},
-        "model": audit.model,
+        "model": None if audit.model is None else {key: getattr(audit.model, key) for key in MODEL_KEYS},
         "fastest_hz": audit.fastest_hz,
         "rate_needed_hz": audit.rate_needed_hz,
         "atoms": [_atom_entry(atom) for atom in audit.atoms],

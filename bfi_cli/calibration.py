@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .errors import ConfigError
 from .plain import from_plain, mapping, member
-from .result import Provenance
+from .provenance import Provenance
 from .serialize import to_json
 from .yaml12 import read_text
 

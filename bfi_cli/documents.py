@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from .errors import ConfigError
+from .faults import FaultEstimate
+from .identify.result import IdentifyResult
 from .plain import from_plain, mapping, member, to_plain
-from .result import FaultEstimate, IdentifyResult, Provenance
+from .provenance import Provenance
 
 __all__ = ["IDENTIFY_SCHEMA", "identify_document", "identify_from_document"]
 

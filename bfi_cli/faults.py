@@ -21,7 +21,9 @@ from .sample_file import read_samples
 __all__ = [
     "SHAPES",
     "SHAPE_KEYS",
+    "Decision",
     "Fault",
+    "FaultEstimate",
     "Shape",
     "active_samples",
     "did_you_mean",
@@ -38,6 +40,7 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 Shape = Literal["bias", "drift", "sine", "cosine", "lagged_bias", "ramp_hold", "samples"]
 SHAPES: tuple[str, ...] = get_args(Shape)
+Decision = Literal["fault", "no_fault", "not_identifiable"]
 
 COMMON_KEYS = ("shape", "name", "channel", "magnitude", "onset_s", "offset_s")
 SHAPE_KEYS: Mapping[str, tuple[str, ...]] = {
@@ -79,6 +82,20 @@ class Fault:
     time_constant_s: float | None = None
     duration_s: float | None = None
     file: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultEstimate:
+    """A declared fault. `fault` carries shape, channel, times; `magnitude` multiplies its unit signal."""
+
+    name: str
+    fault: Fault
+    magnitude: float
+    unit: str
+    physical_value: float
+    physical_unit: str
+    sd: float
+    ci95: tuple[float, float]
 
 
 def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:

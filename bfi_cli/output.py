@@ -9,9 +9,10 @@ import numpy as np
 
 from .documents import identify_document
 from .exhibit import Drawing, Exhibit
+from .identify.result import IdentifyResult
 from .kernels.progress import Report, parts, silent
 from .printable import SHOWN
-from .result import IdentifyResult, Provenance
+from .provenance import Provenance
 from .serialize import to_csv, to_json
 
 __all__ = ["IDENTIFY_NAMES", "exhibit_files", "exhibit_names", "identify_files"]

@@ -4,13 +4,28 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 
 from . import __version__
-from .result import Provenance
 
-__all__ = ["provenance"]
+__all__ = ["Provenance", "provenance"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Where the numbers come from."""
+
+    version: str
+    log_sha256: str
+    config_sha256: str | None
+    dictionary_sha256: str | None
+    seed: int
+    numpy: str
+    scipy: str
+    command: str
+    date: str
 
 
 def provenance(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from .faults import Fault
-from .result import Candidate, FaultEstimate, IdentifyResult, Provenance
+from .faults import Fault, FaultEstimate
+from .identify.methods import METHODS
+from .identify.result import Candidate, IdentifyResult
+from .provenance import Provenance
 from .wording import interval, number, quantity, shortened
 
 __all__ = [
@@ -19,7 +21,6 @@ __all__ = [
 Row = tuple[str, ...]
 WHITE_ABOVE = 0.01
 NAME_LETTERS = 40
-METHODS = {"ml": "maximum likelihood (ml)", "risro": "rank-constrained least squares (risro)"}
 
 
 def summary_rows(result: IdentifyResult) -> list[Row]:
@@ -133,7 +134,7 @@ def model_rows(result: IdentifyResult) -> list[Row]:
         ("Model", f"VARX of order {model.order} at {number(model.rate_hz)} Hz"),
         ("Inputs act", "in the same sample too" if model.feedthrough else "from the next sample on"),
         ("Orders tried", ", ".join(map(str, model.orders)) or "none, the order was given"),
-        ("Method", METHODS[solver.method]),
+        ("Method", METHODS[solver.method].summary if solver.method in METHODS else solver.method),
         ("Termination", f"{solver.termination} ({solver.iterations} iterations)"),
         ("Condition number", number(solver.condition_number, digits=3)),
     ]

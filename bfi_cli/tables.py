@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from . import rows
 from .exhibit import Exhibit
+from .identify.result import IdentifyResult
 from .printable import printable, shortened
-from .result import IdentifyResult
 from .wording import verdict
 
 if TYPE_CHECKING:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from .faults import FaultEstimate
+from .identify.result import Candidate, IdentifyResult
 from .printable import shortened
-from .result import Candidate, FaultEstimate, IdentifyResult
 
 __all__ = [
     "axis_label",

@@ -1,4 +1,4 @@
-"""The shape of the house: imports point down and each library has one place."""
+"""The shape of the house: imports point down, each library has one place, what is public is described."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 FLOORS = (
     ("errors", "kernels", "printable"),
     ("sample_file",),
-    ("units", "faults", "files", "yaml12", "plain"),
-    ("channels", "result", "serialize", "dictionary", "exhibit"),
-    ("flightlog", "conditioning", "config", "provenance", "wording", "documents"),
+    ("units", "faults", "files", "yaml12", "plain", "identify.methods", "preprocessing.summary", "provenance"),
+    ("channels", "identify.result", "serialize", "dictionary", "exhibit"),
+    ("flightlog", "config", "wording", "documents"),
     ("aircraft", "calibration", "rows"),
-    ("study",),
-    ("airdata", "audit", "detect", "diagnosability", "dmae", "fir", "identify", "monitor", "onset"),
+    ("preprocessing",),
+    ("airdata", "audit", "detect", "diagnosability", "fir", "identify", "monitor", "onset"),
     ("engine",),
     ("compare", "montecarlo"),
     ("reproduce",),

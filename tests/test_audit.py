@@ -17,13 +17,13 @@ from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify.estimation import magnitudes_of
+from bfi_cli.identify.magnitudes import magnitudes_of_fit
 from bfi_cli.kernels.covariance import unfold
 from bfi_cli.kernels.model_selection import Penalty, ScoredFit
 from bfi_cli.kernels.variable_projection import fit_magnitudes
 from bfi_cli.kernels.whiteness import effective_rows
-from bfi_cli.study.intake import take_in
-from bfi_cli.study.scaled import floor_of, prepare
+from bfi_cli.preprocessing.regression import build_regression
+from bfi_cli.preprocessing.window import prepare_window
 
 ROOT = Path(__file__).parent.parent
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"
@@ -50,20 +50,23 @@ def atom(found, name):
 
 
 def test_the_limits_are_those_of_an_identification_with_the_same_model(clean, on_clean):
-    intake = take_in(clean, load_dictionary(THESIS), ORDER_4)
-    study = prepare(intake.conditioned, intake.live, orders=(4,), feedthrough=True, floor=floor_of(intake.conditioned))
-    fit = fit_magnitudes(study.problem(4), ())
-    rows = effective_rows(unfold(study.layout, fit).error)
+    window = prepare_window(clean, load_dictionary(THESIS), ORDER_4)
+    regression = build_regression(window.signals, window.live, ORDER_4)
+    fit = fit_magnitudes(regression.problem(4), ())
+    rows = effective_rows(unfold(regression.layout, fit).error)
     penalty = Penalty(
-        n_rows=study.n_rows, n_effective=min(rows, study.n_rows), n_candidates=7, evidence=Config().selection.evidence
+        n_rows=regression.n_rows,
+        n_effective=min(rows, regression.n_rows),
+        n_candidates=7,
+        evidence=Config().selection.evidence,
     )
-    expected = magnitudes_of(study, ScoredFit(criterion=0.0, fit=fit), penalty).minimal_detectable
+    expected = magnitudes_of_fit(regression, ScoredFit(criterion=0.0, fit=fit), penalty).minimal_detectable
     np.testing.assert_allclose([entry.minimal_detectable for entry in on_clean.atoms], expected, rtol=1e-6)
 
 
 def test_the_coherence_is_that_of_the_predictor_written_out(clean, on_clean):
-    intake = take_in(clean, load_dictionary(THESIS), ORDER_4)
-    u, y, theta = intake.conditioned.u, intake.conditioned.y[:, 0], intake.conditioned.theta[:, 0, :]
+    signals = prepare_window(clean, load_dictionary(THESIS), ORDER_4).signals
+    u, y, theta = signals.u, signals.y[:, 0], signals.theta[:, 0, :]
     past = [y[4 - i : len(y) - i] for i in range(1, 5)]
     X = np.column_stack([np.ones(len(y) - 4), *past, *(u[4 - i : len(y) - i, 0] for i in range(5))])
     K = np.linalg.lstsq(X - X.mean(axis=0), y[4:] - y[4:].mean(), rcond=None)[0][1:5]

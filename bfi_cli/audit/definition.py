@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from ..channels import STANDARD
-from ..conditioning import SAMPLES_PER_CYCLE
 from ..faults import Fault, did_you_mean
+from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 
 __all__ = [
     "Span",

@@ -99,30 +99,31 @@ def remarks_of(
 def entries(listing: Listing, signatures: Signatures | None, limits: Limits | None) -> tuple[AuditedAtom, ...]:
     """Return one entry per fault of the dictionary, in its order."""
     place = {j: n for n, j in enumerate(listing.live)}
-    return tuple(_entry(listing, j, place.get(j), (signatures, limits)) for j in range(len(listing.faults)))
-
-
-def _entry(listing: Listing, j: int, n: int | None, found: tuple[Signatures | None, Limits | None]) -> AuditedAtom:
-    signatures, limits = found
-    fault, unit = listing.faults[j], listing.units[j]
-    z = None if limits is None or n is None else _finite(limits.minimal_detectable[n])
-    other, coherence = (None, None) if signatures is None or n is None else most_like(signatures, n)
-    said = [listing.reasons[j]] if n is None else listing.remarks.get(j, ())
-    return AuditedAtom(
-        name=listing.names[j],
-        fault=fault,
-        live=n is not None,
-        note="; ".join(said) or None,
-        unit=magnitude_unit(fault, unit),
-        channel_unit=unit,
-        minimal_detectable=z,
-        minimal_physical=None if z is None else physical(fault, z, unit),
-        minimal_peak=None if z is None or limits is None else z * float(limits.peak[n]),
-        visible=None if limits is None or n is None else float(limits.visible[n]),
-        most_coherent_with=other,
-        coherence=coherence,
-    )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    atoms = []
+    for j, (fault, name, unit) in enumerate(zip(listing.faults, listing.names, listing.units, strict=True)):
+        n = place.get(j)
+        said = [listing.reasons[j]] if n is None else listing.remarks.get(j, ())
+        other, coherence = (None, None) if signatures is None or n is None else most_like(signatures, n)
+        z = peak = visible = None
+        if limits is not None and n is not None:
+            visible = float(limits.visible[n])
+            if np.isfinite(limits.minimal_detectable[n]):
+                z = float(limits.minimal_detectable[n])
+                peak = z * float(limits.peak[n])
+        atoms.append(
+            AuditedAtom(
+                name=name,
+                fault=fault,
+                live=n is not None,
+                note="; ".join(said) or None,
+                unit=magnitude_unit(fault, unit),
+                channel_unit=unit,
+                minimal_detectable=z,
+                minimal_physical=None if z is None else physical(fault, z, unit),
+                minimal_peak=peak,
+                visible=visible,
+                most_coherent_with=other,
+                coherence=coherence,
+            )
+        )
+    return tuple(atoms)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..conditioning import SAMPLES_PER_CYCLE
 from ..config import Config
 from ..dictionary import Dictionary
 from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
-from ..study import Intake, take_in
-from ..study.predicted import Predicted, about_the_log, predicted, without_injected
+from ..preprocessing.fault_free_model import FaultFreeModel, about_the_log, fit_fault_free, without_injected_faults
+from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
+from ..preprocessing.window import PreparedWindow, prepare_window
 from .comparison import advised, compare, own_channel, sentences
 from .definition import Span, fastest_hz, unit_of
 from .entries import Limits, Listing, entries, reasons_of, remarks_of
-from .result import Audit, AuditModel
+from .result import Audit
 
 __all__ = ["audit_on_log"]
 
@@ -36,72 +36,65 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
-    intake = take_in(without_injected(log), dictionary, config)
-    fitted = predicted(intake, config)
-    listing = _listing(intake, fitted)
-    limits = _limits(intake, fitted)
+    window = prepare_window(without_injected_faults(log), dictionary, config)
+    fitted = fit_fault_free(window, config)
+    listing = _listing(window, fitted)
+    theta = window.signals.theta[:, :, list(window.live)]
+    left = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1))
+    raw_norm = fitted.unfolded.raw_norm
+    limits = Limits(
+        minimal_detectable=fitted.deviations * fitted.sd,
+        peak=np.max(np.abs(theta), axis=(0, 1)),
+        visible=left / np.where(raw_norm > 0.0, raw_norm, 1.0),
+    )
     seen = np.isfinite(limits.minimal_detectable)
-    study, unfolded = fitted.study, fitted.unfolded
-    time_s = study.conditioned.time_s[study.layout.first :]
-    names = [listing.names[j] for j in listing.live]
-    G = whiten(unfolded.signatures, fitted.fit.sigma) * seen
-    signatures, found = compare(names, time_s, own_channel(unfolded.signatures * study.unit[:, None]) * seen, G)
-    fastest = fastest_hz(intake.faults)
+    signatures, alike = compare(
+        [listing.names[j] for j in listing.live],
+        fitted.regression.rows_s,
+        own_channel(fitted.unfolded.signatures * fitted.regression.unit[:, None]) * seen,
+        whiten(fitted.unfolded.signatures, fitted.fit.sigma) * seen,
+    )
+    fastest, summary = fastest_hz(window.faults), window.summary
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
-        start_s=float(intake.conditioned.time_s[0]),
-        stop_s=float(intake.conditioned.time_s[-1]),
-        rate_hz=intake.conditioned.rate_hz,
-        n_samples=len(intake.conditioned.time_s),
-        why=intake.choice.reason,
-        log_path=intake.log.path,
-        native_rate_hz=intake.native_rate_hz,
-        model=_model(fitted, config),
+        start_s=summary.start_s,
+        stop_s=summary.stop_s,
+        rate_hz=summary.rate_hz,
+        n_samples=summary.n_samples,
+        why=window.rate.reason,
+        log_path=summary.path,
+        native_rate_hz=summary.native_rate_hz,
+        model=fitted.model,
         fastest_hz=fastest,
         rate_needed_hz=None if fastest is None else SAMPLES_PER_CYCLE * fastest,
         atoms=entries(listing, signatures, limits),
         signatures=signatures,
-        notes=(
-            *sentences(signatures, found),
-            *about_the_log(log, intake, fitted),
+        notes=(*sentences(signatures, alike), *about_the_log(log, window, fitted)),
+    )
+
+
+def _listing(window: PreparedWindow, fitted: FaultFreeModel) -> Listing:
+    signals, first = window.signals, fitted.regression.layout.first
+    log = window.log
+    return Listing(
+        faults=window.faults,
+        names=window.names,
+        units=tuple(
+            log.channel(fault.channel).unit if fault.channel in log.channels else unit_of(fault.channel)
+            for fault in window.faults
         ),
-    )
-
-
-def _listing(intake: Intake, fitted: Predicted) -> Listing:
-    conditioned, study = intake.conditioned, fitted.study
-    reasons = reasons_of(intake.faults, intake.names, advised(intake.reasons, own_channel(conditioned.theta)))
-    live = {j: intake.faults[j] for j in intake.live}
-    span = Span(
-        start_s=intake.window_start_s,
-        stop_s=float(intake.log.time_s[-1]) + 1.0 / intake.log.rate_hz,
-        rate_hz=conditioned.rate_hz,
-        lags=study.layout.first,
-    )
-    values = own_channel(conditioned.theta[study.layout.first :, :, list(intake.live)])
-    n_outputs = conditioned.y.shape[1]
-    remarks = remarks_of(live, span, values, largest_model=max(study.orders), n_outputs=n_outputs)
-    units = tuple(_unit(intake.log, fault.channel) for fault in intake.faults)
-    return Listing(faults=intake.faults, names=intake.names, units=units, reasons=reasons, remarks=remarks)
-
-
-def _unit(log: FlightLog, channel: str) -> str:
-    return log.channel(channel).unit if channel in log.channels else unit_of(channel)
-
-
-def _limits(intake: Intake, fitted: Predicted) -> Limits:
-    theta = intake.conditioned.theta[:, :, list(intake.live)]
-    peak = np.max(np.abs(theta), axis=(0, 1))
-    return Limits(minimal_detectable=fitted.minimal_detectable, peak=peak, visible=fitted.visible)
-
-
-def _model(fitted: Predicted, config: Config) -> AuditModel:
-    spread = np.sqrt(np.mean(fitted.unfolded.error**2, axis=0)) * fitted.study.unit
-    return AuditModel(
-        inputs=config.inputs,
-        outputs=config.outputs,
-        order=fitted.fit.order,
-        feedthrough=fitted.study.layout.feedthrough,
-        noise_sd=dict(zip(config.outputs, spread.tolist(), strict=True)),
+        reasons=reasons_of(window.faults, window.names, advised(window.reasons, own_channel(signals.theta))),
+        remarks=remarks_of(
+            {j: window.faults[j] for j in window.live},
+            Span(
+                start_s=window.window_start_s,
+                stop_s=float(log.time_s[-1]) + 1.0 / log.rate_hz,
+                rate_hz=signals.rate_hz,
+                lags=first,
+            ),
+            own_channel(signals.theta[first:, :, list(window.live)]),
+            largest_model=max(fitted.regression.orders),
+            n_outputs=len(window.outputs),
+        ),
     )

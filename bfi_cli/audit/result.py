@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault
+from ..preprocessing.summary import ModelSummary
 
-__all__ = ["Audit", "AuditModel", "AuditedAtom", "Signatures"]
+__all__ = ["Audit", "AuditedAtom", "Signatures"]
 
 FloatArray = NDArray[np.float64]
 
@@ -66,17 +66,6 @@ class Signatures:
     condition_number: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AuditModel:
-    """The predictor of the log without fault terms; `noise_sd` of its prediction error by output."""
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    order: int
-    feedthrough: bool
-    noise_sd: Mapping[str, float]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Audit:
     """The whole answer of `bfi dictionary`.
@@ -85,7 +74,7 @@ class Audit:
     ----------
     path : of the dictionary; relative_to : what its times count from.
     start_s, stop_s, rate_hz, n_samples : of the signals compared; why : how window and rate came about.
-    log_path, native_rate_hz, model : None without a log.
+    log_path, native_rate_hz, model : None without a log; the model is the one without fault terms.
     fastest_hz : the highest frequency of the dictionary; rate_needed_hz : four samples of its cycle.
     signatures : None where there are too many to compare.
     notes : on the dictionary as a whole and on the log; those on single atoms are with them.
@@ -100,7 +89,7 @@ class Audit:
     why: str
     log_path: str | None
     native_rate_hz: float | None
-    model: AuditModel | None
+    model: ModelSummary | None
     fastest_hz: float | None
     rate_needed_hz: float | None
     atoms: tuple[AuditedAtom, ...]

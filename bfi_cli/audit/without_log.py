@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.typing import NDArray
 
-from ..conditioning import SAMPLES_PER_CYCLE, Conditioned
 from ..config import Config
 from ..dictionary import Dictionary, dead_reason, signals
 from ..errors import ConfigError, DictionaryError
 from ..faults import Fault
-from ..study import left_out
+from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
+from ..preprocessing.window import unusable_atoms
 from .comparison import advised, compare, own_channel, sentences
 from .definition import Span, fastest_hz, span_of, unit_of, unknown_channels
 from .entries import Listing, entries, largest_order, reasons_of, remarks_of
-from .result import Audit, Signatures
+from .result import Audit
 
 __all__ = ["audit"]
+
+FloatArray = NDArray[np.float64]
 
 SAMPLES = 2000
 FINE_HZ = 100.0
@@ -47,9 +48,20 @@ def audit(dictionary: Dictionary, config: Config, *, duration_s: float | None = 
     rate_hz = span.rate_hz or _fine_rate_hz(span.stop_s - span.start_s, len(faults), fastest or 0.0)
     n_samples = max(2, round((span.stop_s - span.start_s) * rate_hz))
     few = len(faults) <= MOST_ATOMS and n_samples * len(faults) <= MOST_VALUES
-    sampled = _sampled(faults, span.start_s + np.arange(n_samples) / rate_hz, rate_hz) if few else None
-    listing = _listing(dictionary, faults, span, sampled=sampled, largest_model=largest_order(config))
-    signatures, warnings = _compared(listing, sampled)
+    time_s = span.start_s + np.arange(n_samples if few else 0) / rate_hz
+    channels = list(dict.fromkeys(fault.channel for fault in faults))
+    theta = signals(faults, time_s, channels, window_start_s=span.start_s) if few else None
+    listing = _listing(dictionary, faults, span, theta=theta, largest_model=largest_order(config))
+    signatures = None
+    warnings = [
+        f"{len(faults)} faults over this window are too many signals to compare; "
+        "give a shorter --duration, a lower --rate, or larger steps in the grids"
+    ]
+    if theta is not None:
+        theta = theta[:, :, list(listing.live)]
+        names = [listing.names[j] for j in listing.live]
+        signatures, alike = compare(names, time_s, own_channel(theta), theta.reshape(-1, len(names)))
+        warnings = sentences(signatures, alike)
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
@@ -95,26 +107,17 @@ def _fine_rate_hz(duration_s: float, n_atoms: int, fastest_hz: float) -> float:
     return max(SAMPLES / duration_s, DRAWN_PER_CYCLE * fastest_hz, affordable)
 
 
-def _sampled(
-    faults: Sequence[Fault], time_s: np.ndarray[tuple[int], np.dtype[np.float64]], rate_hz: float
-) -> Conditioned:
-    channels = list(dict.fromkeys(fault.channel for fault in faults))
-    theta = signals(faults, time_s, channels, window_start_s=float(time_s[0]))
-    nothing = np.zeros((len(time_s), 0))
-    return Conditioned(rate_hz=rate_hz, factor=1, time_s=time_s, u=nothing, y=nothing, theta=theta)
-
-
 def _listing(
-    dictionary: Dictionary, faults: tuple[Fault, ...], span: Span, *, sampled: Conditioned | None, largest_model: int
+    dictionary: Dictionary, faults: tuple[Fault, ...], span: Span, *, theta: FloatArray | None, largest_model: int
 ) -> Listing:
     names = tuple(fault.name or fault.shape for fault in faults)
     dead = ((j, dead_reason(fault, span.start_s, span.stop_s)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
     values = None
-    if sampled is not None:
-        values = own_channel(sampled.theta)
+    if theta is not None:
+        values = own_channel(theta)
         rest = [j for j in range(len(faults)) if j not in reasons]
-        reasons |= advised(left_out(sampled, names, rest), values)
+        reasons |= advised(unusable_atoms(theta, names, rest), values)
     reasons = reasons_of(faults, names, reasons)
     live = {j: fault for j, fault in enumerate(faults) if j not in reasons}
     if not live:
@@ -124,15 +127,3 @@ def _listing(
     remarks = remarks_of(live, span, seen, largest_model=largest_model, n_outputs=n_outputs)
     units = tuple(unit_of(fault.channel) for fault in faults)
     return Listing(faults=faults, names=names, units=units, reasons=reasons, remarks=remarks)
-
-
-def _compared(listing: Listing, sampled: Conditioned | None) -> tuple[Signatures | None, list[str]]:
-    if sampled is None:
-        return None, [
-            f"{len(listing.faults)} faults over this window are too many signals to compare; "
-            "give a shorter --duration, a lower --rate, or larger steps in the grids"
-        ]
-    theta = sampled.theta[:, :, list(listing.live)]
-    names = [listing.names[j] for j in listing.live]
-    signatures, found = compare(names, sampled.time_s, own_channel(theta), theta.reshape(-1, len(names)))
-    return signatures, sentences(signatures, found)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ..exhibit import Exhibit
-    from ..result import Provenance
+    from ..provenance import Provenance
 
 __all__ = ["give", "show", "show_lines"]
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..audit import Audit
     from ..config import Config
     from ..dictionary import Dictionary
-    from ..result import Provenance
+    from ..provenance import Provenance
 
 __all__ = ["command"]
 

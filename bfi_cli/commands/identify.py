@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..identify.methods import METHODS
 from .answered import show
 from .options import (
     advise,
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
+    from ..identify.result import IdentifyResult
     from ..kernels.progress import Progress
-    from ..result import IdentifyResult
 
 __all__ = ["command"]
 
@@ -51,7 +52,8 @@ ONSET_SAMPLES = 1.5
 @click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
-@click.option("--method", help="ml (maximum likelihood) or risro (as published).  [default: ml]")
+@click.option("--method", metavar="NAME", help=f"How: {', '.join(METHODS)}.  [default: ml]")
+@click.option("--model", metavar="NAME", help="A linear model of bfi simulate, for method dmae.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
 @outside_option
 @out_options
@@ -72,7 +74,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..provenance import provenance
     from ..tables import print_identify
 
-    config = configured(config_path, options, {"method": options["method"]})
+    config = configured(config_path, options, {"method": options["method"], "dmae.model": options["model"]})
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:

@@ -16,7 +16,7 @@ from .progress import progress
 if TYPE_CHECKING:
     from ..montecarlo import Summary, Sweep
     from ..montecarlo.row import Row
-    from ..result import Provenance
+    from ..provenance import Provenance
 
 __all__ = ["command"]
 

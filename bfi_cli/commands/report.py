@@ -14,7 +14,7 @@ import click
 from ..documents import identify_from_document
 from ..errors import ConfigError
 from ..plain import from_plain, member
-from ..result import Provenance
+from ..provenance import Provenance
 from .answered import show
 from .options import force_option, series_option, tell
 

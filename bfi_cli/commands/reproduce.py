@@ -16,8 +16,8 @@ from .progress import progress
 if TYPE_CHECKING:
     from ..exhibit import Exhibit
     from ..flightlog import FlightLog
+    from ..provenance import Provenance
     from ..reproduce import Settings
-    from ..result import Provenance
 
 __all__ = ["command"]
 

@@ -15,7 +15,7 @@ from .options import force_option
 if TYPE_CHECKING:
     from ..faults import Fault
     from ..flightlog import FlightLog
-    from ..result import Provenance
+    from ..provenance import Provenance
 
 __all__ = ["SCHEMA", "log_document", "log_lines", "out_option", "write_and_show"]
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from .document import Config, DictionarySource, json_schema, load_config, merge
-from .sections import Detect, Diagnosability, Natural, StartTime
+from .sections import STRONG_EVIDENCE, Detect, Diagnosability, Natural, StartTime
 
 __all__ = [
+    "STRONG_EVIDENCE",
     "Config",
     "Detect",
     "Diagnosability",

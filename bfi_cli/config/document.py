@@ -12,11 +12,14 @@ from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, StrictBo
 from ..dictionary import Dictionary, DictionaryDocument, expand, load_dictionary
 from ..dictionary.validation import Rules, Text, Whole, editor_schema, validated
 from ..errors import ConfigError
+from ..faults import did_you_mean, shown
+from ..identify.methods import METHODS
 from ..yaml12 import load_yaml, read_text
 from .sections import (
     Conditioning,
     Detect,
     Diagnosability,
+    Dmae,
     Model,
     Names,
     PathText,
@@ -37,6 +40,12 @@ def _path_or_document(value: object) -> str:
 def _expandable(document: DictionaryDocument) -> DictionaryDocument:
     expand(document)
     return document
+
+
+def _registered(name: str) -> str:
+    if name not in METHODS:
+        raise ValueError(f"not one of the choices, got {shown(name)}{did_you_mean(name, list(METHODS))}")
+    return name
 
 
 DictionarySource = Annotated[
@@ -60,9 +69,10 @@ class Config(Rules):
     window: Window = Window()
     conditioning: Conditioning = Conditioning()
     model: Model = Model()
-    method: Literal["ml", "risro"] = "ml"
-    """Maximum likelihood, or rank-constrained least squares."""
+    method: Annotated[Text, AfterValidator(_registered)] = "ml"
+    """How faults are identified: ml, maximum likelihood, or another registered method, see bfi identify --help."""
     risro: Risro = Risro()
+    dmae: Dmae = Dmae()
     selection: Selection = Selection()
     dictionary: DictionarySource | None = None
     """A file, relative to this one, or the dictionary itself."""
@@ -84,6 +94,11 @@ class Config(Rules):
             if name in self.outputs:
                 raise ValueError(f"'{name}' is both an input and an output; keep one")
         return self
+
+    @property
+    def feedthrough(self) -> bool:
+        """Whether an input acts in the same sample too, as asked for or as the method has it."""
+        return METHODS[self.method].feedthrough if self.model.feedthrough is None else self.model.feedthrough
 
     @property
     def path(self) -> str | None:

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
-from ..result import LogSummary
+from ..preprocessing.summary import log_summary
 from ..wording import instant
 from .exact import LEVEL, Exact, exactly
 from .record import Prepared, Sampled, prepare, sampled
@@ -72,7 +72,7 @@ def _exact(log: FlightLog, prepared: Prepared, settings: DetectSettings, exact: 
     ]
     first = {alarm.channel: alarm.time_s for alarm in reversed(alarms)}
     return DetectResult(
-        log=_summary(log, prepared, record.time_s, record.rate_hz),
+        log=log_summary(log.path, record.time_s, rate_hz=record.rate_hz, native_rate_hz=prepared.native_rate_hz),
         decision="fault" if alarms else "no_fault",
         method="exact",
         inputs=prepared.inputs,
@@ -119,7 +119,7 @@ def _by_parity(
     failures, passes = watch(log.path, samples, false_alarm=settings.false_alarm, report=report)
     alarms = [_alarm(prepared, samples, failure) for failure in failures]
     return DetectResult(
-        log=_summary(log, prepared, samples.time_s, samples.rate_hz),
+        log=log_summary(log.path, samples.time_s, rate_hz=samples.rate_hz, native_rate_hz=prepared.native_rate_hz),
         decision="fault" if alarms else "no_fault",
         method="parity",
         inputs=prepared.inputs,
@@ -235,14 +235,3 @@ def _next(prepared: Prepared, alarms: list[Alarm]) -> tuple[str, ...]:
     window = f"--from {instant(from_s)} --to {instant(to_s)}"
     command = f"bfi identify {prepared.record.path}{inputs} --output {first.channel} {window}"
     return (command,)
-
-
-def _summary(log: FlightLog, prepared: Prepared, time_s: FloatArray, rate_hz: float) -> LogSummary:
-    return LogSummary(
-        path=log.path,
-        rate_hz=rate_hz,
-        n_samples=len(time_s),
-        start_s=float(time_s[0]),
-        stop_s=float(time_s[-1]),
-        native_rate_hz=prepared.native_rate_hz,
-    )

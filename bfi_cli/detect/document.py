@@ -9,7 +9,7 @@ import numpy as np
 
 from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
 from ..plain import to_plain
-from ..result import Provenance
+from ..provenance import Provenance
 from ..wording import instant, number, quantity, shortened
 from .result import DetectResult
 

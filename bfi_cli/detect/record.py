@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import INPUTS
-from ..conditioning import Choice, Record, choose_factor, is_exact
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog, require_usable, resample
-from ..flightlog.timing import is_uniform
 from ..kernels.decimation import WHITE, decimate, lost_samples
+from ..preprocessing.regression import Signals
+from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
+from ..preprocessing.window import must_resample
 from ..wording import instant
 from .inputs import directions, independent, moments
 from .settings import DetectSettings
@@ -30,7 +31,6 @@ LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "norm
 TURNS = "what turns do to longitudinal motion is explained by more inputs made of roll and yaw_rate (--no-turns: not)"
 STEEPEST = 0.2
 STILL = 1e-9
-SAME = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,14 +46,14 @@ class Prepared:
     exact : a linear model explains the healthy time to round-off.
     """
 
-    record: Record
+    record: Signals
     native_rate_hz: float
     train: tuple[float, float]
     watch_s: float
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
-    choice: Choice
+    choice: RateChoice
     exact: bool
     notes: tuple[str, ...]
 
@@ -98,15 +98,19 @@ def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
     part = _at_rate(log, settings, start_s, (*inputs, *outputs, *bank, *helping))
     watch_s = max(train[1], train[1] if settings.from_s is None else settings.from_s)
     _require_times(part, train, watch_s)
-    record = Record(
+    record = Signals(
         path=part.path,
         rate_hz=part.rate_hz,
+        factor=1,
         time_s=part.time_s,
         u=np.column_stack([np.zeros((part.n_samples, 0)), *_inputs(part, inputs, bank)]),
         y=part.signals(outputs),
         theta=np.zeros((part.n_samples, len(outputs), 0)),
     )
-    healthy = _cut(record, part.time_s < train[1])
+    before = part.time_s < train[1]
+    healthy = replace(
+        record, time_s=part.time_s[before], u=record.u[before], y=record.y[before], theta=record.theta[before]
+    )
     exact = is_exact(healthy)
     return Prepared(
         record=record,
@@ -116,7 +120,7 @@ def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
-        choice=_choice(healthy, settings),
+        choice=choose_rate(healthy, (), exact=False, asked=settings.rate_hz),
         exact=exact,
         notes=(*_notes(log, settings, train), *_trusted(settings, inputs), *((TURNS,) if bank else ())),
     )
@@ -207,12 +211,11 @@ def _moves(part: FlightLog, name: str) -> bool:
 
 def _at_rate(log: FlightLog, settings: DetectSettings, start_s: float, names: Sequence[str]) -> FlightLog:
     """Return the part from `start_s` on, resampled where the wanted rate cannot be reached by decimation."""
-    part, rate = log.window(start_s, settings.to_s), settings.rate_hz
-    if not isinstance(rate, str):
-        ratio = part.rate_hz / rate
-        whole = ratio > 1.0 - SAME and abs(ratio - round(ratio)) < SAME * ratio
-        if not (whole and is_uniform(part.time_s)):
-            part = resample(log, rate, from_s=start_s, to_s=settings.to_s)
+    part = log.window(start_s, settings.to_s)
+    if not must_resample(part, names, settings.rate_hz):
+        return part
+    assert not isinstance(settings.rate_hz, str)
+    part = resample(log, settings.rate_hz, from_s=start_s, to_s=settings.to_s)
     require_usable(part, names)
     return part
 
@@ -226,26 +229,6 @@ def _require_times(part: FlightLog, train: tuple[float, float], watch_s: float) 
         )
     if watch_s >= last:
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
-
-
-def _choice(healthy: Record, settings: DetectSettings) -> Choice:
-    if settings.rate_hz == "auto":
-        return choose_factor(healthy, (), exact=False)
-    if settings.rate_hz == "none":
-        return Choice(factor=1, reason="the log's own rate, as asked for")
-    assert not isinstance(settings.rate_hz, str)
-    return Choice(factor=max(1, round(healthy.rate_hz / settings.rate_hz)), reason="asked for")
-
-
-def _cut(record: Record, keep: NDArray[np.bool_]) -> Record:
-    return Record(
-        path=record.path,
-        rate_hz=record.rate_hz,
-        time_s=record.time_s[keep],
-        u=record.u[keep],
-        y=record.y[keep],
-        theta=record.theta[keep],
-    )
 
 
 def _trusted(settings: DetectSettings, inputs: Sequence[str]) -> tuple[str, ...]:

@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..result import Decision, LogSummary
+from ..faults import Decision
+from ..preprocessing.summary import LogSummary
 
 __all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "ParityModel"]
 

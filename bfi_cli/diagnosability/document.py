@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..plain import to_plain
-from ..result import Provenance
+from ..provenance import Provenance
 from .result import DiagnosabilityResult
 
 __all__ = ["DIAGNOSABILITY_SCHEMA", "diagnosability_document"]

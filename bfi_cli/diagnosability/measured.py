@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,10 @@ from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels.coherence import mutual_coherence, whiten
 from ..kernels.distinguishability import Distinguishability, distinguishability
-from ..result import LogSummary, ModelSummary
-from ..study import Intake, lowpass_of, take_in
-from ..study.elsewhere import overdispersion
-from ..study.predicted import Predicted, about_the_log, predicted, without_injected
+from ..preprocessing.fault_free_model import FaultFreeModel, about_the_log, fit_fault_free, without_injected_faults
+from ..preprocessing.overdispersion import overdispersion
+from ..preprocessing.summary import LogSummary, ModelSummary
+from ..preprocessing.window import PreparedWindow, prepare_window
 
 __all__ = ["Measured", "measure"]
 
@@ -74,31 +74,31 @@ def measure(log: FlightLog, dictionary: Dictionary, config: Config) -> Measured:
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
-    intake = take_in(without_injected(log), dictionary, config)
-    found = predicted(intake, config)
-    n, live = len(intake.faults), list(intake.live)
+    window = prepare_window(without_injected_faults(log), dictionary, config)
+    fitted = fit_fault_free(window, config)
+    n, live = len(window.faults), list(window.live)
     sd, coherence = np.full(n, np.inf), np.full((n, n), np.nan)
-    seen = np.isfinite(found.sd)
-    excess = overdispersion(intake, replace(found.study, live=intake.live), found.fit, lowpass_of(config))
-    sd[live] = np.where(seen, found.sd * np.sqrt(excess), np.inf)
-    G = whiten(found.unfolded.signatures, found.fit.sigma) * seen
+    seen = np.isfinite(fitted.sd)
+    excess = overdispersion(window, fitted.regression, fitted.fit)
+    sd[live] = np.where(seen, fitted.sd * np.sqrt(excess), np.inf)
+    G = whiten(fitted.unfolded.signatures, fitted.fit.sigma) * seen
     coherence[np.ix_(live, live)] = mutual_coherence(G)
-    places = tuple(max(0, _place(config, fault)) for fault in intake.faults)
+    places = tuple(max(0, _place(config, fault)) for fault in window.faults)
     return Measured(
-        log=_summary(intake),
-        model=_model(found, config),
-        faults=intake.faults,
-        names=intake.names,
-        units=tuple(magnitude_unit(fault, _unit(intake.log, fault.channel)) for fault in intake.faults),
-        reasons=intake.reasons,
+        log=window.summary,
+        model=fitted.model,
+        faults=window.faults,
+        names=window.names,
+        units=tuple(magnitude_unit(fault, _unit(window.log, fault.channel)) for fault in window.faults),
+        reasons=window.reasons,
         sd=sd,
-        deviations=found.deviations,
+        deviations=fitted.deviations,
         coherence=coherence,
-        separation=distinguishability(whiten(found.unfolded.error[:, :, None], found.fit.sigma)),
-        errors=found.unfolded.error * found.study.unit,
-        traces=_traces(intake, found, places),
+        separation=distinguishability(whiten(fitted.unfolded.error[:, :, None], fitted.fit.sigma)),
+        errors=fitted.error,
+        traces=_traces(window, fitted, places),
         places=places,
-        notes=tuple(about_the_log(log, intake, found)),
+        notes=tuple(about_the_log(log, window, fitted)),
     )
 
 
@@ -106,17 +106,16 @@ def _place(config: Config, fault: Fault) -> int:
     return config.outputs.index(fault.channel) if fault.channel in config.outputs else -1
 
 
-def _traces(intake: Intake, found: Predicted, places: tuple[int, ...]) -> FloatArray:
+def _traces(window: PreparedWindow, fitted: FaultFreeModel, places: tuple[int, ...]) -> FloatArray:
     """Filtered signatures off the regressors, from the onset until the lags have forgotten the end."""
-    study = found.study
-    time_s = study.conditioned.time_s[study.layout.first :]
-    memory_s = found.fit.order / study.conditioned.rate_hz
-    traces = np.full((len(time_s), len(intake.faults)), np.nan)
-    for n, j in enumerate(intake.live):
-        fault = intake.faults[j]
+    time_s = fitted.regression.rows_s
+    memory_s = fitted.fit.order / window.signals.rate_hz
+    traces = np.full((len(time_s), len(window.faults)), np.nan)
+    for n, j in enumerate(window.live):
+        fault = window.faults[j]
         stop_s = np.inf if fault.offset_s is None else fault.offset_s + memory_s
         inside = (time_s >= fault.onset_s) & (time_s <= stop_s)
-        trace = found.unfolded.signatures[:, places[j], n] * study.unit[places[j]]
+        trace = fitted.unfolded.signatures[:, places[j], n] * fitted.regression.unit[places[j]]
         traces[inside, j] = trace[inside]
     return traces
 
@@ -125,30 +124,3 @@ def _unit(log: FlightLog, channel: str) -> str:
     if channel in log.channels:
         return log.channel(channel).unit
     return STANDARD[channel].unit if channel in STANDARD else ""
-
-
-def _summary(intake: Intake) -> LogSummary:
-    conditioned = intake.conditioned
-    return LogSummary(
-        path=intake.log.path,
-        rate_hz=conditioned.rate_hz,
-        n_samples=len(conditioned.time_s),
-        start_s=float(conditioned.time_s[0]),
-        stop_s=float(conditioned.time_s[-1]),
-        native_rate_hz=intake.native_rate_hz,
-    )
-
-
-def _model(found: Predicted, config: Config) -> ModelSummary:
-    spread = np.sqrt(np.mean(found.unfolded.error**2, axis=0)) * found.study.unit
-    return ModelSummary(
-        order=found.fit.order,
-        rate_hz=found.study.conditioned.rate_hz,
-        feedthrough=found.study.layout.feedthrough,
-        inputs=config.inputs,
-        outputs=config.outputs,
-        noise_sd=dict(zip(config.outputs, spread.tolist(), strict=True)),
-        orders=(),
-        criterion_no_fault=(),
-        criterion_best=(),
-    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..result import LogSummary, ModelSummary
+from ..preprocessing.summary import LogSummary, ModelSummary
 
 __all__ = ["DiagnosabilityResult", "DiagnosedAtom", "ManoeuvreScore"]
 

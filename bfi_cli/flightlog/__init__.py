@@ -7,7 +7,7 @@ from .inject import inject
 from .quality import LogReport, inspect_log, require_usable
 from .read import read_log
 from .record import Channel, FlightLog, Segment, Truth
-from .resampling import resample
+from .resampling import resample, resample_with
 from .write import write_log
 
 __all__ = [
@@ -21,5 +21,6 @@ __all__ = [
     "read_log",
     "require_usable",
     "resample",
+    "resample_with",
     "write_log",
 ]

@@ -16,7 +16,7 @@ from .quality import hold_of
 from .record import FlightLog, FloatArray, frozen_array
 from .timing import is_uniform
 
-__all__ = ["resample", "with_reach"]
+__all__ = ["resample", "resample_with", "with_reach"]
 
 LONGEST_BRIDGE = 4.5
 SAME_RATE = 1e-3
@@ -44,18 +44,44 @@ def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_
     ConfigError : a rate that is not positive.
     LogError : a gap of more than a few samples, a rate above the log's, too few samples.
     """
+    return resample_with(log, np.empty((log.n_samples, 0)), rate_hz, from_s=from_s, to_s=to_s)[0]
+
+
+def resample_with(
+    log: FlightLog, extra: FloatArray, rate_hz: float, *, from_s: float | None = None, to_s: float | None = None
+) -> tuple[FlightLog, FloatArray]:
+    """Return the log at another rate, see `resample`, and signals of the same time axis through the same filter.
+
+    Parameters
+    ----------
+    extra : (n_samples, ...), finite and never held, such as what the faults of a dictionary add.
+    rate_hz, from_s, to_s : see `resample`.
+
+    Raises
+    ------
+    ConfigError, LogError : see `resample`.
+    """
     _check_rate(log, rate_hz)
     part = log.window(*with_reach(rate_hz, from_s, to_s))
     holds = _holds(part, log)
+    carried = _cut_alike(extra.reshape(log.n_samples, -1), log, part)
     if not holds and is_uniform(part.time_s) and abs(part.rate_hz / rate_hz - 1.0) < SAME_RATE:
-        return part.window(from_s, to_s)
-    grid = _grid(part, rate_hz)
-    grid = grid[grid <= _last_renewal(part, holds)]
-    try:
-        resampled = _through_filter(part, grid, rate_hz, holds=holds)
-    except ValueError as error:
-        raise LogError(f"{log.path}: {error}; give a higher --rate or a longer window") from None
-    return resampled.window(from_s, to_s)
+        resampled, filtered = part, carried
+    else:
+        grid = _grid(part, rate_hz)
+        grid = grid[grid <= _last_renewal(part, holds)]
+        try:
+            resampled, filtered = _through_filter(part, carried, grid, rate_hz, holds=holds)
+        except ValueError as error:
+            raise LogError(f"{log.path}: {error}; give a higher --rate or a longer window") from None
+    cut = resampled.window(from_s, to_s)
+    return cut, _cut_alike(filtered, resampled, cut).reshape(cut.n_samples, *extra.shape[1:])
+
+
+def _cut_alike(extra: FloatArray, whole: FlightLog, part: FlightLog) -> FloatArray:
+    """Return the rows of `extra` that belong to a window of a log."""
+    first = int(np.searchsorted(whole.time_s, part.time_s[0]))
+    return extra[first : first + part.n_samples]
 
 
 def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) -> tuple[float | None, float | None]:
@@ -121,7 +147,9 @@ def _renewals(log: FlightLog, hold: Hold) -> FloatArray:
     return np.asarray(log.time_s[0] + step * (first + hold.period * np.arange(count)))
 
 
-def _through_filter(log: FlightLog, grid: FloatArray, rate_hz: float, *, holds: Mapping[str, Hold]) -> FlightLog:
+def _through_filter(
+    log: FlightLog, extra: FloatArray, grid: FloatArray, rate_hz: float, *, holds: Mapping[str, Hold]
+) -> tuple[FlightLog, FloatArray]:
     step = float(np.mean(np.diff(grid))) if grid.size > 1 else 1.0 / log.rate_hz
     lowpass = _lowpass(1.0 / (step * rate_hz))
 
@@ -140,7 +168,11 @@ def _through_filter(log: FlightLog, grid: FloatArray, rate_hz: float, *, holds: 
         truth = replace(truth, clean={name: new(name, values) for name, values in truth.clean.items()})
     n = lowpass.apply(np.zeros(grid.size)).size
     time_s = frozen_array(grid[0] + step * (lowpass.lead + lowpass.stride * np.arange(n)))
-    return replace(log, time_s=time_s, channels=channels, truth=truth, notes=(*log.notes, *_notes(log, rate_hz, holds)))
+    filtered = np.zeros((n, extra.shape[1]))
+    for j in np.flatnonzero(np.any(extra, axis=0)):
+        filtered[:, j] = lowpass.apply(_on_grid(log, extra[:, j], grid, hold=None))
+    notes = (*log.notes, *_notes(log, rate_hz, holds))
+    return replace(log, time_s=time_s, channels=channels, truth=truth, notes=notes), filtered
 
 
 def _notes(log: FlightLog, rate_hz: float, holds: Mapping[str, Hold]) -> list[str]:

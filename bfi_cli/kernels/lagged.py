@@ -235,6 +235,18 @@ def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
     return _compressed(R, columns, data.n_rows)
 
 
+def with_scaled_outputs(data: Compressed, scale: FloatArray, shift: FloatArray) -> Compressed:
+    """Return the factor of the same record with ``scale * y + shift``, each (n_outputs,), in place of its outputs y.
+
+    A shift needs the column of ones; without it the shift must be zero.
+    """
+    columns, R = data.columns, data.R.copy(order="F")
+    ones = R[:, columns.ones].sum(axis=1)
+    for place, copies in ((columns.y_lags, columns.order), (columns.y, 1)):
+        R[:, place] = R[:, place] * np.tile(scale, copies) + np.outer(ones, np.tile(shift, copies))
+    return _compressed(R, columns, data.n_rows)
+
+
 def _fill(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:
     """Write the lagged copies of (n_samples, n_channels) `x` into `rows`, one row per lag and channel."""
     channels, n, width = np.ascontiguousarray(x.T), rows.shape[1], x.shape[1]

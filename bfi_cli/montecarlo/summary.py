@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..plain import to_plain
-from ..result import Provenance
+from ..provenance import Provenance
 from .row import Row, rounded
 from .scenarios import Sweep
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import BfiError
 from ..identify import identify_faults
+from ..identify.methods import METHODS
 from .flight import faulty, record_of
 from .row import ERROR_DIGITS, Row, rounded
 from .scenarios import Trial
@@ -59,7 +60,7 @@ def _answer(trial: Trial, truth: Mapping[str, float], streams: list[np.random.Ge
     return _Answer(
         decision=result.decision,
         estimate={fault.name: fault.magnitude for fault in result.faults},
-        intervals=None if setting.config.method == "risro" else intervals,
+        intervals=intervals if METHODS[setting.config.method].intervals else None,
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
+from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, Report, parts, shares, unseen
 from .decision import Rule, Verdict, rule_for
@@ -47,6 +48,8 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
     ConfigError : the calibration cannot be used, or the method does not do what is asked.
     """
     with threadpool_limits(1):
+        if config.method not in ("ml", "risro"):
+            raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
         published = config.method == "risro"
         return find_onset_as_published(log, config, progress) if published else _found(log, config, progress)
 

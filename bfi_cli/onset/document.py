@@ -6,7 +6,7 @@ from typing import Any
 
 from ..faults import Fault, fault_to_dict
 from ..plain import to_plain
-from ..result import Provenance
+from ..provenance import Provenance
 from ..serialize import to_csv
 from .result import OnsetFault, OnsetResult
 

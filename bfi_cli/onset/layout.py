@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import Fault, magnitude_unit, physical
+from ..faults import Fault, FaultEstimate, magnitude_unit, physical
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
 from ..kernels.onset.scan import STARTING
 from ..kernels.whiteness import exceedances, robust_sd
-from ..result import FaultEstimate, LogSummary, ModelSummary
+from ..preprocessing.summary import ModelSummary, model_summary
 from ..wording import instant
 from .decision import Rule, Verdict
 from .estimate import NORMAL, Estimate
@@ -25,8 +25,7 @@ from .sweep import Peak, Sweep
 __all__ = [
     "Scanned",
     "laid_out",
-    "log_summary",
-    "model_summary",
+    "model_of",
     "onset_fault",
     "series_of",
     "shape_profile",
@@ -69,7 +68,7 @@ def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
     )
     suspect = () if faults or matches else (_suspect(next(one for one in profiles if one.shape == opening.shape)),)
     return OnsetResult(
-        log=log_summary(record),
+        log=record.window.summary,
         decision="fault" if faults else "no_fault",
         false_alarm=rule.false_alarm,
         p_value=opening.p_value if matches else None,
@@ -77,7 +76,7 @@ def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
         threshold=opening.threshold,
         calibration=rule.use,
         faults=faults,
-        model=model_summary(record, found.first, found.y, order=found.last.plain_order),
+        model=model_of(record, found.first, found.y, order=found.last.plain_order),
         method="scan",
         profiles=profiles,
         time_s=frozen_array(record.time_s),
@@ -87,23 +86,11 @@ def laid_out(record: ScanRecord, rule: Rule, found: Scanned) -> OnsetResult:
     )
 
 
-def log_summary(record: ScanRecord) -> LogSummary:
-    """Return the analysed window."""
-    return LogSummary(
-        path=record.intake.log.path,
-        rate_hz=record.sampling.rate_hz,
-        n_samples=record.sampling.n_samples,
-        start_s=float(record.time_s[0]),
-        stop_s=float(record.time_s[-1]),
-        native_rate_hz=record.intake.native_rate_hz,
-    )
-
-
 def onset_fault(record: ScanRecord, found: Estimate, *, p_value: float | None) -> OnsetFault:
     """Return a fault in SI units."""
     output = found.form.output
     channel = record.settings.outputs[output]
-    unit, scale = record.intake.log.channel(channel).unit, float(record.unit[output])
+    unit, scale = record.window.log.channel(channel).unit, float(record.unit[output])
     magnitude, sd = scale * found.z, scale * found.sd
     fault = fault_of(found.form, channel, magnitude=magnitude, onset_s=found.onset_s, offset_s=found.offset_s)
     value, physical_unit = physical(fault, magnitude, unit)
@@ -133,7 +120,7 @@ def shape_profile(record: ScanRecord, peak: Peak, threshold: float | None) -> Sh
     return ShapeProfile(
         shape=form.shape,
         channel=channel,
-        unit=magnitude_unit(fault, record.intake.log.channel(channel).unit),
+        unit=magnitude_unit(fault, record.window.log.channel(channel).unit),
         frequency_hz=fault.frequency_hz,
         onset_s=frozen_array([record.onset_s(int(k)) for k in profile.onsets]),
         statistic=frozen_array(profile.statistic),
@@ -143,7 +130,7 @@ def shape_profile(record: ScanRecord, peak: Peak, threshold: float | None) -> Sh
     )
 
 
-def model_summary(record: ScanRecord, curve: Sweep, y: FloatArray, *, order: int) -> ModelSummary:
+def model_of(record: ScanRecord, curve: Sweep, y: FloatArray, *, order: int) -> ModelSummary:
     """Return the model that explains the outputs y (n_samples, n_outputs), scaled, without the faults found.
 
     Parameters
@@ -152,14 +139,13 @@ def model_summary(record: ScanRecord, curve: Sweep, y: FloatArray, *, order: int
     """
     settings = record.settings
     several = len(curve.orders) > 1
-    sd = np.sqrt(np.mean(_prediction_error(record, y, order) ** 2, axis=0)) * record.unit
-    return ModelSummary(
+    return model_summary(
+        _prediction_error(record, y, order) * record.unit,
         order=order,
         rate_hz=settings.rate_hz,
         feedthrough=record.feedthrough,
         inputs=settings.inputs,
         outputs=settings.outputs,
-        noise_sd=dict(zip(settings.outputs, sd.tolist(), strict=True)),
         orders=curve.orders if several else (),
         criterion_no_fault=curve.plain if several else (),
         criterion_best=curve.with_fault if several else (),
@@ -183,12 +169,12 @@ def series_of(record: ScanRecord, y: FloatArray, *, order: int) -> tuple[OnsetSe
     order : of the fault-free model.
     """
     plain = _prediction_error(record, record.y, order) * record.unit
-    measured = record.intake.conditioned.y
+    measured = record.window.signals.y
     corrected = measured - (record.y - y) * record.unit
     return tuple(
         OnsetSeries(
             channel=name,
-            unit=record.intake.log.channel(name).unit,
+            unit=record.window.log.channel(name).unit,
             measured=frozen_array(measured[:, i]),
             corrected=frozen_array(corrected[:, i]),
             plain_alarms_s=tuple(float(record.time_s[order + k]) for k in exceedances(plain[:, i])),
@@ -200,7 +186,7 @@ def series_of(record: ScanRecord, y: FloatArray, *, order: int) -> tuple[OnsetSe
 
 def truth_of(record: ScanRecord) -> tuple[Fault, ...] | None:
     """Return the injected faults of the log, None where it states none."""
-    truth = record.intake.log.truth
+    truth = record.window.log.truth
     return None if truth is None else truth.faults
 
 
@@ -225,7 +211,7 @@ def _moves_most_s(record: ScanRecord) -> FloatArray:
 
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
     notes = [
-        f"rate {record.settings.rate_hz:.4g} Hz: {record.intake.choice.reason}",
+        f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
         f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; a fault from before is absorbed by "
         "the model",
     ]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..config import STRONG_EVIDENCE
 from ..kernels.onset.frequency import MIN_CYCLES
 from ..kernels.variable_projection import Fit
 from .joint import Likelihood
@@ -36,7 +37,6 @@ SETTLED = 1e-4
 PARTS = 12
 ROUNDS = 2
 WORSE = 3.0
-EVIDENCE = 4.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,7 +131,7 @@ def measured(likelihood: Likelihood, peak: Peak, *, dispersion: float = 1.0, jum
     for _ in range(ROUNDS):
         free = _tuned(search, _shifted(search, free))
     tied = _tied(search, free, begin)
-    wanted = dispersion * (float(np.log(likelihood.n_rows)) + EVIDENCE)
+    wanted = dispersion * (float(np.log(likelihood.n_rows)) + STRONG_EVIDENCE)
     return free if free.statistic > tied.statistic + wanted else tied
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..dictionary import Dictionary
-from ..faults import Fault
-from ..result import AgainstTruth, FaultEstimate
+from ..faults import Fault, FaultEstimate
+from ..identify.result import AgainstTruth
 from ..wording import instant
 from .result import OnsetResult, ShapeProfile
 

@@ -16,8 +16,8 @@ from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.progress import Report, silent
+from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
 from ..sample_file import sample_bytes
-from ..study import Intake, floor_of, lowpass_of, study_of, take_in
 from .shapes import Form, Sampling, forms_of
 
 __all__ = ["DECIMALS", "ScanRecord", "prepare_record"]
@@ -35,7 +35,7 @@ class ScanRecord:
 
     Attributes
     ----------
-    intake : the window and how it was conditioned.
+    window : as it was filtered and decimated.
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), of unit spread; y in SI is scaled y times `unit`, and a
         constant more.
     orders : to choose from.
@@ -45,7 +45,7 @@ class ScanRecord:
     settings : of the scan, as a calibration names them.
     """
 
-    intake: Intake
+    window: PreparedWindow
     u: FloatArray
     y: FloatArray
     unit: FloatArray
@@ -59,8 +59,8 @@ class ScanRecord:
 
     @property
     def time_s(self) -> FloatArray:
-        """(n_samples,) of the conditioned samples."""
-        return self.intake.conditioned.time_s
+        """(n_samples,) of the samples analysed."""
+        return self.window.signals.time_s
 
     def onset_s(self, sample: int, phase: int = 0) -> float:
         """Return the time of a conditioned sample, or of one of the log's own samples before it."""
@@ -80,22 +80,23 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
     LogError, ExcitationError : the log cannot be used.
     ConfigError : the frequencies asked for are too high for the rate asked for.
     """
-    intake = take_in(log, _probes(log, config), config, report)
-    conditioned = intake.conditioned
-    study = study_of(intake.log.path, conditioned, (), config)
-    n, rate_hz = len(conditioned.time_s), conditioned.rate_hz
+    window = prepare_window(log, _probes(log, config), config, report)
+    regression = regression_of(window, config)
+    layout, orders = regression.layout, regression.orders
+    n, rate_hz = len(window.signals.time_s), window.signals.rate_hz
     asked = config.start_time
     band_hz = _band(asked.frequency_hz, n, rate_hz)
-    orders = _long_enough(intake.log.path, study.orders, n, 2.0 * rate_hz / band_hz[1]) if asked.ends else study.orders
-    sampling = Sampling(n_samples=n, rate_hz=rate_hz, factor=conditioned.factor, lowpass=lowpass_of(config))
+    if asked.ends:
+        orders = _long_enough(window.log.path, orders, n, 2.0 * rate_hz / band_hz[1])
+    sampling = Sampling(n_samples=n, rate_hz=rate_hz, factor=window.rate.factor, lowpass=window.lowpass)
     return ScanRecord(
-        intake=intake,
-        u=study.layout.u,
-        y=study.layout.y,
-        unit=study.unit,
+        window=window,
+        u=layout.u,
+        y=layout.y,
+        unit=regression.unit,
         orders=orders,
-        feedthrough=study.layout.feedthrough,
-        floor=None if conditioned.factor == 1 else floor_of(conditioned),
+        feedthrough=layout.feedthrough,
+        floor=None if window.rate.factor == 1 else regression.floor,
         sampling=sampling,
         forms=forms_of(asked, len(config.outputs), n / rate_hz),
         band_hz=band_hz,
@@ -103,7 +104,7 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
             rate_hz=rate_hz,
             duration_s=n / rate_hz,
             orders=orders,
-            feedthrough=study.layout.feedthrough,
+            feedthrough=layout.feedthrough,
             inputs=config.inputs,
             outputs=config.outputs,
             shapes=asked.shapes,

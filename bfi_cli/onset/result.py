@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import Fault
-from ..result import Decision, FaultEstimate, LogSummary, ModelSummary
+from ..faults import Decision, Fault, FaultEstimate
+from ..preprocessing.summary import LogSummary, ModelSummary
 
 __all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile"]
 

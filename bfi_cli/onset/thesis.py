@@ -23,7 +23,7 @@ from ..kernels.progress import Progress, Report, parts, unseen
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.termination import StoppingRule
 from .estimate import Estimate
-from .layout import log_summary, model_summary, onset_fault, series_of, shape_profile, truth_of
+from .layout import model_of, onset_fault, series_of, shape_profile, truth_of
 from .record import ScanRecord, prepare_record
 from .result import OnsetResult
 from .shapes import Form, signal
@@ -63,7 +63,7 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
     )
     left = [shape for shape in config.start_time.shapes if shape not in SHAPES]
     return OnsetResult(
-        log=log_summary(record),
+        log=record.window.summary,
         decision="fault",
         false_alarm=config.start_time.false_alarm,
         p_value=None,
@@ -71,7 +71,7 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         threshold=None,
         calibration=None,
         faults=(onset_fault(record, estimate, p_value=None),),
-        model=model_summary(record, curve, record.y - estimate.signal[:, None], order=order),
+        model=model_of(record, curve, record.y - estimate.signal[:, None], order=order),
         method="thesis",
         profiles=tuple(shape_profile(record, peak, None) for peak in peaks),
         time_s=frozen_array(record.time_s),

@@ -14,7 +14,7 @@ from .style import to_png, to_svg
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..result import IdentifyResult
+    from ..identify.result import IdentifyResult
 
 __all__ = [
     "FIGURES",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..result import Candidate, IdentifyResult
+    from ..identify.result import Candidate, IdentifyResult
 
 __all__ = ["MAX_ROWS", "plot_magnitudes", "shown_candidates"]
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..result import IdentifyResult
+    from ..identify.result import IdentifyResult
 
 __all__ = ["plot_orders"]
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..result import IdentifyResult, OutputSeries, ResidualSummary
+    from ..identify.result import IdentifyResult, OutputSeries, ResidualSummary
 
 __all__ = ["plot_residuals"]
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from ..result import IdentifyResult, OutputSeries
+    from ..identify.result import IdentifyResult, OutputSeries
 
     FloatArray = NDArray[np.float64]
 

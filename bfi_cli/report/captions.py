@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..result import IdentifyResult
+from ..identify.result import IdentifyResult
 from ..wording import number
 
 __all__ = ["caption"]

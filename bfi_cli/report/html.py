@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from .. import rows
 from ..exhibit import Exhibit
+from ..identify.result import IdentifyResult
 from ..printable import printable
-from ..result import IdentifyResult, Provenance
+from ..provenance import Provenance
 from ..wording import verdict
 from .captions import caption
 

@@ -10,7 +10,7 @@ from ..errors import ConfigError
 from ..exhibit import Exhibit, Table
 from ..faults import shown
 from ..plain import from_plain, member, to_plain
-from ..result import Provenance
+from ..provenance import Provenance
 from .catalogue import REPRODUCTIONS
 
 __all__ = ["REPRODUCE_SCHEMA", "list_exhibit", "reproduce_document", "reproduce_exhibit", "summary_exhibit"]

@@ -15,19 +15,20 @@ from numpy.typing import NDArray
 from ..aircraft.catalogue import CITATION
 from ..calibration import save_tables
 from ..config import Config, merge
-from ..dmae import DmaeSettings, Reference, dmae
 from ..faults import unit_signal
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..identify import identify_faults
-from ..identify.published import declared as declared_atoms
-from ..identify.published import solve
+from ..identify.dmae import DmaeSettings, Reference, dmae
+from ..identify.result import IdentifyResult
+from ..identify.risro import declared as declared_atoms
+from ..identify.risro import solve
 from ..kernels.lagged import restrict
 from ..onset import find_onset, table_of_windows
 from ..onset.result import OnsetFault
+from ..preprocessing.regression import build_regression
+from ..preprocessing.window import prepare_window
 from ..provenance import provenance
-from ..result import IdentifyResult
-from ..study import study_of, take_in
 from ..wording import interval, number
 from .page import load
 from .record import NOISE_M_S, Settings, thesis_dictionary, thesis_record, true_fault, with_noise
@@ -108,26 +109,26 @@ def solved(
     DictionaryError : no signal of the dictionary can be seen in it.
     """
     assert log.truth is not None
-    intake = take_in(log, thesis_dictionary(), config)
-    study = study_of(log.path, intake.conditioned, intake.live, config, orders=orders)
-    channel = intake.log.channel("tas")
+    window = prepare_window(log, thesis_dictionary(), config)
+    regression = build_regression(window.signals, window.live, config, orders=orders)
+    channel = window.log.channel("tas")
     true = channel.values - log.truth.clean[channel.name]
     sizes = {fault.name: fault.magnitude for fault in log.truth.faults}
-    wanted = np.array([sizes.get(name, 0.0) for name in intake.names])
-    spread = float(np.linalg.norm(study.layout.y[study.layout.first :, 0]))
+    wanted = np.array([sizes.get(name, 0.0) for name in window.names])
+    spread = float(np.linalg.norm(regression.layout.y[regression.layout.first :, 0]))
     found = []
-    for done, order in enumerate(study.orders, start=1):
-        solution = solve(restrict(study.data, order=order), config)
-        z = np.zeros(len(intake.names))
-        z[list(study.live)] = solution.z * study.magnitude_unit
+    for done, order in enumerate(regression.orders, start=1):
+        solution = solve(restrict(regression.data, order=order), config)
+        z = np.zeros(len(window.names))
+        z[list(window.live)] = solution.z * regression.magnitude_unit
         size = float(np.linalg.norm(z))
-        active = declared_atoms(solution, z[list(study.live)], config)
-        fault = intake.conditioned.theta[:, 0] @ z
+        active = declared_atoms(solution, z[list(window.live)], config)
+        fault = window.signals.theta[:, 0] @ z
         found.append(
             Solved(
                 order=order,
                 z=frozen_array(z),
-                names=tuple(intake.names[j] for j, is_one in zip(study.live, active, strict=True) if is_one),
+                names=tuple(window.names[j] for j, is_one in zip(window.live, active, strict=True) if is_one),
                 n_listing=int(np.sum(np.abs(z) > LISTING_SHARE * size)),
                 error=float(np.linalg.norm(z - wanted) / np.linalg.norm(wanted)) if wanted.any() else float("nan"),
                 fault=frozen_array(fault),

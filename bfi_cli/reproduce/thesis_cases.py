@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..dmae import DmaeSettings
 from ..exhibit import Exhibit, Panel, Style, curve
 from ..faults import Fault
 from ..flightlog import FlightLog
+from ..identify.dmae import DmaeSettings
 from ..wording import number
 from .page import drawing, exhibit, fill, load, percent, table
 from .reconstruction import Reconstruction, by_default, by_dmae, by_published, by_scan, shipped

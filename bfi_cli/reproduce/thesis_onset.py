@@ -12,7 +12,7 @@ from ..config import Config, merge
 from ..exhibit import Exhibit, Panel, Table, curve
 from ..faults import Fault, Shape, unit_signal
 from ..flightlog import FlightLog
-from ..identify.published import solve
+from ..identify.risro import solve
 from ..kernels.lagged import compress
 from ..onset import OnsetResult, find_onset
 from ..wording import interval, number

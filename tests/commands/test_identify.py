@@ -132,6 +132,7 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ("risro.as_published", "method: risro\nrisro: {as_published: true}", "solver.method", "risro"),
     ("risro.max_iterations", "method: risro\nrisro: {max_iterations: 2, tolerance: 1e-300}", "solver.iterations", 2),
     ("risro.tolerance", "method: risro\nrisro: {tolerance: 1e9}", "solver.iterations", lambda n: n <= 2),
+    ("dmae.model", "method: dmae\ndmae: {model: citation}", "solver.method", "dmae"),
     ("selection.max_active", "selection: {max_active: 1}", "faults", lambda faults: len(faults) == 1),
     ("selection.evidence", "selection: {evidence: 1e4}", "faults", []),
     ("selection.criterion", "selection: {criterion: bic}", "decision", "fault"),
@@ -140,6 +141,13 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ("seed", "seed: 7", "provenance.seed", 7),
 )
 OF_OTHERS = ("start_time.", "detect.", "diagnosability.")
+DMAE = (
+    "reference: start",
+    "process_variance: 1e-3",
+    "measurement_variance: {tas: 1.0}",
+    "fault_variance: 1.0",
+    "adaptive_window: null",
+)
 # Those change the magnitudes that the method finds.
 SPARSITY = ("sparsity: exp_l0", "alpha: 9.0", "r: 1e-3", "p0: 1e3", "updates: 9")
 
@@ -166,6 +174,20 @@ def test_a_key_of_the_sparsity_stage(identify: Callable, tmp_path: Path, i: int)
     assert magnitudes(*first, SPARSITY[i]) != magnitudes(*first)
 
 
+@pytest.mark.parametrize("text", DMAE, ids=[text.partition(":")[0] for text in DMAE])
+def test_a_key_of_the_double_model_estimator(identify: Callable, tmp_path: Path, text: str):
+    file = tmp_path / "c.yaml"
+
+    def noise(*settings: str) -> dict[str, float]:
+        keys = ", ".join(("model: citation", *settings))
+        file.write_text(f"method: dmae\ndictionary: {FAULTS}\ndmae: {{{keys}}}\n")
+        return identify(TWO, "-c", file)["model"]["noise_sd"]
+
+    # The variance of the fault is a start only where the filter adapts it.
+    first = ["adaptive_window: null"] if text.startswith("fault_variance") else []
+    assert noise(*first, text) != noise(*first)
+
+
 def test_strict_and_fail_on_in_a_configuration(identify: Callable, tmp_path: Path):
     file = tmp_path / "c.yaml"
     file.write_text(f"fail_on: fault\ndictionary: {FAULTS}\n")
@@ -184,6 +206,7 @@ def keys(document: Mapping[str, Any], above: str = "") -> set[str]:
 
 def test_no_key_of_the_example_is_forgotten():
     here = {effect[0] for effect in EFFECTS} | {f"risro.{text.partition(':')[0]}" for text in SPARSITY}
+    here |= {f"dmae.{text.partition(':')[0]}" for text in DMAE}
     others = {key for key in keys(load_yaml(CONFIGS / "example.yaml")) if not key.startswith(OF_OTHERS)}
     assert others <= here | {"strict", "fail_on"}
 

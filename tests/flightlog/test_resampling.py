@@ -12,7 +12,8 @@ from made_logs import made_log
 
 from bfi_cli.errors import BfiError
 from bfi_cli.faults import Fault
-from bfi_cli.flightlog import inject, read_log, require_usable, resample
+from bfi_cli.flightlog import FlightLog, inject, read_log, require_usable, resample, resample_with
+from bfi_cli.flightlog.record import Channel, frozen_array
 from bfi_cli.flightlog.timing import is_uniform
 from bfi_cli.kernels.decimation import decimate
 
@@ -164,3 +165,25 @@ def test_a_recorded_flight(flights: Path, rate: float):
     tas = np.interp(slow.time_s, log.time_s, log.channels["tas"].values)
     assert np.abs(slow.channels["tas"].values - tas).max() < 1.0
     require_usable(slow, ["tas", "elevator"])
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 10.0, 12.7])
+@pytest.mark.parametrize("uneven", [False, True])
+def test_signals_beside_the_log_go_through_the_filter_of_its_channels(rate_hz, uneven):
+    """Each is resampled as it would be as a channel of the log."""
+    time_s = np.arange(3000) / 100.0
+    if uneven:
+        time_s = time_s + 1e-3 * np.random.default_rng(0).uniform(-1.0, 1.0, time_s.size)
+    steps = np.stack([time_s >= 13.8, np.zeros(time_s.size), np.maximum(time_s - 9.0, 0.0)], axis=1).reshape(-1, 3, 1)
+    waves = np.sin(np.outer(time_s, [1.0, 7.0, 20.0])).reshape(-1, 3, 1)
+    extra = np.concatenate([steps, waves], axis=2)
+    values = {f"c{i}{j}": extra[:, i, j] for i in range(3) for j in range(2)}
+    channels = {name: Channel(name=name, values=frozen_array(x), unit="", source=name) for name, x in values.items()}
+    log = FlightLog(path="made.h5", time_s=frozen_array(time_s), channels=channels)
+    resampled, carried = resample_with(log, extra, rate_hz, from_s=5.0, to_s=25.0)
+    assert carried.shape == (resampled.n_samples, 3, 2)
+    for i in range(3):
+        for j in range(2):
+            np.testing.assert_allclose(carried[:, i, j], resampled.channel(f"c{i}{j}").values, rtol=0, atol=1e-12)
+    alone = resample(log, rate_hz, from_s=5.0, to_s=25.0)
+    np.testing.assert_array_equal(alone.time_s, resampled.time_s)

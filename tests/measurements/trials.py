@@ -19,7 +19,7 @@ from bfi_cli.faults import unit_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.identify import identify_faults
-from bfi_cli.result import IdentifyResult
+from bfi_cli.identify.result import IdentifyResult
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 FULL = os.environ.get("BFI_FULL") == "1"

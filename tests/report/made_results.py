@@ -6,19 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from bfi_cli.faults import Fault
-from bfi_cli.result import (
+from bfi_cli.faults import Fault, FaultEstimate
+from bfi_cli.identify.result import (
     AgainstTruth,
     Candidate,
-    FaultEstimate,
     IdentifyResult,
-    LogSummary,
-    ModelSummary,
     OutputSeries,
-    Provenance,
     ResidualSummary,
     SolverSummary,
 )
+from bfi_cli.preprocessing.summary import LogSummary, ModelSummary
+from bfi_cli.provenance import Provenance
 
 ONSET_S = 13.8
 ORDER = 4

@@ -13,7 +13,7 @@ from made_results import PROVENANCE, fault_result, no_fault_result, not_identifi
 
 from bfi_cli.documents import identify_document, identify_from_document
 from bfi_cli.errors import ConfigError
-from bfi_cli.result import Candidate
+from bfi_cli.identify.result import Candidate
 
 CONTRACT_KEYS = {
     "": {"kind", "schema", "log", "decision", "faults", "candidates", "model", "vaf", "solver", "notes", "provenance"},

@@ -14,15 +14,24 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .aircraft import Discretisation, LinearModel, discretise
-from .errors import ConfigError
-from .faults import did_you_mean
-from .flightlog import FlightLog, require_usable
-from .flightlog.record import frozen_array
-from .kernels.kalman import Gaussian, StateSpace
-from .kernels.multimodel import FAULT, BankRun, Reset, double_model, state_and_fault
+from ..aircraft import MODELS, Discretisation, LinearModel, discretise
+from ..config import Config
+from ..errors import ConfigError, LogError
+from ..faults import did_you_mean
+from ..flightlog import FlightLog, require_usable
+from ..flightlog.record import frozen_array
+from ..kernels.decimation import decimate
+from ..kernels.kalman import Gaussian, StateSpace
+from ..kernels.model_selection import Penalty
+from ..kernels.multimodel import FAULT, NO_FAULT, BankRun, Reset, double_model, state_and_fault
+from ..kernels.progress import Progress, unseen
+from ..kernels.whiteness import effective_rows
+from ..preprocessing.regression import RegressionData
+from ..preprocessing.window import PreparedWindow
+from .magnitudes import MagnitudeEstimates, MethodResult
+from .result import SolverSummary
 
-__all__ = ["DmaeResult", "DmaeSettings", "dmae"]
+__all__ = ["DmaeResult", "DmaeSettings", "Reference", "dmae", "identify_by_dmae"]
 
 FloatArray = NDArray[np.float64]
 Variances = float | Sequence[float]
@@ -243,3 +252,127 @@ def _least(variances: Variances) -> float:
 
 def _sd(covariance: FloatArray) -> FloatArray:
     return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
+# Variance of the noise of a measured output where the configuration has none: 0.01 (m/s)^2 in the thesis; of angles
+# and their rates (0.01 rad)^2, 0.6 degrees, so that attitude and vanes tell a slow fault of the airspeed from motion.
+NOISE, ANGULAR_NOISE = 0.01, 1e-4
+
+
+def identify_by_dmae(
+    window: PreparedWindow, _regression: RegressionData, config: Config, _progress: Progress = unseen
+) -> MethodResult:
+    """Estimate the course of a fault of the output at the log's own rate, and what of the dictionary explains it.
+
+    A fault is declared where its hypothesis becomes more probable than that of none. The course is then filtered as the
+    dictionary is, and entries are added one by one, each by least squares, for as long as that lowers the BIC; errors
+    are correlated over many samples, so their effective number counts and no intervals are given.
+
+    Raises
+    ------
+    ConfigError : there is no linear model of that name, or the output is none of its outputs.
+    LogError : the log lacks an input or an output of the model.
+    """
+    rules, log = config.dmae, window.log
+    model = MODELS.get(rules.model or "")
+    if not isinstance(model, LinearModel):
+        linear = [name for name, known in MODELS.items() if isinstance(known, LinearModel)]
+        raise ConfigError(f"dmae.model: no linear model, got '{rules.model}'{did_you_mean(rules.model, linear)}")
+    missing = [name for name in (*model.inputs, *model.outputs) if name not in log.channels]
+    if missing:
+        raise LogError(
+            f"{log.path}: method dmae needs {', '.join(missing)} of the model '{model.name}'; the log has: "
+            f"{', '.join(sorted(log.channels))}; map them with --channel, or give another --model"
+        )
+    default = {name: ANGULAR_NOISE if model.units.get(name, "").startswith("rad") else NOISE for name in model.outputs}
+    run = dmae(
+        log,
+        model,
+        channel=config.outputs[0],
+        measured=model.outputs,
+        reference=rules.reference,
+        settings=DmaeSettings(
+            process_variance=rules.process_variance,
+            measurement_variance=tuple(rules.measurement_variance.get(n, default[n]) for n in model.outputs),
+            fault_variance=rules.fault_variance,
+            adaptive_window=rules.adaptive_window,
+        ),
+    )
+
+    def at_rate(x: FloatArray) -> FloatArray:
+        return decimate(x, window.rate.factor, window.lowpass)
+
+    course = at_rate(run.fault)
+    theta = window.signals.theta[:, 0, list(window.live)]
+    atoms, z = _explained(course, theta, config) if run.onset_s is not None else ((), np.zeros(0))
+    value = np.full(len(window.live), np.nan)
+    value[list(atoms)] = z
+    output = model.outputs.index(run.channel)
+    error = [at_rate(run.innovation[:, hypothesis, output])[:, None] for hypothesis in (NO_FAULT, FAULT)]
+    return MethodResult(
+        atoms=atoms,
+        magnitudes=MagnitudeEstimates(
+            value=value,
+            variance=np.full(value.size, np.nan),
+            minimal_detectable=np.full(value.size, np.nan),
+            covariance=np.full((len(atoms), len(atoms)), np.nan),
+            degrees=float("nan"),
+        ),
+        error=error[NO_FAULT if run.onset_s is None else FAULT],
+        plain_error=error[NO_FAULT],
+        order=len(model.states),
+        feedthrough=bool(np.any(model.D)),
+        condition_number=float("nan"),
+        solver=SolverSummary(
+            method=config.method,
+            termination="one pass of both filters over the samples",
+            iterations=log.n_samples,
+            condition_number=float("nan"),
+        ),
+        decision="no_fault" if run.onset_s is None else "fault",
+        notes=_about(run, course, course - theta[:, list(atoms)] @ z),
+    )
+
+
+def _explained(course: FloatArray, theta: FloatArray, config: Config) -> tuple[tuple[int, ...], FloatArray]:
+    """Return the atoms that explain a fault's course (n_samples,) by BIC, forward from none, and their magnitudes."""
+
+    def fitted(atoms: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        z = np.asarray(np.linalg.lstsq(theta[:, atoms], course, rcond=None)[0], dtype=np.float64)
+        return z, course - theta[:, atoms] @ z
+
+    rules, atoms, rest = config.selection, list[int](), course
+    most = theta.shape[1] if rules.max_active is None else min(rules.max_active, theta.shape[1])
+    while len(atoms) < most:
+        others = [j for j in range(theta.shape[1]) if j not in atoms]
+        trials = {j: fitted([*atoms, j])[1] for j in others}
+        best = min(others, key=lambda j: float(trials[j] @ trials[j]))
+        left = trials[best]
+        rows = effective_rows(left[:, None])
+        penalty = Penalty(
+            n_rows=len(left),
+            n_effective=rows,
+            n_candidates=theta.shape[1],
+            evidence=rules.evidence,
+            extended=rules.criterion == "ebic",
+        )
+        fall = rows * float(np.log(float(rest @ rest) / max(float(left @ left), np.finfo(float).tiny)))
+        if fall <= penalty.per_parameter + penalty.per_atom:
+            break
+        atoms, rest = [*atoms, best], left
+    chosen = sorted(atoms)
+    return tuple(chosen), fitted(chosen)[0]
+
+
+def _about(run: DmaeResult, course: FloatArray, rest: FloatArray) -> tuple[str, ...]:
+    """Return what is to be said of the hypotheses, and of how much of the course the dictionary explains."""
+    if run.onset_s is None:
+        highest = float(run.probability.max())
+        return (f"the probability of a fault of '{run.channel}' never exceeds {highest:.3g}",)
+    share = 100.0 * (1.0 - float(rest @ rest) / float(course @ course))
+    return (
+        f"a fault of '{run.channel}' is more probable than not from {run.onset_s:.6g} s on, with a probability of "
+        f"{run.probability[-1]:.3g} at the end of the window",
+        f"the entries of the dictionary explain {share:.3g} % of the fault's estimated course; their magnitudes have "
+        "no intervals",
+    )

@@ -9,17 +9,18 @@ import pytest
 from scipy import signal
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
-from bfi_cli.conditioning import Record, choose_factor, condition, is_exact
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.decimation import WHITE, Lowpass
+from bfi_cli.preprocessing.regression import Signals, decimate_signals
+from bfi_cli.preprocessing.sampling_rate import choose_rate, is_exact
 
 CITATION = MODELS["citation"]
 BIAS = Fault(shape="bias", channel="tas", onset_s=13.8)
 SINE = Fault(shape="sine", channel="tas", onset_s=0.2, frequency_hz=2.25)
 
 
-def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0.02, faults=(BIAS,), seed=0) -> Record:
+def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0.02, faults=(BIAS,), seed=0) -> Signals:
     """Fly the Citation; the dictionary holds `faults`, none is in the record."""
     time_s = time_axis(duration_s=seconds, rate_hz=rate_hz)
     log = simulate(
@@ -30,9 +31,10 @@ def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0
         noise_sd={"tas": noise_sd},
     )
     theta = np.stack([unit_signal(fault, time_s, window_start_s=0.0) for fault in faults], axis=1)
-    return Record(
+    return Signals(
         path="made.h5",
         rate_hz=rate_hz,
+        factor=1,
         time_s=time_s,
         u=log.signals(["elevator"]),
         y=log.signals(["tas"]),
@@ -60,7 +62,7 @@ def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
 )
 def test_the_chosen_rate(made, faults, rate_hz, reason):
     log = record(faults=faults, **made)
-    choice = choose_factor(log, faults, exact=is_exact(log))
+    choice = choose_rate(log, faults, exact=is_exact(log))
     assert log.rate_hz / choice.factor == pytest.approx(rate_hz)
     assert reason in choice.reason
 
@@ -70,7 +72,7 @@ def test_a_log_low_passed_by_its_recorder_runs_near_its_bandwidth():
     fast = record(seconds=120.0, noise_sd=0.05)
     slow = {name: recorder(getattr(fast, name), 1.3, 100.0)[::10] for name in ("u", "y")}
     log = replace(fast, rate_hz=10.0, time_s=fast.time_s[::10], theta=fast.theta[::10], **slow)
-    choice = choose_factor(log, (BIAS,), exact=False)
+    choice = choose_rate(log, (BIAS,), exact=False)
     assert 1.5 <= log.rate_hz / choice.factor <= 3.4
     assert "low-passed" in choice.reason
 
@@ -78,7 +80,7 @@ def test_a_log_low_passed_by_its_recorder_runs_near_its_bandwidth():
 def test_the_dictionary_keeps_four_samples_per_cycle_whatever_the_recorder_did():
     fast = record(seconds=120.0, noise_sd=0.05)
     slow = {name: recorder(getattr(fast, name), 1.3, 100.0) for name in ("u", "y")}
-    choice = choose_factor(replace(fast, **slow), (BIAS, SINE), exact=False)
+    choice = choose_rate(replace(fast, **slow), (BIAS, SINE), exact=False)
     assert 100.0 / choice.factor >= 4 * 2.25
 
 
@@ -118,9 +120,10 @@ def test_a_dictionary_as_large_as_the_record_does_not_make_it_exact():
     n, n_atoms = 200, 60
     rng = np.random.default_rng(0)
     theta = (np.arange(n)[:, None] >= 3 * np.arange(1, n_atoms + 1)).astype(float)[:, None, :]
-    log = Record(
+    log = Signals(
         path="made.h5",
         rate_hz=10.0,
+        factor=1,
         time_s=np.arange(n) / 10.0,
         u=rng.standard_normal((n, 1)),
         y=rng.standard_normal((n, 1)),
@@ -140,8 +143,8 @@ def test_every_signal_goes_through_the_same_filter(kind, factor):
     """So a fault subtracted before is a fault subtracted after, at the same times."""
     log = record()
     lowpass = Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=kind)
-    faulty = condition(replace(log, y=log.y + 4.0 * log.theta[:, :, 0]), factor, lowpass)
-    clean = condition(log, factor, lowpass)
+    faulty = decimate_signals(replace(log, y=log.y + 4.0 * log.theta[:, :, 0]), factor, lowpass)
+    clean = decimate_signals(log, factor, lowpass)
     np.testing.assert_allclose(faulty.y - 4.0 * faulty.theta[:, :, 0], clean.y, atol=1e-10)
     lengths = {len(x) for x in (clean.time_s, clean.u, clean.y, clean.theta)}
     assert len(lengths) == 1
@@ -153,23 +156,23 @@ def test_every_signal_goes_through_the_same_filter(kind, factor):
 def test_rows_keep_their_times():
     log = record()
     ramp = replace(log, y=log.time_s[:, None].copy())
-    at = condition(ramp, 10)
+    at = decimate_signals(ramp, 10)
     np.testing.assert_allclose(at.y[:, 0], at.time_s, atol=1e-9)
 
 
 def test_factor_one_leaves_the_record_as_it_is():
     log = record()
-    at = condition(log, 1)
+    at = decimate_signals(log, 1)
     for name in ("time_s", "u", "y", "theta"):
         np.testing.assert_array_equal(getattr(at, name), getattr(log, name))
 
 
 def test_a_window_shorter_than_the_filter_is_refused():
     with pytest.raises(LogError, match=r"^made\.h5: 100 samples are fewer than .* taps .*; give a higher --rate or a"):
-        condition(record(seconds=1.0), 50)
+        decimate_signals(record(seconds=1.0), 50)
 
 
 def test_at_least_a_hundred_samples_remain():
     for seconds in (1.5, 2.5, 9.0):
         log = record(seconds=seconds)
-        assert len(log.time_s) // choose_factor(log, (BIAS,), exact=False).factor >= 100
+        assert len(log.time_s) // choose_rate(log, (BIAS,), exact=False).factor >= 100

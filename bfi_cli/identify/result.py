@@ -4,55 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .faults import Fault
+from ..faults import Decision, FaultEstimate
+from ..preprocessing.summary import LogSummary, ModelSummary
 
 __all__ = [
     "AgainstTruth",
     "Candidate",
-    "Decision",
-    "FaultEstimate",
     "IdentifyResult",
-    "LogSummary",
-    "ModelSummary",
     "OutputSeries",
-    "Provenance",
     "ResidualSummary",
     "SolverSummary",
 ]
 
 FloatArray = NDArray[np.float64]
-Decision = Literal["fault", "no_fault", "not_identifiable"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogSummary:
-    """The analysed window: `rate_hz` and `n_samples` after conditioning, times on the log's own axis."""
-
-    path: str
-    rate_hz: float
-    n_samples: int
-    start_s: float
-    stop_s: float
-    native_rate_hz: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FaultEstimate:
-    """One active fault. `fault` carries shape, channel, times; `magnitude` multiplies its unit signal."""
-
-    name: str
-    fault: Fault
-    magnitude: float
-    unit: str
-    physical_value: float
-    physical_unit: str
-    sd: float
-    ci95: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,25 +38,10 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModelSummary:
-    """The VARX behind the answer; `orders` and `criterion_...` are the order selection curve."""
-
-    order: int
-    rate_hz: float
-    feedthrough: bool
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    noise_sd: Mapping[str, float]
-    orders: tuple[int, ...]
-    criterion_no_fault: tuple[float, ...]
-    criterion_best: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SolverSummary:
-    """How the answer was computed; `termination` is the sentence of the kernel's `Termination`."""
+    """How the answer was computed: `method` is its name in the registry, `termination` a sentence."""
 
-    method: Literal["ml", "risro"]
+    method: str
     termination: str
     iterations: int
     condition_number: float
@@ -144,21 +97,6 @@ class AgainstTruth:
     missed: tuple[str, ...]
     magnitude_error: float | None
     vaf_fault: Mapping[str, float | None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Provenance:
-    """Where the numbers come from."""
-
-    version: str
-    log_sha256: str
-    config_sha256: str | None
-    dictionary_sha256: str | None
-    seed: int
-    numpy: str
-    scipy: str
-    command: str
-    date: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

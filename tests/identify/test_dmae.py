@@ -10,14 +10,14 @@ import pytest
 
 from bfi_cli.aircraft import MODELS, LinearModel, manoeuvre, simulate, time_axis
 from bfi_cli.aircraft.model_file import load_model
-from bfi_cli.dmae import DmaeResult, DmaeSettings, dmae
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import parse_spec
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.identify.dmae import DmaeResult, DmaeSettings, dmae
 
 CITATION = MODELS["citation"]
-SHIPPED = Path(__file__).parents[1] / "configs" / "citation_model.yaml"
+SHIPPED = Path(__file__).parents[2] / "configs" / "citation_model.yaml"
 FAST = "sine,magnitude=5,frequency_hz=1.15,onset_s=6.35,phase_reference=window"
 SLOW = "sine,magnitude=4,frequency_hz=0.35,onset_s=5.3,phase_reference=window"
 

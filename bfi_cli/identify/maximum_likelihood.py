@@ -1,0 +1,298 @@
+"""The default method: support and order chosen together by maximum likelihood and an information criterion.
+
+The support is selected by EBIC over all orders on common rows. Then atoms are dropped that fail the overdispersion test
+(the same shape stands out nearly as much at other onsets) or the robustness test (the magnitude changes with order and
+rate of the model by as much as its size).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import STRONG_EVIDENCE, Config
+from ..errors import LogError
+from ..kernels.covariance import FitRows, unfold
+from ..kernels.model_selection import OrderSearch, Penalty, ScoredFit, full_support, search_orders
+from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
+from ..kernels.variable_projection import Fit, fit_magnitudes
+from ..kernels.whiteness import effective_rows
+from ..preprocessing.overdispersion import overdispersion
+from ..preprocessing.regression import RegressionData, build_regression, decimate_signals
+from ..preprocessing.window import PreparedWindow
+from .magnitudes import MagnitudeEstimates, MethodResult, averaged_magnitudes, with_rate_spread
+from .result import SolverSummary
+
+__all__ = ["Selection", "identify_by_likelihood", "select"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Selection:
+    """The selected support: its fit at every order, and everything else that was visited.
+
+    Attributes
+    ----------
+    best : the fit at the best order.
+    fits : of the same support at each order, with their criteria.
+    searches : what was visited, by order.
+    penalty : the criterion.
+    unfolded : `best` over the rows.
+    """
+
+    best: ScoredFit
+    fits: tuple[ScoredFit, ...]
+    searches: tuple[OrderSearch, ...]
+    penalty: Penalty
+    unfolded: FitRows
+
+
+def identify_by_likelihood(
+    window: PreparedWindow, regression: RegressionData, config: Config, progress: Progress = unseen
+) -> MethodResult:
+    """Select order and support by EBIC, then drop atoms that fail the overdispersion or the robustness test.
+
+    Raises
+    ------
+    LogError : a threshold is asked for, and the window is too short to estimate all magnitudes at once.
+    """
+    coarse = _at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
+    names = [window.names[j] for j in window.live]
+    rules = config.selection
+    selection = select(
+        regression,
+        evidence=rules.evidence,
+        extended=rules.criterion == "ebic",
+        max_active=rules.max_active,
+        report=partial(progress, "search for the faults"),
+    )
+    if rules.threshold is not None:
+        selection = _by_threshold(regression, selection, rules.threshold)
+    elsewhere = partial(progress, "the same shapes elsewhere")
+    dispersion = overdispersion(window, regression, selection.best.fit, elsewhere)
+    estimates = _estimates(regression, selection, coarse, dispersion, partial(progress, "magnitudes"))
+    notes: list[str] = []
+    while rules.threshold is None:
+        failed = _failed_test(regression, selection, estimates, dispersion)
+        if failed is None:
+            break
+        atom, reason = failed
+        notes.append(f"'{names[atom]}' is not declared: {reason}")
+        selection = _without(regression, selection, atom)
+        sizing = partial(progress, f"magnitudes, {len(notes)} declined")
+        estimates = _estimates(regression, selection, coarse, dispersion, sizing)
+    several, fit = len(selection.searches) > 1, selection.best.fit
+    plain = [search.of(()) for search in selection.searches]
+    lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
+    return MethodResult(
+        atoms=fit.atoms,
+        magnitudes=estimates,
+        error=selection.unfolded.error * regression.unit,
+        plain_error=unfold(regression.layout, lowest.fit).error * regression.unit,
+        order=fit.order,
+        feedthrough=regression.layout.feedthrough,
+        condition_number=selection.unfolded.condition_number,
+        solver=SolverSummary(
+            method=config.method,
+            termination=fit.termination.value,
+            iterations=fit.iterations,
+            condition_number=selection.unfolded.condition_number,
+        ),
+        orders=regression.orders if several else (),
+        criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
+        criterion_best=tuple(search.best.criterion for search in selection.searches) if several else (),
+        notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
+    )
+
+
+def _at_half_rate(
+    window: PreparedWindow, regression: RegressionData, config: Config, report: Report
+) -> RegressionData | None:
+    """Return the regression at half the rate; None where the record is exact, so nothing is to be learnt, or short."""
+    if window.exact and window.rate.factor == 1:
+        return None
+    try:
+        signals = decimate_signals(window.native, 2 * window.rate.factor, window.lowpass)
+        return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
+    except LogError:
+        return None
+
+
+def select(
+    regression: RegressionData, *, evidence: float, extended: bool, max_active: int | None, report: Report = silent
+) -> Selection:
+    """Search supports at every order on common rows and take the best.
+
+    Parameters
+    ----------
+    evidence, extended : see `Penalty`.
+    max_active : largest support; None for no limit.
+    report : told how far it is.
+    """
+    n_atoms, n_rows = len(regression.atoms), regression.n_rows
+    penalty = Penalty(
+        n_rows=n_rows, n_effective=float(n_rows), n_candidates=n_atoms, evidence=evidence, extended=extended
+    )
+    preparing, searching = shares(report, 1, 4)
+    problems = [regression.problem(order) for order, _ in parts(preparing, regression.orders)]
+    searches = search_orders(problems, range(n_atoms), penalty, max_active=max_active, report=searching)
+    selection = _best_of(regression, searches, penalty)
+    per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
+    effective = max(effective_rows(selection.unfolded.error), 2.0 * per_output)
+    if effective >= n_rows:
+        return selection
+    penalty = replace(penalty, n_effective=effective)
+    scored = [
+        replace(search, visited=tuple(replace(one, criterion=penalty.criterion(one.fit)) for one in search.visited))
+        for search in searches
+    ]
+    return _best_of(regression, scored, penalty)
+
+
+def _by_threshold(regression: RegressionData, selection: Selection, threshold: float) -> Selection:
+    """Return the selection by the thesis's rule on all magnitudes at once: |z| / norm(z) > threshold."""
+    everything = tuple(range(len(regression.atoms)))
+    whole = [full_support(regression.problem(order), everything, selection.penalty) for order in regression.orders]
+    scored = [one for one in whole if one is not None]
+    if len(scored) < len(whole):
+        raise LogError(
+            f"{regression.signals.path}: too few samples to estimate all magnitudes at once; choose a longer window or "
+            "a smaller dictionary"
+        )
+    fit = min(scored, key=lambda one: one.criterion).fit
+    z = fit.z * regression.magnitude_unit
+    atoms = tuple(int(j) for j in np.flatnonzero(np.abs(z) > threshold * np.linalg.norm(z)))
+    start = replace(fit, atoms=atoms, z=fit.z[list(atoms)])
+    searches = []
+    for search in selection.searches:
+        chosen = _refit(regression, replace(search, visited=()), start, selection.penalty)
+        none = search.of(())
+        searches.append(replace(search, visited=(chosen,) if none is None or not atoms else (none, chosen)))
+    fits = tuple(search.visited[-1] for search in searches)
+    best = min(fits, key=lambda one: one.criterion)
+    unfolded = unfold(regression.layout, best.fit)
+    return replace(selection, best=best, fits=fits, searches=tuple(searches), unfolded=unfolded)
+
+
+def _without(regression: RegressionData, selection: Selection, atom: int) -> Selection:
+    """Return the best selection among the supports visited that leave an atom out."""
+    searches = [
+        replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
+        for search in selection.searches
+    ]
+    return _best_of(regression, searches, selection.penalty)
+
+
+def _best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
+    best = min((search.best for search in searches), key=lambda scored: scored.criterion)
+    return Selection(
+        best=best,
+        fits=tuple(_refit(regression, search, best.fit, penalty) for search in searches),
+        searches=tuple(searches),
+        penalty=penalty,
+        unfolded=unfold(regression.layout, best.fit),
+    )
+
+
+def _refit(regression: RegressionData, search: OrderSearch, fit: Fit, penalty: Penalty) -> ScoredFit:
+    """Return the support of a fit at the order of a search, fitted from the magnitudes of `fit` if not visited yet."""
+    known = search.of(fit.atoms)
+    if known is not None:
+        return known
+    fitted = fit_magnitudes(regression.problem(search.order), fit.atoms, fit.z)
+    return ScoredFit(criterion=penalty.criterion(fitted), fit=fitted)
+
+
+def _estimates(
+    regression: RegressionData,
+    selection: Selection,
+    coarse: RegressionData | None,
+    dispersion: FloatArray,
+    report: Report,
+) -> MagnitudeEstimates:
+    """Return the magnitudes of a selection, averaged over orders, with the spread to half the rate."""
+    here, fitting, there = shares(report, 1, 1, 1)
+    estimates = averaged_magnitudes(regression, selection.fits, selection.penalty, dispersion, here)
+    if coarse is None:
+        return estimates
+    active = list(selection.best.fit.atoms)
+    penalty = replace(selection.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
+    start = estimates.value[active] / coarse.magnitude_unit[active]
+    fits = [fit_magnitudes(coarse.problem(order), active, start) for order, _ in parts(fitting, coarse.orders)]
+    scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
+    other = averaged_magnitudes(coarse, scored, penalty, dispersion, there)
+    return with_rate_spread(estimates, other, active, selection.penalty)
+
+
+def _failed_test(
+    regression: RegressionData, selection: Selection, estimates: MagnitudeEstimates, dispersion: FloatArray
+) -> tuple[int, str] | None:
+    """Return the least certain active atom that fails a test, and which; None where none does."""
+    best, penalty = selection.best.fit, selection.penalty
+    atoms = list(best.atoms)
+    if not atoms:
+        return None
+    (search,) = (search for search in selection.searches if search.order == best.order)
+    needed = penalty.per_parameter + penalty.per_atom
+    margins = []
+    for atom in atoms:
+        kept = [n for n, other in enumerate(atoms) if other != atom]
+        smaller = replace(best, atoms=tuple(atoms[n] for n in kept), z=best.z[kept])
+        fall = _refit(regression, search, smaller, penalty).fit.log_det - best.log_det
+        margins.append(penalty.n_effective * fall / (needed * dispersion[atom]))
+    if min(margins) < 1.0:
+        atom = atoms[int(np.argmin(margins))]
+        return atom, (
+            "the same shape stands out nearly as much at other onsets of this window "
+            f"({np.sqrt(dispersion[atom]):.1f} times what white noise would do)"
+        )
+    ratio = np.abs(estimates.value[atoms]) / np.sqrt(estimates.variance[atoms])
+    if np.min(ratio) < estimates.quantile:
+        atom = atoms[int(np.argmin(ratio))]
+        return atom, "its magnitude changes with order and rate of the model by as much as its size"
+    return None
+
+
+def _rival_note(names: Sequence[str], selection: Selection) -> list[str]:
+    """Name the best other support of the same size, if it explains the log nearly as well."""
+    best, size = selection.best, len(selection.best.fit.atoms)
+    others = [
+        scored
+        for search in selection.searches
+        for scored in search.visited
+        if scored.fit.atoms != best.fit.atoms and len(scored.fit.atoms) == size
+    ]
+    rival = min(others, key=lambda scored: scored.criterion, default=None)
+    if rival is None or rival.criterion - best.criterion >= STRONG_EVIDENCE:
+        return []
+    there, here = (" and ".join(f"'{names[j]}'" for j in scored.fit.atoms) or "no fault" for scored in (rival, best))
+    return [
+        f"{there} would explain the log nearly as well as {here} (criterion {rival.criterion - best.criterion:.1f} "
+        f"worse, {STRONG_EVIDENCE:.1f} would be strong evidence)"
+    ]
+
+
+def _near_miss_note(names: Sequence[str], selection: Selection) -> list[str]:
+    """Name the best support of one atom more that was turned down only because its evidence was not strong."""
+    best, evidence = selection.best, selection.penalty.evidence
+    above = [
+        scored
+        for search in selection.searches
+        for scored in search.visited
+        if set(scored.fit.atoms) > set(best.fit.atoms) and len(scored.fit.atoms) == len(best.fit.atoms) + 1
+    ]
+    nearest = min(above, key=lambda scored: scored.criterion, default=None)
+    if nearest is None or evidence <= 0.0:
+        return []
+    shown = evidence - (nearest.criterion - best.criterion)
+    if shown <= evidence / 2.0:
+        return []
+    (atom,) = set(nearest.fit.atoms) - set(best.fit.atoms)
+    return [
+        f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:.1f} needed)"
+    ]

@@ -1,0 +1,154 @@
+"""The answer along time: signals, residuals, the plain 5-sigma test, and the comparison with an injected truth."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..faults import active_samples, unit_signal
+from ..flightlog.record import frozen_array
+from ..kernels.decimation import decimate
+from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
+from ..preprocessing.window import PreparedWindow
+from .magnitudes import MethodResult
+from .result import AgainstTruth, OutputSeries, ResidualSummary
+
+__all__ = ["against_truth", "output_series", "residual_summaries", "true_faults"]
+
+FloatArray = NDArray[np.float64]
+
+# An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
+SAME_SIGNAL = 1e-6
+MAX_LAGS = 40
+
+
+def output_series(
+    window: PreparedWindow, found: MethodResult, true: Mapping[str, FloatArray]
+) -> tuple[OutputSeries, ...]:
+    """Return measured, corrected and predicted signals of every output, in SI.
+
+    Parameters
+    ----------
+    true : injected fault by output, see `true_faults`.
+    """
+    y = window.signals.y
+    atoms = list(found.atoms)
+    theta = window.signals.theta[:, :, [window.live[n] for n in atoms]]
+    fault = theta @ found.magnitudes.value[atoms]
+    variance = np.einsum("koi,ij,koj->ko", theta, found.magnitudes.covariance, theta)
+    spread = np.sqrt(np.maximum(variance, 0.0))
+    head = np.full((len(y) - len(found.error), y.shape[1]), np.nan)
+    error, plain = np.vstack([head, found.error]), np.vstack([head, found.plain_error])
+    return tuple(
+        OutputSeries(
+            channel=name,
+            unit=window.log.channel(name).unit,
+            measured=frozen_array(y[:, i]),
+            corrected=frozen_array(y[:, i] - fault[:, i]),
+            predicted=frozen_array(y[:, i] - error[:, i]),
+            fault=frozen_array(fault[:, i]),
+            fault_sd=frozen_array(spread[:, i]),
+            prediction_error=frozen_array(error[:, i]),
+            plain_residual=frozen_array(plain[:, i]),
+            true_fault=frozen_array(true[name]) if name in true else None,
+        )
+        for i, name in enumerate(window.outputs)
+    )
+
+
+def residual_summaries(window: PreparedWindow, found: MethodResult) -> tuple[ResidualSummary, ...]:
+    """Return whiteness of the prediction error and the alarms of the plain 5-sigma test, per output."""
+    time_s = window.signals.time_s[len(window.signals.time_s) - len(found.error) :]
+    n_lags = max(1, min(MAX_LAGS, len(found.error) // 4))
+    return tuple(
+        ResidualSummary(
+            channel=name,
+            lags=tuple(range(1, n_lags + 1)),
+            autocorrelation=tuple(float(r) for r in autocorrelation(error, n_lags)),
+            band=1.96 / float(np.sqrt(len(error))),
+            ljung_box_p=ljung_box(error, n_lags, found.order),
+            plain_alarms_s=tuple(float(time_s[k]) for k in exceedances(plain)),
+            plain_sd=robust_sd(plain),
+        )
+        for name, error, plain in zip(window.outputs, found.error.T, found.plain_error.T, strict=True)
+    )
+
+
+def true_faults(window: PreparedWindow) -> dict[str, FloatArray]:
+    """Return the injected fault signal of every output, filtered as the log is; empty where the log has no truth."""
+    truth = window.log.truth
+    if truth is None:
+        return {}
+    signals = {}
+    for name in window.outputs:
+        measured = window.log.channel(name).values
+        signals[name] = decimate(measured - truth.clean.get(name, measured), window.rate.factor, window.lowpass)
+    return signals
+
+
+def against_truth(window: PreparedWindow, found: MethodResult, series: Sequence[OutputSeries]) -> AgainstTruth | None:
+    """Compare with the injected faults; None where the log has no truth."""
+    truth = window.log.truth
+    if truth is None:
+        return None
+    declared = {window.live[n]: float(found.magnitudes.value[n]) for n in found.atoms}
+    wanted: dict[int, float] = {}
+    unknown: list[str] = []
+    time_s, start_s = window.native.time_s, window.window_start_s
+    # No file is opened because a log names it.
+    named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
+    for fault in truth.faults:
+        channel = window.log.channel(fault.channel).name
+        name = fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}"
+        if fault.file is not None and os.path.abspath(fault.file) not in named:
+            unknown += [name] if active_samples(fault, time_s).any() else []
+            continue
+        signal = fault.magnitude * unit_signal(fault, time_s, window_start_s=start_s)
+        if not np.any(signal):
+            continue
+        entry, z = _entry_of(window, channel, signal)
+        if entry is None:
+            unknown.append(name)
+        else:
+            wanted[entry] = wanted.get(entry, 0.0) + z
+    wanted = {j: z for j, z in wanted.items() if z != 0.0}
+    missed = (*(window.names[j] for j in wanted if j not in declared), *unknown)
+    extra = tuple(window.names[j] for j in declared if j not in wanted)
+    error = None
+    if wanted and not unknown:
+        everywhere = sorted(set(wanted) | set(declared))
+        difference = [declared.get(j, 0.0) - wanted.get(j, 0.0) for j in everywhere]
+        error = float(np.linalg.norm(difference) / np.linalg.norm(list(wanted.values())))
+    return AgainstTruth(
+        isolated=not missed and not extra,
+        false_alarms=extra,
+        missed=missed,
+        magnitude_error=error,
+        vaf_fault={output.channel: _vaf(output) for output in series},
+    )
+
+
+def _vaf(output: OutputSeries) -> float | None:
+    """Variance accounted for of the fault (thesis eq. 5-2), %; None where there is no fault in the window."""
+    if output.true_fault is None or not np.any(output.true_fault):
+        return None
+    missing = np.sum((output.true_fault - output.fault) ** 2) / np.sum(output.true_fault**2)
+    return float(max(0.0, 100.0 * (1.0 - missing)))
+
+
+def _entry_of(window: PreparedWindow, channel: str, signal: FloatArray) -> tuple[int | None, float]:
+    """Return the live dictionary entry whose multiple a fault signal is, None where there is none, and the multiple."""
+    for j in window.live:
+        fault = window.faults[j]
+        if fault.channel != channel:
+            continue
+        atom = unit_signal(fault, window.native.time_s, window_start_s=window.window_start_s)
+        if not np.any(atom):
+            continue
+        z = float(atom @ signal) / float(atom @ atom)
+        if np.linalg.norm(signal - z * atom) <= SAME_SIGNAL * np.linalg.norm(signal):
+            return j, z
+    return None, 0.0

@@ -1,0 +1,105 @@
+"""What the reader must know beside the numbers: blindness, late onsets, slow shapes, jumps, how the rate was chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..kernels.whiteness import exceedances
+from ..preprocessing.window import PreparedWindow
+from .magnitudes import MagnitudeEstimates, MethodResult
+from .result import OutputSeries, ResidualSummary
+
+__all__ = ["BLIND_NOTE", "hidden_atoms", "warnings_of"]
+
+# p-value of the Ljung-Box test below which intervals are suspected: hundreds of samples of real gusts rarely pass 0.05.
+WHITE_P = 1e-3
+# Regressors this dependent leave eight digits of the sixteen of double precision to their coefficients.
+ILL_CONDITIONED = 1e8
+MOST_NAMED = 5
+# A fault that must be this many times the output's whole movement to be seen cannot be excluded by the log.
+BLIND = 3.0
+# More exceedances of five standard deviations than this share are gusts rather than an abrupt event.
+RARE = 0.02
+SLOW_SHAPES = ("drift", "lagged_bias", "ramp_hold", "samples")
+# An oscillation of fewer cycles in the window can be a change of thrust or wind.
+SLOW_CYCLES = 10.0
+BLIND_NOTE = "only a fault larger than the output's whole movement would be seen in this window"
+
+
+def hidden_atoms(window: PreparedWindow, magnitudes: MagnitudeEstimates) -> tuple[bool, ...]:
+    """Say of each live atom whether only a fault far larger than the output's whole movement could be seen."""
+    hidden = []
+    for j, detectable in zip(window.live, magnitudes.minimal_detectable, strict=True):
+        theta = np.abs(window.signals.theta[:, :, j])
+        output = int(np.argmax(np.max(theta, axis=0)))
+        smallest = detectable * float(np.max(theta[:, output]))
+        movement = float(np.ptp(window.signals.y[:, output]))
+        hidden.append(not np.isfinite(smallest) or smallest > BLIND * movement)
+    return tuple(hidden)
+
+
+def warnings_of(
+    window: PreparedWindow,
+    found: MethodResult,
+    series: Sequence[OutputSeries],
+    residuals: Sequence[ResidualSummary],
+    hidden: Sequence[bool],
+) -> list[str]:
+    """Return the sentences that hold for any method, those on the declared faults first.
+
+    Parameters
+    ----------
+    hidden : of each live atom, see `hidden_atoms`.
+    """
+    time_s, native = window.signals.time_s, window.native
+    first = len(time_s) - len(found.error)
+    declared = [window.live[n] for n in found.atoms]
+    late = [window.names[j] for j in declared if np.sum(time_s >= window.faults[j].onset_s) < 2 * first]
+    duration_s = len(native.time_s) / native.rate_hz
+    slow = [
+        window.names[j]
+        for j in declared
+        if (fault := window.faults[j]).shape in SLOW_SHAPES
+        or (fault.frequency_hz is not None and fault.frequency_hz * duration_s < SLOW_CYCLES)
+    ]
+    unseen = [window.names[j] for j, is_hidden in zip(window.live, hidden, strict=True) if is_hidden]
+    said = []
+    if late:
+        said.append(f"{_named(late)}: fewer than {2 * first} samples after its onset; choose a window that ends later")
+    if slow:
+        said.append(
+            f"{_named(slow)}: a change of thrust, configuration or wind that is not among the inputs can look like a "
+            "slow fault; add inputs that explain it (--input)"
+        )
+    for output in series:
+        error = output.prediction_error[first:]
+        jumps_s = time_s[first:][exceedances(error)]
+        if 0 < jumps_s.size <= max(1.0, RARE * len(error)):
+            shown = ", ".join(f"{t:.4g}" for t in jumps_s[:MOST_NAMED])
+            said.append(
+                f"the prediction error of '{output.channel}' still exceeds five standard deviations {jumps_s.size} "
+                f"times (first at {shown} s): something abrupt there that the dictionary does not hold, or gusts"
+            )
+    said.append(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}")
+    if unseen:
+        said.append(f"{_named(unseen)}: {BLIND_NOTE}")
+    said += [reason for _, reason in sorted(window.reasons.items())]
+    if found.condition_number > ILL_CONDITIONED:
+        said.append(
+            f"the regressors are nearly dependent (condition number {found.condition_number:.1e}): little excitation, "
+            "or a rate far above the dynamics"
+        )
+    said += [
+        f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): "
+        "the intervals may be too narrow"
+        for each in residuals
+        if each.ljung_box_p < WHITE_P and np.isfinite(found.magnitudes.degrees)
+    ]
+    return said
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in names[:MOST_NAMED])
+    return shown if len(names) <= MOST_NAMED else f"{shown} and {len(names) - MOST_NAMED} more"

@@ -1,0 +1,212 @@
+"""The regression of an analysis: signals of a window at one rate, scaled and compressed to one triangular factor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import Config
+from ..errors import LogError
+from ..kernels.covariance import Layout
+from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
+from ..kernels.lagged import Compressed, compress, with_fault, with_scaled_outputs
+from ..kernels.progress import Report, silent
+from ..kernels.variable_projection import ProjectedRegression, project_inputs
+
+__all__ = ["RegressionData", "Signals", "build_regression", "decimate_signals", "feasible_orders"]
+
+FloatArray = NDArray[np.float64]
+
+# Smallest standard deviation of a prediction error over the output's own: round-off at the log's own rate. Decimation
+# leaves a small predictable remainder even of a record that a VARX explains exactly; what is below it is no noise.
+ROUND_OFF = 1e-10
+DECIMATION_REMAINDER = 1e-4
+# Fewer rows per coefficient fit the noise of so short a window rather than the dynamics.
+ROWS_PER_REGRESSOR = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Signals:
+    """Inputs, outputs and dictionary of a window at one rate, in SI units.
+
+    Attributes
+    ----------
+    path : of the log, for messages.
+    factor : by which they were decimated, 1 at the log's own rate.
+    time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
+    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary.
+    """
+
+    path: str
+    rate_hz: float
+    factor: int
+    time_s: FloatArray
+    u: FloatArray
+    y: FloatArray
+    theta: FloatArray
+
+
+def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) -> Signals:
+    """Filter and decimate all signals alike; factor 1 leaves them as they are.
+
+    Raises
+    ------
+    LogError : the window is shorter than the filter.
+    """
+    try:
+        u, y, theta = (decimate(x, factor, lowpass) for x in (signals.u, signals.y, signals.theta))
+    except ValueError as problem:
+        raise LogError(f"{signals.path}: {problem}; give a higher --rate or a longer window") from None
+    start = lost_samples(factor, lowpass)[0] if factor > 1 else 0
+    time_s = signals.time_s[start::factor][: len(y)]
+    rate_hz, factor = signals.rate_hz / factor, signals.factor * factor
+    return replace(signals, rate_hz=rate_hz, factor=factor, time_s=time_s, u=u, y=y, theta=theta)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RegressionData:
+    """What the kernels work on, in scaled units.
+
+    Attributes
+    ----------
+    signals : the same in SI units.
+    atoms : the dictionary entries that may act; atom j of the regression is entry atoms[j].
+    layout : scaled arrays; data : their triangular factor at the largest order.
+    center : (n_outputs,) and unit : (n_outputs,) of the outputs, so that y = center + unit * scaled.
+    magnitude_unit : (n_atoms,) z in SI = magnitude_unit * scaled z.
+    orders : to choose from.
+    floor : smallest standard deviation a prediction error can have, scaled.
+    centred : whether the mean of the signals is taken off.
+    """
+
+    signals: Signals
+    atoms: tuple[int, ...]
+    layout: Layout
+    data: Compressed
+    center: FloatArray
+    unit: FloatArray
+    magnitude_unit: FloatArray
+    orders: tuple[int, ...]
+    floor: float
+    centred: bool
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the regression: all orders are fitted on those of the largest."""
+        return self.data.n_rows
+
+    @property
+    def rows_s(self) -> FloatArray:
+        """(n_rows,) times of the rows."""
+        return self.signals.time_s[self.layout.first :]
+
+    def problem(self, order: int) -> ProjectedRegression:
+        """Return the regression of one order."""
+        return project_inputs(self.data, order, floor=self.floor)
+
+    def with_fault(self, magnitudes: FloatArray) -> RegressionData:
+        """Return the regression of the same record with the fault ``theta @ magnitudes`` added to its outputs.
+
+        No factorisation is needed: the fault adds columns of the factor to those of the outputs, and the new centre
+        and scale of the outputs combine these with the column of ones. `signals` stay those without the fault.
+
+        Parameters
+        ----------
+        magnitudes : (n_atoms,) in SI units; each atom acts on one output.
+        """
+        z = magnitudes / self.magnitude_unit
+        y, center, unit = _standardised(
+            self.center + self.unit * (self.layout.y + self.layout.theta @ z), centred=self.centred
+        )
+        outputs = np.argmax(np.any(self.layout.theta, axis=0), axis=0)
+        scale, shift = self.unit / unit, (self.center - center) / unit
+        return replace(
+            self,
+            layout=replace(self.layout, y=y),
+            data=with_scaled_outputs(with_fault(self.data, z), scale, shift),
+            center=center,
+            unit=unit,
+            magnitude_unit=self.magnitude_unit / scale[outputs],
+        )
+
+
+def build_regression(
+    signals: Signals,
+    atoms: Sequence[int],
+    config: Config,
+    *,
+    orders: Sequence[int] | None = None,
+    report: Report = silent,
+) -> RegressionData:
+    """Scale the signals as the configuration says and factorise them once, for every order and every fault.
+
+    Parameters
+    ----------
+    atoms : dictionary entries to look for.
+    orders : to choose from; default the configuration's.
+    report : told how far it is.
+
+    Raises
+    ------
+    LogError : the window has no rows for any order.
+    """
+    model = config.model
+    wanted = orders or (model.orders if model.order == "auto" else (model.order,))
+    orders = feasible_orders(
+        signals.path, len(signals.time_s), wanted, n_inputs=signals.u.shape[1], n_outputs=signals.y.shape[1]
+    )
+    centred = config.conditioning.detrend == "constant"
+    u, _, _ = _standardised(signals.u, centred=centred)
+    y, center, unit = _standardised(signals.y, centred=centred)
+    theta = signals.theta[:, :, list(atoms)] / unit[:, None]
+    power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
+    magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
+    theta = theta * magnitude_unit
+    return RegressionData(
+        signals=signals,
+        atoms=tuple(atoms),
+        layout=Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough),
+        data=compress(u, y, theta, order=max(orders), feedthrough=config.feedthrough, report=report),
+        center=center,
+        unit=unit,
+        magnitude_unit=magnitude_unit,
+        orders=orders,
+        floor=ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER,
+        centred=centred,
+    )
+
+
+def _standardised(x: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the signals with mean 0 (if centred) and standard deviation 1, what was taken off, and the divisor."""
+    center = x.mean(axis=0) if centred else np.zeros(x.shape[1])
+    unit = np.std(x, axis=0)
+    unit = np.where(unit > 0.0, unit, 1.0)
+    return (x - center) / unit, center, unit
+
+
+def feasible_orders(
+    path: str, n_samples: int, wanted: Sequence[int], *, n_inputs: int, n_outputs: int
+) -> tuple[int, ...]:
+    """Return those of the wanted orders that the window has rows for, ascending.
+
+    Raises
+    ------
+    LogError : it has rows for none; `path` of the log is for the message.
+    """
+
+    def fits(order: int) -> bool:
+        regressors = 1 + n_inputs * (order + 1) + n_outputs * order
+        return n_samples - order >= ROWS_PER_REGRESSOR * regressors
+
+    orders = tuple(order for order in sorted(wanted) if fits(order))
+    if not orders:
+        longest = max((order for order in range(1, n_samples) if fits(order)), default=0)
+        advice = f"give --order {longest} or less" if longest else "choose a longer window"
+        raise LogError(
+            f"{path}: order {min(wanted)} needs more than the {n_samples} samples of the window; "
+            f"{advice}, a higher --rate or a longer window"
+        )
+    return orders

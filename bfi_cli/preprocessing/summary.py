@@ -1,0 +1,79 @@
+"""What was analysed and by which model, as every result states it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["LogSummary", "ModelSummary", "log_summary", "model_summary"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogSummary:
+    """The analysed window: `rate_hz` and `n_samples` are those of the analysis, times are on the log's own axis."""
+
+    path: str
+    rate_hz: float
+    n_samples: int
+    start_s: float
+    stop_s: float
+    native_rate_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelSummary:
+    """The model behind an answer; `orders` and `criterion_...` are the order selection curve, empty for one order."""
+
+    order: int
+    rate_hz: float
+    feedthrough: bool
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    noise_sd: Mapping[str, float]
+    orders: tuple[int, ...]
+    criterion_no_fault: tuple[float, ...]
+    criterion_best: tuple[float, ...]
+
+
+def log_summary(path: str, time_s: FloatArray, *, rate_hz: float, native_rate_hz: float) -> LogSummary:
+    """Return the summary of a window with the samples `time_s` at the rate of the analysis."""
+    return LogSummary(
+        path=path,
+        rate_hz=rate_hz,
+        n_samples=len(time_s),
+        start_s=float(time_s[0]),
+        stop_s=float(time_s[-1]),
+        native_rate_hz=native_rate_hz,
+    )
+
+
+def model_summary(
+    error: FloatArray,
+    *,
+    order: int,
+    rate_hz: float,
+    feedthrough: bool,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    orders: Sequence[int] = (),
+    criterion_no_fault: Sequence[float] = (),
+    criterion_best: Sequence[float] = (),
+) -> ModelSummary:
+    """Return the summary of a model whose prediction error, (n_rows, n_outputs) in SI units, is `error`."""
+    noise_sd = np.sqrt(np.mean(error**2, axis=0))
+    return ModelSummary(
+        order=order,
+        rate_hz=rate_hz,
+        feedthrough=feedthrough,
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        noise_sd=dict(zip(outputs, noise_sd.tolist(), strict=True)),
+        orders=tuple(orders),
+        criterion_no_fault=tuple(criterion_no_fault),
+        criterion_best=tuple(criterion_best),
+    )

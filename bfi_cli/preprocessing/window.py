@@ -1,0 +1,251 @@
+"""A window of a log made ready for an analysis: cut, checked, filtered, decimated, the dictionary with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import Config
+from ..dictionary import Dictionary, dead_reason, signals
+from ..errors import DictionaryError, ExcitationError, LogError
+from ..faults import Fault
+from ..flightlog import FlightLog, require_usable, resample_with
+from ..flightlog.quality import hold_of
+from ..flightlog.timing import is_uniform
+from ..kernels.decimation import WHITE, Lowpass
+from ..kernels.progress import Report, parts, shares, silent
+from .regression import RegressionData, Signals, build_regression, decimate_signals
+from .sampling_rate import RateChoice, choose_rate, is_exact, reduce_rate_for_noise
+from .summary import LogSummary, log_summary
+
+__all__ = ["PreparedWindow", "must_resample", "prepare_window", "regression_of", "unusable_atoms"]
+
+FloatArray = NDArray[np.float64]
+
+# A control surface that moves by less than 0.03 degrees does not excite an aircraft.
+STILL_ANGLE = 5e-4
+# Relative to the largest value: a constant stored in single precision moves by less.
+STILL_RELATIVE = 1e-6
+SMALLEST = 1e-30
+# A rate is a whole part of the log's within the error of a clock, 0.1 %.
+SAME_RATE = 1e-3
+# An atom whose travel, or whose part that the atoms before it do not explain, is so small is round-off.
+CONSTANT = 1e-9
+DEPENDENT = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PreparedWindow:
+    """The window in SI units, and which dictionary entries can be looked for in it.
+
+    Attributes
+    ----------
+    log : the window, at the rate before decimation.
+    faults : every dictionary entry, times on the log's axis; names : their names.
+    reasons : why an entry is left out, by index; live : the others.
+    native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
+    window_start_s : what `phase_reference: window` counts from.
+    native_rate_hz : of the log as it was read.
+    outputs : names of the outputs.
+    exact : a VARX explains the record to round-off at its own rate.
+    regression : of the signals and all live entries, where choosing the rate has built it; see `regression_of`.
+    """
+
+    log: FlightLog
+    faults: tuple[Fault, ...]
+    names: tuple[str, ...]
+    reasons: Mapping[int, str]
+    live: tuple[int, ...]
+    native: Signals
+    signals: Signals
+    rate: RateChoice
+    lowpass: Lowpass
+    window_start_s: float
+    native_rate_hz: float
+    outputs: tuple[str, ...]
+    exact: bool
+    regression: RegressionData | None
+
+    @property
+    def summary(self) -> LogSummary:
+        """What was analysed."""
+        return log_summary(
+            self.log.path, self.signals.time_s, rate_hz=self.signals.rate_hz, native_rate_hz=self.native_rate_hz
+        )
+
+
+def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent) -> PreparedWindow:
+    """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` is told how far it is.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be analysed.
+    DictionaryError : no entry of the dictionary can be seen in the window.
+    """
+    from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
+    used = [*config.inputs, *config.outputs]
+    part = log.window(from_s, to_s)
+    report(0.0)
+    start_s, native_rate_hz = float(part.time_s[0]), part.rate_hz
+    stop_s = float(part.time_s[-1]) + 1.0 / part.rate_hz
+    faults = dictionary.resolved(start_s)
+    names = tuple(fault.name or fault.shape for fault in faults)
+    dead = ((j, dead_reason(fault, start_s, stop_s, outputs=config.outputs)) for j, fault in enumerate(faults))
+    reasons = {j: reason for j, reason in dead if reason is not None}
+    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons}
+
+    def dictionary_signals(time_s: FloatArray) -> FloatArray:
+        theta = np.zeros((len(time_s), len(config.outputs), len(faults)))
+        theta[:, :, list(seen)] = signals(list(seen.values()), time_s, list(config.outputs), window_start_s=start_s)
+        return theta
+
+    if must_resample(part, used, rate_hz):
+        assert not isinstance(rate_hz, str)
+        part, theta = resample_with(log, dictionary_signals(log.time_s), rate_hz, from_s=from_s, to_s=to_s)
+        require_usable(part, used)
+    else:
+        theta = dictionary_signals(part.time_s)
+    _require_movement(part, config)
+
+    native = Signals(
+        path=part.path,
+        rate_hz=part.rate_hz,
+        factor=1,
+        time_s=part.time_s,
+        u=part.signals(config.inputs),
+        y=part.signals(config.outputs),
+        theta=theta,
+    )
+    lowpass = Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=config.conditioning.filter)
+    exact = is_exact(native)
+    rate, regression = choose_rate(native, list(seen.values()), exact=exact, asked=rate_hz), None
+    choosing, comparing = shares(report, 1, 1)
+    if rate_hz == "auto" and not exact:
+        rate, regression = reduce_rate_for_noise(native, rate, seen, config, lowpass, choosing)
+    decimated = decimate_signals(native, rate.factor, lowpass) if regression is None else regression.signals
+    reasons |= unusable_atoms(decimated.theta, names, tuple(seen), comparing)
+    live = tuple(j for j in seen if j not in reasons)
+    if not live:
+        first = reasons[min(reasons)] if reasons else "it has no entry; add one"
+        raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
+    if regression is not None and (regression.atoms != live or config.model.order != "auto"):
+        regression = None
+    return PreparedWindow(
+        log=part,
+        faults=faults,
+        names=names,
+        reasons=reasons,
+        live=live,
+        native=native,
+        signals=decimated,
+        rate=rate,
+        lowpass=lowpass,
+        window_start_s=start_s,
+        native_rate_hz=native_rate_hz,
+        outputs=config.outputs,
+        exact=exact,
+        regression=regression,
+    )
+
+
+def regression_of(window: PreparedWindow, config: Config, report: Report = silent) -> RegressionData:
+    """Return the regression of a window with all its live entries, the one built for the choice of the rate if it fits.
+
+    Raises
+    ------
+    LogError : the window has no rows for any order.
+    """
+    return window.regression or build_regression(window.signals, window.live, config, report=report)
+
+
+def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -> bool:
+    """Check the channels and say whether decimation cannot bring them to a rate, so that the log must be resampled.
+
+    That is so for a rate that is no whole part of the log's, an uneven time step, or held samples.
+
+    Parameters
+    ----------
+    part : the window.
+    rate_hz : asked for; "none" and "auto" never resample.
+
+    Raises
+    ------
+    LogError : a channel cannot be analysed, see `require_usable`.
+    """
+    require_usable(part, names, resampling=not isinstance(rate_hz, str))
+    if isinstance(rate_hz, str):
+        return False
+    ratio = part.rate_hz / rate_hz
+    whole = ratio > 1.0 - SAME_RATE and abs(ratio - round(ratio)) < SAME_RATE * ratio
+    held = (hold_of(part, part.channel(name).values) for name in names)
+    return not whole or not is_uniform(part.time_s) or any(held)
+
+
+def _require_movement(log: FlightLog, config: Config) -> None:
+    """Refuse a window in which no input moves, or an output does not."""
+    moved = {name: float(np.ptp(log.channel(name).values)) for name in (*config.inputs, *config.outputs)}
+
+    def is_constant(name: str) -> bool:
+        return moved[name] <= max(STILL_RELATIVE * float(np.max(np.abs(log.channel(name).values))), SMALLEST)
+
+    def is_still(name: str) -> bool:
+        return moved[name] < STILL_ANGLE if log.channel(name).unit == "rad" else is_constant(name)
+
+    if all(map(is_still, config.inputs)):
+        first = config.inputs[0]
+        raise ExcitationError(
+            f"{log.path}: '{first}' does not move (range {moved[first]:.4g} {log.channel(first).unit}); without "
+            "excitation the dynamics cannot be told from a drift; choose a window with a manoeuvre"
+        )
+    for name in filter(is_constant, config.outputs):
+        raise LogError(
+            f"{log.path}: output '{name}' does not change (stays at {log.channel(name).values[0]:.6g}); "
+            "choose another --output or window"
+        )
+
+
+def unusable_atoms(
+    theta: FloatArray, names: Sequence[str], indices: Sequence[int], report: Report = silent
+) -> dict[int, str]:
+    """Return why atoms cannot be told apart from nothing, from a constant, or from earlier atoms.
+
+    Parameters
+    ----------
+    theta : (n_samples, n_outputs, n_atoms) signals of all dictionary entries; names : of all of them.
+    indices : the entries to look at; earlier ones are kept.
+    report : told how far it is.
+    """
+    reasons: dict[int, str] = {}
+    n, n_y, _ = theta.shape
+    flat = theta.reshape(n * n_y, theta.shape[2])
+    basis = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
+    kept: list[int] = []
+    for j, _ in parts(report, indices):
+        signal = flat[:, j]
+        size = float(np.linalg.norm(signal))
+        if size == 0.0:
+            reasons[j] = f"'{names[j]}' is zero in the window; move its onset or widen the window"
+            continue
+        if float(np.max(np.ptp(theta[:, :, j], axis=0))) <= CONSTANT * float(np.max(np.abs(signal))):
+            reasons[j] = (
+                f"'{names[j]}' does not change in the window, as the model's constant does; move its onset inside"
+            )
+            continue
+        rest = signal - basis @ (basis.T @ signal)
+        rest -= basis @ (basis.T @ rest)
+        if np.linalg.norm(rest) > DEPENDENT * size:
+            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+            kept.append(j)
+            continue
+        likeness = [abs(float(signal @ flat[:, i])) / float(np.linalg.norm(flat[:, i])) for i in kept]
+        nearest = kept[int(np.argmax(likeness))] if kept else j
+        if likeness and max(likeness) >= (1.0 - DEPENDENT) * size:
+            reasons[j] = f"'{names[j]}' is the same signal as '{names[nearest]}' in the window; only the latter is kept"
+        else:
+            reasons[j] = (
+                f"'{names[j]}' is a combination of the entries before it (nearest '{names[nearest]}') in the window"
+            )
+    return reasons

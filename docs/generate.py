@@ -278,7 +278,7 @@ def described(name: str, target: Any) -> Iterator[str]:
         yield from ("```python", "\n".join([f"class {name}" + (f"({bases})" if bases else "") + ":", *body]), "```")
     else:
         value = str(target.value)
-        yield from ("```python", f"{name} = {value if len(value) < 400 else '...'}", "```")
+        yield from ("```python", f"{name} = {value if len(value) < 100 else '...'}", "```")
     yield ""
     yield from docstring(target)
     if target.is_class:

@@ -19,7 +19,9 @@ log = inject(clean, [fault])
 if len(sys.argv) > 1:
     write_log(log, Path(sys.argv[1]) / "flight.h5")
 
-suspects = {"atoms": [{"shape": "lagged_bias", "time_constant_s": 2.0, "onset_s": 20.0}, {"shape": "bias", "onset_s": 20.0}]}
+suspects = {
+    "atoms": [{"shape": "lagged_bias", "time_constant_s": 2.0, "onset_s": 20.0}, {"shape": "bias", "onset_s": 20.0}]
+}
 result = identify_faults(log, load_dictionary(suspects), Config())
 print(f"decision: {result.decision}, isolated: {result.truth.isolated}")
 for found in result.faults:

@@ -377,7 +377,7 @@ def terminal_output(line: str, folder: Path) -> str:
     if process.returncode:
         raise SystemExit(f"{line}: exit {process.returncode}: {complaint.decode()}")
     text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", printed.decode()).replace("\r\n", "\n")
-    return "\n".join(row.rstrip() for row in text.strip("\n").splitlines())
+    return "\n".join(row.rstrip() for row in text.splitlines()).strip("\n")
 
 
 def read_or_end(terminal: int) -> bytes:

@@ -1,0 +1,429 @@
+"""Make what is generated in this folder, or check that it is up to date.
+
+    python docs/generate.py            write commands.md, api.md, the tables of formats.md, the outputs of guide.md
+    python docs/generate.py --check    write nothing; exit 1 and name what is out of date
+    python docs/generate.py --fast     leave out guide.md, whose commands take a minute
+
+Pages are made from the click tree, the JSON schemas in `configs/schema` and the source's docstrings alone, and come out
+the same on any machine. Outputs of commands are numbers: one that is shown is kept where the command still agrees with
+it to the digits shown.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pty
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+sys.path.insert(0, str(ROOT))
+
+COLUMNS = 100  # width of the terminal in the guide: what a page shows without scrolling
+LAST_DIGITS = 2.0  # a number agrees within so many units of its last digit: other machines round otherwise
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.IGNORECASE)
+
+
+def pages() -> dict[Path, str]:
+    """Return the text of every generated page but the guide."""
+    formats = DOCS / "formats.md"
+    return {
+        DOCS / "commands.md": commands_page(),
+        DOCS / "api.md": api_page(),
+        formats: with_tables(formats.read_text("utf-8"), tables()),
+    }
+
+
+# Tables in Markdown
+
+
+def table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """Return a table; bars inside a cell are escaped."""
+    lines = [header, tuple("---" for _ in header), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def with_tables(text: str, made: dict[str, str]) -> str:
+    """Return a page with what stands between `<!-- table: NAME -->` and `<!-- end -->` replaced."""
+
+    def replaced(found: re.Match[str]) -> str:
+        return f"<!-- table: {found[1]} -->\n\n{made.pop(found[1])}\n\n<!-- end -->"
+
+    text = re.sub(r"<!-- table: (\S+) -->\n.*?<!-- end -->", replaced, text, flags=re.DOTALL)
+    if made:
+        raise SystemExit(f"formats.md: no place for the tables {', '.join(made)}")
+    return text
+
+
+def tables() -> dict[str, str]:
+    """Return the tables of formats.md by name."""
+    from bfi_cli.channels import STANDARD
+    from bfi_cli.units import CASE_MATTERS, CONVERSIONS
+
+    channels = [
+        (f"`{one.name}`", one.unit, one.description, ", ".join(f"`{alias.partition('=')[0]}`" for alias in one.aliases))
+        for one in STANDARD.values()
+    ]
+    spellings = [*CONVERSIONS, *((conversion, spelling) for spelling, conversion in CASE_MATTERS.items())]
+    units: dict[str, list[str]] = {}
+    for conversion, spelled in spellings:
+        units.setdefault(conversion.si, []).append(" ".join(f"`{word}`" for word in spelled.split()))
+    return {
+        "channels": table(("channel", "unit", "what it is", "also called"), channels),
+        "units": table(("becomes", "spellings"), [(si, "; ".join(words)) for si, words in units.items()]),
+        "shapes": shapes_table(),
+        "config": config_table("config"),
+        "montecarlo": config_table("montecarlo"),
+    }
+
+
+def schema(name: str) -> dict[str, Any]:
+    """Return a shipped JSON schema; a test keeps each the one of its model."""
+    loaded: dict[str, Any] = json.loads((ROOT / "configs" / "schema" / f"{name}.json").read_text("utf-8"))
+    return loaded
+
+
+def shapes_table() -> str:
+    """Return the shapes of a dictionary's entries, what each adds to its channel, and the keys of its own."""
+    from bfi_cli.dictionary import DictionaryDocument
+
+    entries = list(models_in(DictionaryDocument.model_fields["atoms"].annotation))
+    common = set.intersection(*(set(entry.model_fields) for entry in entries))
+    rows = []
+    for entry in entries:
+        (shape,) = get_args(entry.model_fields["shape"].annotation)
+        signal = (entry.__pydantic_generic_metadata__["origin"] or entry).__doc__ or ""
+        own = [
+            f"`{key}`" + ("" if field.is_required() else " (optional)")
+            for key, field in entry.model_fields.items()
+            if key not in common
+        ]
+        rows.append((f"`{shape}`", signal.strip().rstrip("."), ", ".join(own)))
+    return table(("shape", "signal of magnitude 1, zero before the onset", "keys of its own"), rows)
+
+
+def models_in(annotation: Any) -> Iterator[Any]:
+    """Walk the pydantic models of an annotation."""
+    if hasattr(annotation, "model_fields"):
+        yield annotation
+    for below in get_args(annotation):
+        yield from models_in(below)
+
+
+def config_table(name: str) -> str:
+    """Return every key of a configuration by its dotted path, with its default and its meaning."""
+    whole = schema(name)
+
+    def rows(part: dict[str, Any], prefix: str) -> Iterator[tuple[str, ...]]:
+        for key, entry in part["properties"].items():
+            reference = entry.get("$ref", "").rpartition("/")[2]
+            below = whole["$defs"].get(reference, {})
+            if name == "montecarlo" and key == "identify":
+                yield (f"`{prefix}{key}`", "", "Keys of the configuration of an analysis, for all scenarios.")
+            elif "properties" in below:
+                yield from rows(below, f"{prefix}{key}.")
+            else:
+                required = key in part.get("required", ())
+                yield (f"`{prefix}{key}`", "required" if required else shown(entry.get("default", {})), meaning(entry))
+
+    return table(("key", "default", "meaning"), list(rows(whole, "")))
+
+
+def shown(value: Any) -> str:
+    """Return a default as YAML has it."""
+    return f"`{json.dumps(value).replace(chr(34), '')}`"
+
+
+def meaning(entry: dict[str, Any]) -> str:
+    """Return what a key says of itself, and its choices where they are few words."""
+    branches = [entry, *entry.get("anyOf", ()), *entry.get("oneOf", ()), entry.get("items", {})]
+    words = [word for branch in branches for word in branch.get("enum", [branch["const"]] if "const" in branch else [])]
+    text = entry.get("description", "")
+    unsaid = [str(word) for word in words if not re.search(rf"\b{re.escape(str(word))}\b", text)]
+    return f"{text} Choices: {', '.join(map(str, words))}.".strip() if unsaid else text
+
+
+# The command line
+
+
+def commands_page() -> str:
+    """Return the page of all commands, from the click tree."""
+    import click
+
+    from bfi_cli.commands import cli
+
+    lines = [
+        "# Commands",
+        "",
+        "Made by `docs/generate.py` from the command line itself: `bfi COMMAND --help` says the same. What is common to"
+        " all commands (exit codes, files of `--out`, JSON) is in [formats](formats.md), a worked example in the"
+        " [guide](guide.md).",
+        "",
+    ]
+    context = click.Context(cli, info_name="bfi")
+    names = cli.list_commands(context)
+    lines += [f"- [`bfi {name}`](#bfi-{name})" for name in names]
+    for name in names:
+        command = cli.get_command(context, name)
+        assert command is not None
+        arguments = [one.metavar or one.name.upper() for one in command.params if isinstance(one, click.Argument)]
+        help_text = re.sub(r"\n\n\s*\n?", "\n\n", (command.help or "").replace("\b", "")).strip()
+        lines += ["", f"## bfi {name}", "", "```text", " ".join(["bfi", name, *arguments, "[OPTIONS]"]), "```", ""]
+        lines += [help_text, ""]
+        rows = [option_row(one) for one in command.params if isinstance(one, click.Option) and not one.hidden]
+        lines += [table(("option", "what it does", "default"), rows)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def option_row(option: Any) -> tuple[str, str, str]:
+    """Return spelling, help and default of an option; a default that the help states is taken from there."""
+    import click
+
+    spelled = ", ".join(option.opts)
+    if option.secondary_opts:
+        spelled += " / " + ", ".join(option.secondary_opts)
+    if isinstance(option.type, click.Choice):
+        spelled += " " + "|".join(str(choice) for choice in option.type.choices)
+    elif not option.is_flag:
+        spelled += " " + (option.metavar or option.type.name.upper())
+    text, _, default = (option.help or "").partition("[default: ")
+    default = default.rstrip("] ")
+    if option.show_default and not default:
+        default = str(option.default)
+    return f"`{spelled}`", " ".join(text.split()), default
+
+
+# The public names
+
+
+def api_page() -> str:
+    """Return the page of the public names: those of `bfi_cli` and of each of its packages."""
+    import griffe
+
+    package = griffe.load("bfi_cli", search_paths=[str(ROOT)], docstring_parser="numpy")
+    lines = [
+        "# Public names",
+        "",
+        "Made by `docs/generate.py` from the source. What is not here may change without notice. Conventions (symbols,"
+        " units, signs) are those of the package's own docstring:",
+        "",
+        "```text",
+        package.docstring.value.strip(),
+        "```",
+    ]
+    known: set[str] = set()
+    for module in [package, *sorted(packages_below(package), key=lambda one: one.path)]:
+        names = [name for name in public_names(module) if not name.startswith("__")]
+        targets = [(name, resolved(module, name)) for name in names]
+        fresh = [(name, target) for name, target in targets if target is not None and target.path not in known]
+        if not fresh:
+            continue
+        known |= {target.path for _, target in fresh}
+        lines += ["", f"## {module.path}", ""]
+        if module is not package and module.docstring:
+            lines += [module.docstring.value.strip().split("\n\n")[0], ""]
+        for name, target in sorted(fresh, key=lambda pair: (pair[1].kind.value, pair[0])):
+            lines += [f"### {module.path}.{name}", "", *described(name, target), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def packages_below(package: Any) -> Iterator[Any]:
+    """Walk the packages whose `__init__` states what is public, but for the command line."""
+    for module in package.modules.values():
+        if module.is_init_module and module.name != "commands":
+            if public_names(module):
+                yield module
+            yield from packages_below(module)
+
+
+def public_names(module: Any) -> list[str]:
+    """Return `__all__` of a module, [] where it has none."""
+    return [str(name) for name in module.exports or ()]
+
+
+def resolved(module: Any, name: str) -> Any:
+    """Return what a public name stands for, None where it is a module."""
+    target = module.members.get(name)
+    if target is None:  # imported when it is first used: the type checker's import says from where
+        return None
+    target = target.final_target if target.is_alias else target
+    return None if target.is_module else target
+
+
+def described(name: str, target: Any) -> Iterator[str]:
+    """Yield signature and docstring of a public object, with the public methods of a class."""
+    if target.is_function:
+        yield from ("```python", signature(name, target), "```")
+    elif target.is_class:
+        bases = ", ".join(str(base).rpartition(".")[2] for base in target.bases)
+        fields = [
+            one
+            for one in target.members.values()
+            if one.is_attribute and not one.name.startswith("_") and one.name != "model_config"
+        ]
+        body = [
+            f"    {one.name}: {one.annotation}" + (f" = {one.value}" if one.value is not None else "")
+            for one in fields
+            if one.annotation is not None and "property" not in one.labels
+        ]
+        yield from ("```python", "\n".join([f"class {name}" + (f"({bases})" if bases else "") + ":", *body]), "```")
+    else:
+        value = str(target.value)
+        yield from ("```python", f"{name} = {value if len(value) < 100 else '...'}", "```")
+    yield ""
+    yield from docstring(target)
+    if target.is_class:
+        for member in target.members.values():
+            if not member.name.startswith("_") and (member.is_function or "property" in member.labels):
+                text = member.docstring.value.split("\n")[0] if member.docstring else ""
+                call = signature(member.name, member) if member.is_function else member.name
+                yield from (f"- `{' '.join(call.removeprefix('def ').split())}`: {text}",)
+
+
+def signature(name: str, function: Any) -> str:
+    """Return a signature, on lines of its own where it is long."""
+    words: list[str] = []
+    kinds = [one.kind.value for one in function.parameters]
+    for one, kind in zip(function.parameters, kinds, strict=True):
+        if one.name in ("self", "cls"):
+            continue
+        if kind == "keyword-only" and "*" not in words and "variadic positional" not in kinds:
+            words.append("*")
+        star = {"variadic positional": "*", "variadic keyword": "**"}.get(kind, "")
+        word = f"{star}{one.name}" + (f": {one.annotation}" if one.annotation is not None else "")
+        words.append(word + (f" = {one.default}" if one.default is not None and not star else ""))
+    answer = f" -> {function.returns}" if function.returns is not None else ""
+    line = f"def {name}({', '.join(words)}){answer}"
+    return line if len(line) <= 100 else f"def {name}(\n    " + ",\n    ".join(words) + f",\n){answer}"
+
+
+def docstring(target: Any) -> Iterator[str]:
+    """Yield a numpydoc docstring as Markdown: a section becomes a bold word, its entries a list."""
+    lines = target.docstring.value.strip().splitlines() if target.docstring else []
+    listed = False
+    for i, line in enumerate(lines):
+        under = lines[i + 1] if i + 1 < len(lines) else ""
+        if line and re.fullmatch(r"-{3,}", under.strip()):
+            listed = line.strip() in ("Parameters", "Attributes", "Raises", "Returns", "Yields")
+            yield from (f"**{line.strip()}**", "")
+        elif re.fullmatch(r"-{3,}", line.strip()):
+            continue
+        elif listed and line and not line.startswith(" "):
+            name, colon, text = line.partition(" : ")
+            yield f"- `{name}`: {text}" if colon else f"- {line}"
+        else:
+            yield f"  {line.strip()}".rstrip() if listed else line
+    yield ""
+
+
+# Outputs of the guide's commands
+
+
+def guide_page(text: str, folder: Path) -> str:
+    """Return the guide with the output of every `sh` block in the `text` block that follows it.
+
+    An output that still agrees to the digits shown stays as it is. `<!-- first N lines -->` before the output cuts it.
+    """
+    for place in ("data", "configs"):
+        (folder / place).symlink_to(ROOT / place)
+    pattern = re.compile(
+        r"```sh\n(?P<run>.*?)```\n(?P<between>\n(?:<!-- first (?P<lines>\d+) lines -->\n)?```text\n)?"
+        r"(?P<shown>(?(between).*?)(?=```|$))?",
+        re.DOTALL,
+    )
+    parts, end = [], 0
+    for block in pattern.finditer(text):
+        output = "\n".join(terminal_output(line, folder) for line in block["run"].splitlines() if line.strip())
+        if block["between"]:
+            wanted = output.splitlines()
+            if block["lines"] and len(wanted) > int(block["lines"]):
+                wanted = [*wanted[: int(block["lines"])], "..."]
+            fresh = "\n".join(wanted) + "\n"
+            stays = agrees(block["shown"], fresh)
+            parts += [text[end : block.start("shown")], block["shown"] if stays else fresh]
+            end = block.end("shown")
+    return "".join(parts) + text[end:]
+
+
+def terminal_output(line: str, folder: Path) -> str:
+    """Run one command line as on a terminal of 100 columns without colours, and return what it prints."""
+    words = shlex.split(line)
+    if words.pop(0) != "bfi":
+        raise SystemExit(f"guide.md: only bfi is run, got {line}")
+    ours, theirs = pty.openpty()
+    plain = {"COLUMNS": str(COLUMNS), "NO_COLOR": "1", "TERM": "xterm", "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bfi_cli", *words],
+        cwd=folder,
+        stdout=theirs,
+        stderr=subprocess.PIPE,
+        env={**os.environ, **plain, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    )
+    os.close(theirs)
+    printed = b""
+    while piece := read_or_end(ours):
+        printed += piece
+    os.close(ours)
+    _, complaint = process.communicate()
+    if process.returncode:
+        raise SystemExit(f"{line}: exit {process.returncode}: {complaint.decode()}")
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", printed.decode()).replace("\r\n", "\n")
+    return "\n".join(row.rstrip() for row in text.splitlines()).strip("\n")
+
+
+def read_or_end(terminal: int) -> bytes:
+    """Read from a terminal; nothing once the other side is closed, which Linux calls an error."""
+    try:
+        return os.read(terminal, 65536)
+    except OSError:
+        return b""
+
+
+def agrees(before: str, after: str) -> bool:
+    """Say whether two outputs have the same words and, to the digits shown, the same numbers."""
+
+    def words(text: str) -> str:
+        return re.sub(r"[\s─]+", " ", NUMBER.sub("#", text)).strip()
+
+    if words(before) != words(after):
+        return False
+    pairs = zip(NUMBER.findall(before), NUMBER.findall(after), strict=True)
+    return all(abs(float(a) - float(b)) <= LAST_DIGITS * max(unit(a), unit(b)) * (1 + 1e-9) for a, b in pairs)
+
+
+def unit(number: str) -> float:
+    """Return the value of one in the last digit of a number as it is written."""
+    mantissa, _, exponent = number.lower().partition("e")
+    return 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+
+
+def main() -> int:
+    """Write or check the pages."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing, exit 1 where something is out of date")
+    parser.add_argument("--fast", action="store_true", help="leave out the guide's commands")
+    wanted = parser.parse_args()
+    made = pages()
+    if not wanted.fast:
+        guide = DOCS / "guide.md"
+        with tempfile.TemporaryDirectory() as folder:
+            made[guide] = guide_page(guide.read_text("utf-8"), Path(folder))
+    stale = [path for path, text in made.items() if not path.exists() or path.read_text("utf-8") != text]
+    for path in stale:
+        if not wanted.check:
+            path.write_text(made[path], "utf-8")
+        print(f"{path.relative_to(ROOT)}: {'out of date; run python docs/generate.py' if wanted.check else 'written'}")
+    return 1 if wanted.check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -161,9 +161,7 @@ def merge(config: Config, overrides: Mapping[str, Any], *, where: str = "command
         if value is not None:
             *parents, key = dotted.split(".")
             _branch(data, parents)[key] = value
-    context = {"allow_outside": True}  # those of the file were asked when it was read, the others are the user's own
-    merged = validated(Config, data, where=where, error=ConfigError, context=context)
-    return _with_origin(merged, config.path, config.sha256)
+    return _with_origin(validated(Config, data, where=where, error=ConfigError), config.path, config.sha256)
 
 
 def _branch(data: dict[str, Any], parents: list[str]) -> dict[str, Any]:

@@ -57,14 +57,21 @@ def beside_config(path: str, info: ValidationInfo) -> str:
 
 
 def _inside_config(file: str, info: ValidationInfo) -> str:
-    """Return the path as `beside_config` does, of a file that lies in the configuration's folder."""
+    """Return the path as `beside_config` does, of a file that lies in the configuration's folder.
+
+    One that stands in no file is the caller's own and may lie anywhere.
+    """
     context, path = info.context or {}, beside_config(file, info)
     try:
+<<<<<<< HEAD
         # A configuration made in Python has no folder, and its files are the caller's own.
         allowed = context.get("allow_outside") or "folder" not in context or lies_inside(Path(path), context["folder"])
+=======
+        inside = "folder" not in context or lies_inside(Path(path), Path(context["folder"]))
+>>>>>>> text
     except ValueError:
         raise ValueError(f"no such file, got {shown(file)}; give a CSV file of time, value") from None
-    if not allowed:
+    if not inside and not context.get("allow_outside"):
         problem = f"{shown(file)} lies outside the configuration's folder"
         raise ValueError(f"{problem}; move it there or give --allow-outside")
     return path

@@ -87,7 +87,7 @@ def load_dictionary(
     where = where or "dictionary"
     document = source
     if not isinstance(document, DictionaryDocument):
-        context = {"folder": folder or Path(), "allow_outside": allow_outside or folder is None}
+        context = {} if folder is None else {"folder": folder, "allow_outside": allow_outside}
         document = validated(DictionaryDocument, source, where=where, error=DictionaryError, context=context)
     try:
         atoms = expand(document)

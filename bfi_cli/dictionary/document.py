@@ -71,7 +71,7 @@ def _existing(file: str, info: ValidationInfo) -> str:
     folder = Path(context.get("folder", ""))
     path = folder / file
     try:
-        is_outside, found = not lies_inside(path, folder), path.is_file()
+        is_outside, found = "folder" in context and not lies_inside(path, folder), path.is_file()
     except (OSError, ValueError):
         is_outside, found = False, False
     if is_outside and not context.get("allow_outside"):  # said first: whether the file exists is not told

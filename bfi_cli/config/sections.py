@@ -63,12 +63,7 @@ def _inside_config(file: str, info: ValidationInfo) -> str:
     """
     context, path = info.context or {}, beside_config(file, info)
     try:
-<<<<<<< HEAD
-        # A configuration made in Python has no folder, and its files are the caller's own.
-        allowed = context.get("allow_outside") or "folder" not in context or lies_inside(Path(path), context["folder"])
-=======
         inside = "folder" not in context or lies_inside(Path(path), Path(context["folder"]))
->>>>>>> text
     except ValueError:
         raise ValueError(f"no such file, got {shown(file)}; give a CSV file of time, value") from None
     if not inside and not context.get("allow_outside"):

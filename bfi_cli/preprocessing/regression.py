@@ -118,10 +118,10 @@ class RegressionData:
         magnitudes : (n_atoms,) in SI units; each atom acts on one output.
         """
         z = magnitudes / self.magnitude_unit
-        y, center, unit = _standardised(
-            self.center + self.unit * (self.layout.y + self.layout.theta @ z), centred=self.centred
-        )
-        outputs = np.argmax(np.any(self.layout.theta, axis=0), axis=0)
+        theta = self.layout.theta
+        faulty = self.layout.y + (theta.reshape(-1, z.size) @ z).reshape(self.layout.y.shape)
+        y, center, unit = _standardised(self.center + self.unit * faulty, centred=self.centred)
+        outputs = np.argmax(np.any(theta, axis=0), axis=0)
         scale, shift = self.unit / unit, (self.center - center) / unit
         return replace(
             self,

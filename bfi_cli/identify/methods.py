@@ -56,4 +56,7 @@ METHODS = {
         candidates=False,
         needs=("dmae.model",),
     ),
+    "arx-residual": Method(
+        "plain 5-sigma residual test (arx-residual)", "arx_residual:identify_by_residual", intervals=False
+    ),
 }

@@ -1,4 +1,4 @@
-"""What a reader is shown of a scan, made from its JSON document alone."""
+"""What the report of a scan shows, made from its JSON document alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exhibit import Curve, Drawing, Exhibit, Panel, Span, Table, curve
+from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
 from ..wording import instant, interval, number, quantity, shortened
 
 __all__ = ["onset_exhibit"]
@@ -17,7 +17,9 @@ __all__ = ["onset_exhibit"]
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
+# A statistic below this is drawn at it: the axis is logarithmic.
 LEAST = 0.1
+# The axis of magnitudes reaches so far beyond the best one and nine tenths of the others; the rest is cut off.
 INSIDE = 1.3
 WORDS = {"lagged_bias": "lagged bias", "ramp_hold": "ramp and hold", "samples": "sampled shape"}
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
@@ -34,37 +36,34 @@ SERIES_CAPTION = (
 
 def onset_exhibit(document: Plain) -> Exhibit:
     """Return the exhibit of a document of `bfi start-time`."""
+    faults = document["faults"]
+    said = [_sentence(fault) for fault in faults]
+    verdict = f"No fault stands out at a false-alarm rate of {number(100.0 * document['false_alarm'])} %."
+    if said:
+        verdict = f"Fault: {said[0]}." if len(said) == 1 else f"{len(said)} faults: {'; '.join(said)}."
+    shapes = _profiles(document["profile"])
     return Exhibit(
         kicker="Onset of a fault",
         title=str(document["log"]["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=_verdict(document),
+        verdict=verdict,
         tone=document["decision"],
         facts=tuple(_facts(document)),
-        tables=(*_faults(document["faults"]), _shapes(document["profile"])),
-        drawings=(_profiles(document), _series(document)),
+        tables=(*_fault_tables(faults), _shape_table(shapes)),
+        drawings=(_profile_drawing(shapes, faults), _series_drawing(document["series"], faults)),
         notes=tuple(document["notes"]),
     )
 
 
-def _verdict(document: Plain) -> str:
-    faults = [_described(fault) for fault in document["faults"]]
-    if not faults:
-        return f"No fault stands out at a false-alarm rate of {number(100.0 * document['false_alarm'])} %."
-    return f"Fault: {faults[0]}." if len(faults) == 1 else f"{len(faults)} faults: {'; '.join(faults)}."
-
-
-def _described(fault: Plain) -> str:
+def _sentence(fault: Plain) -> str:
     """Return "a bias of 4.00 m/s (95 % interval 3.99 to 4.01) on tas from 13.80 s (13.79 to 13.81 s)"."""
-    low, high = _ends(fault["ci95"])
-    value, unit = number(fault["magnitude"], spread=0.5 * (high - low)), fault["unit"]
-    within = interval((low, high))
-    size = f"{value} {unit}".rstrip() + (f" (95 % interval {within})" if within != "-" else "")
-    until = "" if fault["offset_s"] is None else f" to {instant(fault['offset_s'])} s"
-    first, last = _ends(fault["onset_ci95"])
-    onset = number(fault["onset_s"], spread=0.5 * (last - first))
-    when = f"from {onset} s ({interval((first, last))} s){until}"
-    return f"a {_shape(fault['shape'], fault['frequency_hz'])} of {size} on {shortened(fault['channel'], 40)} {when}"
+    size, when = _ends(fault["ci95"]), _ends(fault["onset_ci95"])
+    magnitude = f"{number(fault['magnitude'], spread=_half(size))} {fault['unit']}".rstrip()
+    within = interval(size)
+    if within != "-":
+        magnitude += f" (95 % interval {within})"
+    onset = f"from {number(fault['onset_s'], spread=_half(when))} s ({interval(when)} s){_until(fault)}"
+    return f"a {_shape(fault)} of {magnitude} on {shortened(fault['channel'], 40)} {onset}"
 
 
 def _ends(ends: Sequence[float | None]) -> tuple[float, float]:
@@ -72,8 +71,16 @@ def _ends(ends: Sequence[float | None]) -> tuple[float, float]:
     return low, high
 
 
-def _shape(shape: str, frequency_hz: float | None) -> str:
-    word = WORDS.get(shape, shape)
+def _half(ends: tuple[float, float]) -> float:
+    return 0.5 * (ends[1] - ends[0])
+
+
+def _until(fault: Plain) -> str:
+    return "" if fault["offset_s"] is None else f" to {instant(fault['offset_s'])} s"
+
+
+def _shape(fault: Plain) -> str:
+    frequency_hz, word = fault.get("frequency_hz"), str(WORDS.get(fault["shape"], fault["shape"]))
     return word if frequency_hz is None else f"{number(frequency_hz)} Hz {word}"
 
 
@@ -94,137 +101,104 @@ def _facts(document: Plain) -> list[tuple[str, str]]:
         alarms = series["plain_alarms_s"]
         told = f"{len(alarms)}, first at {number(min(alarms), digits=6)} s" if alarms else "none"
         rows.append((f"Plain 5-sigma test, {series['channel']}", told))
-    rows += [("Injected", _injected(fault)) for fault in document["truth"] or ()]
+    for fault in document["truth"] or ():
+        where = f"on {fault['channel']} from {instant(fault['onset_s'])} s{_until(fault)}"
+        rows.append(("Injected", f"{_shape(fault)}, magnitude {fault['magnitude']:g}, {where}"))
     return rows
 
 
-def _injected(fault: Plain) -> str:
-    until = "" if fault["offset_s"] is None else f" to {instant(fault['offset_s'])} s"
-    shape = _shape(fault["shape"], fault.get("frequency_hz"))
-    return f"{shape}, magnitude {fault['magnitude']:g}, on {fault['channel']} from {instant(fault['onset_s'])} s{until}"
-
-
-def _faults(faults: Sequence[Plain]) -> tuple[Table, ...]:
-    if not faults:
-        return ()
-    heads = (
-        "shape",
-        "channel",
-        "onset",
-        "95 % interval",
-        "until",
-        "magnitude",
-        "95 % interval",
-        "statistic",
-        "p-value",
-    )
-    return (Table(name="faults", title="Faults", heads=heads, rows=tuple(map(_fault_row, faults))),)
-
-
-def _fault_row(fault: Plain) -> tuple[str, ...]:
-    when, size = _ends(fault["onset_ci95"]), _ends(fault["ci95"])
-    return (
-        _shape(fault["shape"], fault["frequency_hz"]),
-        fault["channel"],
-        f"{number(fault['onset_s'], spread=0.5 * (when[1] - when[0]))} s",
-        interval(when),
-        "-" if fault["offset_s"] is None else f"{instant(fault['offset_s'])} s",
-        f"{number(fault['magnitude'], spread=0.5 * (size[1] - size[0]), extra=1)} {fault['unit']}".rstrip(),
-        interval(size),
-        number(fault["statistic"]),
-        number(fault["p_value"], digits=2),
-    )
-
-
-def _each(profile: Plain) -> list[dict[str, Any]]:
-    """Return the profiles one by one, with arrays."""
-    n = len(profile["shape"])
-    onsets = profile["onset_s"]
-    own = bool(onsets) and isinstance(onsets[0], list)
-    lists = ("shape", "channel", "frequency_hz", "threshold", "unit")
-    found = []
-    for i in range(n):
-        arrays = {key: np.array(profile[key][i], dtype=np.float64) for key in ("statistic", "magnitude", "sd")}
-        when = np.array(onsets[i] if own else onsets, dtype=np.float64)
-        found.append({**{key: profile[key][i] for key in lists}, **arrays, "onset_s": when})
-    return found
-
-
-def _shapes(profile: Plain) -> Table:
+def _fault_tables(faults: Sequence[Plain]) -> tuple[Table, ...]:
     rows = []
-    for one in _each(profile):
-        best = int(one["statistic"].argmax())
+    for fault in faults:
+        when, size = _ends(fault["onset_ci95"]), _ends(fault["ci95"])
         rows.append(
             (
-                _shape(one["shape"], one["frequency_hz"]),
-                str(one["channel"]),
-                f"{instant(one['onset_s'][best])} s",
-                quantity(float(one["magnitude"][best]), one["unit"]),
-                number(float(one["statistic"][best])),
-                number(one["threshold"]),
+                _shape(fault),
+                fault["channel"],
+                f"{number(fault['onset_s'], spread=_half(when))} s",
+                interval(when),
+                "-" if fault["offset_s"] is None else f"{instant(fault['offset_s'])} s",
+                f"{number(fault['magnitude'], spread=_half(size), extra=1)} {fault['unit']}".rstrip(),
+                interval(size),
+                number(fault["statistic"]),
+                number(fault["p_value"], digits=2),
             )
         )
+    within = "95 % interval"
+    heads = ("shape", "channel", "onset", within, "until", "magnitude", within, "statistic", "p-value")
+    return (Table(name="faults", title="Faults", heads=heads, rows=tuple(rows)),) if rows else ()
+
+
+def _profiles(profile: Plain) -> list[dict[str, Any]]:
+    """Return the profiles one by one, with arrays."""
+    onsets = profile["onset_s"]
+    own = bool(onsets) and isinstance(onsets[0], list)
+    return [
+        {
+            **{key: profile[key][i] for key in ("shape", "channel", "frequency_hz", "threshold", "unit")},
+            **{key: np.array(profile[key][i], dtype=np.float64) for key in ("statistic", "magnitude", "sd")},
+            "onset_s": np.array(onsets[i] if own else onsets, dtype=np.float64),
+        }
+        for i in range(len(profile["shape"]))
+    ]
+
+
+def _shape_table(profiles: Sequence[Plain]) -> Table:
+    rows = []
+    for one in profiles:
+        best = int(one["statistic"].argmax())
+        onset, size = instant(one["onset_s"][best]), quantity(float(one["magnitude"][best]), one["unit"])
+        statistic, threshold = number(float(one["statistic"][best])), number(one["threshold"])
+        rows.append((_shape(one), str(one["channel"]), f"{onset} s", size, statistic, threshold))
     heads = ("shape", "channel", "best onset", "magnitude", "statistic", "threshold")
     return Table(name="shapes", title="Every shape at its best onset", heads=heads, rows=tuple(rows))
 
 
-def _profiles(document: Plain) -> Drawing:
+def _profile_drawing(profiles: Sequence[Plain], faults: Sequence[Plain]) -> Drawing:
     panels: list[Panel] = []
-    for one in _each(document["profile"]):
-        spans = tuple(_spans([fault for fault in document["faults"] if fault["shape"] == one["shape"]]))
-        title = f"{_shape(one['shape'], one['frequency_hz'])} on {one['channel']}"
-        levels = () if one["threshold"] is None else (("threshold", max(one["threshold"], LEAST)),)
-        panels.append(
+    for one in profiles:
+        spans: list[Span] = []
+        for fault in faults:
+            if fault["shape"] == one["shape"]:
+                low, high = _ends(fault["onset_ci95"])
+                spans.append(Span(label="onset", low=low, high=high))
+                if fault["offset_s"] is not None:
+                    spans.append(Span(label="end", low=fault["offset_s"], high=fault["offset_s"]))
+        onset_s, statistic, z, sd = one["onset_s"], one["statistic"], one["magnitude"], np.nan_to_num(one["sd"])
+        reach = INSIDE * max(abs(float(z[statistic.argmax()])), float(np.quantile(np.abs(z), 0.9)))
+        panels += [
             Panel(
-                title=title,
+                title=f"{_shape(one)} on {one['channel']}",
                 x_label="onset [s]",
                 y_label="statistic [-]",
-                curves=(curve("", one["onset_s"], np.maximum(one["statistic"], LEAST)),),
+                curves=(curve("", onset_s, np.maximum(statistic, LEAST)),),
                 log_y=True,
-                levels=levels,
-                spans=spans,
-            )
-        )
-        panels.append(_magnitude(one, spans))
+                levels=() if one["threshold"] is None else (("threshold", max(one["threshold"], LEAST)),),
+                spans=tuple(spans),
+            ),
+            Panel(
+                x_label="onset [s]",
+                y_label=f"magnitude [{one['unit'] or '-'}]",
+                curves=(curve("", onset_s, z, low=z - 2.0 * sd, high=z + 2.0 * sd),),
+                spans=tuple(spans),
+                y_limits=(-reach, reach) if reach > 0.0 else None,
+            ),
+        ]
     return Drawing(name="profile", caption=PROFILE_CAPTION, panels=tuple(panels), across=2)
 
 
-def _magnitude(one: Mapping[str, Any], spans: tuple[Span, ...]) -> Panel:
-    z, sd = one["magnitude"], np.nan_to_num(one["sd"])
-    reach = INSIDE * max(abs(float(z[one["statistic"].argmax()])), float(np.quantile(np.abs(z), 0.9)))
-    return Panel(
-        x_label="onset [s]",
-        y_label=f"magnitude [{one['unit'] or '-'}]",
-        curves=(curve("", one["onset_s"], z, low=z - 2.0 * sd, high=z + 2.0 * sd),),
-        spans=spans,
-        y_limits=(-reach, reach) if reach > 0.0 else None,
-    )
-
-
-def _spans(faults: Sequence[Plain]) -> list[Span]:
-    found = []
-    for fault in faults:
-        low, high = _ends(fault["onset_ci95"])
-        found.append(Span(label="onset", low=low, high=high))
-        if fault["offset_s"] is not None:
-            found.append(Span(label="end", low=fault["offset_s"], high=fault["offset_s"]))
-    return found
-
-
-def _series(document: Plain) -> Drawing:
-    time_s = document["series"]["time_s"]
-    return Drawing(
-        name="outputs",
-        caption=SERIES_CAPTION,
-        panels=tuple(_output(time_s, one, document["faults"]) for one in document["series"]["outputs"]),
-    )
-
-
-def _output(time_s: Sequence[float], one: Plain, faults: Sequence[Plain]) -> Panel:
-    curves: tuple[Curve, ...] = (curve("measured", time_s, one["measured"]),)
-    spans = [Span(label="plain 5-sigma test", low=t, high=t) for t in one["plain_alarms_s"]]
-    if any(fault["channel"] == one["channel"] for fault in faults):
-        curves += (curve("corrected", time_s, one["corrected"], style="dashed"),)
-    return Panel(
-        x_label="time [s]", y_label=f"{one['channel']} [{one['unit'] or '-'}]", curves=curves, spans=tuple(spans)
-    )
+def _series_drawing(series: Plain, faults: Sequence[Plain]) -> Drawing:
+    panels = []
+    for one in series["outputs"]:
+        curves = [curve("measured", series["time_s"], one["measured"])]
+        if any(fault["channel"] == one["channel"] for fault in faults):
+            curves.append(curve("corrected", series["time_s"], one["corrected"], style="dashed"))
+        panels.append(
+            Panel(
+                x_label="time [s]",
+                y_label=f"{one['channel']} [{one['unit'] or '-'}]",
+                curves=tuple(curves),
+                spans=tuple(Span(label="plain 5-sigma test", low=t, high=t) for t in one["plain_alarms_s"]),
+            )
+        )
+    return Drawing(name="outputs", caption=SERIES_CAPTION, panels=tuple(panels))

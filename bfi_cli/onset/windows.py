@@ -24,7 +24,7 @@ __all__ = ["Windows", "earlier_windows", "gaussian_table", "table_of_windows", "
 FloatArray = NDArray[np.float64]
 Windows = list[tuple[float, float]]
 
-# Simulated records of a Gaussian table: twice what a table needs at least, in a minute or so.
+# Simulated records of a Gaussian table: twice the fewest windows that a table needs.
 TRIALS = 40
 # Largest modulus of a pole of the simulated model: a fitted one may grow slightly where the true one does not.
 STABLE = 0.999

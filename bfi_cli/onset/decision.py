@@ -22,20 +22,20 @@ SHIPPED = "shipped.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verdict:
-    """What a sweep says.
+    """The decision on a sweep.
 
     Attributes
     ----------
     shape : the one that stands out most; statistic, threshold : its own.
     p_value : of the largest standardised statistic.
-    beyond : shapes that are significant, the likeliest first; none where there is no fault.
+    significant : peaks above their thresholds, the likeliest first; none where there is no fault.
     """
 
     shape: str
     statistic: float
     threshold: float
     p_value: float
-    beyond: tuple[Peak, ...]
+    significant: tuple[Peak, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,7 +65,7 @@ class Rule:
             statistic=peaks[top].statistic,
             threshold=self.threshold(top),
             p_value=p_value,
-            beyond=tuple(sorted(beyond, key=bic_change)) if p_value < self.false_alarm else (),
+            significant=tuple(sorted(beyond, key=bic_change)) if p_value < self.false_alarm else (),
         )
 
     def threshold(self, shape: str) -> float:

@@ -28,13 +28,13 @@ __all__ = ["find_onset"]
 
 FloatArray = NDArray[np.float64]
 
-# More faults than any log that was tried held; a record that shows more has another defect.
+# A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5
 # Rounds of re-estimation, which end earlier once no onset moves and no magnitude by a tenth of its standard deviation.
 MOST_ROUNDS = 4
 UNMOVED = 0.1
-# An update may raise twice the negative log-likelihood by this much per sample: an onset rounded to the log's own
-# samples does so without being worse.
+# An update may raise twice the negative log-likelihood by this much per sample, so that round-off does not stop the
+# refinement; the losses that it must reject, an onset too close to the ends for another order, are far larger.
 SLACK = 1e-3
 # An input moves most where it changes by half of the most it ever does, if that is in no more than 5 % of the samples;
 # a fault is beside it within 1.5 s, the time in which an error of the model dies out. Chosen without tuning.
@@ -116,7 +116,7 @@ def detect_sequentially(
     verdicts: list[Verdict] = []
     faults: list[Estimate] = []
     y, last = record.y, first
-    while len(faults) < MOST_FAULTS and (verdict := rule.verdict(last)).beyond:
+    while len(faults) < MOST_FAULTS and (verdict := rule.verdict(last)).significant:
         verdicts.append(verdict)
         n = len(verdicts)
         report = partial(progress, f"fault {n}")
@@ -135,16 +135,16 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
 
     What the first shape leaves unexplained counts against the parameters that the oscillation has more.
     """
-    likeliest = verdict.beyond[0]
+    likeliest = verdict.significant[0]
     of_steps, of_likeliest, of_sine = shares(report, 1, 2, 2)
-    biases = [peak for peak in verdict.beyond if peak.form.shape == "bias"]
+    biases = [peak for peak in verdict.significant if peak.form.shape == "bias"]
     steps = [estimate(record, y, peak, order=order, report=own) for peak, own in parts(of_steps, biases)]
     jump_s = steps[0].onset_s if steps else None
     if likeliest.form.shape == "bias":
         first = steps[0]
     else:
         first = estimate(record, y, likeliest, order=order, jump_s=jump_s, report=of_likeliest)
-    for peak in verdict.beyond[1:]:
+    for peak in verdict.significant[1:]:
         if peak.form.shape == "sine":
             oscillation = estimate(record, y, peak, order=order, jump_s=jump_s, report=of_sine)
             more = (1 + peak.n_parameters - likeliest.n_parameters) * float(np.log(len(y) - order))

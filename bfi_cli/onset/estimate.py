@@ -30,11 +30,12 @@ IntArray = NDArray[np.intp]
 # statistic (chi-square of one degree of freedom).
 NORMAL = 1.959963984540054
 DROP = NORMAL**2
-# Starts between two conditioned samples: more are not told apart by a record whose rate was chosen for its noise.
+# Starts tried per conditioned sample: a bound on the time where the log's own rate is far higher.
 MOST_PHASES = 10
-# Conditioned samples to either side of the scan's onset that are refined: the filter may move its maximum by one.
+# Conditioned samples to either side of the scan's onset that are refined: the filter smears a start over a few.
 BESIDE = 2
-# Of a fault that ends: every third conditioned sample is asked as a start, and start and end are refined so often.
+# Of a fault that ends: every third conditioned sample is tried as a start, and start and end are refined so often.
+# Set by trial; a stride within the filter's smear skips no maximum.
 STRIDE = 3
 ROUNDS = 2
 # Fits and scans after which an estimate is said to be half done. On the logs of data/ a step takes 5 to 10 of them, an

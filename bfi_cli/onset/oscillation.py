@@ -26,9 +26,8 @@ __all__ = ["OscillationSearch", "Sinusoid", "estimate_oscillation", "oscillation
 
 FloatArray = NDArray[np.float64]
 
-# Frequencies are counted in 1 / duration, the width of a peak of the likelihood over frequency. The numbers below are
-# fractions or multiples of it that miss no peak by construction; the counts that bound the time were tuned on the
-# simulated Citation flights with a bias and an oscillation of any phase (tests/measurements).
+# Frequencies are counted in 1 / duration, the width of a peak of the likelihood over frequency. Steps below half
+# of it miss no peak; the counts bound the time and were set by trial on simulated flights with one and two faults.
 # Where the phase-0 scan may be off once the phase is free: by less than one width, in steps under half a width.
 BESIDE = (-0.8, -0.4, 0.0, 0.4, 0.8)
 # The step of the grid from a jump, and how many of its frequencies, nearest to the scan's, are tried and refined.
@@ -41,12 +40,12 @@ LARGEST_STEP = 0.3
 DIFFERENCE = 0.01
 ITERATIONS = 8
 CONVERGED = 1e-4
-# Edges are moved by twelfths of a period first: a shorter hill than half a period is not seen in the likelihood.
+# Edges are moved in twelfths of a period over half a period to either side, then in ever smaller strides.
 PARTS = 12
 # Frequency and edges are refined in turn, and as many candidates of phase 0 are: the second round moves little.
 ROUNDS = 2
-# The frequency is known if its sd is below three times the Cramer-Rao bound; a bend at the record's start that only
-# resembles an oscillation is above it.
+# The frequency is known if its standard deviation is below three times the Cramer-Rao bound: wide enough for coloured
+# errors, and too narrow for a bend at the record's start that only resembles an oscillation.
 WORSE = 3.0
 
 

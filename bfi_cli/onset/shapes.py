@@ -42,7 +42,7 @@ LARGEST_SHARE = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """Samples of the conditioned record, and how they came from `factor` times as many."""
+    """Samples of the conditioned record, and how they came from `factor` times as many; of factor 1 unfiltered."""
 
     n_samples: int
     rate_hz: float
@@ -53,14 +53,6 @@ class Sampling:
     def lead(self) -> int:
         """Samples by which the filter shows a fault before its onset."""
         return self.lowpass.half_width if self.factor > 1 and self.lowpass.kind == "linear-phase" else 0
-
-    def shorter(self, n_samples: int) -> Sampling:
-        """Return the same sampling of fewer samples."""
-        return replace(self, n_samples=n_samples)
-
-    def sharp(self) -> Sampling:
-        """Return the same samples as if nothing had been filtered."""
-        return replace(self, factor=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -113,7 +113,9 @@ def sweep(record: ScanRecord, y: FloatArray, order: int | None = None, report: R
         peak, criteria = min(scanned, key=bic_change), []
         for (s, base), own in parts(comparing, list(zip(orders, plain, strict=True))):
             scan = scan_of(record, y, s, output=peak.form.output, first=max(orders))
-            span = scan_ends(scan, waveform(peak.form, record.sampling.shorter(scan.n_samples).sharp()), report=own)
+            span = scan_ends(
+                scan, waveform(peak.form, replace(record.sampling, n_samples=scan.n_samples, factor=1)), report=own
+            )
             criteria.append(base - span.statistic + peak.n_parameters * float(np.log(scan.n_rows)))
         best = np.minimum(best, criteria).tolist()
         if (better := orders[int(np.argmin(np.minimum(plain, best)))]) != chosen:
@@ -155,11 +157,11 @@ def _bic_with_fault(
         criteria = []
         for form, own in parts(of_order, record.forms):
             scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
-            sampling = record.sampling.shorter(scan.n_samples)
+            sampling = replace(record.sampling, n_samples=scan.n_samples)
             if form.shape == "sine":
                 statistic = max(_screen_sine(scan, f, part) for f, part in parts(own, suspects[form.output]))
             elif record.settings.ends:
-                statistic = scan_ends(scan, waveform(form, sampling.sharp()), report=own).statistic
+                statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
                 n_parameters += 1
             else:
                 statistic = float(scan_shape(scan, waveform(form, sampling), report=own).statistic.max())
@@ -221,7 +223,7 @@ def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, repor
         band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
         form = replace(form, parameter=float(rate_hz * search(scan, band, report=searching)))
     if ends:
-        span = scan_ends(scan, waveform(form, record.sampling.sharp()), report=report)
+        span = scan_ends(scan, waveform(form, replace(record.sampling, factor=1)), report=report)
         return Peak(form=form, profile=span.over_starts, end=span.end)
     return lasting_peak(record, scan, form, report)
 

@@ -115,10 +115,10 @@ def _without_dictionary(flight: FlightLog, config: Config, progress: Progress) -
     """
     from ..config import merge
     from ..identify import identify_faults
-    from ..onset import compared, find_onset, proposed
+    from ..onset import compare_with_injected, find_onset, propose_dictionary
 
     scanned = find_onset(flight, merge(config, {"method": "ml"}), progress)
-    dictionary = proposed(scanned)
+    dictionary = propose_dictionary(scanned)
     if scanned.faults:
         told = f"no dictionary: {len(scanned.faults)} found by the onset scan; their onsets are taken as known here"
     else:
@@ -133,5 +133,5 @@ def _without_dictionary(flight: FlightLog, config: Config, progress: Progress) -
     truth = result.truth
     if truth is not None:
         tolerance_s = ONSET_SAMPLES / result.log.rate_hz
-        truth = compared(truth, result.faults, scanned.truth or (), tolerance_s=tolerance_s)
+        truth = compare_with_injected(truth, result.faults, scanned.truth or (), tolerance_s=tolerance_s)
     return replace(result, notes=notes, truth=truth), dictionary

@@ -1,11 +1,18 @@
-"""When did a fault start, of which shape is it and how large: the scan over all onsets (METHOD section 5)."""
+"""When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
-from .answer import find_onset
+from .detection import find_onset
 from .document import onset_document, onset_tables
-from .exhibit import onset_exhibit
-from .null import table_of_windows, windows_of
-from .proposal import compared, proposed
-from .result import CalibrationUse, OnsetFault, OnsetResult, OnsetSeries, ShapeProfile
+from .report import onset_exhibit
+from .result import (
+    CalibrationUse,
+    OnsetFault,
+    OnsetResult,
+    OnsetSeries,
+    ShapeProfile,
+    compare_with_injected,
+    propose_dictionary,
+)
+from .windows import table_of_windows, windows_of
 
 __all__ = [
     "CalibrationUse",
@@ -13,12 +20,12 @@ __all__ = [
     "OnsetResult",
     "OnsetSeries",
     "ShapeProfile",
-    "compared",
+    "compare_with_injected",
     "find_onset",
     "onset_document",
     "onset_exhibit",
     "onset_tables",
-    "proposed",
+    "propose_dictionary",
     "table_of_windows",
     "windows_of",
 ]

@@ -10,10 +10,10 @@ from ..config import Config
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..kernels.progress import Report, silent
-from .null import earlier_windows, gaussian_table, table_of_windows
-from .record import ScanRecord
 from .result import CalibrationUse
-from .sweep import Peak, Sweep, charged
+from .scan_record import ScanRecord
+from .sweep import Peak, Sweep, bic_change
+from .windows import earlier_windows, gaussian_table, table_of_windows
 
 __all__ = ["Rule", "Verdict", "rule_for"]
 
@@ -22,20 +22,20 @@ SHIPPED = "shipped.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verdict:
-    """What a sweep says.
+    """The decision on a sweep.
 
     Attributes
     ----------
     shape : the one that stands out most; statistic, threshold : its own.
     p_value : of the largest standardised statistic.
-    beyond : shapes that are significant, the likeliest first; none where there is no fault.
+    significant : peaks above their thresholds, the likeliest first; none where there is no fault.
     """
 
     shape: str
     statistic: float
     threshold: float
     p_value: float
-    beyond: tuple[Peak, ...]
+    significant: tuple[Peak, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,7 +65,7 @@ class Rule:
             statistic=peaks[top].statistic,
             threshold=self.threshold(top),
             p_value=p_value,
-            beyond=tuple(sorted(beyond, key=charged)) if p_value < self.false_alarm else (),
+            significant=tuple(sorted(beyond, key=bic_change)) if p_value < self.false_alarm else (),
         )
 
     def threshold(self, shape: str) -> float:
@@ -88,50 +88,39 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
     ConfigError : the table cannot be read, or no table has these shapes.
     LogError : the log has too little before the window.
     """
-    asked = config.start_time
-    match asked.calibration:
+    source, notes = config.start_time.calibration or "shipped", []
+    table: Table | None = None
+    match source:
         case "gaussian":
             table = gaussian_table(record, order, seed=config.seed, report=report)
-            note = "the threshold assumes white Gaussian errors, which real flights do not have: false alarms are more"
-            return _rule(table, record, config, "gaussian", (f"{note} frequent than stated",))
+            notes.append(
+                "the threshold assumes white Gaussian errors, which real flights do not have: false alarms are more "
+                "frequent than stated"
+            )
         case "self":
             windows = earlier_windows(log, config)
             table = table_of_windows([(log, window) for window in windows], config, report)
-            note = (
+            notes.append(
                 f"calibrated on {table.n_windows} overlapping windows before the analysed one, taken to be fault-free"
             )
-            return _rule(table, record, config, "self", (note,))
-        case None:
-            return _from_tables(_shipped(), record, config, "shipped")
+        case "shipped" if config.start_time.calibration is None:
+            with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
+                table = nearest(load_tables(path), record.settings)
         case path:
-            return _from_tables(load_tables(path), record, config, path)
-
-
-def _shipped() -> tuple[Table, ...]:
-    with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
-        return load_tables(path) if path.is_file() else ()
-
-
-def _from_tables(tables: tuple[Table, ...], record: ScanRecord, config: Config, source: str) -> Rule:
-    table = nearest(tables, record.settings)
+            table = nearest(load_tables(path), record.settings)
     if table is None:
-        shapes = ", ".join(record.settings.shapes)
         raise ConfigError(
-            f"--calibration: no {source} table has all of {shapes}; "
+            f"--calibration: no {source} table has all of {', '.join(record.settings.shapes)}; "
             "make one with bfi calibrate, or give --calibration gaussian"
         )
-    return _rule(table, record, config, source, ())
-
-
-def _rule(table: Table, record: ScanRecord, config: Config, source: str, notes: tuple[str, ...]) -> Rule:
     differ = differences(table, record.settings)
     if differ:
         where = f"no calibration fits the settings; the nearest ({table.n_windows} windows) has {', '.join(differ)}"
-        notes = (*notes, f"{where}: no p-value is given, and the rate of false alarms is not known")
+        notes.append(f"{where}: no p-value is given, and the rate of false alarms is not known")
     return Rule(
         null=null_of(table, record.settings.shapes),
         use=CalibrationUse(source=source, matches=not differ, n_windows=table.n_windows),
         shapes=record.settings.shapes,
         false_alarm=config.start_time.false_alarm,
-        notes=notes,
+        notes=tuple(notes),
     )

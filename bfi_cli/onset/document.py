@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..faults import Fault, fault_to_dict
+import numpy as np
+
+from ..faults import fault_to_dict
 from ..plain import to_plain
 from ..provenance import Provenance
 from ..serialize import to_csv
-from .result import OnsetFault, OnsetResult
+from .result import OnsetResult
 
 __all__ = ["SCHEMA", "onset_document", "onset_tables"]
 
 SCHEMA = 1
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
+PROFILE_KEYS = ("shape", "channel", "frequency_hz", "threshold", "unit")
 FAULT_COLUMNS = (
     *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
     *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
@@ -25,6 +28,9 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
 
     `profile` has one entry per shape, and channel where there are several, in each of its lists but `onset_s`.
     """
+    shapes, onset_s = result.profiles, [one.onset_s for one in result.profiles]
+    # Each shape has onsets of its own only where the search for ends made them differ.
+    same = all(np.array_equal(one, onset_s[0]) for one in onset_s)
     document: dict[str, Any] = to_plain(
         {
             "kind": "start-time",
@@ -36,10 +42,29 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
             "statistic": result.statistic,
             "threshold": result.threshold,
             "calibration": result.calibration,
-            "faults": [_fault(one) for one in result.faults],
+            "faults": [
+                {
+                    **{key: getattr(one.estimate.fault, key) for key in KEYS},
+                    "name": one.estimate.name,
+                    "phase_rad": one.estimate.fault.phase_rad if one.estimate.fault.shape == "sine" else None,
+                    "magnitude": one.estimate.magnitude,
+                    "unit": one.estimate.unit,
+                    "physical": {"value": one.estimate.physical_value, "unit": one.estimate.physical_unit},
+                    "sd": one.estimate.sd,
+                    "ci95": one.estimate.ci95,
+                    "onset_ci95": one.onset_ci95,
+                    "statistic": one.statistic,
+                    "p_value": one.p_value,
+                }
+                for one in result.faults
+            ],
             "model": result.model,
             "method": result.method,
-            "profile": _profile(result),
+            "profile": {
+                **{key: [getattr(one, key) for one in shapes] for key in PROFILE_KEYS},
+                "onset_s": onset_s[0] if same else onset_s,
+                **{key: [getattr(one, key) for one in shapes] for key in ("statistic", "magnitude", "sd")},
+            },
             "series": {"time_s": result.time_s, "outputs": result.series},
             "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
             "notes": result.notes,
@@ -47,45 +72,6 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
         }
     )
     return document
-
-
-def _fault(one: OnsetFault) -> dict[str, Any]:
-    estimate = one.estimate
-    return {
-        **{key: getattr(estimate.fault, key) for key in KEYS},
-        "name": estimate.name,
-        "phase_rad": _phase(estimate.fault),
-        "magnitude": estimate.magnitude,
-        "unit": estimate.unit,
-        "physical": {"value": estimate.physical_value, "unit": estimate.physical_unit},
-        "sd": estimate.sd,
-        "ci95": estimate.ci95,
-        "onset_ci95": one.onset_ci95,
-        "statistic": one.statistic,
-        "p_value": one.p_value,
-    }
-
-
-def _phase(fault: Fault) -> float | None:
-    return fault.phase_rad if fault.shape == "sine" else None
-
-
-def _profile(result: OnsetResult) -> dict[str, Any]:
-    """Return the profiles; each shape has onsets of its own only where the search for ends made them differ."""
-    shapes = result.profiles
-    same = all(len(one.onset_s) == len(shapes[0].onset_s) for one in shapes)
-    same = same and all((one.onset_s == shapes[0].onset_s).all() for one in shapes)
-    return {
-        "shape": [one.shape for one in shapes],
-        "channel": [one.channel for one in shapes],
-        "frequency_hz": [one.frequency_hz for one in shapes],
-        "threshold": [one.threshold for one in shapes],
-        "unit": [one.unit for one in shapes],
-        "onset_s": shapes[0].onset_s if same else [one.onset_s for one in shapes],
-        "statistic": [one.statistic for one in shapes],
-        "magnitude": [one.magnitude for one in shapes],
-        "sd": [one.sd for one in shapes],
-    }
 
 
 def onset_tables(result: OnsetResult) -> dict[str, bytes]:

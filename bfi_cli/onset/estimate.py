@@ -1,4 +1,8 @@
-"""From the peak of a scan to an onset with its interval and a magnitude with its standard deviation."""
+"""From the peak of a scan to an onset with its interval and a magnitude with its standard deviation.
+
+The scans know onsets on conditioned samples, and with an end only sharp edges. What that costs is small for finding a
+fault and large for measuring it: here starts and ends lie on the log's own samples, the filter's smear included.
+"""
 
 from __future__ import annotations
 
@@ -8,24 +12,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.correlations import Scan
-from ..kernels.onset.scan import Profile, scan_shape
+from ..kernels.onset.scan import scan_shape
 from ..kernels.progress import Report, Step, silent, steps
-from .joint import Likelihood
-from .oscillation import Sinusoid, measured, place, statistics
-from .pulses import Fine, phases, pulses, step_s, within
-from .record import DECIMALS, ScanRecord
-from .shapes import Form, Place, signal, waveform
+from .oscillation import estimate_oscillation, oscillation_search
+from .scan_record import DECIMALS, Likelihood, ScanRecord
+from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, waveform
 from .sweep import Peak, scan_of
 
-__all__ = ["DROP", "NORMAL", "Estimate", "estimate"]
+__all__ = ["NORMAL", "Estimate", "estimate", "subtract_faults"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-DROP = 3.841458820694124
+# Quantile of the normal distribution for an interval of 95 %; an onset's holds what is within its square of the best
+# statistic (chi-square of one degree of freedom).
 NORMAL = 1.959963984540054
+DROP = NORMAL**2
+# Starts tried per conditioned sample: a bound on the time where the log's own rate is far higher.
+MOST_PHASES = 10
+# Conditioned samples to either side of the scan's onset that are refined: the filter smears a start over a few.
 BESIDE = 2
+# Of a fault that ends: every third conditioned sample is tried as a start, and start and end are refined so often.
+# Set by trial; a stride within the filter's smear skips no maximum.
 STRIDE = 3
 ROUNDS = 2
 # Fits and scans after which an estimate is said to be half done. On the logs of data/ a step takes 5 to 10 of them, an
@@ -39,16 +49,16 @@ class Estimate:
 
     Attributes
     ----------
-    form : with its frequency or time constant.
+    form : the hypothesis, with its frequency or time constant.
     onset_s, onset_ci95 : on the log's axis.
     offset_s : None where the fault lasts.
     z, sd : magnitude; the spread over the onsets in question is in `sd`.
     signal : (n_samples,) what it adds to its output, conditioned and scaled.
     statistic : of its shape at this onset.
-    is_told : the record tells the frequency of an oscillation; if not, other slow shapes do as well.
+    frequency_is_known : by the record, of an oscillation; if not, other slow shapes explain it as well.
     """
 
-    form: Form
+    form: ShapeHypothesis
     onset_s: float
     onset_ci95: tuple[float, float]
     offset_s: float | None
@@ -56,7 +66,32 @@ class Estimate:
     sd: float
     signal: FloatArray
     statistic: float
-    is_told: bool = True
+    frequency_is_known: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SubsampleProfile:
+    """A profile over onsets between the conditioned samples, `step_s` apart near its maximum."""
+
+    places: tuple[SubsampleIndex, ...]
+    onset_s: FloatArray
+    z: FloatArray
+    sd: FloatArray
+    statistic: FloatArray
+    step_s: float
+
+    @property
+    def best(self) -> int:
+        """Index of the largest statistic."""
+        return int(np.argmax(self.statistic))
+
+
+def subtract_faults(y: FloatArray, *faults: Estimate) -> FloatArray:
+    """Return outputs y (n_samples, n_outputs), scaled, less what the faults add to them."""
+    y = y.copy()
+    for fault in faults:
+        y[:, fault.form.output] -= fault.signal
+    return y
 
 
 def estimate(
@@ -79,140 +114,140 @@ def estimate(
     jump_s : where a step was seen, on the log's axis: where an oscillation of another phase than 0 may begin.
     report : told how far it is.
     """
-    step = steps(report, STEPS)
-    if peak.form.shape == "sine":
-        likelihood = Likelihood(record=record, y=y, order=order, step=step)
-        one = measured(
-            likelihood,
-            peak,
-            dispersion=dispersion,
-            jump=None if jump_s is None else record.native(jump_s),
-        )
-        form = replace(peak.form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
-        fine, end = _around(likelihood, peak, one)
-        z, is_told = one.z, one.is_told_by_the_record
+    step, form, drop = steps(report, STEPS), peak.form, DROP * dispersion
+    if form.shape == "sine":
+        search = oscillation_search(Likelihood(record=record, y=y, order=order, step=step), peak)
+        jump = None if jump_s is None else record.native(jump_s)
+        one = estimate_oscillation(search, dispersion=dispersion, jump=jump)
+        form = replace(form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
+        # The profile over the start: conditioned samples within half a period, the log's own near the maximum.
+        factor = record.sampling.factor
+        half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / one.frequency_hz))
+        near = range(-BESIDE * factor, BESIDE * factor + 1, -_phases(record).step)
+        earliest = (order + record.sampling.lead) * factor
+        latest = (record.sampling.n_samples - order) * factor if one.end is None else one.end - factor
+        offsets = {*range(-half, half + 1, factor), *near, 0}
+        starts = sorted(one.start + k for k in offsets if k == 0 or earliest <= one.start + k < latest)
+        statistic, amplitude = search.profile(one, starts)
+        statistic[starts.index(one.start)] = max(one.statistic, statistic.max())
+        places = [subsample_index(start, factor) for start in starts]
+        fine = _profile(record, places, amplitude, np.full(len(starts), one.sd), statistic)
+        end = None if one.end is None else subsample_index(one.end, factor)
+        z, frequency_is_known = one.z, one.frequency_is_known
     else:
-        scan = scan_of(record, y, order, output=peak.form.output)
-        form, (fine, end) = peak.form, _refined(record, scan, peak, DROP * dispersion, step)
-        z, is_told = float(fine.z[fine.best]), True
+        scan = scan_of(record, y, order, output=form.output)
+        if peak.end is None or record.sampling.factor == 1:
+            end = None if peak.end is None else (peak.end, 0)
+            fine = _lasting(record, scan, peak, drop, step)
+        else:
+            fine, end = _ending(record, scan, form, (peak.onset, 0), (peak.end, 0), drop, step)
+        z, frequency_is_known = float(fine.z[fine.best]), True
     report(1.0)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
-    inside = np.flatnonzero(missing <= DROP * dispersion)
+    inside = np.flatnonzero(missing <= drop)
+    # The spread of the magnitude includes its change with the onset; it is NaN where the best onset has none.
+    sd, seen = float("nan"), np.isfinite(fine.sd)
+    if seen[best]:
+        weight = np.exp(-0.5 * missing / dispersion)[seen]
+        squares = dispersion * fine.sd[seen] ** 2 + (fine.z[seen] - fine.z[best]) ** 2
+        sd = float(np.sqrt(np.sum(weight * squares) / np.sum(weight)))
     return Estimate(
         form=form,
         onset_s=float(fine.onset_s[best]),
         onset_ci95=(_beyond(fine, int(inside[0]), -1), _beyond(fine, int(inside[-1]), 1)),
         offset_s=None if end is None else record.onset_s(*end),
         z=z,
-        sd=_spread(fine, np.exp(-0.5 * missing / dispersion), dispersion),
+        sd=sd,
         signal=z * signal(form, record.sampling, fine.places[best], end),
         statistic=float(fine.statistic[best]),
-        is_told=is_told,
+        frequency_is_known=frequency_is_known,
     )
 
 
-def _around(likelihood: Likelihood, peak: Peak, one: Sinusoid) -> tuple[Fine, Place | None]:
-    """Return the profile over the start of an oscillation, and its end."""
-    record = likelihood.record
-    factor = record.sampling.factor
-    half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / one.frequency_hz))
-    stride = -phases(record).step
-    offsets = {*range(-half, half + 1, factor), *range(-BESIDE * factor, BESIDE * factor + 1, stride), 0}
-    earliest = (likelihood.order + record.sampling.lead) * factor
-    latest = (record.sampling.n_samples - likelihood.order) * factor if one.end is None else one.end - factor
-    starts = sorted(one.start + k for k in offsets if k == 0 or earliest <= one.start + k < latest)
-    statistic, z = statistics(likelihood, peak, one, starts)
-    statistic[starts.index(one.start)] = max(one.statistic, statistic.max())
-    places = tuple(place(start, factor) for start in starts)
-    fine = Fine(
-        places=places,
-        onset_s=np.array([record.onset_s(*at) for at in places]),
-        z=z,
-        sd=np.full(len(z), one.sd),
-        statistic=statistic,
-        step_s=step_s(record),
-    )
-    return fine, None if one.end is None else place(one.end, factor)
-
-
-def _beyond(fine: Fine, last: int, side: int) -> float:
+def _beyond(fine: SubsampleProfile, last: int, side: int) -> float:
     """Return the first onset that the profile does not admit, beyond the last that it does."""
     k = last + side
     onset_s = fine.onset_s[k] if 0 <= k < len(fine.onset_s) else fine.onset_s[last] + side * fine.step_s
     return round(float(onset_s), DECIMALS)
 
 
-def _spread(fine: Fine, weight: FloatArray, dispersion: float) -> float:
-    """Return the standard deviation of the magnitude, its change with the onset included; NaN where there is none."""
-    seen = np.isfinite(fine.sd)
-    if not seen[fine.best]:
-        return float("nan")
-    squares = dispersion * fine.sd[seen] ** 2 + (fine.z[seen] - fine.z[fine.best]) ** 2
-    return float(np.sqrt(np.sum(weight[seen] * squares) / np.sum(weight[seen])))
+def _phases(record: ScanRecord) -> range:
+    """Return the phases that are tried, see `shapes.waveform`."""
+    factor = record.sampling.factor
+    return range(0, -factor, -max(1, -(-factor // MOST_PHASES)))
 
 
-def _refined(record: ScanRecord, scan: Scan, peak: Peak, drop: float, step: Step) -> tuple[Fine, Place | None]:
-    """Return the profile with the onsets between the conditioned samples where they matter, and the end."""
-    if record.sampling.factor == 1:
-        end = None if peak.end is None else (peak.end, 0)
-        return _joined(record, [(0, peak.profile)], 1.0 / record.sampling.rate_hz), end
-    if peak.end is not None:
-        return _ending(record, scan, peak.form, ((peak.onset, 0), (peak.end, 0)), drop, step)
-    close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
-    nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
-    return _lasting(record, scan, peak.form, nearby, step), None
+def _profile(
+    record: ScanRecord, places: Sequence[SubsampleIndex], z: FloatArray, sd: FloatArray, statistic: FloatArray
+) -> SubsampleProfile:
+    step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
+    onset_s = np.array([record.onset_s(*place) for place in places])
+    return SubsampleProfile(places=tuple(places), onset_s=onset_s, z=z, sd=sd, statistic=statistic, step_s=step_s)
 
 
-def _lasting(record: ScanRecord, scan: Scan, form: Form, nearby: IntArray, step: Step) -> Fine:
-    lead = record.sampling.lead
-    found = []
-    for phase in phases(record):
-        step()
-        profile = scan_shape(scan, waveform(form, record.sampling, phase), nearby - lead)
-        found.append((phase, replace(profile, onsets=nearby)))
-    return _joined(record, found, step_s(record))
+def _lasting(record: ScanRecord, scan: Scan, peak: Peak, drop: float, step: Step) -> SubsampleProfile:
+    """Return the profile with the onsets between the conditioned samples where they matter."""
+    profiles = [(0, peak.profile)]
+    if record.sampling.factor > 1:
+        close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
+        nearby: IntArray = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
+        profiles = []
+        for phase in _phases(record):
+            step()
+            profile = scan_shape(scan, waveform(peak.form, record.sampling, phase), nearby - record.sampling.lead)
+            profiles.append((phase, replace(profile, onsets=nearby)))
+    places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
+    z, sd, statistic = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
+    ranked = np.argsort([record.onset_s(*place) for place in places])
+    return _profile(record, [places[i] for i in ranked], z[ranked], sd[ranked], statistic[ranked])
 
 
 def _ending(
-    record: ScanRecord, scan: Scan, form: Form, span: tuple[Place, Place], drop: float, step: Step
-) -> tuple[Fine, Place]:
+    record: ScanRecord,
+    scan: Scan,
+    form: ShapeHypothesis,
+    start: SubsampleIndex,
+    end: SubsampleIndex,
+    drop: float,
+    step: Step,
+) -> tuple[SubsampleProfile, SubsampleIndex]:
     """Move end and start in turn between the conditioned samples; the search for both knew sharp edges only.
 
     The filter smears the edges, so the best start of sharp ones may be far off: starts everywhere are asked again.
     """
-    start, end = span
-    end = _best_end(record, scan, form, start, end, step)
-    every = within(record, scan, [*{start, *((k, 0) for k in range(0, end[0] - 1, STRIDE))}])
-    coarse = pulses(record, scan, form, [(one, end) for one in every], step)
+    sampling, phases = record.sampling, _phases(record)
+
+    def profile(spans: Sequence[tuple[SubsampleIndex, SubsampleIndex]]) -> SubsampleProfile:
+        points = []
+        for begun, ended in spans:
+            step()
+            first = begun[0] - sampling.lead
+            samples = np.zeros(sampling.n_samples)
+            samples[: sampling.n_samples - first] = signal(form, sampling, begun, ended)[first:]
+            points.append(scan_shape(scan, waveforms.sampled(samples), np.array([first])))
+        z, sd, statistic = (np.array([getattr(one, name)[0] for one in points]) for name in ("z", "sd", "statistic"))
+        return _profile(record, [begun for begun, _ in spans], z, sd, statistic)
+
+    def allowed(places: set[SubsampleIndex]) -> list[SubsampleIndex]:
+        earliest, latest = scan.order + sampling.lead, scan.n_samples - scan.order
+        return sorted((at for at in places if earliest <= at[0] < latest), key=lambda at: record.onset_s(*at))
+
+    def best_end() -> SubsampleIndex:
+        ends = [(min(end[0] + k, sampling.n_samples - 1), phase) for k in range(-1, BESIDE) for phase in phases]
+        factor = sampling.factor
+        ends = [at for at in ends if at[0] * factor + at[1] > start[0] * factor + start[1]]
+        return ends[profile([(start, at) for at in ends]).best]
+
+    end = best_end()
+    every = allowed({start, *((k, 0) for k in range(0, end[0] - 1, STRIDE))})
+    coarse = profile([(at, end) for at in every])
     missing = coarse.statistic.max() - coarse.statistic
-    close = [one for one, less in zip(every, missing, strict=True) if less <= drop]
+    close = [at for at, less in zip(every, missing, strict=True) if less <= drop]
     start = every[coarse.best]
     for _ in range(ROUNDS):
-        end = _best_end(record, scan, form, start, end, step)
+        end = best_end()
         near = range(start[0] - BESIDE, start[0] + BESIDE + 1)
-        places = within(record, scan, [*{*close, *((k, phase) for k in near for phase in phases(record))}])
-        fine = pulses(record, scan, form, [(one, end) for one in places if one[0] < end[0] - 1], step)
+        places = allowed({*close, *((k, phase) for k in near for phase in phases)})
+        fine = profile([(at, end) for at in places if at[0] < end[0] - 1])
         start = fine.places[fine.best]
     return fine, end
-
-
-def _best_end(record: ScanRecord, scan: Scan, form: Form, start: Place, end: Place, step: Step) -> Place:
-    latest, factor = record.sampling.n_samples - 1, record.sampling.factor
-    ends = [(min(end[0] + k, latest), phase) for k in range(-1, BESIDE) for phase in phases(record)]
-    ends = [one for one in ends if one[0] * factor + one[1] > start[0] * factor + start[1]]
-    return ends[pulses(record, scan, form, [(start, one) for one in ends], step).best]
-
-
-def _joined(record: ScanRecord, profiles: Sequence[tuple[int, Profile]], step: float) -> Fine:
-    places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
-    onset_s = np.array([record.onset_s(*place) for place in places])
-    ranked = np.argsort(onset_s)
-    z, sd, statistic = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
-    return Fine(
-        places=tuple(places[i] for i in ranked),
-        onset_s=onset_s[ranked],
-        z=z[ranked],
-        sd=sd[ranked],
-        statistic=statistic[ranked],
-        step_s=step,
-    )

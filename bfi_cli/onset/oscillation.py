@@ -1,8 +1,10 @@
-"""An oscillation measured: frequency, start, end and, where the record asks for one, a phase at its onset.
+"""An oscillation estimated: frequency, start, end and, where the record asks for one, a phase at its onset.
 
-The scan looks for phase 0 at the onset. Around what it finds, frequency and phase are refined by Gauss-Newton steps
-with the phase free, as magnitudes of a sine and of a cosine (METHOD section 5), and start and end by the likelihood at
-the log's own samples. Then phase 0 is asked for again: it is given up where the record says so clearly.
+1. The scan looks for phase 0 at the onset. From its peak, and from a step that was seen, frequency and phase are
+   refined by Gauss-Newton steps with the phase free, as magnitudes of a sine and of a cosine (docs/theory.md, 9.3).
+2. Start and end are moved to the maximum of the likelihood at the log's own samples, and step 1 is repeated.
+3. Phase 0 is asked for again, where the free oscillation passes zero. It is given up where the statistic gains more
+   than one parameter and strong evidence ask for.
 """
 
 from __future__ import annotations
@@ -16,26 +18,34 @@ from numpy.typing import NDArray
 from ..config import STRONG_EVIDENCE
 from ..kernels.onset.frequency import MIN_CYCLES
 from ..kernels.variable_projection import Fit
-from .joint import Likelihood
-from .record import ScanRecord
-from .shapes import Form, Place, signal
+from .scan_record import Likelihood, ScanRecord
+from .shapes import ShapeHypothesis, signal, subsample_index
 from .sweep import Peak
 
-__all__ = ["Sinusoid", "measured", "place", "statistics"]
+__all__ = ["OscillationSearch", "Sinusoid", "estimate_oscillation", "oscillation_search"]
 
 FloatArray = NDArray[np.float64]
 
+# Frequencies are counted in 1 / duration, the width of a peak of the likelihood over frequency. Steps below half
+# of it miss no peak; the counts bound the time and were set by trial on simulated flights with one and two faults.
+# Where the phase-0 scan may be off once the phase is free: by less than one width, in steps under half a width.
 BESIDE = (-0.8, -0.4, 0.0, 0.4, 0.8)
-MIDDLE = len(BESIDE) // 2
+# The step of the grid from a jump, and how many of its frequencies, nearest to the scan's, are tried and refined.
 APART = 0.4
 MOST_FREQUENCIES = 120
-CLIMBED = 2
+REFINED = 2
+# A Gauss-Newton step is no longer than this, within the peak around its maximum; it takes its derivative over
+# +-DIFFERENCE, and ends after ITERATIONS or once a step is below CONVERGED of the longest.
 LARGEST_STEP = 0.3
 DIFFERENCE = 0.01
 ITERATIONS = 8
-SETTLED = 1e-4
+CONVERGED = 1e-4
+# Edges are moved in twelfths of a period over half a period to either side, then in ever smaller strides.
 PARTS = 12
+# Frequency and edges are refined in turn, and as many candidates of phase 0 are: the second round moves little.
 ROUNDS = 2
+# The frequency is known if its standard deviation is below three times the Cramer-Rao bound: wide enough for coloured
+# errors, and too narrow for a bend at the record's start that only resembles an oscillation.
 WORSE = 3.0
 
 
@@ -64,8 +74,8 @@ class Sinusoid:
     duration_s: float = np.nan
 
     @property
-    def is_told_by_the_record(self) -> bool:
-        """Whether the frequency is known as well as an oscillation of this statistic tells it (Cramer-Rao bound).
+    def frequency_is_known(self) -> bool:
+        """Whether the frequency is known as well as an oscillation of this statistic tells it (the Cramer-Rao bound).
 
         A slow one that does no more than bend the record at its start is not: any other bend would do.
         """
@@ -74,217 +84,203 @@ class Sinusoid:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Search:
-    """What is searched: a likelihood, the shape's output, the least and largest start, and the likelihood without."""
+class OscillationSearch:
+    """What is searched: a likelihood around a peak of the scan.
+
+    Attributes
+    ----------
+    form : the hypothesis, its phase 0; begin : the oscillation at the peak.
+    first, last : least and largest start, samples of the log's own rate.
+    log_det : of the residual covariance without the oscillation.
+    """
 
     likelihood: Likelihood
-    form: Form
+    form: ShapeHypothesis
+    begin: Sinusoid
     first: int
     last: int
     log_det: float
 
     @property
     def record(self) -> ScanRecord:
+        """The record that was scanned."""
         return self.likelihood.record
 
     @property
     def native_hz(self) -> float:
+        """Rate of the log."""
         return self.record.sampling.rate_hz * self.record.sampling.factor
+
+    def end(self, one: Sinusoid) -> int:
+        """Return the sample at which a sinusoid ends, the last where it lasts."""
+        return self.last if one.end is None else one.end
+
+    def duration_s(self, one: Sinusoid) -> float:
+        """Return the time from start to end."""
+        return (self.end(one) - one.start) / self.native_hz
 
     def signals(self, one: Sinusoid) -> FloatArray:
         """(n_samples, 1) of phase 0 at the start, or (n_samples, 2): sine and cosine, phase 0 amid the pulse."""
-        factor = self.record.sampling.factor
-        middle = (one.start + (self.last if one.end is None else one.end)) // 2
+        factor, middle = self.record.sampling.factor, (one.start + self.end(one)) // 2
         forms = [replace(self.form, parameter=one.frequency_hz)]
         if one.free:
             forms = [replace(forms[0], phase_rad=phase, anchor=middle) for phase in (0.0, 0.5 * np.pi)]
-        end = None if one.end is None else place(one.end, factor)
-        return np.stack([signal(f, self.record.sampling, place(one.start, factor), end) for f in forms], axis=1)
+        start = subsample_index(one.start, factor)
+        end = None if one.end is None else subsample_index(one.end, factor)
+        return np.stack([signal(form, self.record.sampling, start, end) for form in forms], axis=1)
 
-    def fit(self, one: Sinusoid) -> Fit:
-        return self.likelihood.on_output(self.signals(one), self.form.output, one.sizes)
+    def fit(self, signals: FloatArray, start: FloatArray | None) -> Fit:
+        """Return the fit of the magnitudes of signals (n_samples, n_signals) of the output."""
+        return self.likelihood.on_output(signals, self.form.output, start)
 
     def statistic(self, fit: Fit) -> float:
+        """Return 2 log of the likelihood ratio of a fit."""
         return self.likelihood.n_rows * (self.log_det - fit.log_det)
 
-    def duration_s(self, one: Sinusoid) -> float:
-        return ((self.last if one.end is None else one.end) - one.start) / self.native_hz
+    def ranked(self, candidates: Sequence[Sinusoid]) -> list[Sinusoid]:
+        """Return the candidates with their magnitudes, the likeliest first."""
+        fits = [self.fit(self.signals(one), one.sizes) for one in candidates]
+        order = np.argsort([fit.log_det for fit in fits], kind="stable")
+        return [replace(candidates[int(k)], sizes=fits[int(k)].z) for k in order]
+
+    def profile(self, one: Sinusoid, starts: Sequence[int]) -> FloatArray:
+        """Return (statistic, amplitude), (2, n_starts), of the sinusoid begun at other samples of the log's own rate.
+
+        A free phase stays in time.
+        """
+        points = []
+        for start in starts:
+            fit = self.fit(self.signals(replace(one, start=start)), one.sizes)
+            points.append((self.statistic(fit), float(np.linalg.norm(fit.z)) if one.free else float(fit.z[0])))
+        return np.array(points).T
 
 
-def measured(likelihood: Likelihood, peak: Peak, *, dispersion: float = 1.0, jump: int | None = None) -> Sinusoid:
-    """Return the oscillation near a peak of the scan.
-
-    Parameters
-    ----------
-    likelihood : of the record that was scanned, at the order of the peak.
-    dispersion : how many times the statistic exceeds what white noise would make it, at least 1.
-    jump : sample of the log's own rate at which a step was seen: an oscillation that does not begin at zero begins with
-        one, and its other frequencies and phases have hills of their own.
-    """
-    search, begin = _search(likelihood, peak)
-    step = 1.0 / search.duration_s(begin)
-    near = [replace(begin, frequency_hz=begin.frequency_hz + k * step) for k in BESIDE]
-    low, high = likelihood.record.band_hz
-    near = [one for one in near if one is near[MIDDLE] or low <= one.frequency_hz <= high]
-    tried = [_tuned(search, one) for one in [*near, *_from_jump(search, begin, jump)]]
-    free = max(tried, key=lambda one: one.statistic)
-    for _ in range(ROUNDS):
-        free = _tuned(search, _shifted(search, free))
-    tied = _tied(search, free, begin)
-    wanted = dispersion * (float(np.log(likelihood.n_rows)) + STRONG_EVIDENCE)
-    return free if free.statistic > tied.statistic + wanted else tied
-
-
-def _from_jump(search: _Search, begin: Sinusoid, jump: int | None) -> list[Sinusoid]:
-    """Return the likeliest sinusoids that begin at a sample, over the frequencies of the band nearest to the peak's."""
-    last = search.last if begin.end is None else begin.end
-    if jump is None or not search.first <= jump < last:
-        return []
-    begun = replace(begin, start=jump)
-    duration_s, (low, high) = search.duration_s(begun), search.record.band_hz
-    frequencies = np.arange(max(low, MIN_CYCLES / duration_s), high, APART / duration_s)
-    nearest = np.argsort(np.abs(frequencies - begin.frequency_hz))[:MOST_FREQUENCIES]
-    return _ranked(search, [replace(begun, frequency_hz=float(frequencies[k])) for k in nearest])[:CLIMBED]
-
-
-def _search(likelihood: Likelihood, peak: Peak) -> tuple[_Search, Sinusoid]:
+def oscillation_search(likelihood: Likelihood, peak: Peak) -> OscillationSearch:
+    """Return the search around a peak of the scan, of the record and at the order of `likelihood`."""
     record, order = likelihood.record, likelihood.order
     factor, lead, n = record.sampling.factor, record.sampling.lead, record.sampling.n_samples
     assert peak.form.parameter is not None
-    search = _Search(
+    return OscillationSearch(
         likelihood=likelihood,
         form=replace(peak.form, phase_rad=0.0),
+        begin=Sinusoid(
+            frequency_hz=peak.form.parameter,
+            start=peak.onset * factor,
+            end=None if peak.end is None else peak.end * factor,
+            free=True,
+            phase_rad=0.0,
+            z=float(peak.profile.z[peak.profile.best]),
+            sd=np.nan,
+            statistic=peak.statistic,
+        ),
         first=(order + lead) * factor,
         last=(n - 1 - order) * factor,
         log_det=likelihood.on_output(np.zeros((n, 0)), peak.form.output).log_det,
     )
-    begin = Sinusoid(
-        frequency_hz=peak.form.parameter,
-        start=peak.onset * factor,
-        end=None if peak.end is None else peak.end * factor,
-        free=True,
-        phase_rad=0.0,
-        z=float(peak.profile.z[peak.profile.best]),
-        sd=np.nan,
-        statistic=peak.statistic,
-    )
-    return search, begin
 
 
-def _tuned(search: _Search, one: Sinusoid) -> Sinusoid:
+def estimate_oscillation(search: OscillationSearch, *, dispersion: float = 1.0, jump: int | None = None) -> Sinusoid:
+    """Return the oscillation near the peak of a search, by the steps named at the head of this file.
+
+    Parameters
+    ----------
+    dispersion : how many times the statistic exceeds what white noise would make it, at least 1.
+    jump : sample of the log's own rate at which a step was seen: an oscillation that does not begin at zero begins with
+        one, and its other frequencies and phases have hills of their own.
+    """
+    begin, (low, high) = search.begin, search.record.band_hz
+    width = 1.0 / search.duration_s(begin)
+    near = [(k, replace(begin, frequency_hz=begin.frequency_hz + k * width)) for k in BESIDE]
+    tried = [one for k, one in near if k == 0.0 or low <= one.frequency_hz <= high]
+    if jump is not None and search.first <= jump < search.end(begin):
+        begun = replace(begin, start=jump)
+        duration_s = search.duration_s(begun)
+        frequencies = np.arange(max(low, MIN_CYCLES / duration_s), high, APART / duration_s)
+        nearest = np.argsort(np.abs(frequencies - begin.frequency_hz))[:MOST_FREQUENCIES]
+        tried += search.ranked([replace(begun, frequency_hz=float(frequencies[k])) for k in nearest])[:REFINED]
+    free = max([_refine_frequency(search, one) for one in tried], key=lambda one: one.statistic)
+    for _ in range(ROUNDS):
+        free = _refine_frequency(search, _move_edges(search, free))
+    tied = _with_phase_zero(search, free)
+    wanted = dispersion * (float(np.log(search.likelihood.n_rows)) + STRONG_EVIDENCE)
+    return free if free.statistic > tied.statistic + wanted else tied
+
+
+def _refine_frequency(search: OscillationSearch, one: Sinusoid) -> Sinusoid:
     """Return the sinusoid with amplitude, phase and frequency at their maximum, start and end kept (Gauss-Newton)."""
     duration_s, (lowest, highest) = search.duration_s(one), search.record.band_hz
     delta, limit = DIFFERENCE / duration_s, LARGEST_STEP / duration_s
     lowest = min(max(lowest, MIN_CYCLES / duration_s), highest)
     signals, start = search.signals(one), one.sizes
     for _ in range(ITERATIONS):
-        z = search.likelihood.on_output(signals, search.form.output, start).z
-        slope = [search.signals(replace(one, frequency_hz=one.frequency_hz + d)) @ z for d in (-delta, delta)]
+        sizes = search.fit(signals, start).z
+        slope = [search.signals(replace(one, frequency_hz=one.frequency_hz + d)) @ sizes for d in (-delta, delta)]
         change = (slope[1] - slope[0])[:, None] / (2.0 * delta)
         size = float(np.linalg.norm(change)) or 1.0
-        fit = search.likelihood.on_output(np.hstack([signals, change / size]), search.form.output, np.append(z, 0.0))
-        step = float(np.clip(fit.z[-1] / size, -limit, limit))
+        joint = search.fit(np.hstack([signals, change / size]), np.append(sizes, 0.0))
+        step = float(np.clip(joint.z[-1] / size, -limit, limit))
         one = replace(one, frequency_hz=float(np.clip(one.frequency_hz + step, lowest, highest)))
-        signals, start = search.signals(one), fit.z[:-1]
-        if abs(step) < SETTLED * limit:
+        signals, start = search.signals(one), joint.z[:-1]
+        if abs(step) < CONVERGED * limit:
             break
-    one = _with_size(search, one, signals, fit)
-    return replace(one, frequency_sd_hz=_deviation(fit) / size, duration_s=duration_s)
-
-
-def _deviation(joint: Fit) -> float:
-    """Return the standard deviation of the last magnitude; infinite where the record says nothing of it."""
-    information = joint.information
-    rest, cross = information[:-1, :-1], information[:-1, -1]
-    own = float(information[-1, -1] - cross @ np.linalg.pinv(rest, hermitian=True) @ cross)
-    return 1.0 / float(np.sqrt(own)) if own > 0.0 else np.inf
-
-
-def _with_size(search: _Search, one: Sinusoid, signals: FloatArray, joint: Fit) -> Sinusoid:
-    """Return the sinusoid with amplitude, its deviation (the frequency's in it), phase at the start and statistic."""
-    k = signals.shape[1]
-    fit = search.likelihood.on_output(signals, search.form.output, joint.z[:k])
-    covariance = np.linalg.pinv(joint.information, hermitian=True)[:k, :k]
-    z = float(np.linalg.norm(fit.z)) if one.free else float(fit.z[0])
-    along = fit.z / z if z else np.ones(k)
-    phase = 0.0
+    # The deviation of the amplitude includes what the frequency adds; that of the frequency is infinite where the
+    # record says nothing of it.
+    information, k = joint.information, signals.shape[1]
+    covariance = np.linalg.pinv(information, hermitian=True)[:k, :k]
+    cross = information[:k, k]
+    own = float(information[k, k] - cross @ np.linalg.pinv(information[:k, :k], hermitian=True) @ cross)
+    fit = search.fit(signals, start)
+    z, phase = float(fit.z[0]), 0.0
     if one.free:
-        middle = (one.start + (search.last if one.end is None else one.end)) // 2
+        z, middle = float(np.linalg.norm(fit.z)), (one.start + search.end(one)) // 2
         turned = replace(
-            search.form,
-            parameter=one.frequency_hz,
-            phase_rad=float(np.arctan2(fit.z[1], fit.z[0])),
-            anchor=middle,
+            search.form, parameter=one.frequency_hz, phase_rad=float(np.arctan2(fit.z[1], fit.z[0])), anchor=middle
         )
         phase = turned.phase_at(one.start, search.native_hz)
-    sd = float(np.sqrt(along @ covariance @ along))
-    return replace(one, z=z, sd=sd, phase_rad=phase, statistic=search.statistic(fit), sizes=fit.z)
+    along = fit.z / z if z else np.ones(k)
+    return replace(
+        one,
+        z=z,
+        sd=float(np.sqrt(along @ covariance @ along)),
+        phase_rad=phase,
+        statistic=search.statistic(fit),
+        sizes=fit.z,
+        frequency_sd_hz=(1.0 / float(np.sqrt(own)) if own > 0.0 else np.inf) / size,
+        duration_s=duration_s,
+    )
 
 
-def _shifted(search: _Search, one: Sinusoid) -> Sinusoid:
+def _move_edges(search: OscillationSearch, one: Sinusoid) -> Sinusoid:
     """Move start, then end, to where the statistic is largest: by parts of a period first, by single samples last."""
     period = search.native_hz / one.frequency_hz
     stride, reach = max(1, round(period / PARTS)), PARTS // 2
     while True:
         starts = (one.start + k * stride for k in range(-reach, reach + 1))
-        latest = (search.last if one.end is None else one.end) - MIN_CYCLES * period
-        one = _best_of(search, [one, *(replace(one, start=k) for k in starts if search.first <= k <= latest)])
+        latest = search.end(one) - MIN_CYCLES * period
+        one = search.ranked([one, *(replace(one, start=k) for k in starts if search.first <= k <= latest)])[0]
         if one.end is not None:
             ends = (one.end + k * stride for k in range(-reach, reach + 1))
             earliest = one.start + MIN_CYCLES * period
-            one = _best_of(search, [one, *(replace(one, end=k) for k in ends if earliest <= k <= search.last)])
+            one = search.ranked([one, *(replace(one, end=k) for k in ends if earliest <= k <= search.last)])[0]
         if stride == 1:
             return one
         stride, reach = max(1, stride // 4), 4
 
 
-def _best_of(search: _Search, candidates: Sequence[Sinusoid]) -> Sinusoid:
-    fits = [search.fit(one) for one in candidates]
-    best = int(np.argmin([fit.log_det for fit in fits]))
-    return replace(candidates[best], sizes=fits[best].z)
-
-
-def _tied(search: _Search, free: Sinusoid, begin: Sinusoid) -> Sinusoid:
-    """Return the best sinusoid of phase 0 at its start, sought where the free one passes zero."""
+def _with_phase_zero(search: OscillationSearch, free: Sinusoid) -> Sinusoid:
+    """Return the best sinusoid of phase 0 at its start, sought where the free one passes zero and at the peak."""
     period = search.native_hz / free.frequency_hz
     since = free.phase_rad / (2.0 * np.pi) * period
     crossings = [round(free.start - since + 0.5 * k * period) for k in range(-2, 4)]
-    latest = (search.last if free.end is None else free.end) - MIN_CYCLES * period
+    latest = search.end(free) - MIN_CYCLES * period
     starts = [k for k in crossings if search.first <= k <= latest]
     candidates = [replace(free, free=False, start=k, sizes=None) for k in starts]
-    ranked = _ranked(search, [*candidates, replace(begin, free=False)])[:ROUNDS]
-    found = []
-    for one in ranked:
-        one = _tuned(search, one)
+    refined = []
+    for one in search.ranked([*candidates, replace(search.begin, free=False)])[:ROUNDS]:
+        one = _refine_frequency(search, one)
         for stride in (4, 2, 1):
             beside = [one.start + k * stride for k in (-1, 0, 1)]
             near = [replace(one, start=k) for k in beside if search.first <= k < (one.end or search.last)]
-            one = max((_tuned(search, nearby) for nearby in near), key=lambda nearby: nearby.statistic, default=one)
-        found.append(one)
-    return max(found, key=lambda one: one.statistic)
-
-
-def _ranked(search: _Search, candidates: Sequence[Sinusoid]) -> list[Sinusoid]:
-    fits = [search.fit(one) for one in candidates]
-    return [replace(candidates[int(k)], sizes=fits[int(k)].z) for k in np.argsort([fit.log_det for fit in fits])]
-
-
-def statistics(likelihood: Likelihood, peak: Peak, one: Sinusoid, starts: Sequence[int]) -> FloatArray:
-    """Return (statistic, amplitude), (2, n_starts), of the sinusoid begun at other samples; a free phase stays in time.
-
-    Parameters
-    ----------
-    starts : samples of the log's own rate.
-    """
-    search, _ = _search(likelihood, peak)
-    found = []
-    for start in starts:
-        fit = search.fit(replace(one, start=start))
-        found.append((search.statistic(fit), float(np.linalg.norm(fit.z)) if one.free else float(fit.z[0])))
-    return np.array(found).T
-
-
-def place(sample: int, factor: int) -> Place:
-    """Return the conditioned sample and the phase of a sample of the log's own rate, see `shapes.waveform`."""
-    conditioned = -(-sample // factor)
-    return conditioned, sample - conditioned * factor
+            one = max([_refine_frequency(search, at) for at in near], key=lambda at: at.statistic, default=one)
+        refined.append(one)
+    return max(refined, key=lambda one: one.statistic)

@@ -1,18 +1,33 @@
-"""What the scan over all onsets found: plain frozen data that renders to a table, JSON and figures."""
+"""The result of the scan over all onsets, the dictionary it proposes, and its comparison with injected faults."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..dictionary import Dictionary
 from ..faults import Decision, Fault, FaultEstimate
+from ..identify.result import AgainstTruth
 from ..preprocessing.summary import LogSummary, ModelSummary
+from ..wording import instant
 
-__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile"]
+__all__ = [
+    "CalibrationUse",
+    "OnsetFault",
+    "OnsetResult",
+    "OnsetSeries",
+    "ShapeProfile",
+    "compare_with_injected",
+    "propose_dictionary",
+]
 
 FloatArray = NDArray[np.float64]
+
+# What the proposed dictionary is called where a file would be named.
+DICTIONARY_NAME = "onset scan"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,3 +130,51 @@ class OnsetResult:
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
     notes: tuple[str, ...]
+
+
+def propose_dictionary(result: OnsetResult) -> Dictionary:
+    """Return the faults that the scan declared; where it declared none, every shape of known form at its best onset."""
+    atoms = [one.estimate.fault for one in result.faults]
+    if not atoms:
+        for profile in result.profiles:
+            if profile.shape in ("bias", "drift", "sine"):
+                onset_s = float(profile.onset_s[profile.statistic.argmax()])
+                atoms.append(
+                    Fault(
+                        shape=profile.shape,  # type: ignore[arg-type]
+                        channel=profile.channel,
+                        onset_s=onset_s,
+                        frequency_hz=profile.frequency_hz,
+                        name=f"{profile.shape}_{instant(onset_s)}",
+                    )
+                )
+    if len({atom.name for atom in atoms}) < len(atoms):
+        atoms = [replace(atom, name=f"{atom.name}_{i}") for i, atom in enumerate(atoms, 1)]
+    return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path=DICTIONARY_NAME)
+
+
+def compare_with_injected(
+    plain: AgainstTruth, declared: Sequence[FaultEstimate], true: Sequence[Fault], *, tolerance_s: float
+) -> AgainstTruth:
+    """Compare with the injected faults: one is isolated where a declared one has its shape, its channel and its onset.
+
+    Parameters
+    ----------
+    plain : the comparison that asks for the very same signal, which an estimated onset or frequency never is.
+    tolerance_s : onsets that differ by no more are the same.
+    """
+    partner: dict[int, int] = {}
+    for i, fault in enumerate(true):
+        for j, one in enumerate(declared):
+            same = (one.fault.shape, one.fault.channel) == (fault.shape, fault.channel)
+            if same and abs(one.fault.onset_s - fault.onset_s) <= tolerance_s:
+                partner[i] = j
+                break
+    isolated = set(partner.values())
+    missed = tuple(f"{fault.shape}_{instant(fault.onset_s)}" for i, fault in enumerate(true) if i not in partner)
+    extra = tuple(one.name for j, one in enumerate(declared) if j not in isolated)
+    error = None
+    if true and not missed and not extra and len(isolated) == len(true):
+        sizes = np.array([[abs(declared[j].magnitude), abs(true[i].magnitude)] for i, j in partner.items()])
+        error = float(np.linalg.norm(sizes[:, 0] - sizes[:, 1]) / np.linalg.norm(sizes[:, 1]))
+    return replace(plain, isolated=not missed and not extra, false_alarms=extra, missed=missed, magnitude_error=error)

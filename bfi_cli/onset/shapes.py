@@ -19,18 +19,30 @@ from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.waveform import Waveform
 from ..wording import instant
 
-__all__ = ["Form", "Place", "Sampling", "fault_of", "forms_of", "signal", "waveform"]
+__all__ = [
+    "Sampling",
+    "ShapeHypothesis",
+    "SubsampleIndex",
+    "fault_of",
+    "shape_hypotheses",
+    "signal",
+    "subsample_index",
+    "waveform",
+]
 
 FloatArray = NDArray[np.float64]
-Place = tuple[int, int]
+# A conditioned sample, and the phase of one of the log's own samples before it, see `waveform`.
+SubsampleIndex = tuple[int, int]
 
+# Time constants and durations to try, a factor of two apart: the response to one between two of them differs little
+# from the nearer. One longer than a quarter of the window cannot be told from a drift.
 CONSTANTS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 LARGEST_SHARE = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """Samples of the conditioned record, and how they came from `factor` times as many."""
+    """Samples of the conditioned record, and how they came from `factor` times as many; of factor 1 unfiltered."""
 
     n_samples: int
     rate_hz: float
@@ -42,18 +54,10 @@ class Sampling:
         """Samples by which the filter shows a fault before its onset."""
         return self.lowpass.half_width if self.factor > 1 and self.lowpass.kind == "linear-phase" else 0
 
-    def shorter(self, n_samples: int) -> Sampling:
-        """Return the same sampling of fewer samples."""
-        return replace(self, n_samples=n_samples)
-
-    def sharp(self) -> Sampling:
-        """Return the same samples as if nothing had been filtered."""
-        return replace(self, factor=1)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
-    """A shape on one output.
+class ShapeHypothesis:
+    """The hypothesis of a shape on one output.
 
     Attributes
     ----------
@@ -79,20 +83,22 @@ class Form:
         return float(np.remainder(phase + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def forms_of(asked: StartTime, n_outputs: int, duration_s: float) -> tuple[Form, ...]:
+def shape_hypotheses(wanted: StartTime, n_outputs: int, duration_s: float) -> tuple[ShapeHypothesis, ...]:
     """Return every shape on every output; time constants and durations on a grid up to a quarter of the window."""
-    found = []
+    hypotheses = []
     for output in range(n_outputs):
-        for shape in asked.shapes:
+        for shape in wanted.shapes:
             grid: tuple[float | None, ...] = (None,)
             if shape in ("lagged_bias", "ramp_hold"):
                 grid = tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
-            file = asked.samples if shape == "samples" else None
-            found += [Form(shape=shape, output=output, parameter=parameter, file=file) for parameter in grid]
-    return tuple(found)
+            file = wanted.samples if shape == "samples" else None
+            hypotheses += [
+                ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=file) for parameter in grid
+            ]
+    return tuple(hypotheses)
 
 
-def waveform(form: Form, sampling: Sampling, phase: int = 0) -> Waveform:
+def waveform(form: ShapeHypothesis, sampling: Sampling, phase: int = 0) -> Waveform:
     """Return the shape of unit magnitude, conditioned; it starts `sampling.lead` samples before its onset.
 
     Parameters
@@ -111,16 +117,27 @@ def waveform(form: Form, sampling: Sampling, phase: int = 0) -> Waveform:
     signals = np.zeros((length, 1 + len(native.tails)))
     signals[before:] = np.vstack([native.samples, native.tails]).T
     conditioned = decimate(signals, factor, sampling.lowpass).T
+    weights = native.weights[:, ::factor][:, : n + 1]
+    # The last few weights are repeated: no fault within the record needs them.
+    weights = np.pad(weights, ((0, 0), (0, n + 1 - weights.shape[1])), mode="edge")
     return Waveform(
         samples=conditioned[0],
         unit=native.unit,
         tails=conditioned[1:],
-        weights=_stretched(native.weights, factor, n + 1),
+        weights=weights,
         shortest=-(-native.shortest // factor),
     )
 
 
-def signal(form: Form, sampling: Sampling, start: Place, end: Place | None = None) -> FloatArray:
+def subsample_index(sample: int, factor: int) -> SubsampleIndex:
+    """Return the conditioned sample and the phase of a sample of the log's own rate, see `waveform`."""
+    conditioned = -(-sample // factor)
+    return conditioned, sample - conditioned * factor
+
+
+def signal(
+    form: ShapeHypothesis, sampling: Sampling, start: SubsampleIndex, end: SubsampleIndex | None = None
+) -> FloatArray:
     """Return (n_samples,) what a fault of magnitude 1 adds to its output, conditioned.
 
     Parameters
@@ -138,13 +155,7 @@ def signal(form: Form, sampling: Sampling, start: Place, end: Place | None = Non
     return decimate(native, factor, sampling.lowpass)
 
 
-def _stretched(weights: FloatArray, factor: int, n: int) -> FloatArray:
-    """Every `factor`-th weight; the last few, which no fault within the record needs, repeated."""
-    taken = weights[:, ::factor][:, :n]
-    return np.pad(taken, ((0, 0), (0, n - taken.shape[1])), mode="edge")
-
-
-def _ideal(form: Form, n: int, rate_hz: float) -> Waveform:
+def _ideal(form: ShapeHypothesis, n: int, rate_hz: float) -> Waveform:
     match form.shape:
         case "bias":
             return waveforms.bias(n)
@@ -169,8 +180,10 @@ def _sampled(file: str | None, n: int, rate_hz: float) -> FloatArray:
     return unit_signal(Fault(shape="samples", file=file), np.arange(n) / rate_hz, window_start_s=0.0)
 
 
-def fault_of(form: Form, channel: str, *, magnitude: float, onset_s: float, offset_s: float | None = None) -> Fault:
-    """Return the fault of a form."""
+def fault_of(
+    form: ShapeHypothesis, channel: str, *, magnitude: float, onset_s: float, offset_s: float | None = None
+) -> Fault:
+    """Return the fault of a hypothesis."""
     key = {"sine": "frequency_hz", "lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}.get(form.shape)
     named = {} if key is None else {key: form.parameter}
     return Fault(

@@ -1,4 +1,8 @@
-"""All shapes at all onsets, the order of the model chosen together with the shape (METHOD section 5, Order)."""
+"""All shapes at all onsets, the order of the model chosen together with the shape.
+
+Order and shape have the least Bayesian information criterion, ``n log det - statistic + log n`` per parameter: an
+order chosen without the fault would be so high that it absorbs an oscillation.
+"""
 
 from __future__ import annotations
 
@@ -9,49 +13,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.onset.correlations import Scan, prepare_scan, tabulate
-from ..kernels.onset.frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
+from ..kernels.onset.frequency import MIN_CYCLES, ONSETS_PER_PERIOD, PEAKS, STEP, scan_frequency, scan_frequency_ends
 from ..kernels.onset.pairs import peaks, scan_ends
 from ..kernels.onset.profile import screen
 from ..kernels.onset.scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from ..kernels.onset.waveform import sine
 from ..kernels.progress import Report, parts, shares, silent
-from .record import ScanRecord
-from .shapes import Form, waveform
+from .scan_record import ScanRecord
+from .shapes import ShapeHypothesis, waveform
 
-__all__ = [
-    "Peak",
-    "Sweep",
-    "best_of",
-    "charged",
-    "criterion",
-    "lasting_peak",
-    "peak_of",
-    "plain_criterion",
-    "scan_of",
-    "sweep",
-]
+__all__ = ["Peak", "Sweep", "bic_change", "fault_free_bic", "lasting_peak", "scan_hypothesis", "scan_of", "sweep"]
 
 FloatArray = NDArray[np.float64]
 
-GRID = 0.5
-PER_PERIOD = 6
-SUSPECTS = 8
 # How long the search for a frequency takes, in scans of one shape; for the estimate of the time left only.
 SEARCH = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Peak:
-    """One form at all onsets.
+    """One hypothesis at all onsets.
 
     Attributes
     ----------
-    form : with the frequency found.
+    form : the hypothesis, with the frequency found.
     profile : over the onsets, which are conditioned samples of the record; with an end, at the best end.
     end : conditioned sample, None where the fault lasts.
     """
 
-    form: Form
+    form: ShapeHypothesis
     profile: Profile
     end: int | None
 
@@ -73,12 +63,12 @@ class Peak:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sweep:
-    """All forms at the order chosen.
+    """All hypotheses at the order chosen.
 
     Attributes
     ----------
     order : chosen; plain_order : the one chosen without a fault.
-    peaks : one per form.
+    peaks : one per hypothesis.
     orders, plain : tried, and the criterion of each without a fault.
     with_fault : the criterion of each with its best fault.
     """
@@ -96,7 +86,7 @@ class Sweep:
 
 
 def sweep(record: ScanRecord, y: FloatArray, order: int | None = None, report: Report = silent) -> Sweep:
-    """Scan every form over every onset.
+    """Scan every hypothesis over every onset.
 
     Parameters
     ----------
@@ -112,77 +102,91 @@ def sweep(record: ScanRecord, y: FloatArray, order: int | None = None, report: R
         [scan_of(record, y, s, output=i, first=max(orders)) for i in range(y.shape[1])]
         for s, _ in parts(preparing, orders)
     ]
-    plain = [plain_criterion(record, of_outputs[0]) for of_outputs in scans]
-    best = _best_of_orders(record, scans, plain, choosing) if several else plain
+    plain = [fault_free_bic(record, of_outputs[0]) for of_outputs in scans]
+    best = _bic_with_fault(record, scans, plain, choosing) if several else plain
     chosen = orders[int(np.argmin(np.minimum(plain, best)))]
-    found = _peaks(record, y, chosen, peaking)
+    scanned = _scan_all(record, y, chosen, peaking)
     if record.settings.ends and several:
+        # The coarse grid of frequencies knows no ends, so it may choose an order too high, which absorbs a short
+        # oscillation: start and end of the best hypothesis are sought anew at every order.
         comparing, peaking = shares(again, 1, 3)
-        best = np.minimum(best, _with(record, y, best_of(found), plain, comparing)).tolist()
+        peak, criteria = min(scanned, key=bic_change), []
+        for (s, base), own in parts(comparing, list(zip(orders, plain, strict=True))):
+            scan = scan_of(record, y, s, output=peak.form.output, first=max(orders))
+            span = scan_ends(
+                scan, waveform(peak.form, replace(record.sampling, n_samples=scan.n_samples, factor=1)), report=own
+            )
+            criteria.append(base - span.statistic + peak.n_parameters * float(np.log(scan.n_rows)))
+        best = np.minimum(best, criteria).tolist()
         if (better := orders[int(np.argmin(np.minimum(plain, best)))]) != chosen:
-            chosen, found = better, _peaks(record, y, better, peaking)
+            chosen, scanned = better, _scan_all(record, y, better, peaking)
     report(1.0)
     return Sweep(
         order=chosen,
         plain_order=orders[int(np.argmin(plain))],
-        peaks=found,
+        peaks=scanned,
         orders=orders,
         plain=tuple(plain),
         with_fault=tuple(best),
     )
 
 
-def _best_of_orders(
+def _bic_with_fault(
     record: ScanRecord, scans: Sequence[Sequence[Scan]], plain: Sequence[float], report: Report
 ) -> list[float]:
     """Return the criterion of every order with its best fault.
 
     A sine is tried at the frequencies that stand out at the lowest order, where its trace is largest, and at the order
-    that is best without a fault.
+    that is best without a fault: half the time of the whole grid at every order, and the same order in all trials made.
+    Its statistic at these is a lower bound.
     """
     looking, comparing = shares(report, 3, 6 if record.settings.ends else 1)
+    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
     suspects: dict[int, list[float]] = {}
     for form, of_form in parts(looking, record.forms):
         if form.shape == "sine" and form.output not in suspects:
-            looked = [*{0, int(np.argmin(plain))}]
-            found = [f for k, own in parts(of_form, looked) for f in _standing_out(record, scans[k][form.output], own)]
-            suspects[form.output] = sorted(set(found))
-    return [
-        min(
-            criterion(base, *_quick(record, of[form.output], form, suspects, own))
-            for form, own in parts(of_order, record.forms)
-        )
-        for (of, base), of_order in parts(comparing, list(zip(scans, plain, strict=True)))
-    ]
+            standing_out: set[float] = set()
+            for k, of_order in parts(of_form, [*{0, int(np.argmin(plain))}]):
+                scan = scans[k][form.output]
+                grid = np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / STEP)))
+                screened = np.array([_screen_sine(scan, float(f), own) for f, own in parts(of_order, list(grid))])
+                standing_out.update(float(grid[j]) for j in peaks(screened, PEAKS))
+            suspects[form.output] = sorted(standing_out)
+    best = []
+    for (of_outputs, base), of_order in parts(comparing, list(zip(scans, plain, strict=True))):
+        criteria = []
+        for form, own in parts(of_order, record.forms):
+            scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
+            sampling = replace(record.sampling, n_samples=scan.n_samples)
+            if form.shape == "sine":
+                statistic = max(_screen_sine(scan, f, part) for f, part in parts(own, suspects[form.output]))
+            elif record.settings.ends:
+                statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
+                n_parameters += 1
+            else:
+                statistic = float(scan_shape(scan, waveform(form, sampling), report=own).statistic.max())
+            criteria.append(base - statistic + n_parameters * float(np.log(scan.n_rows)))
+        best.append(min(criteria))
+    return best
 
 
-def _standing_out(record: ScanRecord, scan: Scan, report: Report) -> list[float]:
-    """Return the frequencies, cycles per sample, of the highest peaks of a coarse grid."""
-    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
-    grid = np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / GRID)))
-    statistic = np.array([_screened(scan, float(f), own) for f, own in parts(report, list(grid))])
-    return [float(grid[k]) for k in peaks(statistic, SUSPECTS)]
+def _screen_sine(scan: Scan, frequency: float, report: Report) -> float:
+    """Return the statistic of a sine of a frequency, cycles per sample, over a few onsets per period."""
+    wave = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+    onsets = default_onsets(scan)[:: max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))]
+    onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
+    if not onsets.size:
+        return 0.0
+    tables, bound = tabulate(scan, wave.samples), magnitude_bound(scan, wave, scan.n_samples - onsets)
+    screened = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
+    return float(-scan.n_rows * screened.F.min())
 
 
-def _peaks(record: ScanRecord, y: FloatArray, order: int, report: Report) -> tuple[Peak, ...]:
+def _scan_all(record: ScanRecord, y: FloatArray, order: int, report: Report) -> tuple[Peak, ...]:
     scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
     lengths = [SEARCH if form.shape == "sine" and form.parameter is None else 1 for form in record.forms]
     of_forms = zip(record.forms, shares(report, *lengths), strict=True)
-    return tuple(peak_of(record, scans[form.output], form, own) for form, own in of_forms)
-
-
-def _with(record: ScanRecord, y: FloatArray, peak: Peak, plain: Sequence[float], report: Report) -> list[float]:
-    """Return the criterion of every order with the form of a peak, its start and end sought anew.
-
-    The coarse grid of frequencies knows no ends, so that an order too high, which absorbs a short oscillation, may be
-    chosen by it.
-    """
-    found = []
-    for (order, base), own in parts(report, list(zip(record.orders, plain, strict=True))):
-        scan = scan_of(record, y, order, output=peak.form.output, first=max(record.orders))
-        span = scan_ends(scan, waveform(peak.form, record.sampling.shorter(scan.n_samples).sharp()), report=own)
-        found.append(criterion(base, span.statistic, peak.n_parameters * float(np.log(scan.n_rows))))
-    return found
+    return tuple(scan_hypothesis(record, scans[form.output], form, own) for form, own in of_forms)
 
 
 def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first: int | None = None) -> Scan:
@@ -203,74 +207,33 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
     )
 
 
-def plain_criterion(record: ScanRecord, scan: Scan) -> float:
+def fault_free_bic(record: ScanRecord, scan: Scan) -> float:
     """Return n log det of the residuals plus log n per parameter, without a fault."""
     n_inputs: int = record.u.shape[1]
     regressors = 1 + n_inputs * (scan.order + record.feedthrough) + scan.n_outputs * scan.order
     return scan.n_rows * float(np.log(scan.rss0)) + scan.n_outputs * regressors * float(np.log(scan.n_rows))
 
 
-def criterion(plain: float, statistic: float, charge: float) -> float:
-    """Return the criterion with a fault; `charge` is the sum of log n over its parameters."""
-    return plain - statistic + charge
-
-
-def _quick(
-    record: ScanRecord, scan: Scan, form: Form, suspects: dict[int, list[float]], report: Report
-) -> tuple[float, float]:
-    """Return the statistic of a form, for a sine a lower bound from the suspects, and the charge of its parameters."""
-    charge = float(np.log(scan.n_rows))
-    if form.shape != "sine":
-        sampling, n_parameters = record.sampling.shorter(scan.n_samples), 3 if form.parameter else 2
-        if record.settings.ends:
-            span = scan_ends(scan, waveform(form, sampling.sharp()), report=report)
-            return span.statistic, (n_parameters + 1) * charge
-        found = scan_shape(scan, waveform(form, sampling), report=report)
-        return float(found.statistic.max()), n_parameters * charge
-    return max(_screened(scan, f, own) for f, own in parts(report, suspects[form.output])), 3 * charge
-
-
-def _screened(scan: Scan, frequency: float, report: Report) -> float:
-    wave = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
-    onsets = default_onsets(scan)[:: max(1, int(1.0 / (PER_PERIOD * frequency)))]
-    onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
-    if not onsets.size:
-        return 0.0
-    tables, bound = tabulate(scan, wave.samples), magnitude_bound(scan, wave, scan.n_samples - onsets)
-    found = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return float(-scan.n_rows * found.F.min())
-
-
-def peak_of(record: ScanRecord, scan: Scan, form: Form, report: Report = silent) -> Peak:
-    """Return the exact scan of a form over the record; a sine without a frequency at its best one."""
+def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
+    """Return the exact scan of a hypothesis over the record; a sine without a frequency at its best one."""
+    rate_hz, ends = record.sampling.rate_hz, record.settings.ends
     if form.shape == "sine" and form.parameter is None:
         searching, report = shares(report, SEARCH, 1)
-        form = replace(form, parameter=_frequency(record, scan, searching))
-    if record.settings.ends:
-        span = scan_ends(scan, waveform(form, record.sampling.sharp()), report=report)
+        search = scan_frequency_ends if ends else scan_frequency
+        band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
+        form = replace(form, parameter=float(rate_hz * search(scan, band, report=searching)))
+    if ends:
+        span = scan_ends(scan, waveform(form, replace(record.sampling, factor=1)), report=report)
         return Peak(form=form, profile=span.over_starts, end=span.end)
     return lasting_peak(record, scan, form, report)
 
 
-def lasting_peak(record: ScanRecord, scan: Scan, form: Form, report: Report = silent) -> Peak:
-    """Return the exact scan of a form that does not end, with its frequency."""
-    found = scan_shape(scan, waveform(form, record.sampling), report=report)
-    return Peak(form=form, profile=replace(found, onsets=found.onsets + record.sampling.lead), end=None)
+def lasting_peak(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
+    """Return the exact scan of a hypothesis that does not end, with its frequency."""
+    profile = scan_shape(scan, waveform(form, record.sampling), report=report)
+    return Peak(form=form, profile=replace(profile, onsets=profile.onsets + record.sampling.lead), end=None)
 
 
-def _frequency(record: ScanRecord, scan: Scan, report: Report) -> float:
-    rate_hz = record.sampling.rate_hz
-    band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
-    if record.settings.ends:
-        return float(rate_hz * scan_frequency_ends(scan, band, report=report))
-    return float(rate_hz * scan_frequency(scan, band, report=report))
-
-
-def best_of(peaks: Sequence[Peak]) -> Peak:
-    """Return the peak with the least criterion."""
-    return min(peaks, key=charged)
-
-
-def charged(peak: Peak) -> float:
+def bic_change(peak: Peak) -> float:
     """Return what a peak adds to the criterion: log n per parameter less its statistic."""
     return peak.n_parameters * float(np.log(len(peak.profile.onsets))) - peak.statistic

@@ -14,7 +14,7 @@ from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.inject import inject
-from bfi_cli.onset.record import prepare_record
+from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.provenance import provenance
 
 

@@ -12,8 +12,8 @@ from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import find_onset
-from bfi_cli.onset.record import prepare_record
-from bfi_cli.onset.shapes import forms_of
+from bfi_cli.onset.scan_record import prepare_record
+from bfi_cli.onset.shapes import shape_hypotheses
 from bfi_cli.onset.sweep import sweep
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
@@ -218,7 +218,7 @@ def test_a_window_too_short_for_two_ends(flown, settings):
 def test_slow_shapes(flown, settings, shape):
     key = {"lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}[shape]
     record = prepare_record(flown(Fault(shape=shape, magnitude=2.0, onset_s=12.0, **{key: 2.0})), settings())
-    forms = forms_of(StartTime(shapes=(shape,)), 1, record.settings.duration_s)
+    forms = shape_hypotheses(StartTime(shapes=(shape,)), 1, record.settings.duration_s)
     found = sweep(replace(record, forms=forms), record.y, 4).of(shape)
     assert found.form.parameter == 2.0
     assert record.onset_s(found.onset) == pytest.approx(12.0, abs=0.11)

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from bfi_cli.config import StartTime
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.decimation import WHITE, Lowpass, decimate, lost_samples
-from bfi_cli.onset.shapes import Form, Sampling, fault_of, forms_of, waveform
+from bfi_cli.onset.shapes import Sampling, ShapeHypothesis, fault_of, shape_hypotheses, waveform
 
 N, RATE_HZ = 80, 10.0
 CAUSAL = Lowpass(half_width=2, cutoff=1.2, kind="causal")
 FORMS = (
-    Form(shape="bias", output=0),
-    Form(shape="drift", output=0),
-    Form(shape="sine", output=0, parameter=0.7),
-    Form(shape="lagged_bias", output=0, parameter=1.3),
-    Form(shape="ramp_hold", output=0, parameter=0.8),
+    ShapeHypothesis(shape="bias", output=0),
+    ShapeHypothesis(shape="drift", output=0),
+    ShapeHypothesis(shape="sine", output=0, parameter=0.7),
+    ShapeHypothesis(shape="lagged_bias", output=0, parameter=1.3),
+    ShapeHypothesis(shape="ramp_hold", output=0, parameter=0.8),
 )
 shapes = pytest.mark.parametrize("form", FORMS, ids=lambda form: form.shape)
 
@@ -67,11 +67,13 @@ def test_a_shape_less_its_tail_is_the_conditioned_fault_that_ends(form, factor, 
 
 
 def test_every_shape_is_looked_for_on_every_output():
-    found = forms_of(StartTime(shapes=("bias", "lagged_bias")), 2, 10.0)
+    found = shape_hypotheses(StartTime(shapes=("bias", "lagged_bias")), 2, 10.0)
     assert {(form.shape, form.output) for form in found} == {(s, i) for s in ("bias", "lagged_bias") for i in (0, 1)}
     assert {form.parameter for form in found if form.shape == "lagged_bias"} == {0.5, 1.0, 2.0}
 
 
 def test_a_sine_without_frequency_is_no_signal():
     with pytest.raises(ValueError, match="needs its parameter"):
-        waveform(Form(shape="sine", output=0), Sampling(n_samples=N, rate_hz=RATE_HZ, factor=1, lowpass=WHITE))
+        waveform(
+            ShapeHypothesis(shape="sine", output=0), Sampling(n_samples=N, rate_hz=RATE_HZ, factor=1, lowpass=WHITE)
+        )

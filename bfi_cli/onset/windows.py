@@ -1,4 +1,4 @@
-"""The statistic without a fault: from simulated records, or from windows of logs."""
+"""Calibration tables, the statistics of a scan without a fault: of simulated records, or of windows of logs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
 from ..kernels.progress import Report, parts, silent
-from .record import ScanRecord, prepare_record
+from .scan_record import ScanRecord, prepare_record
 from .sweep import Sweep, sweep
 
 __all__ = ["Windows", "earlier_windows", "gaussian_table", "table_of_windows", "windows_of"]
@@ -24,8 +24,11 @@ __all__ = ["Windows", "earlier_windows", "gaussian_table", "table_of_windows", "
 FloatArray = NDArray[np.float64]
 Windows = list[tuple[float, float]]
 
+# Simulated records of a Gaussian table: twice the fewest windows that a table needs.
 TRIALS = 40
+# Largest modulus of a pole of the simulated model: a fitted one may grow slightly where the true one does not.
 STABLE = 0.999
+# Windows that a sample of the log's earlier part belongs to: they give more statistics than windows apart.
 OVERLAPPING = 4
 
 
@@ -40,58 +43,34 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
     report : told how far it is.
     """
     rng = np.random.default_rng(seed)
-    model = _fitted(record, order)
-    with threadpool_limits(1):
-        sweeps = [
-            sweep(record, _simulated(record, model, order, rng), order, own) for _, own in parts(report, range(TRIALS))
-        ]
-    return _table(record.settings, sweeps, ("simulated",))
-
-
-def _fitted(record: ScanRecord, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return coefficients (n_regressors, n_outputs) on [1, input lags, output lags], and the residuals."""
-    X = np.hstack([_driven(record, order), lagged(record.y, range(1, order + 1))])
-    coefficients = np.asarray(np.linalg.lstsq(X, record.y[order:], rcond=None)[0], dtype=np.float64)
-    return coefficients, record.y[order:] - X @ coefficients
-
-
-def _driven(record: ScanRecord, order: int) -> FloatArray:
+    model = record.without_fault(record.y, order)
+    n_outputs = record.y.shape[1]
     first = 0 if record.feedthrough else 1
-    return np.hstack([np.ones((len(record.y) - order, 1)), lagged(record.u, range(first, order + 1), first=order)])
-
-
-def _simulated(
-    record: ScanRecord, model: tuple[FloatArray, FloatArray], order: int, rng: np.random.Generator
-) -> FloatArray:
-    coefficients, error = model
-    n_outputs = error.shape[1]
-    past = coefficients[-order * n_outputs :]
-    driven = _driven(record, order) @ coefficients[: -order * n_outputs]
-    root = np.linalg.svd(error / np.sqrt(len(error)), full_matrices=False)
-    driven += rng.standard_normal(error.shape) @ (root[1][:, None] * root[2])
-    past = _stabilised(past, order)
-    y = record.y.copy()
-    for k in range(order, len(y)):
-        y[k] = driven[k - order] + y[k - 1 :: -1][:order].reshape(-1) @ past
-    return y
-
-
-def _stabilised(past: FloatArray, order: int) -> FloatArray:
-    """Shrink (order * n_outputs, n_outputs) coefficients, lag by lag, until the recursion does not grow."""
-    n = past.shape[1]
-    companion = np.eye(order * n, k=-n)
-    companion[:n] = past.T
+    X = np.hstack([np.ones((len(model.error), 1)), lagged(record.u, range(first, order + 1), first=order)])
+    driven, past = X @ model.coefficients[: X.shape[1]], model.coefficients[X.shape[1] :]
+    _, scale, axes = np.linalg.svd(model.error / np.sqrt(len(model.error)), full_matrices=False)
+    # The output lags are shrunk, lag by lag, until the recursion does not grow.
+    companion = np.eye(order * n_outputs, k=-n_outputs)
+    companion[:n_outputs] = past.T
     radius = float(np.abs(np.linalg.eigvals(companion)).max())
     shrink = min(1.0, STABLE / radius) if radius > 1.0 else 1.0
-    return past * np.repeat(shrink ** np.arange(1, order + 1), n)[:, None]
+    past = past * np.repeat(shrink ** np.arange(1, order + 1), n_outputs)[:, None]
+    sweeps = []
+    with threadpool_limits(1):
+        for _, own in parts(report, range(TRIALS)):
+            expected = driven + rng.standard_normal(model.error.shape) @ (scale[:, None] * axes)
+            y = record.y.copy()
+            for k in range(order, len(y)):
+                y[k] = expected[k - order] + y[k - 1 :: -1][:order].reshape(-1) @ past
+            sweeps.append(sweep(record, y, order, own))
+    return _table(record.settings, sweeps, ("simulated",))
 
 
 def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float) -> Windows:
     """Return (from_s, to_s) of the windows of a length that fit between the configured start and end."""
     part = log.window(config.window.from_s, config.window.to_s)
-    first, last = float(part.time_s[0]), float(part.time_s[-1]) + 1.0 / part.rate_hz
-    n = int(np.floor((last - first - length_s) / step_s + 1e-9)) + 1
-    return [(first + i * step_s, first + i * step_s + length_s) for i in range(n)]
+    first = float(part.time_s[0])
+    return _tiles(first, float(part.time_s[-1]) + 1.0 / part.rate_hz - first, length_s, step_s)
 
 
 def earlier_windows(log: FlightLog, config: Config) -> Windows:
@@ -102,17 +81,20 @@ def earlier_windows(log: FlightLog, config: Config) -> Windows:
     LogError : there are too few.
     """
     part = log.window(config.window.from_s, config.window.to_s)
-    length_s = part.n_samples / part.rate_hz
-    before = float(part.time_s[0]) - float(log.time_s[0])
-    step_s = length_s / OVERLAPPING
-    n = int(np.floor((before - length_s) / step_s + 1e-9)) + 1
-    if n < FEWEST_WINDOWS:
+    length_s, first = part.n_samples / part.rate_hz, float(log.time_s[0])
+    before = float(part.time_s[0]) - first
+    windows = _tiles(first, before, length_s, length_s / OVERLAPPING)
+    if len(windows) < FEWEST_WINDOWS:
         needed = (1.0 + (FEWEST_WINDOWS - 1) / OVERLAPPING) * length_s
         raise LogError(
             f"{log.path}: --calibration self needs {needed:.4g} s before the window, got {before:.4g} s; "
             "choose a later --from or a shorter window, or give a table of bfi calibrate"
         )
-    first = float(log.time_s[0])
+    return windows
+
+
+def _tiles(first: float, duration_s: float, length_s: float, step_s: float) -> Windows:
+    n = int(np.floor((duration_s - length_s) / step_s + 1e-9)) + 1  # 1e-9 of a step is round-off in the times
     return [(first + i * step_s, first + i * step_s + length_s) for i in range(n)]
 
 

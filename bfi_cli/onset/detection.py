@@ -1,0 +1,260 @@
+"""Sequential detection of faults by a scan over all onsets, their joint re-estimation, and backward elimination."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from ..config import Config
+from ..errors import ConfigError
+from ..flightlog import FlightLog
+from ..kernels.onset.scan import STARTING
+from ..kernels.progress import Progress, Report, parts, shares, unseen
+from ..wording import instant
+from .assemble import assemble_result
+from .decision import Rule, Verdict, rule_for
+from .estimate import Estimate, estimate, subtract_faults
+from .result import OnsetFault, OnsetResult
+from .scan_record import Likelihood, ScanRecord, prepare_record
+from .sweep import Sweep, lasting_peak, scan_hypothesis, scan_of, sweep
+from .thesis import find_onset_as_published
+
+__all__ = ["find_onset"]
+
+FloatArray = NDArray[np.float64]
+
+# A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
+MOST_FAULTS = 5
+# Rounds of re-estimation, which end earlier once no onset moves and no magnitude by a tenth of its standard deviation.
+MOST_ROUNDS = 4
+UNMOVED = 0.1
+# An update may raise twice the negative log-likelihood by this much per sample, so that round-off does not stop the
+# refinement; the losses that it must reject, an onset too close to the ends for another order, are far larger.
+SLACK = 1e-3
+# An input moves most where it changes by half of the most it ever does, if that is in no more than 5 % of the samples;
+# a fault is beside it within 1.5 s, the time in which an error of the model dies out. Chosen without tuning.
+MOST, RARE, BESIDE_S = 0.5, 0.05, 1.5
+# An interval of an onset longer than this share of the window says hardly more than that there is a fault.
+HARDLY_KNOWN = 0.25
+
+
+def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
+    """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
+
+    1. Scan the record: every shape at every onset, the order of the model chosen together with the shape.
+    2. Compare the statistic that stands out most with its null distribution. While it is a fault: estimate it at the
+       log's own samples, re-estimate the faults before it, subtract all of them and scan again.
+    3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
+    4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
+
+    Parameters
+    ----------
+    log : in SI units, see `bfi_cli.flightlog.read_log`.
+    config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
+        published search, one solution per onset.
+    progress : told the name of every stage and how far it is.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be used.
+    ConfigError : the calibration cannot be used, or the method does not do what is asked.
+    """
+    if config.method not in ("ml", "risro"):
+        raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
+    with threadpool_limits(1):
+        if config.method == "risro":
+            return find_onset_as_published(log, config, progress)
+        record = prepare_record(log, config, partial(progress, "the window"))
+        first = sweep(record, record.y, report=partial(progress, "scan of all onsets"))
+        rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
+        verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
+        order = last.plain_order
+        if estimates:
+            estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
+        eliminate(record, verdicts, estimates, order, rule, progress)
+    verdict = verdicts[0] if verdicts else rule.verdict(first)
+    p_values = [one.p_value if rule.use.matches else None for one in verdicts]
+    result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.plain_order)
+    profiles = tuple(replace(one, threshold=rule.threshold(one.shape)) for one in result.profiles)
+    result = replace(
+        result,
+        decision="fault" if estimates else "no_fault",
+        false_alarm=rule.false_alarm,
+        p_value=verdict.p_value if rule.use.matches else None,
+        statistic=verdict.statistic,
+        threshold=verdict.threshold,
+        calibration=rule.use,
+        profiles=profiles,
+    )
+    notes = [*rule.notes, *_notes(record, result.faults, first.order)]
+    if not result.faults and not rule.use.matches:
+        profile = next(one for one in profiles if one.shape == verdict.shape)
+        best = int(profile.statistic.argmax())
+        size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
+        notes.insert(
+            0,
+            f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
+            f"{instant(profile.onset_s[best])} s, statistic {profile.statistic[best]:.3g} against "
+            f"{verdict.threshold:.3g}; a table for these settings "
+            "(bfi calibrate), or --calibration gaussian, may decide otherwise",
+        )
+    return replace(result, notes=tuple(notes))
+
+
+def detect_sequentially(
+    record: ScanRecord, first: Sweep, rule: Rule, progress: Progress
+) -> tuple[list[Verdict], list[Estimate], Sweep]:
+    """Return the faults in the order of their evidence, and the sweep in which there was none any more.
+
+    All are re-estimated as soon as another is known: what an error of the first leaves behind looks like a fault.
+    """
+    verdicts: list[Verdict] = []
+    faults: list[Estimate] = []
+    y, last = record.y, first
+    while len(faults) < MOST_FAULTS and (verdict := rule.verdict(last)).significant:
+        verdicts.append(verdict)
+        n = len(verdicts)
+        report = partial(progress, f"fault {n}")
+        measuring, again = shares(report, 1, n - 1)
+        faults.append(estimate_likeliest(record, y, verdict, last.order, measuring))
+        if n > 1:
+            faults = refine_jointly(record, faults, last.order, again)
+        report(1.0)
+        y = subtract_faults(record.y, *faults)
+        last = sweep(record, y, report=partial(progress, f"scan of all onsets without {n} fault{'s' * (n > 1)}"))
+    return verdicts, faults, last
+
+
+def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int, report: Report) -> Estimate:
+    """Return the fault of the likeliest shape; of an oscillation that is known only once its phase has been freed.
+
+    What the first shape leaves unexplained counts against the parameters that the oscillation has more.
+    """
+    likeliest = verdict.significant[0]
+    of_steps, of_likeliest, of_sine = shares(report, 1, 2, 2)
+    biases = [peak for peak in verdict.significant if peak.form.shape == "bias"]
+    steps = [estimate(record, y, peak, order=order, report=own) for peak, own in parts(of_steps, biases)]
+    jump_s = steps[0].onset_s if steps else None
+    if likeliest.form.shape == "bias":
+        first = steps[0]
+    else:
+        first = estimate(record, y, likeliest, order=order, jump_s=jump_s, report=of_likeliest)
+    for peak in verdict.significant[1:]:
+        if peak.form.shape == "sine":
+            oscillation = estimate(record, y, peak, order=order, jump_s=jump_s, report=of_sine)
+            more = (1 + peak.n_parameters - likeliest.n_parameters) * float(np.log(len(y) - order))
+            charge = more * _dispersion(record, subtract_faults(y, first), first, order)
+            better = oscillation.frequency_is_known and oscillation.statistic > first.statistic + charge
+            return oscillation if better else first
+    return first
+
+
+def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, report: Report) -> list[Estimate]:
+    """Re-estimate every fault with the others subtracted, and all magnitudes together, until none moves.
+
+    All is done at the order chosen when all were subtracted. An update that lowers the likelihood is rejected: another
+    order may not look where the fault begins.
+    """
+    misfit = _misfit(record, faults, order)
+    for _, of_round in parts(report, range(MOST_ROUNDS)):
+        before = faults
+        for i, own in parts(of_round, range(len(before))):
+            moved = [*faults[:i], reestimate(record, faults, i, order, own), *faults[i + 1 :]]
+            if len(moved) > 1:
+                z = np.array([fault.z for fault in moved])
+                theta = np.zeros((*record.y.shape, len(z)))
+                for j, fault in enumerate(moved):
+                    theta[:, fault.form.output, j] = fault.signal / fault.z
+                best = Likelihood(record=record, y=record.y, order=order).fit(theta, z).z
+                moved = [
+                    replace(fault, z=float(new), signal=fault.signal * (new / fault.z))
+                    for fault, new in zip(moved, best, strict=True)
+                ]
+            reached = _misfit(record, moved, order)
+            if reached <= misfit + SLACK * len(record.y):
+                misfit, faults = reached, moved
+        if all(
+            old.onset_s == new.onset_s and abs(old.z - new.z) <= UNMOVED * new.sd
+            for old, new in zip(before, faults, strict=True)
+        ):
+            break
+    report(1.0)
+    return faults
+
+
+def reestimate(record: ScanRecord, faults: list[Estimate], i: int, order: int, report: Report) -> Estimate:
+    """Return fault i estimated anew; its deviation admits what its shape shows elsewhere in the record."""
+    y = subtract_faults(record.y, *faults[:i], *faults[i + 1 :])
+    form = faults[i].form
+    dispersion = _dispersion(record, subtract_faults(y, faults[i]), faults[i], order)
+    scanning, measuring = shares(report, 1, 2)
+    peak = scan_hypothesis(record, scan_of(record, y, order, output=form.output), form, scanning)
+    return estimate(record, y, peak, order=order, dispersion=dispersion, report=measuring)
+
+
+def eliminate(
+    record: ScanRecord,
+    verdicts: list[Verdict],
+    faults: list[Estimate],
+    order: int,
+    rule: Rule,
+    progress: Progress,
+) -> None:
+    """Remove from both lists, one by one, the faults without which the others explain the record as well.
+
+    A fault detected early may have stood for a part of a later one, as a step does for an oscillation that does not
+    begin at zero.
+    """
+    dropped = True
+    while dropped and len(faults) > 1:
+        dropped = False
+        report = partial(progress, f"{len(faults)} faults, each left out")
+        whole = _misfit(record, faults, order)
+        for i, own in parts(report, sorted(range(len(faults)), key=lambda k: faults[k].statistic)):
+            others = refine_jointly(record, faults[:i] + faults[i + 1 :], order, own)
+            if _misfit(record, others, order) - whole < rule.threshold(faults[i].form.shape):
+                report(1.0)
+                faults[:], dropped = others, True
+                del verdicts[i]
+                break
+
+
+def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> float:
+    """Return the mean statistic of a shape in a record that no longer holds it; white errors make it 1.
+
+    Of a fault that ends the shape without an end is asked: at the best end of many even white errors make it more.
+    """
+    rest = lasting_peak(record, scan_of(record, y, order, output=fault.form.output), fault.form)
+    return max(1.0, float(np.mean(rest.profile.statistic)))
+
+
+def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
+    """Return twice the negative log-likelihood of the record less the faults."""
+    likelihood = Likelihood(record=record, y=subtract_faults(record.y, *faults), order=order)
+    return likelihood.n_rows * likelihood.fit(np.zeros((*record.y.shape, 0))).log_det
+
+
+def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
+    notes = [
+        f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
+        f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; a fault from before is absorbed by "
+        "the model",
+    ]
+    changes = np.abs(np.diff(record.u, axis=0))
+    large = changes >= MOST * changes.max(axis=0, initial=0.0)
+    moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
+    for one in faults:
+        low, high = one.onset_ci95
+        if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
+            notes.append(
+                f"'{one.estimate.name}' begins while the inputs move most, where an error of the model looks like a "
+                "fault; see whether another --rate or more --input confirm it"
+            )
+        if high - low > HARDLY_KNOWN * record.settings.duration_s:
+            notes.append(f"the onset of '{one.estimate.name}' is hardly known: {instant(low)} to {instant(high)} s")
+    return notes

@@ -1,0 +1,204 @@
+"""What the report of a scan shows, made from its JSON document alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
+from ..wording import instant, interval, number, quantity, shortened
+
+__all__ = ["onset_exhibit"]
+
+FloatArray = NDArray[np.float64]
+Plain = Mapping[str, Any]
+
+# A statistic below this is drawn at it: the axis is logarithmic.
+LEAST = 0.1
+# The axis of magnitudes reaches so far beyond the best one and nine tenths of the others; the rest is cut off.
+INSIDE = 1.3
+WORDS = {"lagged_bias": "lagged bias", "ramp_hold": "ramp and hold", "samples": "sampled shape"}
+HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
+PROFILE_CAPTION = (
+    "Left: likelihood-ratio statistic of every shape against its onset, with the threshold at the wanted rate of false "
+    "alarms. Right: the magnitude that explains the record best at each onset, with two standard deviations. A stretch "
+    "marks the 95 % interval of a declared onset."
+)
+SERIES_CAPTION = (
+    "Measured output and the same less the declared faults. Dotted lines: alarms of the plain 5-sigma test on the "
+    "residual of the fault-free model, for comparison."
+)
+
+
+def onset_exhibit(document: Plain) -> Exhibit:
+    """Return the exhibit of a document of `bfi start-time`."""
+    faults = document["faults"]
+    said = [_sentence(fault) for fault in faults]
+    verdict = f"No fault stands out at a false-alarm rate of {number(100.0 * document['false_alarm'])} %."
+    if said:
+        verdict = f"Fault: {said[0]}." if len(said) == 1 else f"{len(said)} faults: {'; '.join(said)}."
+    shapes = _profiles(document["profile"])
+    return Exhibit(
+        kicker="Onset of a fault",
+        title=str(document["log"]["path"]),
+        heading=HEADINGS[document["decision"]],
+        verdict=verdict,
+        tone=document["decision"],
+        facts=tuple(_facts(document)),
+        tables=(*_fault_tables(faults), _shape_table(shapes)),
+        drawings=(_profile_drawing(shapes, faults), _series_drawing(document["series"], faults)),
+        notes=tuple(document["notes"]),
+    )
+
+
+def _sentence(fault: Plain) -> str:
+    """Return "a bias of 4.00 m/s (95 % interval 3.99 to 4.01) on tas from 13.80 s (13.79 to 13.81 s)"."""
+    size, when = _ends(fault["ci95"]), _ends(fault["onset_ci95"])
+    magnitude = f"{number(fault['magnitude'], spread=_half(size))} {fault['unit']}".rstrip()
+    within = interval(size)
+    if within != "-":
+        magnitude += f" (95 % interval {within})"
+    onset = f"from {number(fault['onset_s'], spread=_half(when))} s ({interval(when)} s){_until(fault)}"
+    return f"a {_shape(fault)} of {magnitude} on {shortened(fault['channel'], 40)} {onset}"
+
+
+def _ends(ends: Sequence[float | None]) -> tuple[float, float]:
+    low, high = (math.nan if end is None else float(end) for end in ends)
+    return low, high
+
+
+def _half(ends: tuple[float, float]) -> float:
+    return 0.5 * (ends[1] - ends[0])
+
+
+def _until(fault: Plain) -> str:
+    return "" if fault["offset_s"] is None else f" to {instant(fault['offset_s'])} s"
+
+
+def _shape(fault: Plain) -> str:
+    frequency_hz, word = fault.get("frequency_hz"), str(WORDS.get(fault["shape"], fault["shape"]))
+    return word if frequency_hz is None else f"{number(frequency_hz)} Hz {word}"
+
+
+def _facts(document: Plain) -> list[tuple[str, str]]:
+    log, model, use = document["log"], document["model"], document["calibration"]
+    window = f"{number(log['start_s'])} to {number(log['stop_s'])} s"
+    noise = (f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
+    rows = [
+        ("Window", f"{window}, {log['n_samples']} samples at {number(log['rate_hz'])} Hz"),
+        ("Model", f"VARX of order {model['order']}, inputs {', '.join(model['inputs'])}"),
+        ("Noise", ", ".join(noise)),
+    ]
+    if use is not None:
+        fits = "made for these settings" if use["matches"] else "made for other settings"
+        rows.append(("Calibration", f"{use['source']}, {use['n_windows']} windows, {fits}"))
+        rows.append(("p-value", number(document["p_value"], digits=2)))
+    for series in document["series"]["outputs"]:
+        alarms = series["plain_alarms_s"]
+        told = f"{len(alarms)}, first at {number(min(alarms), digits=6)} s" if alarms else "none"
+        rows.append((f"Plain 5-sigma test, {series['channel']}", told))
+    for fault in document["truth"] or ():
+        where = f"on {fault['channel']} from {instant(fault['onset_s'])} s{_until(fault)}"
+        rows.append(("Injected", f"{_shape(fault)}, magnitude {fault['magnitude']:g}, {where}"))
+    return rows
+
+
+def _fault_tables(faults: Sequence[Plain]) -> tuple[Table, ...]:
+    rows = []
+    for fault in faults:
+        when, size = _ends(fault["onset_ci95"]), _ends(fault["ci95"])
+        rows.append(
+            (
+                _shape(fault),
+                fault["channel"],
+                f"{number(fault['onset_s'], spread=_half(when))} s",
+                interval(when),
+                "-" if fault["offset_s"] is None else f"{instant(fault['offset_s'])} s",
+                f"{number(fault['magnitude'], spread=_half(size), extra=1)} {fault['unit']}".rstrip(),
+                interval(size),
+                number(fault["statistic"]),
+                number(fault["p_value"], digits=2),
+            )
+        )
+    within = "95 % interval"
+    heads = ("shape", "channel", "onset", within, "until", "magnitude", within, "statistic", "p-value")
+    return (Table(name="faults", title="Faults", heads=heads, rows=tuple(rows)),) if rows else ()
+
+
+def _profiles(profile: Plain) -> list[dict[str, Any]]:
+    """Return the profiles one by one, with arrays."""
+    onsets = profile["onset_s"]
+    own = bool(onsets) and isinstance(onsets[0], list)
+    return [
+        {
+            **{key: profile[key][i] for key in ("shape", "channel", "frequency_hz", "threshold", "unit")},
+            **{key: np.array(profile[key][i], dtype=np.float64) for key in ("statistic", "magnitude", "sd")},
+            "onset_s": np.array(onsets[i] if own else onsets, dtype=np.float64),
+        }
+        for i in range(len(profile["shape"]))
+    ]
+
+
+def _shape_table(profiles: Sequence[Plain]) -> Table:
+    rows = []
+    for one in profiles:
+        best = int(one["statistic"].argmax())
+        onset, size = instant(one["onset_s"][best]), quantity(float(one["magnitude"][best]), one["unit"])
+        statistic, threshold = number(float(one["statistic"][best])), number(one["threshold"])
+        rows.append((_shape(one), str(one["channel"]), f"{onset} s", size, statistic, threshold))
+    heads = ("shape", "channel", "best onset", "magnitude", "statistic", "threshold")
+    return Table(name="shapes", title="Every shape at its best onset", heads=heads, rows=tuple(rows))
+
+
+def _profile_drawing(profiles: Sequence[Plain], faults: Sequence[Plain]) -> Drawing:
+    panels: list[Panel] = []
+    for one in profiles:
+        spans: list[Span] = []
+        for fault in faults:
+            if fault["shape"] == one["shape"]:
+                low, high = _ends(fault["onset_ci95"])
+                spans.append(Span(label="onset", low=low, high=high))
+                if fault["offset_s"] is not None:
+                    spans.append(Span(label="end", low=fault["offset_s"], high=fault["offset_s"]))
+        onset_s, statistic, z, sd = one["onset_s"], one["statistic"], one["magnitude"], np.nan_to_num(one["sd"])
+        reach = INSIDE * max(abs(float(z[statistic.argmax()])), float(np.quantile(np.abs(z), 0.9)))
+        panels += [
+            Panel(
+                title=f"{_shape(one)} on {one['channel']}",
+                x_label="onset [s]",
+                y_label="statistic [-]",
+                curves=(curve("", onset_s, np.maximum(statistic, LEAST)),),
+                log_y=True,
+                levels=() if one["threshold"] is None else (("threshold", max(one["threshold"], LEAST)),),
+                spans=tuple(spans),
+            ),
+            Panel(
+                x_label="onset [s]",
+                y_label=f"magnitude [{one['unit'] or '-'}]",
+                curves=(curve("", onset_s, z, low=z - 2.0 * sd, high=z + 2.0 * sd),),
+                spans=tuple(spans),
+                y_limits=(-reach, reach) if reach > 0.0 else None,
+            ),
+        ]
+    return Drawing(name="profile", caption=PROFILE_CAPTION, panels=tuple(panels), across=2)
+
+
+def _series_drawing(series: Plain, faults: Sequence[Plain]) -> Drawing:
+    panels = []
+    for one in series["outputs"]:
+        curves = [curve("measured", series["time_s"], one["measured"])]
+        if any(fault["channel"] == one["channel"] for fault in faults):
+            curves.append(curve("corrected", series["time_s"], one["corrected"], style="dashed"))
+        panels.append(
+            Panel(
+                x_label="time [s]",
+                y_label=f"{one['channel']} [{one['unit'] or '-'}]",
+                curves=tuple(curves),
+                spans=tuple(Span(label="plain 5-sigma test", low=t, high=t) for t in one["plain_alarms_s"]),
+            )
+        )
+    return Drawing(name="outputs", caption=SERIES_CAPTION, panels=tuple(panels))

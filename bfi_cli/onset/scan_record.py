@@ -1,0 +1,188 @@
+"""The record a scan works on: a window of a log, conditioned and scaled as for an identification, and its fits."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calibration import Settings
+from ..config import Config
+from ..dictionary import Dictionary
+from ..errors import ConfigError, LogError
+from ..faults import Fault
+from ..flightlog import FlightLog
+from ..kernels.covariance import FitRows, Layout, unfold
+from ..kernels.lagged import compress
+from ..kernels.onset.correlations import FLOOR
+from ..kernels.onset.scan import ENDING, STARTING
+from ..kernels.progress import Report, Step, silent
+from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
+from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
+from ..sample_file import sample_bytes
+from .shapes import Sampling, ShapeHypothesis, shape_hypotheses
+
+__all__ = ["DECIMALS", "Likelihood", "ScanRecord", "prepare_record"]
+
+FloatArray = NDArray[np.float64]
+
+# Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told
+# from a drift, and at least five samples per period.
+CYCLES = 3.0
+FASTEST = 0.2
+# Times are rounded to a nanosecond, so that 13.8 s is not shown as 13.799999999999999 s.
+DECIMALS = 9
+# Relative precision of the fitted magnitudes: far below their standard deviation, and above round-off.
+TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ScanRecord:
+    """What is scanned, in scaled units.
+
+    Attributes
+    ----------
+    window : as it was filtered and decimated.
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs), of unit spread; y in SI is scaled y times `unit`, and a
+        constant more.
+    orders : to choose from.
+    floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
+    forms : hypotheses to test.
+    band_hz : of the oscillations.
+    settings : of the scan, as a calibration names them.
+    """
+
+    window: PreparedWindow
+    u: FloatArray
+    y: FloatArray
+    unit: FloatArray
+    orders: tuple[int, ...]
+    feedthrough: bool
+    floor: float | None
+    sampling: Sampling
+    forms: tuple[ShapeHypothesis, ...]
+    band_hz: tuple[float, float]
+    settings: Settings
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n_samples,) of the samples analysed."""
+        return self.window.signals.time_s
+
+    def onset_s(self, sample: int, phase: int = 0) -> float:
+        """Return the time of a conditioned sample, or of one of the log's own samples before it."""
+        after = (sample + phase / self.sampling.factor) / self.sampling.rate_hz
+        return round(float(self.time_s[0]) + after, DECIMALS)
+
+    def native(self, time_s: float) -> int:
+        """Return the sample of the log's own rate at a time, counted from the first conditioned one."""
+        return round((time_s - float(self.time_s[0])) * self.sampling.rate_hz * self.sampling.factor)
+
+    def without_fault(self, y: FloatArray, order: int) -> FitRows:
+        """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""
+        theta = np.zeros((*y.shape, 0))
+        fit = Likelihood(record=self, y=y, order=order).fit(theta)
+        return unfold(Layout(u=self.u, y=y, theta=theta, first=order, feedthrough=self.feedthrough), fit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Likelihood:
+    """The likelihood of a record at one order of the model, maximised over the magnitudes of given signals.
+
+    Attributes
+    ----------
+    y : (n_samples, n_outputs) scaled outputs.
+    step : called at every fit, so that whoever fits many can tell how far it is.
+    """
+
+    record: ScanRecord
+    y: FloatArray
+    order: int
+    step: Step | None = None
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the regression."""
+        return len(self.y) - self.order
+
+    def fit(self, theta: FloatArray, start: FloatArray | None = None) -> Fit:
+        """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
+        if self.step is not None:
+            self.step()
+        data = compress(self.record.u, self.y, theta, order=self.order, feedthrough=self.record.feedthrough)
+        problem = project_inputs(data, self.order, floor=FLOOR if self.record.floor is None else self.record.floor)
+        return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
+
+    def on_output(self, signals: FloatArray, output: int, start: FloatArray | None = None) -> Fit:
+        """Return the maximum over the magnitudes of signals (n_samples, n_signals) of one output."""
+        theta = np.zeros((*self.y.shape, signals.shape[1]))
+        theta[:, output] = signals
+        return self.fit(theta, start)
+
+
+def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> ScanRecord:
+    """Return the window of a log made ready for the scan; `report` is told how far it is.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be used.
+    ConfigError : the frequencies asked for are too high for the rate asked for.
+    """
+    wanted = config.start_time
+    # The rate is chosen for a step amid the window and the fastest oscillation asked for.
+    part = log.window(config.window.from_s, config.window.to_s)
+    step = Fault(
+        shape="bias", channel=config.outputs[0], onset_s=float(part.time_s[part.n_samples // 2]), name="a step"
+    )
+    atoms = [step]
+    if wanted.frequency_hz is not None and "sine" in wanted.shapes:
+        fastest = {"shape": "sine", "frequency_hz": wanted.frequency_hz[1], "name": "an oscillation"}
+        atoms.append(Fault(channel=step.channel, onset_s=step.onset_s, **fastest))  # type: ignore[arg-type]
+    probes = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
+    window = prepare_window(log, probes, config, report)
+    regression = regression_of(window, config)
+    layout, orders = regression.layout, regression.orders
+    n, rate_hz = len(window.signals.time_s), window.signals.rate_hz
+    low, high = wanted.frequency_hz or (CYCLES * rate_hz / n, FASTEST * rate_hz)
+    if wanted.frequency_hz is not None and high > 0.5 * rate_hz:
+        raise ConfigError(
+            f"--frequency: {high:g} Hz is more than a rate of {rate_hz:g} Hz resolves; "
+            f"give frequencies up to {0.5 * rate_hz:g} Hz, or a higher --rate"
+        )
+    if wanted.ends:
+        # A fault with two ends must fit between the first and the last onset, and hold two periods
+        # of the fastest oscillation.
+        shortest = 2.0 * rate_hz / high
+        fitting = tuple(s for s in orders if n - (STARTING + ENDING) * s > max(ENDING * s, shortest) + 1)
+        if not fitting:
+            raise LogError(
+                f"{window.log.path}: {n} samples are too few to look for start and end at order {min(orders)}; "
+                "give a longer window, a lower --order, or leave --ends out"
+            )
+        orders = fitting
+    return ScanRecord(
+        window=window,
+        u=layout.u,
+        y=layout.y,
+        unit=regression.unit,
+        orders=orders,
+        feedthrough=layout.feedthrough,
+        floor=None if window.rate.factor == 1 else regression.floor,
+        sampling=Sampling(n_samples=n, rate_hz=rate_hz, factor=window.rate.factor, lowpass=window.lowpass),
+        forms=shape_hypotheses(wanted, len(config.outputs), n / rate_hz),
+        band_hz=(min(low, high), high),
+        settings=Settings(
+            rate_hz=rate_hz,
+            duration_s=n / rate_hz,
+            orders=orders,
+            feedthrough=layout.feedthrough,
+            inputs=config.inputs,
+            outputs=config.outputs,
+            shapes=wanted.shapes,
+            ends=wanted.ends,
+            frequency_hz=wanted.frequency_hz,
+            samples=None if wanted.samples is None else hashlib.sha256(sample_bytes(wanted.samples)).hexdigest(),
+        ),
+    )

@@ -32,7 +32,7 @@ def proposed(result: OnsetResult) -> Dictionary:
 def _strongest(profile: ShapeProfile) -> Fault:
     onset_s = float(profile.onset_s[profile.statistic.argmax()])
     return Fault(
-        shape=profile.shape,  # type: ignore[arg-type]
+        shape=profile.shape,
         channel=profile.channel,
         onset_s=onset_s,
         frequency_hz=profile.frequency_hz,

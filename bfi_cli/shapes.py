@@ -183,6 +183,13 @@ SHAPES: Mapping[str, FaultShape] = {
         is_scanned=True,
         physical=_ramp_hold_physical,
     ),
+    "decaying_bias": FaultShape(
+        signal=lambda elapsed_s, *, time_constant_s: np.exp(-elapsed_s / time_constant_s),
+        formula="exp(-(t - onset) / time constant).",
+        kind="abrupt",
+        label="decaying bias",
+        keys=(TIME_CONSTANT,),
+    ),
     "samples": FaultShape(
         signal=_samples,
         formula="The values of a CSV file.",

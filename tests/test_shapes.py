@@ -28,6 +28,7 @@ FORMULAS = [
     ("lagged_bias", {"time_constant_s": 2.0}, lambda t: 1.0 - np.exp(-(t - 3.0) / 2.0)),
     ("ramp_hold", {"duration_s": 5.0}, lambda t: np.where(t < 8.0, (t - 3.0) / 5.0, 1.0)),
     ("ramp_hold", {"duration_s": 5.0, "slope": 0.1}, lambda t: np.where(t < 8.0, 0.1 * (t - 3.0), 0.5)),
+    ("decaying_bias", {"time_constant_s": 2.0}, lambda t: np.exp(-(t - 3.0) / 2.0)),
     ("samples", {"file": CSV}, lambda t: np.select([t < 5.0, t < 7.0], [1 + 2 * (t - 3.0), 5 - (t - 5.0)], 3.0)),
 ]
 
@@ -44,6 +45,13 @@ def test_the_signal_is_the_formula_from_the_onset_on(tmp_path, shape, keys, form
 
 def test_every_shape_has_its_formula_here():
     assert {shape for shape, _, _ in FORMULAS} == set(SHAPES)
+
+
+def test_a_lagged_and_a_decaying_bias_of_one_time_constant_are_a_bias():
+    pair = [Fault(shape=shape, onset_s=ONSET_S, time_constant_s=2.0) for shape in ("lagged_bias", "decaying_bias")]
+    parts = [unit_signal(fault, T, window_start_s=0.0) for fault in pair]
+    step = unit_signal(Fault(shape="bias", onset_s=ONSET_S), T, window_start_s=0.0)
+    np.testing.assert_allclose(sum(parts), step, rtol=1e-12)
 
 
 def test_an_entry_without_a_signal_cannot_be_made():

@@ -55,7 +55,7 @@ class FaultShape:
     signal : from the seconds since the onset (since the start of the window where `phase_reference` says so) and the
         keys of the shape by name, the signal of magnitude 1.
     formula : the signal in words, for tables and editors.
-    kind : abrupt (a change within a sample or a time constant), slow, or oscillating. A slow one can be mistaken for a
+    kind : abrupt (it jumps within a sample), slow, or oscillating. A slow one can be mistaken for a
         change of thrust, configuration or wind.
     label : what sentences call it.
     keys : its own, in the order in which JSON and messages list them.

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from .audit import Audit, AuditedAtom
 from .audit.comparison import pairs
-from .faults import SHAPE_KEYS, Fault, fault_to_dict
+from .faults import Fault, fault_to_dict
 from .plain import to_plain
 from .printable import printable, shortened
 from .provenance import Provenance
 from .serialize import to_csv
+from .shapes import SHAPES
 from .wording import number, quantity
 
 if TYPE_CHECKING:
@@ -177,7 +178,7 @@ def _likeness(atom: AuditedAtom, place: Mapping[str, int]) -> str:
 
 
 def _shape(fault: Fault) -> str:
-    keys = [key for key in SHAPE_KEYS[fault.shape] if key in KEY_WORDS and getattr(fault, key)]
+    keys = [key.name for key in SHAPES[fault.shape].keys if key.name in KEY_WORDS and getattr(fault, key.name)]
     return ", ".join([fault.shape, *(KEY_WORDS[key].format(getattr(fault, key)) for key in keys)])
 
 

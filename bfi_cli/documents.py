@@ -13,12 +13,12 @@ from .faults import FaultEstimate
 from .identify.result import IdentifyResult
 from .plain import from_plain, mapping, member, to_plain
 from .provenance import Provenance
+from .shapes import SHAPES
 
 __all__ = ["IDENTIFY_SCHEMA", "identify_document", "identify_from_document"]
 
 IDENTIFY_SCHEMA = 1
 GIVE = "give the result.json of bfi identify --out"
-PERIODIC = ("sine", "cosine")
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 FAULT_KEYS = (
     "shape",
@@ -69,7 +69,7 @@ def _fault_entry(estimate: FaultEstimate) -> dict[str, Any]:
     entry = {key: plain[key] for key in ("name", "magnitude", "unit", "sd", "ci95")}
     entry["physical"] = {"value": plain["physical_value"], "unit": plain["physical_unit"]}
     entry |= {key: fault[key] for key in FAULT_KEYS}
-    if fault["shape"] not in PERIODIC:
+    if SHAPES[fault["shape"]].kind != "oscillating":
         entry["phase_rad"] = entry["phase_reference"] = None
     return entry
 

@@ -4,27 +4,23 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 import reprlib
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NoReturn, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DictionaryError
 from .printable import shortened
-from .sample_file import read_samples
+from .shapes import KEY_RULES, SHAPES, Shape
 
 __all__ = [
-    "SHAPES",
-    "SHAPE_KEYS",
     "Decision",
     "Fault",
     "FaultEstimate",
-    "Shape",
     "active_samples",
     "did_you_mean",
     "fault_from_dict",
@@ -38,23 +34,10 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-Shape = Literal["bias", "drift", "sine", "cosine", "lagged_bias", "ramp_hold", "samples"]
-SHAPES: tuple[str, ...] = get_args(Shape)
 Decision = Literal["fault", "no_fault", "not_identifiable"]
 
 COMMON_KEYS = ("shape", "name", "channel", "magnitude", "onset_s", "offset_s")
-SHAPE_KEYS: Mapping[str, tuple[str, ...]] = {
-    "bias": (),
-    "drift": ("slope",),
-    "sine": ("frequency_hz", "phase_rad", "phase_reference"),
-    "cosine": ("frequency_hz", "phase_rad", "phase_reference"),
-    "lagged_bias": ("time_constant_s",),
-    "ramp_hold": ("slope", "duration_s"),
-    "samples": ("file",),
-}
-REQUIRED_KEYS = ("frequency_hz", "time_constant_s", "duration_s", "file")
-TEXT_KEYS = ("shape", "name", "channel", "file", "phase_reference")
-POSITIVE_KEYS = ("frequency_hz", "time_constant_s", "duration_s")
+TEXT_KEYS = ("shape", "name", "channel", *(key for key, rule in KEY_RULES.items() if rule in ("reference", "file")))
 ONSET_TOLERANCE_SAMPLES = 1e-6
 SHOWN_LETTERS = 120
 _ABRIDGED = reprlib.Repr()
@@ -82,6 +65,10 @@ class Fault:
     time_constant_s: float | None = None
     duration_s: float | None = None
     file: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise DictionaryError(f"fault: shape: {_unknown_shape(self.shape)}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,50 +118,30 @@ def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> F
     """
     time_s = np.asarray(time_s, dtype=np.float64)
     active = active_samples(fault, time_s)
+    for key in SHAPES[fault.shape].keys:
+        if key.required and getattr(fault, key.name) in (None, ""):
+            raise DictionaryError(f"{fault.name or fault.shape}: {_missing(key.name, fault.shape)}")
+    parameters = _parameters(fault)
+    if parameters.pop("phase_reference", "onset") == "window":
+        since_s = time_s[active] - window_start_s
+    else:
+        since_s = np.maximum(time_s[active] - fault.onset_s, 0.0)
     signal = np.zeros(time_s.shape)
-    signal[active] = _waveform(fault, time_s[active], window_start_s)
+    signal[active] = SHAPES[fault.shape].signal(since_s, **parameters)
     return signal
 
 
-def _waveform(fault: Fault, time_s: FloatArray, window_start_s: float) -> FloatArray:
-    elapsed = np.maximum(time_s - fault.onset_s, 0.0)
-    match fault.shape:
-        case "drift":
-            return _slope(fault) * elapsed
-        case "sine" | "cosine":
-            since = time_s - window_start_s if fault.phase_reference == "window" else elapsed
-            angle = 2.0 * np.pi * _required(fault, "frequency_hz") * since + fault.phase_rad
-            return np.sin(angle) if fault.shape == "sine" else np.cos(angle)
-        case "lagged_bias":
-            return -np.expm1(-elapsed / _required(fault, "time_constant_s"))
-        case "ramp_hold":
-            return _slope(fault) * np.minimum(elapsed, _required(fault, "duration_s"))
-        case "samples":
-            time, value = read_samples(fault.file or _missing(fault, "file"))
-            return np.interp(elapsed, time, value, left=0.0)
-    return np.ones_like(elapsed)
+def _parameters(fault: Fault) -> dict[str, Any]:
+    return {key.name: getattr(fault, key.name) for key in SHAPES[fault.shape].keys}
 
 
-def _slope(fault: Fault) -> float:
-    if fault.slope is not None:
-        return fault.slope
-    return 1.0 / _required(fault, "duration_s") if fault.shape == "ramp_hold" else 1.0
-
-
-def _required(fault: Fault, key: str) -> float:
-    value: float | None = getattr(fault, key)
-    return _missing(fault, key) if value is None else value
-
-
-def _missing(fault: Fault, key: str) -> NoReturn:
-    raise DictionaryError(f"{fault.name or fault.shape}: {key}: missing; a {fault.shape} needs it")
+def _missing(key: str, shape: str) -> str:
+    return f"{key}: missing; a {shape} needs it"
 
 
 def magnitude_unit(fault: Fault, channel_unit: str) -> str:
     """Return the unit of the magnitude of `fault`, "" where it is a pure number (a drift with a slope)."""
-    if fault.shape != "drift":
-        return channel_unit
-    return _per_second(channel_unit) if fault.slope is None else ""
+    return SHAPES[fault.shape].magnitude_unit(channel_unit, **_parameters(fault))
 
 
 def physical(fault: Fault, magnitude: float, channel_unit: str) -> tuple[float, str]:
@@ -182,23 +149,12 @@ def physical(fault: Fault, magnitude: float, channel_unit: str) -> tuple[float, 
 
     The rate of change of a drift, the value a ramp-hold ends at, otherwise the magnitude itself.
     """
-    if fault.shape == "drift":
-        return magnitude * _slope(fault), _per_second(channel_unit)
-    if fault.shape == "ramp_hold" and fault.slope is not None:
-        return magnitude * fault.slope * _required(fault, "duration_s"), channel_unit
-    return magnitude, channel_unit
-
-
-def _per_second(unit: str) -> str:
-    stem, power = (unit or "1"), 1
-    if found := re.fullmatch(r"(.+)/s(?:\^(\d+))?", stem):
-        stem, power = found[1], int(found[2] or 1) + 1
-    return f"{stem}/s" if power == 1 else f"{stem}/s^{power}"
+    return SHAPES[fault.shape].physical(magnitude, channel_unit, **_parameters(fault))
 
 
 def fault_to_dict(fault: Fault) -> dict[str, Any]:
     """Return the JSON object of a fault: the common keys and those of its shape, None where absent."""
-    return {key: getattr(fault, key) for key in (*COMMON_KEYS, *SHAPE_KEYS[fault.shape])}
+    return {key: getattr(fault, key) for key in COMMON_KEYS} | _parameters(fault)
 
 
 def fault_from_dict(data: Mapping[str, Any], *, where: str = "fault") -> Fault:
@@ -245,33 +201,36 @@ def _number_or_text(text: str) -> float | str:
 
 def _problems(given: Mapping[str, Any]) -> Iterator[str]:
     shape = given.get("shape")
-    if not isinstance(shape, str) or shape not in SHAPE_KEYS:
-        yield f"shape: unknown shape, got {shown(shape)}{did_you_mean(shape, SHAPES)}"
+    if not isinstance(shape, str) or shape not in SHAPES:
+        yield f"shape: {_unknown_shape(shape)}"
         return
-    allowed = (*COMMON_KEYS, *SHAPE_KEYS[shape])
+    allowed = (*COMMON_KEYS, *(key.name for key in SHAPES[shape].keys))
     for key, value in given.items():
         if key not in allowed:
             yield f"{key}: {unknown_key(key, allowed)}"
         elif problem := _value_problem(key, value):
             yield f"{key}: {problem}, got {shown(value)}"
-    for key in SHAPE_KEYS[shape]:
-        if key in REQUIRED_KEYS and key not in given:
-            yield f"{key}: missing; a {shape} needs it"
+    yield from (_missing(key.name, shape) for key in SHAPES[shape].keys if key.required and key.name not in given)
     onset, offset = given.get("onset_s", 0.0), given.get("offset_s")
     if not _value_problem("onset_s", onset) and not _value_problem("offset_s", offset) and offset <= onset:
         yield f"offset_s: must be after onset_s ({onset:g} s), got {offset:g} s"
+
+
+def _unknown_shape(shape: object) -> str:
+    return f"unknown shape, got {shown(shape)}{did_you_mean(shape, tuple(SHAPES))}"
 
 
 def _value_problem(key: str, value: object) -> str | None:
     if key in TEXT_KEYS:
         if not isinstance(value, str) or not value:
             return "must be text"
-        return "must be onset or window" if key == "phase_reference" and value not in ("onset", "window") else None
+        is_reference = KEY_RULES.get(key) == "reference"
+        return "must be onset or window" if is_reference and value not in ("onset", "window") else None
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= sys.float_info.max:
         return "must be a finite number"
-    if key in POSITIVE_KEYS and value <= 0:
+    if KEY_RULES.get(key) == "positive" and value <= 0:
         return "must be greater than 0"
-    return "must not be 0" if key == "slope" and value == 0 else None
+    return "must not be 0" if KEY_RULES.get(key) == "nonzero" and value == 0 else None
 
 
 def did_you_mean(word: object, known: Sequence[str]) -> str:
@@ -284,7 +243,7 @@ def did_you_mean(word: object, known: Sequence[str]) -> str:
 
 def unknown_key(key: str, known: Sequence[str]) -> str:
     """Return what to say of a key that is not among the `known` ones; a key of another shape is called that."""
-    if "shape" in known and any(key in keys for keys in SHAPE_KEYS.values()):
+    if "shape" in known and key in KEY_RULES:
         return f"not a key of this shape; known: {', '.join(known)}"
     return f"unknown key{did_you_mean(key, known)}"
 

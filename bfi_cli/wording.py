@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from .faults import FaultEstimate
 from .identify.result import Candidate, IdentifyResult
 from .printable import shortened
+from .shapes import SHAPES
 
 __all__ = [
     "axis_label",
@@ -21,7 +22,6 @@ __all__ = [
     "verdict",
 ]
 
-SHAPE_WORDS = {"lagged_bias": "lagged bias", "ramp_hold": "ramp and hold", "samples": "sampled shape"}
 NAMED_LIMITS = 3
 
 
@@ -99,7 +99,7 @@ def physical_interval(estimate: FaultEstimate) -> tuple[float, float]:
 
 def _shape(estimate: FaultEstimate) -> str:
     fault = estimate.fault
-    word = SHAPE_WORDS.get(fault.shape, fault.shape)
+    word = SHAPES[fault.shape].label
     return word if fault.frequency_hz is None else f"{fault.frequency_hz:.4g} Hz {word}"
 
 

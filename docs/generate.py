@@ -22,7 +22,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -94,29 +94,14 @@ def schema(name: str) -> dict[str, Any]:
 
 def shapes_table() -> str:
     """Return the shapes of a dictionary's entries, what each adds to its channel, and the keys of its own."""
-    from bfi_cli.dictionary import DictionaryDocument
+    from bfi_cli.shapes import SHAPES
 
-    entries = list(models_in(DictionaryDocument.model_fields["atoms"].annotation))
-    common = set.intersection(*(set(entry.model_fields) for entry in entries))
     rows = []
-    for entry in entries:
-        (shape,) = get_args(entry.model_fields["shape"].annotation)
-        signal = (entry.__pydantic_generic_metadata__["origin"] or entry).__doc__ or ""
-        own = [
-            f"`{key}`" + ("" if field.is_required() else " (optional)")
-            for key, field in entry.model_fields.items()
-            if key not in common
-        ]
-        rows.append((f"`{shape}`", signal.strip().rstrip("."), ", ".join(own)))
+    for name, shape in SHAPES.items():
+        keys = sorted(shape.keys, key=lambda key: not key.required)
+        own = [f"`{key.name}`" + ("" if key.required else " (optional)") for key in keys]
+        rows.append((f"`{name}`", shape.formula.rstrip("."), ", ".join(own)))
     return table(("shape", "signal of magnitude 1, zero before the onset", "keys of its own"), rows)
-
-
-def models_in(annotation: Any) -> Iterator[Any]:
-    """Walk the pydantic models of an annotation."""
-    if hasattr(annotation, "model_fields"):
-        yield annotation
-    for below in get_args(annotation):
-        yield from models_in(below)
 
 
 def config_table(name: str) -> str:

@@ -24,6 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 FLOORS = (
     ("errors", "kernels", "printable"),
     ("sample_file",),
+    ("shapes", "truth"),
     ("units", "faults", "files", "yaml12", "plain", "identify.methods", "preprocessing.summary", "provenance"),
     ("channels", "identify.result", "serialize", "dictionary", "exhibit"),
     ("flightlog", "config", "wording", "documents"),

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from bfi_cli.dictionary import dead_reason, json_schema, load_dictionary, signals
 from bfi_cli.dictionary.document import MAX_ATOMS
 from bfi_cli.errors import DictionaryError
-from bfi_cli.faults import COMMON_KEYS, REQUIRED_KEYS, SHAPE_KEYS, SHAPES, Fault, fault_from_dict, unit_signal
+from bfi_cli.faults import COMMON_KEYS, Fault, fault_from_dict, unit_signal
+from bfi_cli.shapes import KEY_RULES, SHAPES
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -35,8 +36,8 @@ def test_the_document_and_the_command_line_know_the_same_keys():
     for shape in SHAPES:
         title = "".join(word.capitalize() for word in shape.split("_"))
         for entry in (definitions[title], definitions[f"{title}Grid"]):
-            assert set(entry["properties"]) == {*COMMON_KEYS, *SHAPE_KEYS[shape]}
-            assert set(entry["required"]) == {"shape", *(k for k in SHAPE_KEYS[shape] if k in REQUIRED_KEYS)}
+            assert set(entry["properties"]) == {*COMMON_KEYS, *(key.name for key in SHAPES[shape].keys)}
+            assert set(entry["required"]) == {"shape", *(key.name for key in SHAPES[shape].keys if key.required)}
 
 
 VALUE = st.one_of(
@@ -47,11 +48,11 @@ VALUE = st.one_of(
 @settings(max_examples=200, deadline=None)
 @given(
     st.sampled_from(sorted(set(SHAPES) - {"samples"})),
-    st.dictionaries(st.sampled_from([*COMMON_KEYS[1:], *sum(SHAPE_KEYS.values(), ()), "onset"]), VALUE, max_size=4),
+    st.dictionaries(st.sampled_from([*COMMON_KEYS[1:], *KEY_RULES, "onset"]), VALUE, max_size=4),
 )
 def test_the_document_and_the_command_line_accept_the_same_faults(shape, keys):
     atom = {"frequency_hz": 1.0, "time_constant_s": 1.0, "duration_s": 1.0}
-    atom = {"shape": shape} | {key: atom[key] for key in SHAPE_KEYS[shape] if key in atom} | keys
+    atom = {"shape": shape} | {key.name: atom[key.name] for key in SHAPES[shape].keys if key.name in atom} | keys
     atom = {key: value for key, value in atom.items() if value is not None}
     try:
         one = fault_from_dict(atom)
@@ -66,7 +67,7 @@ def test_the_document_and_the_command_line_accept_the_same_faults(shape, keys):
 
 
 ANYTHING = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=6) | st.sampled_from(SHAPES),
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=6) | st.sampled_from(tuple(SHAPES)),
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
@@ -85,7 +86,11 @@ ANYTHING = st.recursive(
 @given(
     ANYTHING
     | st.fixed_dictionaries(
-        {"grids": st.lists(st.fixed_dictionaries({"shape": st.sampled_from(SHAPES), "onset_s": ANYTHING}), max_size=3)},
+        {
+            "grids": st.lists(
+                st.fixed_dictionaries({"shape": st.sampled_from(tuple(SHAPES)), "onset_s": ANYTHING}), max_size=3
+            )
+        },
         optional={"atoms": ANYTHING, "relative_to": ANYTHING},
     )
 )

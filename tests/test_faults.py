@@ -11,9 +11,6 @@ from hypothesis import strategies as st
 
 from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import (
-    REQUIRED_KEYS,
-    SHAPE_KEYS,
-    SHAPES,
     Fault,
     active_samples,
     fault_from_dict,
@@ -23,6 +20,7 @@ from bfi_cli.faults import (
     physical,
     unit_signal,
 )
+from bfi_cli.shapes import SHAPES
 
 RATE_HZ = 100.0
 TIME_S = np.arange(3172) / RATE_HZ
@@ -46,11 +44,15 @@ VALUES = {
 
 
 @st.composite
-def fault_objects(draw, shapes=SHAPES):
+def fault_objects(draw, shapes=tuple(SHAPES)):
     """Draw an object with the keys of a fault that are needed, and some of those that are not."""
     shape = draw(st.sampled_from(shapes))
-    optional = ("name", "channel", "magnitude", "onset_s", "offset_s", *SHAPE_KEYS[shape])
-    return {"shape": shape} | {k: draw(VALUES[k]) for k in optional if k in REQUIRED_KEYS or draw(st.booleans())}
+    optional = ("name", "channel", "magnitude", "onset_s", "offset_s", *(key.name for key in SHAPES[shape].keys))
+    return {"shape": shape} | {k: draw(VALUES[k]) for k in optional if k in needed(shape) or draw(st.booleans())}
+
+
+def needed(shape):
+    return [key.name for key in SHAPES[shape].keys if key.required]
 
 
 def signal(shape, time_s=TIME_S, *, window_start_s=0.0, **keys):
@@ -193,10 +195,10 @@ def test_sample_files_that_cannot_be_read(tmp_path):
             signal("samples", file=str(path))
 
 
-@pytest.mark.parametrize(("shape", "key"), [(s, k) for s in SHAPES for k in SHAPE_KEYS[s] if k in REQUIRED_KEYS])
+@pytest.mark.parametrize(("shape", "key"), [(shape, key) for shape in SHAPES for key in needed(shape)])
 def test_a_fault_made_without_what_its_shape_needs_says_so(shape, key):
-    needed = {"frequency_hz": 1.0, "time_constant_s": 1.0, "duration_s": 1.0, "file": "shape.csv"}
-    data = {"shape": shape} | {k: needed[k] for k in SHAPE_KEYS[shape] if k in REQUIRED_KEYS and k != key}
+    values = {"frequency_hz": 1.0, "time_constant_s": 1.0, "duration_s": 1.0, "file": "shape.csv"}
+    data = {"shape": shape} | {k: values[k] for k in needed(shape) if k != key}
     with pytest.raises(DictionaryError, match=rf"{shape}.*{key}|{key}.*{shape}"):
         fault_from_dict(data)
     with pytest.raises(DictionaryError, match=f"{shape}: {key}: missing"):

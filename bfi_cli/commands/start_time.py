@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
+from ..shapes import SCANNED
 from .answered import give
 from .options import (
     advise,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SHAPES", "command", "scan_config"]
 
-SHAPES = "bias, drift, sine, lagged_bias, ramp_hold or samples; repeatable.  [default: bias, drift, sine]"
+SHAPES = f"{', '.join(SCANNED[:-1])} or {SCANNED[-1]}; repeatable.  [default: bias, drift, sine]"
 DRAWINGS, TABLES = ("profile", "outputs"), ("faults", "profile", "shapes")
 METHODS = {"scan": "ml", "thesis": "risro"}
 

@@ -22,6 +22,7 @@ from pydantic import (
 from ..dictionary.validation import Number, Positive, Rules, Text, Whole
 from ..faults import shown
 from ..sample_file import lies_inside
+from ..shapes import SCANNED, ScannedShape
 
 __all__ = [
     "STRONG_EVIDENCE",
@@ -39,6 +40,8 @@ __all__ = [
     "Window",
     "beside_config",
 ]
+
+SHAPES_WORDS = f"What to look for: {', '.join(SCANNED)}."
 
 
 def _word_or_number(value: object) -> str:
@@ -188,11 +191,10 @@ class StartTime(Rules):
     """The scan over all onsets."""
 
     shapes: Annotated[
-        tuple[Literal["bias", "drift", "sine", "lagged_bias", "ramp_hold", "samples"], ...],
-        Field(min_length=1),
+        tuple[ScannedShape, ...],
+        Field(min_length=1, description=SHAPES_WORDS),
         AfterValidator(_distinct),
     ] = ("bias", "drift", "sine")
-    """What to look for: bias, drift, sine, lagged_bias, ramp_hold, samples."""
     samples: Annotated[PathText, AfterValidator(_inside_config)] | None = None
     """CSV of time (s after the onset), value: the shape samples; a file relative to this one."""
     false_alarm: Annotated[Positive, Field(lt=1)] = 0.01

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
+from operator import or_
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, cast
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, create_model, model_validator
 
 from ..faults import shown
 from ..sample_file import lies_inside
+from ..shapes import SHAPES
 from .validation import Number, Positive, Rules, Text
 
 __all__ = ["MAX_ATOMS", "AtomEntry", "DictionaryDocument", "GridEntry", "Range"]
@@ -107,11 +110,6 @@ class _Entry(Rules, Generic[N, C]):
     offset_s: N | None = None
     """When it ends, s; default never."""
 
-    @classmethod
-    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
-        """Return what the JSON schema calls the entry: Bias in `atoms`, BiasGrid in `grids`."""
-        return f"{cls.__name__}Grid" if params[0] is Numbers else cls.__name__
-
     @model_validator(mode="after")
     def _ends_after_start(self) -> _Entry[N, C]:
         onset, offset = self.onset_s or 0.0, self.offset_s
@@ -120,83 +118,37 @@ class _Entry(Rules, Generic[N, C]):
         return self
 
 
-class Bias(_Entry[N, C], Generic[N, C]):
-    """1 from the onset."""
-
-    shape: Literal["bias"]
-
-
-class Drift(_Entry[N, C], Generic[N, C]):
-    """slope x (t - onset)."""
-
-    shape: Literal["drift"]
-    slope: Annotated[N, AfterValidator(_nonzero)] | None = None
-    """Per second; default 1, and the magnitude then has the channel's unit per second."""
-
-
-class _Oscillation(_Entry[N, C], Generic[N, C]):
-    frequency_hz: Annotated[N, AfterValidator(_positive)]
-    phase_rad: N | None = None
-    phase_reference: Literal["onset", "window"] | None = None
-    """Where the phase counts from: the onset (default) or the start of the window."""
-
-
-class Sine(_Oscillation[N, C], Generic[N, C]):
-    """sin(2 pi f (t - t0) + phase)."""
-
-    shape: Literal["sine"]
+def _entry_of(name: str, number: Any, names: Any, suffix: str) -> type[Rules]:
+    """Return the model of the entries of one shape; the JSON schema calls it LaggedBias, in grids LaggedBiasGrid."""
+    values = {
+        "number": number,
+        "positive": Annotated[number, AfterValidator(_positive)],
+        "nonzero": Annotated[number, AfterValidator(_nonzero)],
+        "reference": Literal["onset", "window"],
+        "file": Annotated[Text, AfterValidator(_existing)],
+    }
+    fields: dict[str, Any] = {}
+    for key in sorted(SHAPES[name].keys, key=lambda key: not key.required):
+        value = values[key.rule]
+        kind, default = (value, ...) if key.required else (value | None, None)
+        fields[key.name] = (kind, Field(default, description=key.description))
+    shape = {"shape": (Literal[name], ...)}
+    # Messages and the schema list the keys in this order: an oscillation's own first.
+    fields = fields | shape if SHAPES[name].kind == "oscillating" else shape | fields
+    title = "".join(word.capitalize() for word in name.split("_")) + suffix
+    made = create_model(title, __base__=_Entry[number, names], __module__=__name__, **fields)
+    globals()[title] = made  # where pickle looks for it, when a configuration goes to another process
+    return cast("type[Rules]", made)
 
 
-class Cosine(_Oscillation[N, C], Generic[N, C]):
-    """cos(2 pi f (t - t0) + phase)."""
-
-    shape: Literal["cosine"]
-
-
-class LaggedBias(_Entry[N, C], Generic[N, C]):
-    """1 - exp(-(t - onset) / time constant)."""
-
-    shape: Literal["lagged_bias"]
-    time_constant_s: Annotated[N, AfterValidator(_positive)]
-
-
-class RampHold(_Entry[N, C], Generic[N, C]):
-    """slope x min(t - onset, duration)."""
-
-    shape: Literal["ramp_hold"]
-    duration_s: Annotated[N, AfterValidator(_positive)]
-    slope: Annotated[N, AfterValidator(_nonzero)] | None = None
-    """Per second; default 1 / duration, so that it ends at 1."""
-
-
-class Samples(_Entry[N, C], Generic[N, C]):
-    """The values of a CSV file."""
-
-    shape: Literal["samples"]
-    file: Annotated[Text, AfterValidator(_existing)]
-    """CSV of time (s after the onset), value; relative to this file."""
-
-
-AtomEntry = Annotated[
-    Bias[Number, Text]
-    | Drift[Number, Text]
-    | Sine[Number, Text]
-    | Cosine[Number, Text]
-    | LaggedBias[Number, Text]
-    | RampHold[Number, Text]
-    | Samples[Number, Text],
-    Discriminator("shape"),
-]
-GridEntry = Annotated[
-    Bias[Numbers, Names]
-    | Drift[Numbers, Names]
-    | Sine[Numbers, Names]
-    | Cosine[Numbers, Names]
-    | LaggedBias[Numbers, Names]
-    | RampHold[Numbers, Names]
-    | Samples[Numbers, Names],
-    Discriminator("shape"),
-]
+if TYPE_CHECKING:
+    AtomEntry = _Entry[Number, Text]
+    GridEntry = _Entry[Numbers, Names]
+else:
+    ATOMS = reduce(or_, (_entry_of(name, Number, Text, "") for name in SHAPES))
+    GRIDS = reduce(or_, (_entry_of(name, Numbers, Names, "Grid") for name in SHAPES))
+    AtomEntry = Annotated[ATOMS, Discriminator("shape")]
+    GridEntry = Annotated[GRIDS, Discriminator("shape")]
 
 
 class DictionaryDocument(Rules):

@@ -110,7 +110,11 @@ def _attribute_docstrings(part: type[BaseModel]) -> dict[str, str]:
     for owner in reversed(part.__mro__):
         if not issubclass(owner, Rules) or owner.__pydantic_generic_metadata__["args"]:
             continue
-        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        try:
+            source = inspect.getsource(owner)
+        except OSError:  # made from an entry of `bfi_cli.shapes`; its fields carry their descriptions
+            continue
+        (definition,) = ast.parse(textwrap.dedent(source)).body
         assert isinstance(definition, ast.ClassDef)
         for statement, after in pairwise(definition.body):
             if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):

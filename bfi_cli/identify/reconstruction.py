@@ -13,6 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
+from ..truth import compare_faults
 from .magnitudes import MethodResult
 from .result import AgainstTruth, OutputSeries, ResidualSummary
 
@@ -94,7 +95,7 @@ def against_truth(window: PreparedWindow, found: MethodResult, series: Sequence[
     truth = window.log.truth
     if truth is None:
         return None
-    declared = {window.live[n]: float(found.magnitudes.value[n]) for n in found.atoms}
+    declared = {window.names[window.live[n]]: float(found.magnitudes.value[n]) for n in found.atoms}
     wanted: dict[int, float] = {}
     unknown: list[str] = []
     time_s, start_s = window.native.time_s, window.window_start_s
@@ -114,19 +115,13 @@ def against_truth(window: PreparedWindow, found: MethodResult, series: Sequence[
             unknown.append(name)
         else:
             wanted[entry] = wanted.get(entry, 0.0) + z
-    wanted = {j: z for j, z in wanted.items() if z != 0.0}
-    missed = (*(window.names[j] for j in wanted if j not in declared), *unknown)
-    extra = tuple(window.names[j] for j in declared if j not in wanted)
-    error = None
-    if wanted and not unknown:
-        everywhere = sorted(set(wanted) | set(declared))
-        difference = [declared.get(j, 0.0) - wanted.get(j, 0.0) for j in everywhere]
-        error = float(np.linalg.norm(difference) / np.linalg.norm(list(wanted.values())))
+    injected = {window.names[j]: z for j, z in wanted.items() if z != 0.0}
+    comparison = compare_faults(declared, injected, unknown=unknown)
     return AgainstTruth(
-        isolated=not missed and not extra,
-        false_alarms=extra,
-        missed=missed,
-        magnitude_error=error,
+        isolated=comparison.isolated,
+        false_alarms=comparison.false_alarms,
+        missed=comparison.missed,
+        magnitude_error=comparison.magnitude_error,
         vaf_fault={output.channel: _vaf(output) for output in series},
     )
 

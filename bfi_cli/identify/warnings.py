@@ -8,6 +8,7 @@ import numpy as np
 
 from ..kernels.whiteness import exceedances
 from ..preprocessing.window import PreparedWindow
+from ..shapes import SHAPES
 from .magnitudes import MagnitudeEstimates, MethodResult
 from .result import OutputSeries, ResidualSummary
 
@@ -22,7 +23,6 @@ MOST_NAMED = 5
 BLIND = 3.0
 # More exceedances of five standard deviations than this share are gusts rather than an abrupt event.
 RARE = 0.02
-SLOW_SHAPES = ("drift", "lagged_bias", "ramp_hold", "samples")
 # An oscillation of fewer cycles in the window can be a change of thrust or wind.
 SLOW_CYCLES = 10.0
 BLIND_NOTE = "only a fault larger than the output's whole movement would be seen in this window"
@@ -61,7 +61,7 @@ def warnings_of(
     slow = [
         window.names[j]
         for j in declared
-        if (fault := window.faults[j]).shape in SLOW_SHAPES
+        if SHAPES[(fault := window.faults[j]).shape].kind == "slow"
         or (fault.frequency_hz is not None and fault.frequency_hz * duration_s < SLOW_CYCLES)
     ]
     unseen = [window.names[j] for j, is_hidden in zip(window.live, hidden, strict=True) if is_hidden]

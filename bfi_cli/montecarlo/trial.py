@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import BfiError
 from ..identify import identify_faults
 from ..identify.methods import METHODS
+from ..truth import compare_faults
 from .flight import faulty, record_of
 from .row import ERROR_DIGITS, Row, rounded
 from .scenarios import Trial
@@ -72,12 +73,8 @@ def _from_shared(shared: SharedRecord, trial: Trial, truth: Mapping[str, float])
 
 def _compared(row: Row, answer: _Answer) -> Row:
     truth, estimate = row.truth, answer.estimate
-    extra = tuple(name for name in estimate if name not in truth)
-    missed = tuple(name for name in truth if name not in estimate)
-    error, hits = None, None
-    if truth:
-        difference = [estimate.get(name, 0.0) - truth.get(name, 0.0) for name in {**truth, **estimate}]
-        error = rounded(float(np.linalg.norm(difference) / np.linalg.norm(list(truth.values()))), ERROR_DIGITS)
+    comparison, hits = compare_faults(estimate, truth), None
+    error = comparison.magnitude_error
     if answer.intervals is not None:
         both = [(truth[name], *ends) for name, ends in answer.intervals.items() if name in truth]
         hits = [low <= z <= high for z, low, high in both]
@@ -88,10 +85,10 @@ def _compared(row: Row, answer: _Answer) -> Row:
         truth=truth,
         estimate={name: rounded(z) for name, z in estimate.items()},
         decision=answer.decision,
-        isolated=not extra and not missed,
-        false_alarms=extra,
-        missed=missed,
-        magnitude_error=error,
+        isolated=comparison.isolated,
+        false_alarms=comparison.false_alarms,
+        missed=comparison.missed,
+        magnitude_error=None if error is None else rounded(error, ERROR_DIGITS),
         intervals=None if hits is None else len(hits),
         covered=None if hits is None else sum(hits),
     )

@@ -141,7 +141,7 @@ def propose_dictionary(result: OnsetResult) -> Dictionary:
                 onset_s = float(profile.onset_s[profile.statistic.argmax()])
                 atoms.append(
                     Fault(
-                        shape=profile.shape,  # type: ignore[arg-type]
+                        shape=profile.shape,
                         channel=profile.channel,
                         onset_s=onset_s,
                         frequency_hz=profile.frequency_hz,

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import StartTime
-from ..faults import Fault, Shape, unit_signal
+from ..faults import Fault, unit_signal
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.waveform import Waveform
+from ..shapes import Shape
 from ..wording import instant
 
 __all__ = [

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ..config import Config, merge
 from ..exhibit import Exhibit, Panel, Table, curve
-from ..faults import Fault, Shape, unit_signal
+from ..faults import Fault, unit_signal
 from ..flightlog import FlightLog
 from ..identify.risro import solve
 from ..kernels.lagged import compress
 from ..onset import OnsetResult, find_onset
+from ..shapes import Shape
 from ..wording import interval, number
 from .page import drawing, exhibit, fill, load, table
 from .reconstruction import COPIES, SETTLED, dated, scanning, shipped

@@ -1,0 +1,218 @@
+"""The shapes of faults, one entry each: its keys, its signal, its units and its words.
+
+Whatever else names a shape (the JSON of a fault, the dictionary's YAML and its schema, the shapes that the scan can
+look for, help texts and labels) is made from the entries of `SHAPES`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .sample_file import read_samples
+
+__all__ = ["KEY_RULES", "SCANNED", "SHAPES", "FaultShape", "Key", "ScannedShape", "Shape"]
+
+FloatArray = NDArray[np.float64]
+Rule = Literal["number", "positive", "nonzero", "reference", "file"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Key:
+    """A key that belongs to a shape, beside those that every fault has.
+
+    Attributes
+    ----------
+    rule : what its value is: a number, one greater than 0, one other than 0, "onset" or "window", or a CSV file.
+    description : what an editor says of it, where its name and unit do not say enough.
+    """
+
+    name: str
+    rule: Rule
+    required: bool = False
+    description: str | None = None
+
+
+def _same_unit(channel_unit: str, **_: Any) -> str:
+    return channel_unit
+
+
+def _same_value(magnitude: float, channel_unit: str, **_: Any) -> tuple[float, str]:
+    return magnitude, channel_unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultShape:
+    """What the program knows of one shape.
+
+    Attributes
+    ----------
+    signal : from the seconds since the onset (since the start of the window where `phase_reference` says so) and the
+        keys of the shape by name, the signal of magnitude 1.
+    formula : the signal in words, for tables and editors.
+    kind : abrupt (it jumps within a sample), slow, or oscillating. A slow one can be mistaken for a
+        change of thrust, configuration or wind.
+    label : what sentences call it.
+    keys : its own, in the order in which JSON and messages list them.
+    is_scanned : whether `bfi start-time` can look for it.
+    magnitude_unit : from the channel's unit and the keys, the unit of the magnitude; "" for a pure number.
+    physical : from the magnitude, the channel's unit and the keys, what the magnitude means: value and unit.
+    """
+
+    signal: Callable[..., FloatArray]
+    formula: str
+    kind: Literal["abrupt", "slow", "oscillating"]
+    label: str
+    keys: tuple[Key, ...] = ()
+    is_scanned: bool = False
+    magnitude_unit: Callable[..., str] = _same_unit
+    physical: Callable[..., tuple[float, str]] = _same_value
+
+
+def _drift(elapsed_s: FloatArray, *, slope: float | None) -> FloatArray:
+    return (1.0 if slope is None else slope) * elapsed_s
+
+
+def _drift_unit(channel_unit: str, *, slope: float | None) -> str:
+    return _per_second(channel_unit) if slope is None else ""
+
+
+def _drift_physical(magnitude: float, channel_unit: str, *, slope: float | None) -> tuple[float, str]:
+    return magnitude * (1.0 if slope is None else slope), _per_second(channel_unit)
+
+
+def _per_second(unit: str) -> str:
+    stem, power = (unit or "1"), 1
+    if found := re.fullmatch(r"(.+)/s(?:\^(\d+))?", stem):
+        stem, power = found[1], int(found[2] or 1) + 1
+    return f"{stem}/s" if power == 1 else f"{stem}/s^{power}"
+
+
+def _ramp_hold(elapsed_s: FloatArray, *, slope: float | None, duration_s: float) -> FloatArray:
+    return (1.0 / duration_s if slope is None else slope) * np.minimum(elapsed_s, duration_s)
+
+
+def _ramp_hold_physical(
+    magnitude: float, channel_unit: str, *, slope: float | None, duration_s: float
+) -> tuple[float, str]:
+    return magnitude if slope is None else magnitude * slope * duration_s, channel_unit
+
+
+def _samples(elapsed_s: FloatArray, *, file: str) -> FloatArray:
+    """Return the values between the points of the file: 0 before the first time, the last value after the last."""
+    time_s, value = read_samples(file)
+    return np.interp(elapsed_s, time_s, value, left=0.0)
+
+
+def _angle(since_s: FloatArray, frequency_hz: float, phase_rad: float) -> FloatArray:
+    return 2.0 * np.pi * frequency_hz * since_s + phase_rad
+
+
+OSCILLATION_KEYS = (
+    Key(name="frequency_hz", rule="positive", required=True),
+    Key(name="phase_rad", rule="number"),
+    Key(
+        name="phase_reference",
+        rule="reference",
+        description="Where the phase counts from: the onset (default) or the start of the window.",
+    ),
+)
+TIME_CONSTANT = Key(name="time_constant_s", rule="positive", required=True)
+
+SHAPES: Mapping[str, FaultShape] = {
+    "bias": FaultShape(
+        signal=np.ones_like,
+        formula="1 from the onset.",
+        kind="abrupt",
+        label="bias",
+        is_scanned=True,
+    ),
+    "drift": FaultShape(
+        signal=_drift,
+        formula="slope x (t - onset).",
+        kind="slow",
+        label="drift",
+        keys=(
+            Key(
+                name="slope",
+                rule="nonzero",
+                description="Per second; default 1, and the magnitude then has the channel's unit per second.",
+            ),
+        ),
+        is_scanned=True,
+        magnitude_unit=_drift_unit,
+        physical=_drift_physical,
+    ),
+    "sine": FaultShape(
+        signal=lambda since_s, *, frequency_hz, phase_rad: np.sin(_angle(since_s, frequency_hz, phase_rad)),
+        formula="sin(2 pi f (t - t0) + phase).",
+        kind="oscillating",
+        label="sine",
+        keys=OSCILLATION_KEYS,
+        is_scanned=True,
+    ),
+    "cosine": FaultShape(
+        signal=lambda since_s, *, frequency_hz, phase_rad: np.cos(_angle(since_s, frequency_hz, phase_rad)),
+        formula="cos(2 pi f (t - t0) + phase).",
+        kind="oscillating",
+        label="cosine",
+        keys=OSCILLATION_KEYS,
+    ),
+    "lagged_bias": FaultShape(
+        signal=lambda elapsed_s, *, time_constant_s: -np.expm1(-elapsed_s / time_constant_s),
+        formula="1 - exp(-(t - onset) / time constant).",
+        kind="slow",
+        label="lagged bias",
+        keys=(TIME_CONSTANT,),
+        is_scanned=True,
+    ),
+    "ramp_hold": FaultShape(
+        signal=_ramp_hold,
+        formula="slope x min(t - onset, duration).",
+        kind="slow",
+        label="ramp and hold",
+        keys=(
+            Key(name="slope", rule="nonzero", description="Per second; default 1 / duration, so that it ends at 1."),
+            Key(name="duration_s", rule="positive", required=True),
+        ),
+        is_scanned=True,
+        physical=_ramp_hold_physical,
+    ),
+    "decaying_bias": FaultShape(
+        signal=lambda elapsed_s, *, time_constant_s: np.exp(-elapsed_s / time_constant_s),
+        formula="exp(-(t - onset) / time constant).",
+        kind="abrupt",
+        label="decaying bias",
+        keys=(TIME_CONSTANT,),
+    ),
+    "samples": FaultShape(
+        signal=_samples,
+        formula="The values of a CSV file.",
+        kind="slow",  # it may be, and nothing says it is not
+        label="sampled shape",
+        keys=(
+            Key(
+                name="file",
+                rule="file",
+                required=True,
+                description="CSV of time (s after the onset), value; relative to this file.",
+            ),
+        ),
+        is_scanned=True,
+    ),
+}
+SCANNED: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.is_scanned)
+# A key means the same in every shape that has it; only its description may differ.
+KEY_RULES: Mapping[str, Rule] = {key.name: key.rule for shape in SHAPES.values() for key in shape.keys}
+
+if TYPE_CHECKING:  # a type checker does not run the table; an unknown name is refused where a fault is made
+    Shape = str
+    ScannedShape = str
+else:
+    Shape = Literal[tuple(SHAPES)]
+    ScannedShape = Literal[SCANNED]

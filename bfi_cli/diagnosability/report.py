@@ -37,8 +37,9 @@ MANOEUVRE_CAPTION = (
     "What the record of each manoeuvre tells of 1 bit on whether each fault is there; first column: the mean over the "
     "faults of what it tells on each against the other fault most like it."
 )
-ATOM_HEADS = tuple(
-    "fault|magnitude|divergence, bit|minimal detectable|most like|told apart, bit|in one sample, bit|note".split("|")
+ATOM_HEADS = (
+    *("fault", "magnitude", "divergence, bit", "minimal detectable", "most like", "told apart, bit"),
+    *("in one sample, bit", "note"),
 )
 MANOEUVRE_HEADS = ("manoeuvre", "told, bit", "standard error", "weakest fault", "its bits", "note")
 

@@ -1,4 +1,4 @@
-"""From a log and the settings to the record a detector works on, or to the line that says why not."""
+"""The record a detector works on: channels and healthy time of the window, its inputs, and its rate."""
 
 from __future__ import annotations
 
@@ -16,25 +16,43 @@ from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
 from ..wording import instant
-from .inputs import directions, independent, moments
 from .settings import DetectSettings
 
-__all__ = ["Prepared", "Sampled", "prepare", "sampled"]
+__all__ = [
+    "DecimatedRecord",
+    "PreparedRecord",
+    "decimate_record",
+    "directions",
+    "independent",
+    "moments",
+    "prepare_record",
+]
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
+# What is watched where the user names nothing, and the controls of the other axes, which then are no inputs.
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
 LATERAL = ("aileron", "rudder")
+# Accelerations feel gusts and thrust at once, which the controls do not: with them 3 of 3 biases of the airspeed are
+# localised in recorded flights, with the elevator alone 2 (docs/validation.md).
 FELT = ("longitudinal_acc", "normal_acc")
+# What a turn needs to be explained, and the outputs that it changes.
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
 TURNS = "what turns do to longitudinal motion is explained by more inputs made of roll and yaw_rate (--no-turns: not)"
+# Cosine of the steepest bank, 78 degrees: the load factor of a turn has no bound.
 STEEPEST = 0.2
+# Relative to the channel's extent: what moves less only shows round-off.
 STILL = 1e-9
+# Of a column's norm left by the columns before it, above the round-off of their filtering.
+DEPENDENT = 1e-6
+# Of the largest singular value: inputs that move together differ by their noise.
+TOGETHER = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
+class PreparedRecord:
     """The window from the start of the healthy time on, at the log's own rate.
 
     Attributes
@@ -59,7 +77,7 @@ class Prepared:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sampled:
+class DecimatedRecord:
     """The record at the rate of the analysis.
 
     Attributes
@@ -76,12 +94,12 @@ class Sampled:
     reach_s: float
     y: FloatArray
     u: FloatArray
-    weak: NDArray[np.bool_]
-    healthy: NDArray[np.bool_]
-    watched: NDArray[np.bool_]
+    weak: BoolArray
+    healthy: BoolArray
+    watched: BoolArray
 
 
-def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
+def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
     """Cut, check and, where the rate asks for it, resample a log.
 
     Raises
@@ -90,14 +108,26 @@ def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
     ConfigError : the healthy time is not in the log, or leaves nothing to watch.
     """
     part = log.window(settings.from_s, settings.to_s)
-    train = settings.train or _first_third(part)
+    first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
+    train = settings.train or (first_s, first_s + (last_s - first_s) / 3.0)
     start_s = train[0] if settings.train or settings.from_s is None else max(train[0], settings.from_s)
     inputs, outputs = _channels(log.window(start_s, settings.to_s), settings)
     bank = BANK if settings.turns and _turns(log, inputs, outputs) else ()
     helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
-    part = _at_rate(log, settings, start_s, (*inputs, *outputs, *bank, *helping))
+    part, needed = log.window(start_s, settings.to_s), (*inputs, *outputs, *bank, *helping)
+    if must_resample(part, needed, settings.rate_hz):
+        assert not isinstance(settings.rate_hz, str)
+        part = resample(log, settings.rate_hz, from_s=start_s, to_s=settings.to_s)
+        require_usable(part, needed)
     watch_s = max(train[1], train[1] if settings.from_s is None else settings.from_s)
-    _require_times(part, train, watch_s)
+    first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
+    if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
+        raise ConfigError(
+            f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first_s)} s to "
+            f"{instant(last_s)} s; change --train, --from or --to"
+        )
+    if watch_s >= last_s:
+        raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
     record = Signals(
         path=part.path,
         rate_hz=part.rate_hz,
@@ -111,8 +141,7 @@ def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
     healthy = replace(
         record, time_s=part.time_s[before], u=record.u[before], y=record.y[before], theta=record.theta[before]
     )
-    exact = is_exact(healthy)
-    return Prepared(
+    return PreparedRecord(
         record=record,
         native_rate_hz=log.rate_hz,
         train=train,
@@ -121,12 +150,12 @@ def prepare(log: FlightLog, settings: DetectSettings) -> Prepared:
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
         choice=choose_rate(healthy, (), exact=False, asked=settings.rate_hz),
-        exact=exact,
-        notes=(*_notes(log, settings, train), *_trusted(settings, inputs), *((TURNS,) if bank else ())),
+        exact=is_exact(healthy),
+        notes=(*_notes(log, settings, train, inputs), *((TURNS,) if bank else ())),
     )
 
 
-def sampled(prepared: Prepared, factor: int) -> Sampled:
+def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
     """Return the record filtered and decimated by `factor`.
 
     Between two samples an input may move in any way; its mean and first moment over that time say nearly all of what it
@@ -145,7 +174,7 @@ def sampled(prepared: Prepared, factor: int) -> Sampled:
     first, last = lost_samples(factor, WHITE) if factor > 1 else (0, 0)
     time_s, reach_s = record.time_s[first::factor][: len(y)], last / record.rate_hz
     kept = independent(u)
-    return Sampled(
+    return DecimatedRecord(
         rate_hz=record.rate_hz / factor,
         time_s=time_s,
         reach_s=reach_s,
@@ -157,9 +186,48 @@ def sampled(prepared: Prepared, factor: int) -> Sampled:
     )
 
 
-def _first_third(part: FlightLog) -> tuple[float, float]:
-    start, stop = float(part.time_s[0]), float(part.time_s[-1])
-    return start, start + (stop - start) / 3.0
+def directions(u: FloatArray, healthy: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """Return (n_samples, k) signals that span the inputs, the strongest first, and which are hardly more than noise.
+
+    Surfaces that move together are logged one by one, each with its own noise: together they say better where they are,
+    and their differences say nothing. Inputs that rest in the healthy time stay as they are.
+
+    Parameters
+    ----------
+    u : (n_samples, n_inputs); healthy : (n_samples,) the healthy time.
+    """
+    moved = u - u[healthy].mean(axis=0)
+    spread, extent = moved[healthy].std(axis=0), np.abs(moved).max(axis=0, initial=0.0)
+    rest = np.flatnonzero((spread <= STILL * extent) & (extent > 0.0))
+    moving = np.flatnonzero(spread > STILL * extent)
+    scaled = moved[:, moving] / spread[moving]
+    _, values, V = np.linalg.svd(np.linalg.qr(scaled[healthy], mode="r"), full_matrices=False)
+    signals = np.hstack([scaled @ V.T, moved[:, rest]])
+    weak = np.append(values <= TOGETHER * values.max(initial=0.0), np.zeros(len(rest), dtype=bool))
+    seen = np.abs(signals).max(axis=0, initial=0.0) > DEPENDENT
+    return signals[:, seen], weak[seen]
+
+
+def moments(u: FloatArray, factor: int) -> FloatArray:
+    """Return (n_samples, k or 2 k): mean and first moment of each input over the last `factor` samples."""
+    if factor == 1 or not u.shape[1]:
+        return u
+    held = np.vstack([np.repeat(u[:1], factor - 1, axis=0), u])
+    windows = np.lib.stride_tricks.sliding_window_view(held, factor, axis=0)
+    arms = (np.arange(factor) - 0.5 * (factor - 1)) / factor
+    return np.hstack([windows.mean(axis=2), windows @ arms / factor])
+
+
+def independent(u: FloatArray) -> NDArray[np.intp]:
+    """Return which columns of u move and are no combination of those before them."""
+    centred = u - u.mean(axis=0) if len(u) else u
+    kept: list[int] = []
+    for j, size in enumerate(np.ptp(u, axis=0) if u.shape[1] else ()):
+        basis = np.linalg.qr(centred[:, kept])[0] if kept else np.zeros((len(u), 0))
+        left = centred[:, j] - basis @ (basis.T @ centred[:, j])
+        if size > 0.0 and np.linalg.norm(left) > DEPENDENT * np.linalg.norm(centred[:, j]):
+            kept.append(j)
+    return np.array(kept, dtype=np.intp)
 
 
 def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -209,36 +277,7 @@ def _moves(part: FlightLog, name: str) -> bool:
     return bool(finite.size and np.ptp(finite) > STILL * np.max(np.abs(finite)))
 
 
-def _at_rate(log: FlightLog, settings: DetectSettings, start_s: float, names: Sequence[str]) -> FlightLog:
-    """Return the part from `start_s` on, resampled where the wanted rate cannot be reached by decimation."""
-    part = log.window(start_s, settings.to_s)
-    if not must_resample(part, names, settings.rate_hz):
-        return part
-    assert not isinstance(settings.rate_hz, str)
-    part = resample(log, settings.rate_hz, from_s=start_s, to_s=settings.to_s)
-    require_usable(part, names)
-    return part
-
-
-def _require_times(part: FlightLog, train: tuple[float, float], watch_s: float) -> None:
-    first, last = float(part.time_s[0]), float(part.time_s[-1])
-    if train[0] < first - 1.0 / part.rate_hz or train[1] > last:
-        raise ConfigError(
-            f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first)} s to "
-            f"{instant(last)} s; change --train, --from or --to"
-        )
-    if watch_s >= last:
-        raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
-
-
-def _trusted(settings: DetectSettings, inputs: Sequence[str]) -> tuple[str, ...]:
-    felt = [name for name in FELT if name in inputs and not settings.inputs]
-    if not felt:
-        return ()
-    return (f"taken as inputs, and to be right: {', '.join(felt)}, which feel gusts and thrust (--input chooses)",)
-
-
-def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float]) -> tuple[str, ...]:
+def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float], inputs: Sequence[str]) -> list[str]:
     notes = []
     if settings.train is None:
         notes.append(
@@ -247,4 +286,8 @@ def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float])
         )
     elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
         notes.append(f"what is before the healthy time, before {instant(train[0])} s, is not looked at")
-    return tuple(notes)
+    felt = [name for name in FELT if name in inputs and not settings.inputs]
+    if felt:
+        names = ", ".join(felt)
+        notes.append(f"taken as inputs, and to be right: {names}, which feel gusts and thrust (--input chooses)")
+    return notes

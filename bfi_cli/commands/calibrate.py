@@ -25,7 +25,7 @@ from .progress import stages
 from .start_time import SHAPES, scan_config
 
 if TYPE_CHECKING:
-    from ..calibration import Table
+    from ..calibration import CalibrationTable as Table
     from ..config import Config
     from ..flightlog import FlightLog
 

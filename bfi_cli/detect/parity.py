@@ -19,8 +19,6 @@ FloatArray = NDArray[np.float64]
 
 # Rows and seconds that a step is looked back for: a failure that shows later is found by later onsets.
 SHORTEST_WINDOW, WINDOW_S = 10, 1.0
-# Regressors are those of the last rows: a step older than these is in all of them.
-RECENT = 60
 # Rows a deviate has to last: a gust is over in one, a failure is not (docs/theory.md, 11.2).
 LASTING = 2
 # On the level of white noise. With it 1 of 400 healthy flights of the Boeing 747 alarms (docs/validation.md).
@@ -94,7 +92,7 @@ def detect_sequentially(
     while channels:
         report(len(passes), samples.y.shape[1])
         model = fit_predictor(path, samples, channels)
-        drops = largest_drops(model.errors, model.basis, window=window, recent=RECENT)
+        drops = largest_drops(model.errors, model.basis, window=window)
         # The deviate that counts is the least one over the last rows.
         padded = np.vstack([np.zeros((LASTING - 1, len(channels))), drops.deviate])
         drops = replace(drops, deviate=np.lib.stride_tricks.sliding_window_view(padded, LASTING, axis=0).min(axis=2))

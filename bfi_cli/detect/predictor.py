@@ -18,7 +18,7 @@ __all__ = ["Predictor", "fit_predictor"]
 
 FloatArray = NDArray[np.float64]
 
-# Lags tried: short pasts whole, long ones by the components whose singular value is EDGE times that of noise.
+# Lags tried: short pasts whole, long ones by the components that move more than EDGE times the noise.
 SHORT_PASTS, LONG_PASTS, EDGE = (1, 2, 4, 6), (10, 20), 1.5
 # Weights of a row relative to the next that are tried: a memory without end down to one of fifty rows.
 FORGETTING = (1.0, 0.998, 0.995, 0.99, 0.98)

@@ -6,17 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..channels import INPUTS
 from ..errors import LogError
-from .excitation import Excitation, Window, excitation, suggest_windows
+from .excitation import Excitation, ExcitedWindow, excitation, suggest_windows
 from .holds import Hold, find_hold, find_quantum, repeat_fraction
 from .record import Channel, FlightLog, FloatArray, Segment
-from .timing import gap_starts, is_uniform, position, time_jitter, uneven_step
 
-__all__ = ["ChannelReport", "LogReport", "advice_on_windows", "hold_of", "inspect_log", "require_usable"]
+__all__ = ["ChannelReport", "LogReport", "advice_on_windows", "gap_starts", "hold_of", "inspect_log", "is_uniform"]
+__all__ += ["position", "require_usable", "time_jitter", "uneven_step"]
 
+# In SI units; no measurement, and squares of it still are numbers.
 LARGEST = 1e30
+# Of the median time step: what a recorder's clock may wander, and between one step and two, where a sample is missing.
+UNEVEN, GAP = 0.02, 1.75
 # From here on the dynamics change within a record, and a scan takes minutes: a window is worth a word.
 LONG_S, MOST_NAMED = 600.0, 3
 
@@ -65,9 +69,41 @@ class LogReport:
     gaps: tuple[tuple[float, float], ...]
     channels: tuple[ChannelReport, ...]
     excitation: tuple[Excitation, ...]
-    windows: tuple[Window, ...]
+    windows: tuple[ExcitedWindow, ...]
     segments: tuple[Segment, ...]
     notes: tuple[str, ...]
+
+
+def position(time_s: FloatArray) -> FloatArray:
+    """Return (n_samples,) time in samples: (t - t[0]) over the median time step."""
+    return np.asarray((time_s - time_s[0]) / np.median(np.diff(time_s)))
+
+
+def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:
+    """Return the samples after which at least one is missing."""
+    step = np.diff(time_s)
+    return np.flatnonzero(step > GAP * np.median(step))
+
+
+def time_jitter(time_s: FloatArray) -> float:
+    """Return the largest deviation of a time step from the median step, relative to it, gaps left out."""
+    relative = np.diff(position(time_s))
+    return float(np.max(np.abs(relative[relative <= GAP] - 1.0), initial=0.0))
+
+
+def uneven_step(time_s: FloatArray) -> int | None:
+    """Return the first sample k whose step t[k] - t[k-1] is off by more than 2 % and float32 rounding, else None."""
+    step = np.diff(time_s)
+    median = float(np.median(step))
+    single = time_s.astype(np.float32)
+    rounding = 2.0 * float(np.max(np.abs(np.spacing(single)))) if np.array_equal(single, time_s) else 0.0
+    bad = np.abs(step - median) > UNEVEN * median + rounding
+    return int(np.argmax(bad)) + 1 if bad.any() else None
+
+
+def is_uniform(time_s: FloatArray) -> bool:
+    """Say whether the samples lie on a uniform grid."""
+    return uneven_step(time_s) is None
 
 
 def inspect_log(log: FlightLog) -> LogReport:
@@ -150,9 +186,21 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
         _require_finite(log, channel)
     if resampling:
         return
-    _require_uniform(log)
+    k = uneven_step(log.time_s)
+    if k is not None:
+        step = float(log.time_s[k] - log.time_s[k - 1])
+        raise LogError(
+            f"{log.path}: time step is not uniform: {step:.4g} s at sample {k}, {1.0 / log.rate_hz:.4g} s elsewhere; "
+            "give --rate to resample, or cut the window with --from/--to"
+        )
     for channel in channels:
-        _require_renewed(log, channel)
+        hold = hold_of(log, channel.values)
+        if hold is not None:
+            rate, repeated = f"{log.rate_hz / hold.period:.3g}", 100.0 * repeat_fraction(channel.values)
+            raise LogError(
+                f"{log.path}: '{channel.name}' repeats its value {repeated:.0f} % of the time (held samples, about "
+                f"{rate} Hz); give --rate {rate} to decimate"
+            )
 
 
 def _require_finite(log: FlightLog, channel: Channel) -> None:
@@ -167,24 +215,4 @@ def _require_finite(log: FlightLog, channel: Channel) -> None:
         raise LogError(
             f"{log.path}: '{channel.name}' is not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), "
             f"{bad.size} of {log.n_samples} samples in all; choose a window without them with --from/--to"
-        )
-
-
-def _require_uniform(log: FlightLog) -> None:
-    k = uneven_step(log.time_s)
-    if k is not None:
-        step = float(log.time_s[k] - log.time_s[k - 1])
-        raise LogError(
-            f"{log.path}: time step is not uniform: {step:.4g} s at sample {k}, {1.0 / log.rate_hz:.4g} s elsewhere; "
-            "give --rate to resample, or cut the window with --from/--to"
-        )
-
-
-def _require_renewed(log: FlightLog, channel: Channel) -> None:
-    hold = hold_of(log, channel.values)
-    if hold is not None:
-        rate = f"{log.rate_hz / hold.period:.3g}"
-        raise LogError(
-            f"{log.path}: '{channel.name}' repeats its value {100.0 * repeat_fraction(channel.values):.0f} % of the "
-            f"time (held samples, about {rate} Hz); give --rate {rate} to decimate"
         )

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError, LogError
 from .holds import Hold
-from .quality import hold_of
+from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
-from .timing import is_uniform
 
 __all__ = ["resample", "resample_with", "with_reach"]
 

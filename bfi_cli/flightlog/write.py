@@ -15,8 +15,7 @@ import numpy as np
 from ..errors import ConfigError
 from ..files import ATTRIBUTE, MARK, OWNER, aside
 from ..printable import SHOWN, printable
-from .annotations import faults_to_json, segments_to_json
-from .record import FlightLog, FloatArray, Truth
+from .record import FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
 from .text import CLEAN, FAULTS, SEGMENTS
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import resources
 
-from ..calibration import Null, Table, differences, load_tables, nearest, null_of
+from ..calibration import CalibrationTable as Table
+from ..calibration import Null, differences, load_tables, nearest, null_of
 from ..config import Config
 from ..errors import ConfigError
 from ..flightlog import FlightLog

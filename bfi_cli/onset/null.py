@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ..calibration import FEWEST_WINDOWS, Settings, Table
+from ..calibration import FEWEST_WINDOWS
+from ..calibration import CalibrationSettings as Settings
+from ..calibration import CalibrationTable as Table
 from ..config import Config, merge
 from ..errors import LogError
 from ..flightlog import FlightLog

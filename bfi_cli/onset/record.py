@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration import Settings
+from ..calibration import CalibrationSettings as Settings
 from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError

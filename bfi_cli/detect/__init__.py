@@ -7,9 +7,9 @@ one for noisy data, whose residuals are those of `predictor`; `detect` chooses a
 from __future__ import annotations
 
 from .detect import detect_faults
+from .preparation import DetectSettings, settings_of
 from .report import detect_document, detect_exhibit
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
-from .settings import DetectSettings, settings_of
 
 __all__ = [
     "Alarm",

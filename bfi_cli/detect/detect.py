@@ -14,9 +14,8 @@ from ..preprocessing.summary import log_summary
 from ..wording import instant
 from .nullspace import LEVEL, NullSpaceCriteria, null_space_criteria
 from .parity import DetectionThreshold, Failure, MonitoringPass, detect_sequentially
-from .preparation import DecimatedRecord, PreparedRecord, decimate_record, prepare_record
+from .preparation import DecimatedRecord, DetectSettings, PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
-from .settings import DetectSettings
 
 __all__ = ["detect_faults"]
 

@@ -1,14 +1,16 @@
-"""The record a detector works on: channels and healthy time of the window, its inputs, and its rate."""
+"""The settings of a detection and the record it works on: channels and healthy time, directions of inputs, rate."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import INPUTS
+from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog, require_usable, resample
 from ..kernels.decimation import WHITE, decimate, lost_samples
@@ -16,20 +18,13 @@ from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
 from ..wording import instant
-from .settings import DetectSettings
 
-__all__ = [
-    "DecimatedRecord",
-    "PreparedRecord",
-    "decimate_record",
-    "directions",
-    "independent",
-    "moments",
-    "prepare_record",
-]
+__all__ = ["DecimatedRecord", "DetectSettings", "PreparedRecord", "decimate_record", "directions", "independent"]
+__all__ += ["moments", "prepare_record", "settings_of"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+Method = Literal["auto", "exact", "parity"]
 
 # What is watched where the user names nothing, and the controls of the other axes, which then are no inputs.
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
@@ -49,6 +44,70 @@ STILL = 1e-9
 DEPENDENT = 1e-6
 # Of the largest singular value: inputs that move together differ by their noise.
 TOGETHER = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectSettings:
+    """Settings of `detect_faults`; times on the log's own axis.
+
+    Attributes
+    ----------
+    inputs, outputs : channels; where empty, those of the log that suit: controls and accelerations, flight data.
+    from_s, to_s : window, None for the ends of the log.
+    train : healthy time, None for the first third of the window.
+    false_alarm : accepted probability that a healthy record of the monitored length raises an alarm.
+    rate_hz : a number, "none" for the log's own, "auto" to choose.
+    method : "exact" for data without noise, "parity" for measured data, "auto" to choose.
+    turns : what a turn does to longitudinal motion is explained by roll and yaw_rate where the log has them.
+
+    Raises
+    ------
+    ConfigError : a probability outside (0, 1), a healthy time that ends before it starts, a rate that is not positive.
+    """
+
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    from_s: float | None = None
+    to_s: float | None = None
+    train: tuple[float, float] | None = None
+    false_alarm: float = 0.01
+    rate_hz: float | Literal["none", "auto"] = "auto"
+    method: Method = "auto"
+    turns: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.false_alarm < 1.0:
+            raise ConfigError(f"--false-alarm: must lie between 0 and 1, got {self.false_alarm:g}; give one like 0.01")
+        if self.train is not None and not self.train[0] < self.train[1]:
+            raise ConfigError(
+                f"--train: must end after it starts, got {self.train[0]:g}:{self.train[1]:g}; give one like 0:8"
+            )
+        if not isinstance(self.rate_hz, str) and not self.rate_hz > 0.0:
+            raise ConfigError(f"--rate: must be a positive number, none or auto, got {self.rate_hz:g}")
+        both = sorted(set(self.inputs) & set(self.outputs))
+        if both:
+            raise ConfigError(f"--output: '{both[0]}' is both an input and an output; keep one")
+
+
+def settings_of(config: Config) -> DetectSettings:
+    """Return the settings a configuration states; inputs and outputs it leaves to their defaults are those of the log.
+
+    Raises
+    ------
+    ConfigError : see `DetectSettings`.
+    """
+    given = config.model_fields_set
+    return DetectSettings(
+        inputs=config.inputs if "inputs" in given else (),
+        outputs=config.outputs if "outputs" in given else (),
+        from_s=config.window.from_s,
+        to_s=config.window.to_s,
+        train=config.detect.train,
+        false_alarm=config.detect.false_alarm,
+        rate_hz=config.conditioning.rate_hz,
+        method=config.detect.method,
+        turns=config.detect.turns,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,7 +171,8 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
     train = settings.train or (first_s, first_s + (last_s - first_s) / 3.0)
     start_s = train[0] if settings.train or settings.from_s is None else max(train[0], settings.from_s)
     inputs, outputs = _channels(log.window(start_s, settings.to_s), settings)
-    bank = BANK if settings.turns and _turns(log, inputs, outputs) else ()
+    free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
+    bank = BANK if settings.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
     helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
     part, needed = log.window(start_s, settings.to_s), (*inputs, *outputs, *bank, *helping)
     if must_resample(part, needed, settings.rate_hz):
@@ -249,11 +309,6 @@ def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...
                 "choose other --output or another window"
             )
     return inputs, outputs
-
-
-def _turns(log: FlightLog, inputs: Sequence[str], outputs: Sequence[str]) -> bool:
-    free = all(name in log.channels and name not in (*inputs, *outputs) for name in BANK)
-    return free and not LONGITUDINAL.isdisjoint(outputs) and all(_moves(log, name) for name in BANK)
 
 
 def _inputs(part: FlightLog, inputs: Sequence[str], bank: Sequence[str]) -> list[FloatArray]:

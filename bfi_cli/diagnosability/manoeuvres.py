@@ -145,16 +145,7 @@ def assess_manoeuvres(
     )
     nothing = (None,) * len(values)
     unusable = (
-        ManoeuvreScore(
-            name=name,
-            bits=None,
-            standard_error=None,
-            weakest=None,
-            weakest_bits=None,
-            divergence_bits=nothing,
-            minimal_detectable=nothing,
-            problem=str(problem),
-        )
+        ManoeuvreScore(name=name, divergence_bits=nothing, minimal_detectable=nothing, problem=str(problem))
         for name, problem in problems.items()
     )
     notes = []
@@ -187,7 +178,6 @@ def _score(name: str, records: Sequence[Signatures], magnitudes: FloatArray) -> 
         weakest_bits=None if weakest is None else float(bits.apart[weakest]),
         divergence_bits=tuple(finite(value) for value in bits.whole),
         minimal_detectable=tuple(finite(limit) for limit in minimal_detectable(records)),
-        problem=None,
     )
 
 

@@ -12,7 +12,7 @@ from ..channels import INPUTS
 from ..errors import LogError
 from .excitation import Excitation, ExcitedWindow, excitation, suggest_windows
 from .holds import Hold, find_hold, find_quantum, repeat_fraction
-from .record import Channel, FlightLog, FloatArray, Segment
+from .record import FlightLog, FloatArray, Segment
 
 __all__ = ["ChannelReport", "LogReport", "advice_on_windows", "gap_starts", "hold_of", "inspect_log", "is_uniform"]
 __all__ += ["position", "require_usable", "time_jitter", "uneven_step"]
@@ -109,6 +109,22 @@ def is_uniform(time_s: FloatArray) -> bool:
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
     gaps, inputs = _gaps(log), _inputs(log)
+    channels = []
+    for channel in log.channels.values():
+        finite = channel.values[np.isfinite(channel.values)]
+        hold = hold_of(log, channel.values)
+        report = ChannelReport(
+            name=channel.name,
+            unit=channel.unit,
+            source=channel.source,
+            n_nan=channel.values.size - finite.size,
+            held_fraction=0.0 if hold is None else repeat_fraction(finite),
+            hold_period_s=None if hold is None else hold.period / log.rate_hz,
+            quantum=find_quantum(finite),
+            min=float(finite.min()) if finite.size else None,
+            max=float(finite.max()) if finite.size else None,
+        )
+        channels.append(report)
     return LogReport(
         path=log.path,
         n_samples=log.n_samples,
@@ -118,7 +134,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         uniform=is_uniform(log.time_s),
         jitter=time_jitter(log.time_s),
         gaps=gaps,
-        channels=tuple(_channel_report(log, channel) for channel in log.channels.values()),
+        channels=tuple(channels),
         excitation=tuple(excitation(log, name) for name in inputs),
         windows=suggest_windows(log, inputs, gaps),
         segments=log.segments,
@@ -147,22 +163,6 @@ def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
     return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
 
 
-def _channel_report(log: FlightLog, channel: Channel) -> ChannelReport:
-    finite = channel.values[np.isfinite(channel.values)]
-    hold = hold_of(log, channel.values)
-    return ChannelReport(
-        name=channel.name,
-        unit=channel.unit,
-        source=channel.source,
-        n_nan=channel.values.size - finite.size,
-        held_fraction=0.0 if hold is None else repeat_fraction(finite),
-        hold_period_s=None if hold is None else hold.period / log.rate_hz,
-        quantum=find_quantum(finite),
-        min=float(finite.min()) if finite.size else None,
-        max=float(finite.max()) if finite.size else None,
-    )
-
-
 def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
     """Return the clock of a held signal (n_samples,) of the log, NaN left out; None where it is not held."""
     finite = np.isfinite(values)
@@ -183,7 +183,18 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
     """
     channels = [log.channel(name) for name in names]
     for channel in channels:
-        _require_finite(log, channel)
+        huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST))
+        if huge.size:
+            raise LogError(
+                f"{log.path}: '{channel.name}' is no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), "
+                f"got {channel.values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
+            )
+        bad = np.flatnonzero(~np.isfinite(channel.values))
+        if bad.size:
+            raise LogError(
+                f"{log.path}: '{channel.name}' is not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), "
+                f"{bad.size} of {log.n_samples} samples in all; choose a window without them with --from/--to"
+            )
     if resampling:
         return
     k = uneven_step(log.time_s)
@@ -201,18 +212,3 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
                 f"{log.path}: '{channel.name}' repeats its value {repeated:.0f} % of the time (held samples, about "
                 f"{rate} Hz); give --rate {rate} to decimate"
             )
-
-
-def _require_finite(log: FlightLog, channel: Channel) -> None:
-    huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST))
-    if huge.size:
-        raise LogError(
-            f"{log.path}: '{channel.name}' is no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), got "
-            f"{channel.values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
-        )
-    bad = np.flatnonzero(~np.isfinite(channel.values))
-    if bad.size:
-        raise LogError(
-            f"{log.path}: '{channel.name}' is not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), "
-            f"{bad.size} of {log.n_samples} samples in all; choose a window without them with --from/--to"
-        )

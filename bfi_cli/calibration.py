@@ -1,7 +1,7 @@
 """Tables of the onset scan's statistic on fault-free records, and the thresholds and p-values they give.
 
 On real flights the statistic of a fault-free window is far larger than white noise would make it, so its distribution
-is counted, not derived (docs/theory.md). Shapes differ in it: each is standardised by its own median and
+is counted, not derived (docs/theory.md, 10.2 and 10.3). Shapes differ in it: each is standardised by its own median and
 95 % quantile, the largest of them is the statistic of the window, and above the 85 % quantile of that its distribution
 is taken to fall exponentially.
 """

@@ -1,7 +1,7 @@
 """Tables of the onset scan's statistic on fault-free records, and the thresholds and p-values they give.
 
 On real flights the statistic of a fault-free window is far larger than white noise would make it, so its distribution
-is counted, not derived (METHOD section 5, Decision). Shapes differ in it: each is standardised by its own median and
+is counted, not derived (docs/theory.md, 10.2 and 10.3). Shapes differ in it: each is standardised by its own median and
 95 % quantile, the largest of them is the statistic of the window, and above the 85 % quantile of that its distribution
 is taken to fall exponentially.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,27 +22,19 @@ from .provenance import Provenance
 from .serialize import to_json
 from .yaml12 import read_text
 
-__all__ = [
-    "FEWEST_WINDOWS",
-    "SCHEMA",
-    "Null",
-    "Settings",
-    "Table",
-    "differences",
-    "load_tables",
-    "merged",
-    "nearest",
-    "null_of",
-    "save_tables",
-]
+__all__ = ["FEWEST_WINDOWS", "SCHEMA", "CalibrationSettings", "CalibrationTable", "Null", "differences", "load_tables"]
+__all__ += ["merged", "nearest", "null_of", "save_tables"]
 
 FloatArray = NDArray[np.float64]
 
 SCHEMA = 1
 # A million windows of three shapes, decades of flight: 20 letters for each number.
 MAX_BYTES = 64_000_000
+# With fewer there is at most a handful of windows above the quantile from which the tail is estimated.
 FEWEST_WINDOWS = 20
+# Quantiles that standardise a shape and begin the tail; the share of one window of all down to which it is followed.
 HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
+# Relative: rates differ by a clock's error, windows by what the filter drops at their ends.
 RATE_TOLERANCE, DURATION_TOLERANCE = 0.01, 0.1
 WORDS = {
     "rate_hz": "rate",
@@ -59,7 +51,7 @@ WORDS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class CalibrationSettings:
     """What the distribution of the statistic depends on.
 
     Attributes
@@ -85,7 +77,7 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
+class CalibrationTable:
     """The statistic on windows without a fault.
 
     Attributes
@@ -96,7 +88,7 @@ class Table:
     n_unusable : windows that could not be analysed.
     """
 
-    settings: Settings
+    settings: CalibrationSettings
     statistics: Mapping[str, FloatArray]
     logs: tuple[str, ...]
     n_unusable: int = 0
@@ -148,7 +140,7 @@ class Null:
         return self.median[shape] + self.scale[shape] * level
 
 
-def null_of(table: Table, shapes: Sequence[str]) -> Null:
+def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
     """Return the distribution for some of the shapes of a table.
 
     Raises
@@ -179,26 +171,23 @@ def null_of(table: Table, shapes: Sequence[str]) -> Null:
     )
 
 
-def differences(table: Table, settings: Settings) -> tuple[str, ...]:
+def differences(table: CalibrationTable, settings: CalibrationSettings) -> tuple[str, ...]:
     """Return in what a table was made otherwise than `settings`, as "rate 2 instead of 10"; empty where it fits.
 
     A table of more shapes fits fewer.
     """
-    made = table.settings
-    found = []
-    for field in fields(Settings):
-        ours, theirs = getattr(settings, field.name), getattr(made, field.name)
-        if not _alike(field.name, ours, theirs):
-            found.append(f"{WORDS[field.name]} {_shown(theirs)} instead of {_shown(ours)}")
-    return tuple(found)
-
-
-def _alike(name: str, ours: object, theirs: object) -> bool:
-    if name in ("rate_hz", "duration_s") and isinstance(ours, float) and isinstance(theirs, float):
-        return abs(ours - theirs) <= (RATE_TOLERANCE if name == "rate_hz" else DURATION_TOLERANCE) * ours
-    if isinstance(ours, tuple) and isinstance(theirs, tuple) and name in ("inputs", "outputs", "shapes"):
-        return set(ours) <= set(theirs) if name == "shapes" else set(ours) == set(theirs)
-    return ours == theirs
+    notes = []
+    for name, words in WORDS.items():
+        ours, theirs = getattr(settings, name), getattr(table.settings, name)
+        if name in ("rate_hz", "duration_s"):
+            alike = abs(ours - theirs) <= (RATE_TOLERANCE if name == "rate_hz" else DURATION_TOLERANCE) * ours
+        elif name in ("inputs", "outputs"):
+            alike = set(ours) == set(theirs)
+        else:
+            alike = set(ours) <= set(theirs) if name == "shapes" else ours == theirs
+        if not alike:
+            notes.append(f"{words} {_shown(theirs)} instead of {_shown(ours)}")
+    return tuple(notes)
 
 
 def _shown(value: object) -> str:
@@ -207,22 +196,22 @@ def _shown(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else "default" if value is None else str(value)
 
 
-def nearest(tables: Sequence[Table], settings: Settings) -> Table | None:
+def nearest(tables: Sequence[CalibrationTable], settings: CalibrationSettings) -> CalibrationTable | None:
     """Return the table that differs in the fewest things and then the least in rate; None where none has all shapes."""
     able = [table for table in tables if set(settings.shapes) <= set(table.statistics)]
-    return min(able, key=lambda table: (len(differences(table, settings)), _ratio(table, settings)), default=None)
+
+    def distance(table: CalibrationTable) -> tuple[int, float]:
+        return len(differences(table, settings)), abs(np.log(table.settings.rate_hz / settings.rate_hz))
+
+    return min(able, key=distance, default=None)
 
 
-def _ratio(table: Table, settings: Settings) -> float:
-    return float(abs(np.log(table.settings.rate_hz / settings.rate_hz)))
-
-
-def merged(tables: Sequence[Table], table: Table) -> tuple[Table, ...]:
+def merged(tables: Sequence[CalibrationTable], table: CalibrationTable) -> tuple[CalibrationTable, ...]:
     """Return the tables with one more; its windows join those of a table of the same settings."""
     same = [one for one in tables if not differences(one, table.settings) and not differences(table, one.settings)]
     others = [one for one in tables if one not in same]
     for one in same:
-        table = Table(
+        table = CalibrationTable(
             settings=one.settings,
             statistics={
                 shape: np.concatenate([values, table.statistics[shape]]) for shape, values in one.statistics.items()
@@ -233,14 +222,14 @@ def merged(tables: Sequence[Table], table: Table) -> tuple[Table, ...]:
     return (*others, table)
 
 
-def save_tables(tables: Sequence[Table], provenance: Provenance, notes: Sequence[str] = ()) -> str:
+def save_tables(tables: Sequence[CalibrationTable], provenance: Provenance, notes: Sequence[str] = ()) -> str:
     """Return the JSON text of tables."""
     return to_json(
         {"kind": "calibration", "schema": SCHEMA, "tables": list(tables), "notes": notes, "provenance": provenance}
     )
 
 
-def load_tables(path: str | Path) -> tuple[Table, ...]:
+def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
     """Return the tables of a file made by `bfi calibrate`.
 
     Raises
@@ -259,4 +248,4 @@ def load_tables(path: str | Path) -> tuple[Table, ...]:
         raise ConfigError(
             f"{where}: schema is {document.get('schema')}, this program reads {SCHEMA}; run bfi calibrate again"
         )
-    return from_plain(tuple[Table, ...], member(document, "tables", where=where), where=f"{where}: tables")
+    return from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from bfi_cli.calibration import (
     FEWEST_WINDOWS,
-    Settings,
-    Table,
+    CalibrationSettings,
+    CalibrationTable,
     differences,
     load_tables,
     merged,
@@ -23,7 +23,7 @@ from bfi_cli.calibration import (
 from bfi_cli.errors import ConfigError
 from bfi_cli.provenance import provenance
 
-MADE = Settings(
+MADE = CalibrationSettings(
     rate_hz=2.0,
     duration_s=120.0,
     orders=(2, 4),
@@ -34,10 +34,10 @@ MADE = Settings(
 )
 
 
-def table(n: int = 100, seed: int = 0, **changed: object) -> Table:
+def table(n: int = 100, seed: int = 0, **changed: object) -> CalibrationTable:
     rng = np.random.default_rng(seed)
     statistics = {"bias": 5.0 + rng.exponential(2.0, n), "drift": 20.0 + rng.exponential(9.0, n)}
-    return Table(settings=replace(MADE, **changed), statistics=statistics, logs=("a.h5",))
+    return CalibrationTable(settings=replace(MADE, **changed), statistics=statistics, logs=("a.h5",))
 
 
 @settings(max_examples=30, deadline=None)

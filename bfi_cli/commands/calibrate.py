@@ -25,7 +25,7 @@ from .progress import stages
 from .start_time import SHAPES, scan_config
 
 if TYPE_CHECKING:
-    from ..calibration import Table
+    from ..calibration import CalibrationTable
     from ..config import Config
     from ..flightlog import FlightLog
 
@@ -96,7 +96,9 @@ def _duration_s(flight: FlightLog, config: Config) -> float:
     return part.n_samples / part.rate_hz
 
 
-def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float], wanted: bool | None) -> Table:
+def _table(
+    flights: list[FlightLog], config: Config, windows: tuple[float, float], wanted: bool | None
+) -> CalibrationTable:
     from ..onset import table_of_windows, windows_of
 
     pieces = [
@@ -108,7 +110,7 @@ def _table(flights: list[FlightLog], config: Config, windows: tuple[float, float
         return table_of_windows(pieces, config, partial(progress, f"{len(pieces)} windows"))
 
 
-def _notes(table: Table, flights: list[FlightLog]) -> tuple[str, ...]:
+def _notes(table: CalibrationTable, flights: list[FlightLog]) -> tuple[str, ...]:
     """Return what a reader of the table should know: too few windows, windows left out, windows unlike the others."""
     from ..calibration import FEWEST_WINDOWS, null_of
 
@@ -128,7 +130,7 @@ def _notes(table: Table, flights: list[FlightLog]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _lines(table: Table) -> list[str]:
+def _lines(table: CalibrationTable) -> list[str]:
     from ..calibration import FEWEST_WINDOWS, null_of
 
     counted = f"{table.n_windows} windows without a fault, {table.n_unusable} could not be analysed"

@@ -127,15 +127,15 @@ def _assessed(
 ) -> tuple[DiagnosabilityResult, str]:
     from threadpoolctl import threadpool_limits
 
-    from ..diagnosability import assess, assess_manoeuvres, flights_of, sizes_of
+    from ..diagnosability import assess, assess_manoeuvres, flights_of, magnitudes_of
 
-    sizes = sizes_of(config)
+    magnitudes = magnitudes_of(config)
     if log is not None:
         flight = log_of(log, options["group"], config)
         with threadpool_limits(1):
-            return assess(flight, dictionary, config, sizes=sizes), flight.sha256
+            return assess(flight, dictionary, config, magnitudes=magnitudes), flight.sha256
     with threadpool_limits(1), progress("records", wanted=options["progress"]) as report:
-        return assess_manoeuvres(flights_of(config), dictionary, config, sizes=sizes, report=report), ""
+        return assess_manoeuvres(flights_of(config), dictionary, config, magnitudes=magnitudes, report=report), ""
 
 
 def _by_name(example: str, texts: tuple[str, ...], *, bare: bool = False) -> dict[str, float]:

@@ -1,14 +1,15 @@
 """Which channel fails, and when: the null-space detector, exact for noise-free data and by parity residuals with noise.
 
-`record` prepares a log, `model` predicts the channels, `watch` declares them one by one, `answer` lays out the result.
+`preparation` makes a record of the log, `nullspace` is the criterion of the paper for data without noise, `parity` the
+one for noisy data, whose residuals are those of `predictor`; `detect` chooses and makes the result.
 """
 
 from __future__ import annotations
 
-from .answer import detect_faults
-from .document import detect_document, detect_exhibit
+from .detect import detect_faults
+from .preparation import DetectSettings, settings_of
+from .report import detect_document, detect_exhibit
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
-from .settings import DetectSettings, settings_of
 
 __all__ = [
     "Alarm",

@@ -1,4 +1,4 @@
-"""What a detection found."""
+"""The result of a detection: frozen data."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class ChannelSeries:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectResult:
-    """The answer.
+    """The result of `detect_faults`.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class DetectResult:
     ready_s : when the detector began to watch.
     train : healthy time, None where none was needed.
     time_s : (n_samples,) of the series.
-    commands : what to run next for the channels found.
+    commands : what to run next to identify the first failure.
     """
 
     log: LogSummary

@@ -1,24 +1,23 @@
 """How well each fault of a dictionary can be seen, and told from the others, before there is one.
 
-`measured` is what one fault-free record says of the dictionary, `judged` turns it into bits at the magnitudes of
-`sizes`, `manoeuvres` flies a model to find the manoeuvre that shows most.
+`signatures` fits one fault-free record and filters every fault through the fit, `divergence` turns that into bits at
+given magnitudes, `assess` makes the result of a log, and `manoeuvres` flies a model to find the manoeuvre that shows
+most.
 """
 
-from .assessing import assess
-from .document import diagnosability_document
-from .exhibit import diagnosability_exhibit
-from .manoeuvres import Flights, assess_manoeuvres, flights_of
+from .assess import Magnitudes, assess, magnitudes_of
+from .manoeuvres import ModelFlights, assess_manoeuvres, flights_of
+from .report import diagnosability_document, diagnosability_exhibit
 from .result import DiagnosabilityResult
-from .sizes import Sizes, sizes_of
 
 __all__ = [
     "DiagnosabilityResult",
-    "Flights",
-    "Sizes",
+    "Magnitudes",
+    "ModelFlights",
     "assess",
     "assess_manoeuvres",
     "diagnosability_document",
     "diagnosability_exhibit",
     "flights_of",
-    "sizes_of",
+    "magnitudes_of",
 ]

@@ -13,21 +13,21 @@ from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
-from .assessing import finite, result_of
-from .judged import apart, judge, limits_of
-from .measured import Measured, measure
+from .assess import UNIT, Magnitudes, finite, result_of
+from .divergence import apart_bits, divergences, minimal_detectable
 from .result import DiagnosabilityResult, ManoeuvreScore
-from .sizes import UNIT, Sizes
+from .signatures import Signatures, signatures
 
-__all__ = ["Flights", "assess_manoeuvres", "flights_of"]
+__all__ = ["ModelFlights", "assess_manoeuvres", "flights_of"]
 
 FloatArray = NDArray[np.float64]
 
+# Standard errors of the paired difference, about 95 % confidence; it only decides whether a note asks for more draws.
 CLEAR = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flights:
+class ModelFlights:
     """Flights of a model that differ in their manoeuvre; every manoeuvre meets the same draws of noise and gusts.
 
     Attributes
@@ -79,21 +79,17 @@ class Flights:
         )
 
 
-def _silent(_done: int, _total: int) -> None:
-    pass
-
-
-def flights_of(config: Config) -> Flights:
+def flights_of(config: Config) -> ModelFlights:
     """Return the flights a configuration states.
 
     Raises
     ------
-    ConfigError : it names no model, or see `Flights`.
+    ConfigError : it names no model, or see `ModelFlights`.
     """
     stated = config.diagnosability
     if stated.model is None:
         raise ConfigError("diagnosability.model: names no model; give one, such as citation")
-    return Flights(
+    return ModelFlights(
         model=stated.model,
         manoeuvres=stated.manoeuvres,
         noise_sd=stated.noise,
@@ -108,12 +104,12 @@ def flights_of(config: Config) -> Flights:
 
 
 def assess_manoeuvres(
-    flights: Flights,
+    flights: ModelFlights,
     dictionary: Dictionary,
     config: Config,
     *,
-    sizes: Sizes = UNIT,
-    report: Callable[[int, int], None] = _silent,
+    magnitudes: Magnitudes = UNIT,
+    report: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> DiagnosabilityResult:
     """Return the assessment of the best manoeuvre, with the score of every one, best first.
 
@@ -129,88 +125,63 @@ def assess_manoeuvres(
     LogError, ExcitationError : no manoeuvre gives a record that can be used.
     DictionaryError, ConfigError : see `assess`.
     """
-    flown, problems = _flown(flights, dictionary, config, report)
-    if not flown:
-        raise next(iter(problems.values()))
-    everything = [record for records in flown.values() for record in records]
-    magnitudes = sizes.magnitudes(everything[0].names, limits_of(everything))
-    scores = [_score(name, records, magnitudes) for name, records in flown.items()]
-    scores.sort(key=lambda one: -(one.bits or 0.0))
-    unusable = [_unusable(name, problem, len(magnitudes)) for name, problem in problems.items()]
-    return result_of(
-        flown[scores[0].name],
-        magnitudes,
-        dictionary=dictionary.path,
-        in_limits=sizes.in_limits,
-        manoeuvres=(*scores, *unusable),
-        notes=_compared(scores, flown, magnitudes),
-    )
-
-
-def _flown(
-    flights: Flights, dictionary: Dictionary, config: Config, report: Callable[[int, int], None]
-) -> tuple[dict[str, list[Measured]], dict[str, LogError]]:
-    flown: dict[str, list[Measured]] = {}
+    flown: dict[str, list[Signatures]] = {}
     problems: dict[str, LogError] = {}
-    total = len(flights.manoeuvres) * flights.draws
     for n, name in enumerate(flights.manoeuvres):
         try:
             for draw in range(flights.draws):
-                record = measure(flights.record(name, draw), dictionary, config)
+                record = signatures(flights.record(name, draw), dictionary, config)
                 flown.setdefault(name, []).append(record)
-                report(n * flights.draws + draw + 1, total)
+                report(n * flights.draws + draw + 1, len(flights.manoeuvres) * flights.draws)
         except LogError as problem:
             problems[name] = problem
             flown.pop(name, None)
-    return flown, problems
+    if not flown:
+        raise next(iter(problems.values()))
+    everything = [record for records in flown.values() for record in records]
+    values = magnitudes.of_atoms(everything[0].names, minimal_detectable(everything))
+    scores = sorted(
+        (_score(name, records, values) for name, records in flown.items()), key=lambda score: -(score.bits or 0.0)
+    )
+    nothing = (None,) * len(values)
+    unusable = (
+        ManoeuvreScore(name=name, divergence_bits=nothing, minimal_detectable=nothing, problem=str(problem))
+        for name, problem in problems.items()
+    )
+    notes = []
+    if len(scores) > 1 and flights.draws > 1:  # all manoeuvres have met the same draws
+        best, second = (_record_scores(flown[score.name], values) for score in scores[:2])
+        ahead = best - second
+        if not np.mean(ahead) > CLEAR * np.std(ahead, ddof=1) / np.sqrt(len(ahead)):
+            names = f"'{scores[0].name}' is not clearly better than '{scores[1].name}'"
+            notes.append(f"{names}: give more --draws to tell them apart")
+    return result_of(
+        flown[scores[0].name],
+        values,
+        dictionary=dictionary.path,
+        in_limits=magnitudes.in_limits,
+        manoeuvres=(*scores, *unusable),
+        notes=notes,
+    )
 
 
-def _score(name: str, records: Sequence[Measured], magnitudes: FloatArray) -> ManoeuvreScore:
-    found, limits = judge(records, magnitudes), limits_of(records)
-    kept = [j for j in range(len(magnitudes)) if np.isfinite(found.apart[j])]
-    weakest = min(kept, key=lambda j: found.apart[j], default=None)
-    each = _each(records, magnitudes)
+def _score(name: str, records: Sequence[Signatures], magnitudes: FloatArray) -> ManoeuvreScore:
+    bits, by_record = divergences(records, magnitudes), _record_scores(records, magnitudes)
+    live = np.flatnonzero(np.isfinite(bits.apart))
+    weakest = min(live, key=lambda j: bits.apart[j], default=None)
     several = len(records) > 1
     return ManoeuvreScore(
         name=name,
-        bits=float(np.mean(each)),
-        standard_error=float(np.std(each, ddof=1) / np.sqrt(len(each))) if several else None,
+        bits=float(np.mean(by_record)),
+        standard_error=float(np.std(by_record, ddof=1) / np.sqrt(len(by_record))) if several else None,
         weakest=None if weakest is None else records[0].names[weakest],
-        weakest_bits=None if weakest is None else float(found.apart[weakest]),
-        divergence_bits=tuple(finite(bits) for bits in found.divergence),
-        minimal_detectable=tuple(finite(limit) for limit in limits),
-        problem=None,
+        weakest_bits=None if weakest is None else float(bits.apart[weakest]),
+        divergence_bits=tuple(finite(value) for value in bits.whole),
+        minimal_detectable=tuple(finite(limit) for limit in minimal_detectable(records)),
     )
 
 
-def _each(records: Sequence[Measured], magnitudes: FloatArray) -> FloatArray:
-    """The score of each record: the mean over the faults that can be looked for."""
-    kept = [j for j in range(len(magnitudes)) if j not in records[0].reasons and np.isfinite(magnitudes[j])]
-    return np.array([np.sum(apart(record, magnitudes)[kept]) / max(len(kept), 1) for record in records])
-
-
-def _unusable(name: str, problem: LogError, n_atoms: int) -> ManoeuvreScore:
-    nothing = (None,) * n_atoms
-    return ManoeuvreScore(
-        name=name,
-        bits=None,
-        standard_error=None,
-        weakest=None,
-        weakest_bits=None,
-        divergence_bits=nothing,
-        minimal_detectable=nothing,
-        problem=str(problem),
-    )
-
-
-def _compared(
-    scores: Sequence[ManoeuvreScore], flown: Mapping[str, Sequence[Measured]], magnitudes: FloatArray
-) -> list[str]:
-    """Say where the best manoeuvre is not clearly better than the next; both have met the same draws."""
-    if len(scores) < 2 or len(flown[scores[0].name]) < 2:
-        return []
-    best, second = (_each(flown[score.name], magnitudes) for score in scores[:2])
-    ahead = best - second
-    if np.mean(ahead) > CLEAR * np.std(ahead, ddof=1) / np.sqrt(len(ahead)):
-        return []
-    return [f"'{scores[0].name}' is not clearly better than '{scores[1].name}': give more --draws to tell them apart"]
+def _record_scores(records: Sequence[Signatures], magnitudes: FloatArray) -> FloatArray:
+    """Return the score of each record: the mean over the faults that can be looked for."""
+    live = [j for j in range(len(magnitudes)) if j not in records[0].reasons and np.isfinite(magnitudes[j])]
+    return np.array([np.sum(apart_bits(record, magnitudes)[live]) / max(len(live), 1) for record in records])

@@ -1,4 +1,4 @@
-"""How well faults can be diagnosed: plain frozen data."""
+"""How well faults can be diagnosed: frozen data."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ class ManoeuvreScore:
     """
 
     name: str
-    bits: float | None
-    standard_error: float | None
-    weakest: str | None
-    weakest_bits: float | None
+    bits: float | None = None
+    standard_error: float | None = None
+    weakest: str | None = None
+    weakest_bits: float | None = None
     divergence_bits: tuple[float | None, ...]
     minimal_detectable: tuple[float | None, ...]
-    problem: str | None
+    problem: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -57,12 +57,23 @@ def assemble(
     for channel in channels.values():
         if channel.values.size != time_s.size:
             raise different_length(path, channel.source, channel.values.size, time_s.size)
-    naming.notes.extend(_unstated_units(channels))
+    bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
+    units = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
+    if units:
+        naming.notes.append(
+            f"no unit is stated for {units}; these are taken, another one is stated with --unit NAME=UNIT"
+        )
+    clean = {}
+    for name, column in raw.clean.items() if raw.faults is not None else ():
+        values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
+        if values.size != time_s.size:
+            raise different_length(path, f"{name}_clean", values.size, time_s.size)
+        clean[name] = frozen_array(values)
     return FlightLog(
         path=path,
         time_s=time_s,
         channels=channels,
-        truth=_truth(path, raw, time_s),
+        truth=None if raw.faults is None else Truth(faults=raw.faults, clean=clean),
         segments=raw.segments,
         sha256=sha256,
         notes=tuple(naming.notes),
@@ -136,18 +147,14 @@ def _place(naming: _Naming, column: RawColumn, match: NameMatch | None) -> None:
             naming.notes.append(f"'{name}' is {match.name} too; '{winner}' is used")
         else:
             name = match.name
-    name = _free(name, naming)
+    spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(naming.taken) + 2))
+    name = next(candidate for candidate in spare if candidate not in naming.taken)
     naming.taken[name] = _channel(naming, column, stated, name)
 
 
 def _fits(name: str, unit: str | None) -> bool:
     known = si_unit(unit) if unit else None
     return known is None or known in (STANDARD[name].unit, "1") or STANDARD[name].unit == "1"
-
-
-def _free(name: str, naming: _Naming) -> str:
-    spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(naming.taken) + 2))
-    return next(candidate for candidate in spare if candidate not in naming.taken)
 
 
 def _channel(naming: _Naming, column: RawColumn, stated: str | None, name: str) -> Channel:
@@ -158,13 +165,6 @@ def _channel(naming: _Naming, column: RawColumn, stated: str | None, name: str) 
     else:
         values, unit = to_si(column.values, stated or "", where=where)
     return Channel(name=name, values=frozen_array(values), unit=unit, source=column.source, source_unit=stated)
-
-
-def _unstated_units(channels: Mapping[str, Channel]) -> Iterator[str]:
-    bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
-    taken = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
-    if taken:
-        yield f"no unit is stated for {taken}; these are taken, another one is stated with --unit NAME=UNIT"
 
 
 def _time(path: str, naming: _Naming, raw: RawLog) -> FloatArray:
@@ -207,17 +207,3 @@ def _counted(path: str, naming: _Naming, raw: RawLog) -> FloatArray:
         raise LogError(f"{path}: sample_rate_hz is no rate of a recorder, got {rate_hz:g} Hz; mend it")
     naming.notes.append(f"time is counted from sample_rate_hz = {rate_hz:g} Hz")
     return frozen_array(rows / rate_hz)
-
-
-def _truth(path: str, raw: RawLog, time_s: FloatArray) -> Truth | None:
-    if raw.faults is None:
-        return None
-    return Truth(faults=raw.faults, clean=dict(_clean(path, raw, time_s)))
-
-
-def _clean(path: str, raw: RawLog, time_s: FloatArray) -> Iterator[tuple[str, FloatArray]]:
-    for name, column in raw.clean.items():
-        values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
-        if values.size != time_s.size:
-            raise different_length(path, f"{name}_clean", values.size, time_s.size)
-        yield name, frozen_array(values)

@@ -10,14 +10,19 @@ from numpy.typing import NDArray
 
 from .record import FlightLog, FloatArray
 
-__all__ = ["Excitation", "Window", "excitation", "suggest_windows"]
+__all__ = ["Excitation", "ExcitedWindow", "excitation", "suggest_windows"]
 
+# Means of this long are compared: shorter than a pilot's stroke, longer than the noise of a position sensor.
 BLOCK_S = 0.25
-MOVE = 0.05
-POWER = 0.95
+# Of the range of an input, what counts as a move; and of its variance, what the bandwidth holds.
+MOVE, POWER = 0.05, 0.95
+# A minute: slower changes are those of the trim.
 SEGMENT_S = 60.0
+# Kept before the first and after the last move; two moves further apart than both belong to two windows.
 BEFORE_S, AFTER_S = 5.0, 15.0
+# A window with fewer holds a single correction, no manoeuvre.
 FEWEST_MOVES = 3
+# Of the airspeed in flight: below it the aircraft stands or rolls.
 SLOWEST_AIRSPEED = 0.3
 
 
@@ -40,7 +45,7 @@ class Excitation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Window:
+class ExcitedWindow:
     """A stretch without gaps in which `channel` moves `moves` times."""
 
     start_s: float
@@ -96,7 +101,7 @@ def _bandwidth(x: FloatArray, rate_hz: float) -> float | None:
 
 def suggest_windows(
     log: FlightLog, inputs: Sequence[str], gaps: Sequence[tuple[float, float]], *, at_most: int = 10
-) -> tuple[Window, ...]:
+) -> tuple[ExcitedWindow, ...]:
     """Return the stretches in which the first input that moves at all does so, in order of time.
 
     Parameters
@@ -107,7 +112,18 @@ def suggest_windows(
     """
     for name in inputs:
         times = _move_times(log, name)
-        windows = [w for group in _groups(times, gaps) if (w := _window(log, name, group, gaps)) is not None]
+        # Moves are apart where the input rests for longer than the margins, or the log has a gap.
+        rests = np.diff(times) > BEFORE_S + AFTER_S
+        for start, _ in gaps:
+            rests |= (times[:-1] <= start) & (times[1:] > start)
+        windows = []
+        for group in np.split(times, np.flatnonzero(rests) + 1):
+            if group.size >= FEWEST_MOVES:
+                low = max([log.time_s[0], *(stop for _, stop in gaps if stop <= group[0])])
+                high = min([log.time_s[-1], *(start for start, _ in gaps if start >= group[-1])])
+                start_s = round(float(max(low, group[0] - BEFORE_S)), 3)
+                stop_s = round(float(min(high, group[-1] + AFTER_S)), 3)
+                windows.append(ExcitedWindow(start_s=start_s, stop_s=stop_s, channel=name, moves=group.size))
         if windows:
             best = sorted(windows, key=lambda w: -w.moves)[:at_most]
             return tuple(sorted(best, key=lambda w: w.start_s))
@@ -120,20 +136,3 @@ def _flying(log: FlightLog) -> NDArray[np.bool_]:
     if airspeed is None or not np.isfinite(airspeed).any():
         return np.ones(log.n_samples, dtype=bool)
     return np.asarray(airspeed >= SLOWEST_AIRSPEED * np.nanquantile(airspeed, 0.95))
-
-
-def _groups(times: FloatArray, gaps: Sequence[tuple[float, float]]) -> list[FloatArray]:
-    """Split move times where the input rests for longer than the margins, or the log has a gap."""
-    rests = np.diff(times) > BEFORE_S + AFTER_S
-    for start, _ in gaps:
-        rests |= (times[:-1] <= start) & (times[1:] > start)
-    return [group for group in np.split(times, np.flatnonzero(rests) + 1) if group.size]
-
-
-def _window(log: FlightLog, name: str, times: FloatArray, gaps: Sequence[tuple[float, float]]) -> Window | None:
-    if times.size < FEWEST_MOVES:
-        return None
-    low = max([log.time_s[0], *(stop for _, stop in gaps if stop <= times[0])])
-    high = min([log.time_s[-1], *(start for start, _ in gaps if start >= times[-1])])
-    start, stop = max(low, times[0] - BEFORE_S), min(high, times[-1] + AFTER_S)
-    return Window(start_s=round(float(start), 3), stop_s=round(float(stop), 3), channel=name, moves=times.size)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..errors import LogError, first_line
 from ..units import to_si
-from .annotations import faults_from_json, segments_from_json
 from .hdf5_layout import attribute, is_text, member, members, require_readable, text, unfit
 from .raw import (
     LARGEST,
@@ -26,7 +25,7 @@ from .raw import (
     rate_of,
     require_memory,
 )
-from .record import Segment, nothing_between
+from .record import Segment, faults_from_json, nothing_between, segments_from_json
 
 if TYPE_CHECKING:
     import h5py

@@ -15,12 +15,15 @@ __all__ = ["Hold", "find_hold", "find_quantum", "repeat_fraction"]
 
 FloatArray = NDArray[np.float64]
 
-FEWEST_CHANGES = 10
-FEWEST_VALUES = 8
-QUIET_PERIODS = 20.0
-LEAST_COVERAGE = 0.5
+# With fewer changes or values a clock cannot be told from the strokes of a control.
+FEWEST_CHANGES, FEWEST_VALUES = 10, 8
+# Periods without a change after which the signal rests; elsewhere half of the ticks have to bring a new value.
+QUIET_PERIODS, LEAST_COVERAGE = 20.0, 0.5
+# Length of the mean of the phases of all changes: 1 on a clock, about 0 for changes at any time.
 LEAST_COHERENCE = 0.6
+# Share of single quanta among the steps: nearly all of those of a coarsely quantised slow signal are.
 MOST_UNIT_STEPS = 0.9
+# Relative, of values that were stored as float32.
 ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
 
 

@@ -27,45 +27,31 @@ def inject(log: FlightLog, faults: Sequence[Fault]) -> FlightLog:
     LogError : the log has no such channel.
     DictionaryError : a fault is zero at every sample of the log, or its signal cannot be made.
     """
-    for fault in faults:
-        log = _with_fault(log, fault)
+    start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
+    for declared in faults:
+        channel = log.channel(declared.channel)
+        fault = replace(declared, channel=channel.name)
+        if fault.phase_reference != "onset" and fault.frequency_hz is not None:
+            # Counted from the onset, so that the truth stays true where the log is cut.
+            phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
+            fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
+        name = fault.name or fault.shape
+        added = fault.magnitude * unit_signal(fault, log.time_s, window_start_s=start_s)
+        if not np.any(added):
+            until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
+            raise DictionaryError(
+                f"{log.path}: fault '{name}': never active in the log, got magnitude {fault.magnitude:g} from "
+                f"{fault.onset_s:g} s{until}, the log runs from {start_s:g} s to {stop_s:g} s; "
+                "change onset, offset or magnitude"
+            )
+        before, notes = log.truth or Truth(faults=()), log.notes
+        if active_samples(fault, log.time_s).all():
+            notes += (
+                f"fault '{name}' on {fault.channel} acts at every sample of the log; "
+                "with neither onset nor end in it, it can pass for the aircraft's own motion",
+            )
+        faulty = replace(channel, values=frozen_array(channel.values + added))
+        truth = Truth(faults=(*before.faults, fault), clean={channel.name: channel.values, **before.clean})
+        channels = {**log.channels, channel.name: faulty}
+        log = replace(log, channels=channels, truth=truth, sha256="", notes=notes)
     return log
-
-
-def _with_fault(log: FlightLog, fault: Fault) -> FlightLog:
-    channel = log.channel(fault.channel)
-    fault = _from_onset(replace(fault, channel=channel.name), float(log.time_s[0]))
-    added = fault.magnitude * unit_signal(fault, log.time_s, window_start_s=float(log.time_s[0]))
-    if not np.any(added):
-        raise DictionaryError(_never_active(log, fault))
-    before = log.truth or Truth(faults=())
-    truth = Truth(faults=(*before.faults, fault), clean={channel.name: channel.values, **before.clean})
-    faulty = replace(channel, values=frozen_array(channel.values + added))
-    channels = {**log.channels, channel.name: faulty}
-    return replace(log, channels=channels, truth=truth, sha256="", notes=(*log.notes, *_remarks(log, fault)))
-
-
-def _from_onset(fault: Fault, start_s: float) -> Fault:
-    """Count the phase from the onset, so that the truth stays true where the log is cut."""
-    if fault.phase_reference == "onset" or fault.frequency_hz is None:
-        return fault
-    phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
-    return replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
-
-
-def _remarks(log: FlightLog, fault: Fault) -> tuple[str, ...]:
-    if not active_samples(fault, log.time_s).all():
-        return ()
-    return (
-        f"fault '{fault.name or fault.shape}' on {fault.channel} acts at every sample of the log; "
-        "with neither onset nor end in it, it can pass for the aircraft's own motion",
-    )
-
-
-def _never_active(log: FlightLog, fault: Fault) -> str:
-    until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
-    return (
-        f"{log.path}: fault '{fault.name or fault.shape}': never active in the log, got magnitude {fault.magnitude:g} "
-        f"from {fault.onset_s:g} s{until}, the log runs from {log.time_s[0]:g} s to {log.time_s[-1]:g} s; "
-        "change onset, offset or magnitude"
-    )

@@ -6,17 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..channels import INPUTS
 from ..errors import LogError
-from .excitation import Excitation, Window, excitation, suggest_windows
+from .excitation import Excitation, ExcitedWindow, excitation, suggest_windows
 from .holds import Hold, find_hold, find_quantum, repeat_fraction
-from .record import Channel, FlightLog, FloatArray, Segment
-from .timing import gap_starts, is_uniform, position, time_jitter, uneven_step
+from .record import FlightLog, FloatArray, Segment
 
-__all__ = ["ChannelReport", "LogReport", "advice_on_windows", "hold_of", "inspect_log", "require_usable"]
+__all__ = ["ChannelReport", "LogReport", "advice_on_windows", "gap_starts", "hold_of", "inspect_log", "is_uniform"]
+__all__ += ["position", "require_usable", "time_jitter", "uneven_step"]
 
+# In SI units; no measurement, and squares of it still are numbers.
 LARGEST = 1e30
+# Of the median time step: what a recorder's clock may wander, and between one step and two, where a sample is missing.
+UNEVEN, GAP = 0.02, 1.75
 # From here on the dynamics change within a record, and a scan takes minutes: a window is worth a word.
 LONG_S, MOST_NAMED = 600.0, 3
 
@@ -65,14 +69,62 @@ class LogReport:
     gaps: tuple[tuple[float, float], ...]
     channels: tuple[ChannelReport, ...]
     excitation: tuple[Excitation, ...]
-    windows: tuple[Window, ...]
+    windows: tuple[ExcitedWindow, ...]
     segments: tuple[Segment, ...]
     notes: tuple[str, ...]
+
+
+def position(time_s: FloatArray) -> FloatArray:
+    """Return (n_samples,) time in samples: (t - t[0]) over the median time step."""
+    return np.asarray((time_s - time_s[0]) / np.median(np.diff(time_s)))
+
+
+def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:
+    """Return the samples after which at least one is missing."""
+    step = np.diff(time_s)
+    return np.flatnonzero(step > GAP * np.median(step))
+
+
+def time_jitter(time_s: FloatArray) -> float:
+    """Return the largest deviation of a time step from the median step, relative to it, gaps left out."""
+    relative = np.diff(position(time_s))
+    return float(np.max(np.abs(relative[relative <= GAP] - 1.0), initial=0.0))
+
+
+def uneven_step(time_s: FloatArray) -> int | None:
+    """Return the first sample k whose step t[k] - t[k-1] is off by more than 2 % and float32 rounding, else None."""
+    step = np.diff(time_s)
+    median = float(np.median(step))
+    single = time_s.astype(np.float32)
+    rounding = 2.0 * float(np.max(np.abs(np.spacing(single)))) if np.array_equal(single, time_s) else 0.0
+    bad = np.abs(step - median) > UNEVEN * median + rounding
+    return int(np.argmax(bad)) + 1 if bad.any() else None
+
+
+def is_uniform(time_s: FloatArray) -> bool:
+    """Say whether the samples lie on a uniform grid."""
+    return uneven_step(time_s) is None
 
 
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
     gaps, inputs = _gaps(log), _inputs(log)
+    channels = []
+    for channel in log.channels.values():
+        finite = channel.values[np.isfinite(channel.values)]
+        hold = hold_of(log, channel.values)
+        report = ChannelReport(
+            name=channel.name,
+            unit=channel.unit,
+            source=channel.source,
+            n_nan=channel.values.size - finite.size,
+            held_fraction=0.0 if hold is None else repeat_fraction(finite),
+            hold_period_s=None if hold is None else hold.period / log.rate_hz,
+            quantum=find_quantum(finite),
+            min=float(finite.min()) if finite.size else None,
+            max=float(finite.max()) if finite.size else None,
+        )
+        channels.append(report)
     return LogReport(
         path=log.path,
         n_samples=log.n_samples,
@@ -82,7 +134,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         uniform=is_uniform(log.time_s),
         jitter=time_jitter(log.time_s),
         gaps=gaps,
-        channels=tuple(_channel_report(log, channel) for channel in log.channels.values()),
+        channels=tuple(channels),
         excitation=tuple(excitation(log, name) for name in inputs),
         windows=suggest_windows(log, inputs, gaps),
         segments=log.segments,
@@ -111,22 +163,6 @@ def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
     return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
 
 
-def _channel_report(log: FlightLog, channel: Channel) -> ChannelReport:
-    finite = channel.values[np.isfinite(channel.values)]
-    hold = hold_of(log, channel.values)
-    return ChannelReport(
-        name=channel.name,
-        unit=channel.unit,
-        source=channel.source,
-        n_nan=channel.values.size - finite.size,
-        held_fraction=0.0 if hold is None else repeat_fraction(finite),
-        hold_period_s=None if hold is None else hold.period / log.rate_hz,
-        quantum=find_quantum(finite),
-        min=float(finite.min()) if finite.size else None,
-        max=float(finite.max()) if finite.size else None,
-    )
-
-
 def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
     """Return the clock of a held signal (n_samples,) of the log, NaN left out; None where it is not held."""
     finite = np.isfinite(values)
@@ -147,30 +183,20 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
     """
     channels = [log.channel(name) for name in names]
     for channel in channels:
-        _require_finite(log, channel)
+        huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST))
+        if huge.size:
+            raise LogError(
+                f"{log.path}: '{channel.name}' is no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), "
+                f"got {channel.values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
+            )
+        bad = np.flatnonzero(~np.isfinite(channel.values))
+        if bad.size:
+            raise LogError(
+                f"{log.path}: '{channel.name}' is not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), "
+                f"{bad.size} of {log.n_samples} samples in all; choose a window without them with --from/--to"
+            )
     if resampling:
         return
-    _require_uniform(log)
-    for channel in channels:
-        _require_renewed(log, channel)
-
-
-def _require_finite(log: FlightLog, channel: Channel) -> None:
-    huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST))
-    if huge.size:
-        raise LogError(
-            f"{log.path}: '{channel.name}' is no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), got "
-            f"{channel.values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
-        )
-    bad = np.flatnonzero(~np.isfinite(channel.values))
-    if bad.size:
-        raise LogError(
-            f"{log.path}: '{channel.name}' is not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), "
-            f"{bad.size} of {log.n_samples} samples in all; choose a window without them with --from/--to"
-        )
-
-
-def _require_uniform(log: FlightLog) -> None:
     k = uneven_step(log.time_s)
     if k is not None:
         step = float(log.time_s[k] - log.time_s[k - 1])
@@ -178,13 +204,11 @@ def _require_uniform(log: FlightLog) -> None:
             f"{log.path}: time step is not uniform: {step:.4g} s at sample {k}, {1.0 / log.rate_hz:.4g} s elsewhere; "
             "give --rate to resample, or cut the window with --from/--to"
         )
-
-
-def _require_renewed(log: FlightLog, channel: Channel) -> None:
-    hold = hold_of(log, channel.values)
-    if hold is not None:
-        rate = f"{log.rate_hz / hold.period:.3g}"
-        raise LogError(
-            f"{log.path}: '{channel.name}' repeats its value {100.0 * repeat_fraction(channel.values):.0f} % of the "
-            f"time (held samples, about {rate} Hz); give --rate {rate} to decimate"
-        )
+    for channel in channels:
+        hold = hold_of(log, channel.values)
+        if hold is not None:
+            rate, repeated = f"{log.rate_hz / hold.period:.3g}", 100.0 * repeat_fraction(channel.values)
+            raise LogError(
+                f"{log.path}: '{channel.name}' repeats its value {repeated:.0f} % of the time (held samples, about "
+                f"{rate} Hz); give --rate {rate} to decimate"
+            )

@@ -56,12 +56,9 @@ def read_log(
     channel_map, unit_map = channel_map or {}, unit_map or {}
     time_of = partial(time_column, channel_map=channel_map, unit_map=unit_map)
     raw = _read(name, group, (from_s, to_s), time_of)
-    return assemble(raw, path=name, sha256=_digest(name), channel_map=channel_map, unit_map=unit_map)
-
-
-def _digest(path: str) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    with open(name, "rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    return assemble(raw, path=name, sha256=sha256, channel_map=channel_map, unit_map=unit_map)
 
 
 def _require_file(path: str) -> None:

@@ -1,17 +1,20 @@
-"""A flight log in memory: named channels in SI units on one time axis."""
+"""A flight log in memory: named channels in SI units on one time axis; its annotations as the JSON text of files."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import LogError
-from ..faults import Fault
+from ..errors import DictionaryError, LogError, first_line
+from ..faults import Fault, fault_from_dict, fault_to_dict
 
-__all__ = ["Channel", "FlightLog", "Segment", "Truth", "frozen_array", "nothing_between"]
+__all__ = ["Channel", "FlightLog", "Segment", "Truth", "faults_from_json", "faults_to_json", "frozen_array"]
+__all__ += ["nothing_between", "segments_from_json", "segments_to_json"]
 
 FloatArray = NDArray[np.float64]
 
@@ -144,3 +147,57 @@ class FlightLog:
         if truth is not None:
             truth = replace(truth, clean={name: frozen_array(values[keep]) for name, values in truth.clean.items()})
         return replace(self, time_s=frozen_array(self.time_s[keep]), channels=channels, truth=truth)
+
+
+def segments_to_json(segments: Sequence[Segment]) -> str:
+    """Return the JSON list of `{label, t_start, t_end, note}`."""
+    return json.dumps([{"label": s.label, "t_start": s.start_s, "t_end": s.stop_s, "note": s.note} for s in segments])
+
+
+def segments_from_json(text: str, *, where: str) -> tuple[Segment, ...]:
+    """Read the JSON list of `{label, t_start, t_end, note}`.
+
+    Raises
+    ------
+    LogError : it is not such a list.
+    """
+    segments = []
+    for entry in _objects(text, where):
+        try:
+            start, stop = float(entry["t_start"]), float(entry["t_end"])
+        except (KeyError, TypeError, ValueError, OverflowError):
+            raise LogError(
+                f"{where}: a segment needs the numbers t_start and t_end, got {str(entry)[:80]}; mend the file"
+            ) from None
+        label, note = str(entry.get("label", "")), str(entry.get("note", ""))
+        segments.append(Segment(label=label, start_s=start, stop_s=stop, note=note))
+    return tuple(segments)
+
+
+def faults_to_json(faults: Sequence[Fault]) -> str:
+    """Return the JSON list of fault objects, keys that are None left out."""
+    objects = (fault_to_dict(fault) for fault in faults)
+    return json.dumps([{key: value for key, value in entry.items() if value is not None} for entry in objects])
+
+
+def faults_from_json(text: str, *, where: str) -> tuple[Fault, ...]:
+    """Read a JSON list of fault objects.
+
+    Raises
+    ------
+    LogError : it is not such a list, or one of them is no fault.
+    """
+    try:
+        return tuple(fault_from_dict(entry, where=where) for entry in _objects(text, where))
+    except DictionaryError as error:
+        raise LogError(str(error)) from None
+
+
+def _objects(text: str, where: str) -> list[dict[str, Any]]:
+    try:
+        entries = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise LogError(f"{where}: not JSON, {first_line(error)}; mend the file") from None
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise LogError(f"{where}: not a JSON list of objects; mend the file")
+    return entries

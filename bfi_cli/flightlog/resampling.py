@@ -12,19 +12,21 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError, LogError
 from .holds import Hold
-from .quality import hold_of
+from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
-from .timing import is_uniform
 
 __all__ = ["resample", "resample_with", "with_reach"]
 
+# Median time steps: up to three missing samples are interpolated.
 LONGEST_BRIDGE = 4.5
-SAME_RATE = 1e-3
-UNEVEN_RATE = 0.05
+# Relative: a recorder's clock; and how far the median step of an uneven axis may be from its mean.
+SAME_RATE, UNEVEN_RATE = 1e-3, 0.05
+# Periods of the new rate, a little more than what the sinc reaches.
 MARGIN_PERIODS = 12.0
+# Of the ratio of two rates: within 1e-6 of any ratio.
 LARGEST_DENOMINATOR = 1000
-SINC_LOBES = 10
-CUTOFF = 0.8
+# Half the length of the sinc in its own periods, and its cutoff in the new Nyquist frequency: 80 % of it pass.
+SINC_LOBES, CUTOFF = 10, 0.8
 
 
 def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_s: float | None = None) -> FlightLog:
@@ -69,7 +71,9 @@ def resample_with(
         resampled, filtered = part, carried
     else:
         grid = _grid(part, rate_hz)
-        grid = grid[grid <= _last_renewal(part, holds)]
+        # Beyond the last value of a held channel nothing is interpolated.
+        last_s = min([part.time_s[-1], *(_renewals(part, hold)[-1] for hold in holds.values())])
+        grid = grid[grid <= float(last_s) + 1e-9]
         try:
             resampled, filtered = _through_filter(part, carried, grid, rate_hz, holds=holds)
         except ValueError as error:
@@ -133,12 +137,6 @@ def _grid(log: FlightLog, rate_hz: float) -> FloatArray:
     return np.asarray(log.time_s[0] + np.arange(math.floor(span * fine * (1.0 + 1e-12)) + 1) / fine)
 
 
-def _last_renewal(log: FlightLog, holds: Mapping[str, Hold]) -> float:
-    """Return the time up to which every held channel can be interpolated."""
-    ends = [_renewals(log, hold)[-1] for hold in holds.values()]
-    return float(min([log.time_s[-1], *ends])) + 1e-9
-
-
 def _renewals(log: FlightLog, hold: Hold) -> FloatArray:
     """Return the times at which the channel got a new value, the first at or before the log's start."""
     step = 1.0 / log.rate_hz
@@ -155,8 +153,11 @@ def _through_filter(
 
     def new(name: str, values: FloatArray) -> FloatArray:
         bad = ~np.isfinite(values)
-        on_grid = _on_grid(log, _bridged(log.time_s, values), grid, hold=holds.get(name))
-        filtered = lowpass.apply(on_grid)
+        if bad.all():
+            values = np.zeros(values.shape)
+        elif bad.any():
+            values = np.where(bad, np.interp(log.time_s, log.time_s[~bad], values[~bad]), values)
+        filtered = lowpass.apply(_on_grid(log, values, grid, hold=holds.get(name)))
         if bad.any():
             touched = np.interp(grid, log.time_s, bad.astype(np.float64)) > 0.0
             filtered[lowpass.spread(touched, filtered.size)] = np.nan
@@ -171,24 +172,13 @@ def _through_filter(
     filtered = np.zeros((n, extra.shape[1]))
     for j in np.flatnonzero(np.any(extra, axis=0)):
         filtered[:, j] = lowpass.apply(_on_grid(log, extra[:, j], grid, hold=None))
-    notes = (*log.notes, *_notes(log, rate_hz, holds))
-    return replace(log, time_s=time_s, channels=channels, truth=truth, notes=notes), filtered
-
-
-def _notes(log: FlightLog, rate_hz: float, holds: Mapping[str, Hold]) -> list[str]:
-    slow = {name: log.rate_hz / hold.period for name, hold in holds.items()}
-    return [
-        f"'{name}' is renewed at {rate:.3g} Hz only; at {rate_hz:g} Hz the values between are interpolated"
-        for name, rate in slow.items()
-        if rate < rate_hz * (1.0 - SAME_RATE)
+    notes = [
+        f"'{name}' is renewed at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz the values between are "
+        "interpolated"
+        for name, hold in holds.items()
+        if log.rate_hz / hold.period < rate_hz * (1.0 - SAME_RATE)
     ]
-
-
-def _bridged(time_s: FloatArray, values: FloatArray) -> FloatArray:
-    good = np.isfinite(values)
-    if good.all() or not good.any():
-        return np.nan_to_num(values, posinf=0.0, neginf=0.0) if not good.any() else values
-    return np.where(good, values, np.interp(time_s, time_s[good], values[good]))
+    return replace(log, time_s=time_s, channels=channels, truth=truth, notes=(*log.notes, *notes)), filtered
 
 
 def _on_grid(log: FlightLog, values: FloatArray, grid: FloatArray, *, hold: Hold | None) -> FloatArray:

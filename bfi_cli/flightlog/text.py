@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from ..channels import split_unit
 from ..errors import LogError
 from ..faults import Fault
-from .annotations import faults_from_json, segments_from_json
 from .raw import RawColumn, RawLog, require_few
-from .record import Segment
+from .record import Segment, faults_from_json, segments_from_json
 
 __all__ = ["CLEAN", "FAULTS", "SEGMENTS", "read_csv"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +15,7 @@ import numpy as np
 from ..errors import ConfigError
 from ..files import ATTRIBUTE, MARK, OWNER, aside
 from ..printable import SHOWN, printable
-from .annotations import faults_to_json, segments_to_json
-from .record import FlightLog, FloatArray, Truth
+from .record import FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
 from .text import CLEAN, FAULTS, SEGMENTS
 
 if TYPE_CHECKING:
@@ -103,7 +102,11 @@ def _unit_of(log: FlightLog, name: str) -> str:
 
 def _write_csv(log: FlightLog, path: Path) -> None:
     names = _names(log, _column_name)
-    columns = dict(_csv_columns(log, names))
+    columns = {"time [s]": log.time_s}
+    for name, channel in log.channels.items():
+        columns[_header(names[name], channel.unit)] = channel.values
+    for name, clean in (log.truth.clean if log.truth else {}).items():
+        columns[_header(names[name] + CLEAN, _unit_of(log, name))] = clean
     with open(path, "w", encoding="utf-8", errors=SHOWN, newline="") as file:
         file.write(f"{MARK}\n")
         if log.segments:
@@ -115,15 +118,6 @@ def _write_csv(log: FlightLog, path: Path) -> None:
         file.write(header.getvalue())
         for row in np.column_stack(list(columns.values())).tolist():
             file.write(",".join(map(repr, row)) + "\n")
-
-
-def _csv_columns(log: FlightLog, names: Mapping[str, str]) -> Iterator[tuple[str, FloatArray]]:
-    yield "time [s]", log.time_s
-    for name, channel in log.channels.items():
-        yield _header(names[name], channel.unit), channel.values
-    if log.truth is not None:
-        for name, clean in log.truth.clean.items():
-            yield _header(names[name] + CLEAN, _unit_of(log, name)), clean
 
 
 def _column_name(name: str) -> str:

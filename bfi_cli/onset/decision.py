@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import resources
 
-from ..calibration import Null, Table, differences, load_tables, nearest, null_of
+from ..calibration import CalibrationTable, Null, differences, load_tables, nearest, null_of
 from ..config import Config
 from ..errors import ConfigError
 from ..flightlog import FlightLog
@@ -89,7 +89,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
     LogError : the log has too little before the window.
     """
     source, notes = config.start_time.calibration or "shipped", []
-    table: Table | None = None
+    table: CalibrationTable | None = None
     match source:
         case "gaussian":
             table = gaussian_table(record, order, seed=config.seed, report=report)

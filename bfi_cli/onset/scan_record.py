@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration import Settings
+from ..calibration import CalibrationSettings
 from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
@@ -64,7 +64,7 @@ class ScanRecord:
     sampling: Sampling
     forms: tuple[ShapeHypothesis, ...]
     band_hz: tuple[float, float]
-    settings: Settings
+    settings: CalibrationSettings
 
     @property
     def time_s(self) -> FloatArray:
@@ -173,7 +173,7 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
         sampling=Sampling(n_samples=n, rate_hz=rate_hz, factor=window.rate.factor, lowpass=window.lowpass),
         forms=shape_hypotheses(wanted, len(config.outputs), n / rate_hz),
         band_hz=(min(low, high), high),
-        settings=Settings(
+        settings=CalibrationSettings(
             rate_hz=rate_hz,
             duration_s=n / rate_hz,
             orders=orders,

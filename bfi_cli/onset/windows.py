@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ..calibration import FEWEST_WINDOWS, Settings, Table
+from ..calibration import FEWEST_WINDOWS, CalibrationSettings, CalibrationTable
 from ..config import Config, merge
 from ..errors import LogError
 from ..flightlog import FlightLog
@@ -32,7 +32,7 @@ STABLE = 0.999
 OVERLAPPING = 4
 
 
-def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report = silent) -> Table:
+def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report = silent) -> CalibrationTable:
     """Return the table of records simulated with the model fitted without a fault and white Gaussian errors.
 
     Parameters
@@ -102,7 +102,7 @@ def table_of_windows(
     pieces: Sequence[tuple[FlightLog, tuple[float, float]]],
     config: Config,
     report: Report = silent,
-) -> Table:
+) -> CalibrationTable:
     """Return the table of windows of logs that hold no fault; those that cannot be analysed are counted.
 
     Parameters
@@ -114,7 +114,7 @@ def table_of_windows(
     ------
     LogError : none can; the reason is that of the last.
     """
-    settings: Settings | None = None
+    settings: CalibrationSettings | None = None
     sweeps: list[Sweep] = []
     names: dict[str, None] = {}
     n_unusable = 0
@@ -136,8 +136,10 @@ def table_of_windows(
     return _table(settings, sweeps, tuple(names), n_unusable)
 
 
-def _table(settings: Settings, sweeps: list[Sweep], logs: tuple[str, ...], n_unusable: int = 0) -> Table:
-    return Table(
+def _table(
+    settings: CalibrationSettings, sweeps: list[Sweep], logs: tuple[str, ...], n_unusable: int = 0
+) -> CalibrationTable:
+    return CalibrationTable(
         settings=settings,
         statistics={shape: frozen_array([one.of(shape).statistic for one in sweeps]) for shape in settings.shapes},
         logs=logs,

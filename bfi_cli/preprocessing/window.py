@@ -13,8 +13,7 @@ from ..dictionary import Dictionary, dead_reason, signals
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog, require_usable, resample_with
-from ..flightlog.quality import hold_of
-from ..flightlog.timing import is_uniform
+from ..flightlog.quality import hold_of, is_uniform
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.progress import Report, parts, shares, silent
 from .regression import RegressionData, Signals, build_regression, decimate_signals

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.config import Config, merge
-from bfi_cli.diagnosability import Flights, Sizes, assess, assess_manoeuvres
+from bfi_cli.diagnosability import Magnitudes, ModelFlights, assess, assess_manoeuvres
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, ExcitationError
 
@@ -15,8 +15,8 @@ QUICK = merge(Config(), {"conditioning.rate_hz": 10.0, "model.order": 4})
 BIAS = load_dictionary({"channel": "tas", "atoms": [{"name": "bias", "shape": "bias", "onset_s": 12.0}]})
 
 
-def flights(*manoeuvres: str, **settings) -> Flights:
-    return Flights(model="citation", manoeuvres=manoeuvres, **{"noise_sd": NOISE, "draws": 2, **settings})
+def flights(*manoeuvres: str, **settings) -> ModelFlights:
+    return ModelFlights(model="citation", manoeuvres=manoeuvres, **{"noise_sd": NOISE, "draws": 2, **settings})
 
 
 def test_one_draw_of_one_manoeuvre_is_the_assessment_of_its_record(thesis):
@@ -64,7 +64,7 @@ def test_every_manoeuvre_meets_the_same_noise():
 
 def test_limits_are_those_of_all_manoeuvres_together():
     one = flights("3211", "doublet", draws=1)
-    result = assess_manoeuvres(one, BIAS, QUICK, sizes=Sizes(common=2.0, in_limits=True))
+    result = assess_manoeuvres(one, BIAS, QUICK, magnitudes=Magnitudes(common=2.0, in_limits=True))
     each = np.array([score.minimal_detectable for score in result.manoeuvres], dtype=float)
     expected = 2.0 * np.exp(np.mean(np.log(each), axis=0))
     np.testing.assert_allclose([atom.magnitude for atom in result.atoms], expected, rtol=1e-9)
@@ -80,7 +80,7 @@ def test_gusts_hide_faults():
 
 def test_what_is_not_clearly_better_is_said():
     """Faults too small for any manoeuvre make them alike."""
-    alike = assess_manoeuvres(flights("3211", "doublet"), BIAS, QUICK, sizes=Sizes(common=1e-9))
+    alike = assess_manoeuvres(flights("3211", "doublet"), BIAS, QUICK, magnitudes=Magnitudes(common=1e-9))
     assert "'3211' is not clearly better than 'doublet': give more --draws to tell them apart" in alike.notes
 
 
@@ -94,7 +94,7 @@ def test_what_is_not_clearly_better_is_said():
 )
 def test_flights_that_cannot_be(settings, message):
     with pytest.raises(ConfigError, match=message):
-        Flights(model="citation", **settings)
+        ModelFlights(model="citation", **settings)
 
 
 @pytest.mark.parametrize(
@@ -108,4 +108,4 @@ def test_flights_that_cannot_be(settings, message):
 )
 def test_what_the_model_does_not_have(thesis, settings, message):
     with pytest.raises(ConfigError, match=message):
-        assess_manoeuvres(Flights(**{"model": "citation", "draws": 1, **settings}), thesis, Config())
+        assess_manoeuvres(ModelFlights(**{"model": "citation", "draws": 1, **settings}), thesis, Config())

@@ -12,8 +12,7 @@ from made_logs import made_log
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import inspect_log, read_log, require_usable
-from bfi_cli.flightlog.quality import advice_on_windows
-from bfi_cli.flightlog.timing import gap_starts, is_uniform, time_jitter
+from bfi_cli.flightlog.quality import advice_on_windows, gap_starts, is_uniform, time_jitter
 
 T = np.arange(0.0, 60.0, 0.1)
 RNG = np.random.default_rng(3)

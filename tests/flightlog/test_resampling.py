@@ -13,8 +13,8 @@ from made_logs import made_log
 from bfi_cli.errors import BfiError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log, require_usable, resample, resample_with
+from bfi_cli.flightlog.quality import is_uniform
 from bfi_cli.flightlog.record import Channel, frozen_array
-from bfi_cli.flightlog.timing import is_uniform
 from bfi_cli.kernels.decimation import decimate
 
 RATE = 50.0

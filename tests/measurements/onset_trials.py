@@ -18,7 +18,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 from trials import sized
 
-from bfi_cli.calibration import Table, save_tables
+from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
@@ -135,7 +135,7 @@ def calibrated(log: FlightLog, config: Config, *, noise: float, windows: int, fo
     )
 
 
-def _table(trials: Sequence[Trial], *, log: FlightLog, config: Config) -> Table:
+def _table(trials: Sequence[Trial], *, log: FlightLog, config: Config) -> CalibrationTable:
     whole = (float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz)
     with threadpool_limits(1):
         return table_of_windows([(noisy(log, trial), whole) for trial in trials], config)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import bfi_cli
-from bfi_cli.calibration import Table, save_tables
+from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config, merge
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.onset import table_of_windows, windows_of
@@ -30,7 +30,7 @@ def windows(log: FlightLog, length_s: float) -> list[tuple[float, float]]:
     return [w for w in every if np.abs(log.window(*w).channel("pitch").values).max() < STEEPEST_PITCH]
 
 
-def table(logs: list[FlightLog], rate_hz: float, inputs: tuple[str, ...]) -> Table:
+def table(logs: list[FlightLog], rate_hz: float, inputs: tuple[str, ...]) -> CalibrationTable:
     """Return the table of one setting."""
     pieces = [(log, window) for log in logs for window in windows(log, LENGTHS_S[rate_hz])]
     print(f"{rate_hz:g} Hz, {', '.join(inputs)}: {len(pieces)} windows", file=sys.stderr)

@@ -10,7 +10,7 @@ from scipy import stats
 from trials import CONFIGS, Trial, run_all, sized
 
 from bfi_cli.config import Config
-from bfi_cli.diagnosability import DiagnosabilityResult, Flights, Sizes, assess, assess_manoeuvres
+from bfi_cli.diagnosability import DiagnosabilityResult, Magnitudes, ModelFlights, assess, assess_manoeuvres
 from bfi_cli.dictionary import load_dictionary
 
 pytestmark = pytest.mark.slow
@@ -23,8 +23,8 @@ SEEDS = range(sized(10, 0.5))
 RANKED, NEAR_THE_LIMIT = 0.8, 0.7
 
 
-def citation(noise: float, *, manoeuvre: str = "3211", draws: int = 5) -> Flights:
-    return Flights(model="citation", manoeuvres=(manoeuvre,), noise_sd={"tas": noise}, draws=draws)
+def citation(noise: float, *, manoeuvre: str = "3211", draws: int = 5) -> ModelFlights:
+    return ModelFlights(model="citation", manoeuvres=(manoeuvre,), noise_sd={"tas": noise}, draws=draws)
 
 
 def column(result: DiagnosabilityResult, key: str) -> list[float]:
@@ -68,7 +68,7 @@ def test_faults_of_unit_magnitude_are_ranked_as_their_minimal_detectable_magnitu
 def test_near_the_limit_bits_rank_as_the_measured_isolation_rate(noise: float) -> None:
     flights = citation(noise)
     results = [
-        assess_manoeuvres(flights, DICTIONARY, Config(), sizes=Sizes(common=factor, in_limits=True))
+        assess_manoeuvres(flights, DICTIONARY, Config(), magnitudes=Magnitudes(common=factor, in_limits=True))
         for factor in FACTORS
     ]
     rates = isolated(noise, [column(result, "magnitude") for result in results])
@@ -89,7 +89,7 @@ def test_faults_of_one_magnitude_near_their_limits_are_ranked_as_their_isolation
     at_unit = column(assess_manoeuvres(flights, DICTIONARY, Config()), "minimal_detectable")
     bits, rates = [], []
     for magnitude in np.exp(np.quantile(np.log(at_unit), [0.2, 0.7])):
-        result = assess_manoeuvres(flights, DICTIONARY, Config(), sizes=Sizes(common=float(magnitude)))
+        result = assess_manoeuvres(flights, DICTIONARY, Config(), magnitudes=Magnitudes(common=float(magnitude)))
         row = isolated(noise, [[float(magnitude)] * len(NAMES)])[0]
         print(f"\nmagnitude {magnitude:.3g}: bits {np.round(column(result, 'divergence_bits'), 3)}, isolated {row}")
         bits.append(column(result, "divergence_bits"))

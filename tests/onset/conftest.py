@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
-from bfi_cli.calibration import Table, save_tables
+from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog
@@ -53,8 +53,8 @@ def settings(tmp_path: Path, flown: Callable[..., FlightLog]) -> Callable[..., C
     return make
 
 
-def white_table(settings: object, n: int = 200) -> Table:
+def white_table(settings: object, n: int = 200) -> CalibrationTable:
     """Return a table whose statistics have the mean and spread seen on records of white noise."""
     rng = np.random.default_rng(0)
     statistics = {shape: 8.0 + 2.5 * rng.exponential(size=n) for shape in settings.shapes}
-    return Table(settings=settings, statistics=statistics, logs=("white noise",))
+    return CalibrationTable(settings=settings, statistics=statistics, logs=("white noise",))

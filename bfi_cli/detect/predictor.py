@@ -12,26 +12,32 @@ from ..errors import LogError
 from ..kernels.lagged import lagged
 from ..kernels.parity import past_basis
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
-from .record import Sampled
+from .preparation import DecimatedRecord
 
-__all__ = ["Predicted", "predicted"]
+__all__ = ["Predictor", "fit_predictor"]
 
 FloatArray = NDArray[np.float64]
 
-SHORT_PASTS = (1, 2, 4, 6)
-LONG_PASTS = (10, 20)
-EDGE = 1.5
+# Lags tried: short pasts whole, long ones by the components that move more than EDGE times the noise.
+SHORT_PASTS, LONG_PASTS, EDGE = (1, 2, 4, 6), (10, 20), 1.5
+# Weights of a row relative to the next that are tried: a memory without end down to one of fifty rows.
 FORGETTING = (1.0, 0.998, 0.995, 0.99, 0.98)
+# Samples an input acts after its own; mean and first moment between samples hold the rest.
 INPUT_LAGS = 2
+# Rows more than regressors, so that the first predictions have a variance.
 SPARE = 5
+# Of an input's extent: one that rests in the healthy time is scaled by its extent.
 STILL = 1e-6
+# What is known of a coefficient the healthy time says nothing of. Without it 35 of 40 healthy flights of a Boeing 747
+# raised an alarm when the phugoid followed the manoeuvre, with it none (docs/theory.md, 11.2).
 UNSEEN_SD = 0.1
+# Of an output's spread, the least prediction error: data without noise have none.
 RELATIVE_FLOOR = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Predicted:
-    """Watched channels, predicted.
+class Predictor:
+    """The regression of the watched channels on the rows before, and its errors.
 
     Attributes
     ----------
@@ -83,7 +89,7 @@ class _Rows:
     first: int
 
 
-def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted:
+def fit_predictor(path: str, samples: DecimatedRecord, channels: Sequence[int]) -> Predictor:
     """Predict the channels, each row from the rows before it.
 
     Past and forgetting are those with which the second half of the healthy time is predicted best.
@@ -105,12 +111,12 @@ def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted
             f"{path}: the healthy time has {data.n_healthy} samples at {samples.rate_hz:.4g} Hz, {needed} are needed; "
             "give a longer --train, a higher --rate, or fewer channels"
         )
-    lags, rank = max(pasts, key=lambda past: _score(data, past, 1.0))
-    forgetting = max(FORGETTING, key=lambda weight: _score(data, (lags, rank), weight))
+    lags, rank = max(pasts, key=lambda past: _score(data, *past, forgetting=1.0))
+    forgetting = max(FORGETTING, key=lambda weight: _score(data, lags, rank, forgetting=weight))
     chosen = _rows(data, lags, rank)
     rows = _with_unseen(data, chosen)
     kept = data.kept[rows.first :]
-    return Predicted(
+    return Predictor(
         samples=rows.first + np.flatnonzero(kept),
         n_healthy=data.n_healthy - rows.first,
         lags=lags,
@@ -119,11 +125,7 @@ def predicted(path: str, samples: Sampled, channels: Sequence[int]) -> Predicted
         basis=rows.basis,
         unit=data.unit,
         errors=recursive_residuals(
-            rows.X[kept],
-            rows.Y[kept],
-            start=data.half - rows.first,
-            forgetting=forgetting,
-            prior=rows.prior,
+            rows.X[kept], rows.Y[kept], start=data.half - rows.first, forgetting=forgetting, prior=rows.prior
         ),
     )
 
@@ -155,7 +157,7 @@ def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
     )
 
 
-def _scaled(samples: Sampled, channels: Sequence[int]) -> _Scaled:
+def _scaled(samples: DecimatedRecord, channels: Sequence[int]) -> _Scaled:
     n = int(np.count_nonzero(samples.healthy))
     y = samples.y[:, list(channels)] - samples.y[:n, list(channels)].mean(axis=0)
     u = samples.u - samples.u[:n].mean(axis=0)
@@ -163,15 +165,13 @@ def _scaled(samples: Sampled, channels: Sequence[int]) -> _Scaled:
     u = u / np.where(spread > STILL * extent, spread, np.where(extent > 0.0, extent, 1.0))
     spread = y[:n].std(axis=0)
     spread = np.where(spread > 0.0, spread, np.maximum(np.abs(y).max(axis=0), np.finfo(float).tiny))
-    unit = spread * np.maximum(_one_step_sd(y[:n] / spread, u[:n]), RELATIVE_FLOOR)
+    # The noise is what one lag of all channels leaves of each.
+    scaled = y[:n] / spread
+    X = np.hstack([np.ones((n - 1, 1)), lagged(scaled, [1]), u[1:n]])
+    left = scaled[1:] - X @ np.linalg.lstsq(X, scaled[1:], rcond=None)[0]
+    noise_sd = np.sqrt(np.sum(left**2, axis=0) / max(len(X) - X.shape[1], 1))
+    unit = spread * np.maximum(noise_sd, RELATIVE_FLOOR)
     return _Scaled(y=y / unit, u=u, weak=samples.weak, kept=samples.healthy | samples.watched, n_healthy=n, unit=unit)
-
-
-def _one_step_sd(y: FloatArray, u: FloatArray) -> FloatArray:
-    """Return (n_outputs,) the root mean square of what one lag of all channels leaves of each."""
-    X = np.hstack([np.ones((len(y) - 1, 1)), lagged(y, [1]), u[1:]])
-    left = y[1:] - X @ np.linalg.lstsq(X, y[1:], rcond=None)[0]
-    return np.asarray(np.sqrt(np.sum(left**2, axis=0) / max(len(X) - X.shape[1], 1)))
 
 
 def _pasts(data: _Scaled) -> Iterator[tuple[int, int]]:
@@ -190,8 +190,8 @@ def _n_regressors(data: _Scaled, rank: int) -> int:
     return 1 + (INPUT_LAGS + 1) * int(np.count_nonzero(~data.weak)) + rank
 
 
-def _score(data: _Scaled, past: tuple[int, int], forgetting: float) -> float:
-    rows = _rows(data, *past)
+def _score(data: _Scaled, lags: int, rank: int, *, forgetting: float) -> float:
+    rows = _rows(data, lags, rank)
     healthy = slice(data.n_healthy - rows.first)
     start = data.half - rows.first
     X, Y = rows.X[healthy], rows.Y[healthy]

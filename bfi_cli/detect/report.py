@@ -19,6 +19,7 @@ SCHEMA = 1
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "not_identifiable": "Not identifiable"}
 METHODS = {"exact": "right null space of the last samples", "parity": "parity residuals (left null space)"}
+# Round-off: what is drawn of a criterion of 0 on a logarithmic axis.
 LEAST = 1e-16
 CAPTION = (
     "Detection statistic of every channel with its threshold: by how many standard deviations a step in the channel "
@@ -29,18 +30,17 @@ CAPTION = (
 
 def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi detect --json`; numbers that are not finite are None."""
-    whole = to_plain(result)
-    series = {"time_s": whole.pop("time_s"), "channels": whole.pop("series")}
-    notes = whole.pop("notes")
-    document: dict[str, Any] = {
+    body = to_plain(result)
+    series = {"time_s": body.pop("time_s"), "channels": body.pop("series")}
+    notes = body.pop("notes")
+    return {
         "kind": "detect",
         "schema": SCHEMA,
-        **whole,
+        **body,
         "series": series,
         "notes": notes,
         "provenance": to_plain(provenance),
     }
-    return document
 
 
 def detect_exhibit(document: Plain) -> Exhibit:
@@ -63,12 +63,11 @@ def _verdict(document: Plain) -> str:
     if not alarms:
         share = number(100.0 * document["false_alarm"])
         return f"No channel of {', '.join(document['outputs'])} fails at a false-alarm rate of {share} %."
-    told = (f"{alarm['channel']} from {instant(alarm['onset_s'])} s{_size(alarm)}" for alarm in alarms)
-    return f"Failing: {'; '.join(told)}."
-
-
-def _size(alarm: Plain) -> str:
-    return "" if alarm["size"] is None else f" (a step of {quantity(alarm['size'], alarm['unit'])})"
+    sentences = []
+    for alarm in alarms:
+        step = "" if alarm["size"] is None else f" (a step of {quantity(alarm['size'], alarm['unit'])})"
+        sentences.append(f"{alarm['channel']} from {instant(alarm['onset_s'])} s{step}")
+    return f"Failing: {'; '.join(sentences)}."
 
 
 def _facts(document: Plain) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""What a reader is shown of a diagnosability, made from its JSON document alone."""
+"""The JSON document of `bfi diagnosability`, and what a reader is shown of it."""
 
 from __future__ import annotations
 
@@ -10,16 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exhibit import Drawing, Exhibit, HeatMap, Panel, Table, curve
+from ..plain import to_plain
+from ..provenance import Provenance
 from ..wording import number, quantity, shortened
+from .result import DiagnosabilityResult
 
-__all__ = ["diagnosability_exhibit"]
+__all__ = ["diagnosability_document", "diagnosability_exhibit"]
 
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
-NAME_LETTERS = 24
-MOST_IN_MAP = 30
-MOST_CURVES = 8
+SCHEMA = 1
+ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
+# What fits a page and can be read: letters of a name, rows of a map, curves of a panel; and where the curves rise.
+NAME_LETTERS, MOST_IN_MAP, MOST_CURVES = 24, 30, 8
 SHOWN_BITS = (0.01, 0.99)
 MAP_CAPTION = (
     "Jensen-Shannon divergence of the prediction errors, fault against no fault and fault against fault: what the "
@@ -34,20 +38,35 @@ MANOEUVRE_CAPTION = (
     "faults of what it tells on each against the other fault most like it."
 )
 ATOM_HEADS = (
-    "fault",
-    "magnitude",
-    "divergence, bit",
-    "minimal detectable",
-    "most like",
-    "told apart, bit",
-    "in one sample, bit",
-    "note",
+    *("fault", "magnitude", "divergence, bit", "minimal detectable", "most like", "told apart, bit"),
+    *("in one sample, bit", "note"),
 )
 MANOEUVRE_HEADS = ("manoeuvre", "told, bit", "standard error", "weakest fault", "its bits", "note")
 
 
+def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi diagnosability --json`; what is not known or not finite is None.
+
+    `between` has a row and a column for each of `atoms`, `information` is the curve all bits are read from.
+    """
+    body = to_plain(result)
+    for key in ORDER_KEYS:
+        body["model"].pop(key)
+    information = {key: body.pop(key) for key in ("deviations", "bits", "limit_deviations")}
+    notes = body.pop("notes")
+    return {
+        "kind": "diagnosability",
+        "schema": SCHEMA,
+        **body,
+        "information": information,
+        "notes": notes,
+        "provenance": to_plain(provenance),
+    }
+
+
 def diagnosability_exhibit(document: Plain) -> Exhibit:
     """Return the exhibit of a document of `bfi diagnosability`."""
+    best = document["best"]
     live = [j for j, atom in enumerate(document["atoms"]) if atom["divergence_bits"] is not None]
     tables = (_atoms(document["atoms"]), *([_manoeuvres(document)] if document["manoeuvres"] else []))
     drawings = []
@@ -60,18 +79,13 @@ def diagnosability_exhibit(document: Plain) -> Exhibit:
     return Exhibit(
         kicker="Diagnosability",
         title=str(document["log"]["path"]),
-        heading=_heading(document),
+        heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
         verdict=_verdict(document, live),
-        facts=tuple(_facts(document)),
+        facts=_facts(document),
         tables=tables,
         drawings=tuple(drawings),
         notes=tuple(document["notes"]),
     )
-
-
-def _heading(document: Plain) -> str:
-    best = document["best"]
-    return "What could be diagnosed" if best is None else f"Best manoeuvre: {best}"
 
 
 def _verdict(document: Plain, live: Sequence[int]) -> str:
@@ -80,15 +94,17 @@ def _verdict(document: Plain, live: Sequence[int]) -> str:
         return "Nothing is known of any fault of the dictionary."
     hardest = min(atoms, key=lambda atom: atom["divergence_bits"])
     limit = quantity(hardest["minimal_detectable"], hardest["unit"])
-    said = [f"Hardest to see: {_bits(hardest, 'divergence_bits')}, detected from {limit} on."]
+    sentences = [f"Hardest to see: {_bits(hardest, 'divergence_bits')}, detected from {limit} on."]
     likely = [atom for atom in atoms if atom["apart_bits"] is not None]
     if likely:
         alike = min(likely, key=lambda atom: atom["apart_bits"])
-        said.append(f"Hardest to tell from another: {_bits(alike, 'apart_bits')} against {_short(alike['most_like'])}.")
+        sentences.append(
+            f"Hardest to tell from another: {_bits(alike, 'apart_bits')} against {_short(alike['most_like'])}."
+        )
     if document["best"] is not None:
         score = document["manoeuvres"][0]
-        said.insert(0, f"Of {len(document['manoeuvres'])} manoeuvres {_short(score['name'])} tells most.")
-    return " ".join(said)
+        sentences.insert(0, f"Of {len(document['manoeuvres'])} manoeuvres {_short(score['name'])} tells most.")
+    return " ".join(sentences)
 
 
 def _bits(atom: Plain, key: str) -> str:
@@ -100,7 +116,7 @@ def _short(name: str) -> str:
     return shortened(name, NAME_LETTERS)
 
 
-def _facts(document: Plain) -> list[tuple[str, str]]:
+def _facts(document: Plain) -> tuple[tuple[str, str], ...]:
     log, model = document["log"], document["model"]
     noise = (f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
     sizes = "in minimal detectable ones" if document["in_limits"] else "as given"
@@ -114,7 +130,7 @@ def _facts(document: Plain) -> list[tuple[str, str]]:
     ]
     if document["best"] is not None:
         rows.append(("Draws of the noise", str(document["draws"])))
-    return rows
+    return tuple(rows)
 
 
 def _atoms(atoms: Sequence[Plain]) -> Table:
@@ -152,54 +168,40 @@ def _manoeuvres(document: Plain) -> Table:
 
 def _map(document: Plain, live: Sequence[int]) -> Drawing:
     names = tuple(_short(document["atoms"][j]["name"]) for j in live)
-    rows = []
-    for j in live:
-        between = [document["between"][j][i] for i in live]
-        rows.append(_numbers([document["atoms"][j]["divergence_bits"], *between]))
-    return Drawing(
-        name="divergence",
-        caption=MAP_CAPTION,
-        heat_maps=(
-            HeatMap(
-                title="Fault against no fault, and against each other fault",
-                rows=names,
-                columns=("no fault", *names),
-                values=tuple(rows),
-                label="divergence [bit]",
-            ),
-        ),
+    rows = ([document["atoms"][j]["divergence_bits"], *(document["between"][j][i] for i in live)] for j in live)
+    heat_map = HeatMap(
+        title="Fault against no fault, and against each other fault",
+        rows=names,
+        columns=("no fault", *names),
+        values=tuple(map(_numbers, rows)),
+        label="divergence [bit]",
     )
+    return Drawing(name="divergence", caption=MAP_CAPTION, heat_maps=(heat_map,))
 
 
 def _curves(document: Plain, live: Sequence[int]) -> Drawing:
-    """Of each fault, hardest first, over the magnitudes where its curve rises."""
+    """Draw the curve of each fault, hardest first, over the magnitudes where it rises."""
     information = document["information"]
     deviations, bits = _numbers(information["deviations"]), _numbers(information["bits"])
     shown = (bits > SHOWN_BITS[0]) & (bits < SHOWN_BITS[1])
     atoms = [document["atoms"][j] for j in live if document["atoms"][j]["minimal_detectable"] is not None]
     hardest = sorted(atoms, key=lambda atom: atom["divergence_bits"])[:MOST_CURVES]
+    at_deviations = information["limit_deviations"]
+    at_limit = float(np.interp(at_deviations, deviations, bits))
     panels = []
     for unit in dict.fromkeys(atom["unit"] for atom in hardest):
-        alike = [atom for atom in hardest if atom["unit"] == unit]
-        at_limit = float(np.interp(information["limit_deviations"], deviations, bits))
+        sds = [(atom["name"], atom["minimal_detectable"] / at_deviations) for atom in hardest if atom["unit"] == unit]
         panels.append(
             Panel(
                 x_label=f"magnitude [{unit or '-'}]",
                 y_label="divergence [bit]",
-                curves=tuple(
-                    curve(_short(atom["name"]), deviations[shown] * _sd(atom, information), bits[shown])
-                    for atom in alike
-                ),
+                curves=tuple(curve(_short(name), deviations[shown] * sd, bits[shown]) for name, sd in sds),
                 log_x=True,
                 levels=(("minimal detectable", at_limit),),
                 y_limits=(0.0, 1.0),
             )
         )
     return Drawing(name="information", caption=CURVE_CAPTION, panels=tuple(panels))
-
-
-def _sd(atom: Plain, information: Plain) -> float:
-    return float(atom["minimal_detectable"]) / float(information["limit_deviations"])
 
 
 def _flown(document: Plain, live: Sequence[int]) -> Drawing:

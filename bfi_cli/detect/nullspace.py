@@ -5,23 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..kernels.nullspace import Criteria, criteria
-from .record import Prepared
+from .preparation import PreparedRecord
 
-__all__ = ["LEVEL", "Exact", "exactly"]
+__all__ = ["LEVEL", "NullSpaceCriteria", "null_space_criteria"]
 
-FloatArray = NDArray[np.float64]
-
+# Of a channel's own size. Boeing 747 without noise: healthy channels stay 3e10 times below what a failing one shows
+# (docs/validation.md). The healthy time has to keep a tenth of it free.
 LEVEL, MARGIN = 1e-7, 0.1
+# One lag where the outputs hold all states (H 15); two or four where they do not.
 LAGS = (1, 2, 4)
+# Columns of a window, and how many more than the rank, so that the null space is not empty.
 NARROWEST, SPARE = 10, 5
+# What a failure inside the window leaves in the other channels is smaller by orders of magnitude (H, after eq. 29).
 SELECTIVE = 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Exact:
+class NullSpaceCriteria:
     """Criteria of a record and what fails by them.
 
     Attributes
@@ -34,12 +36,12 @@ class Exact:
 
     lags: int
     width: int
-    found: Criteria
+    criteria: Criteria
     explained: bool
     failures: tuple[tuple[int, int], ...]
 
 
-def exactly(prepared: Prepared) -> Exact:
+def null_space_criteria(prepared: PreparedRecord) -> NullSpaceCriteria:
     """Return the criteria with the fewest lags that explain the healthy time, and the failures by them.
 
     A constant counts as an input, so that values need not be deviations from a trim. For as long as a failure is inside
@@ -47,34 +49,24 @@ def exactly(prepared: Prepared) -> Exact:
     not declared.
     """
     record = prepared.record
-    healthy = record.time_s < prepared.train[1]
+    y, healthy = record.y, record.time_s < prepared.train[1]
     u = np.column_stack([record.u, np.ones(len(record.u))])
+    both = np.hstack([y, u])
     for lags in LAGS:
-        inputs = _with_past(record.y, u, lags)
-        rank = int(criteria(record.y[healthy], inputs[healthy], width=int(healthy.sum())).rank.max())
+        # Inputs bring the samples before the last one with them: z(i) then reaches `lags` samples back.
+        past = (np.vstack([np.zeros((lag, both.shape[1])), both[:-lag]]) for lag in range(1, lags))
+        inputs = np.hstack([u, *past])
+        rank = int(criteria(y[healthy], inputs[healthy], width=int(healthy.sum())).rank.max())
         width = max(NARROWEST, rank + SPARE)
-        found = criteria(record.y, inputs, width=width)
-        explained = not bool((np.nan_to_num(found.channel[healthy]) > MARGIN * LEVEL).any())
+        of_record = criteria(y, inputs, width=width)
+        explained = not bool((np.nan_to_num(of_record.channel[healthy]) > MARGIN * LEVEL).any())
         if explained or lags == LAGS[-1]:
             break
-    failures = _failures(np.nan_to_num(found.channel), width)
-    return Exact(lags=lags, width=width, found=found, explained=explained, failures=failures)
-
-
-def _with_past(y: FloatArray, u: FloatArray, lags: int) -> FloatArray:
-    """Return inputs that bring the samples before the last one with them: z(i) then reaches `lags` samples back."""
-    columns = [u]
-    for lag in range(1, lags):
-        both = np.hstack([y, u])
-        columns.append(np.vstack([np.zeros((lag, both.shape[1])), both[:-lag]]))
-    return np.hstack(columns)
-
-
-def _failures(channel: FloatArray, width: int) -> tuple[tuple[int, int], ...]:
+    channel = np.nan_to_num(of_record.channel)
     last = np.full(channel.shape[1], -width - 1)
     failures = []
     for i in np.flatnonzero((channel > LEVEL).any(axis=1)):
         above = channel[i] > max(LEVEL, SELECTIVE * float(channel[i].max()))
         failures += [(int(i), int(k)) for k in np.flatnonzero(above & (last < i - width))]
         last[above] = i
-    return tuple(failures)
+    return NullSpaceCriteria(lags=lags, width=width, criteria=of_record, explained=explained, failures=tuple(failures))

@@ -1,4 +1,4 @@
-"""What one fault-free record says of every entry of a dictionary, whatever its size."""
+"""The filtered signature of every fault of a dictionary in one fault-free record, whatever its magnitude."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels.coherence import mutual_coherence, whiten
 from ..kernels.distinguishability import Distinguishability, distinguishability
-from ..preprocessing.fault_free_model import FaultFreeModel, about_the_log, fit_fault_free, without_injected_faults
+from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.overdispersion import overdispersion
 from ..preprocessing.summary import LogSummary, ModelSummary
-from ..preprocessing.window import PreparedWindow, prepare_window
+from ..preprocessing.window import prepare_window
 
-__all__ = ["Measured", "measure"]
+__all__ = ["Signatures", "signatures"]
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Measured:
-    """A record, and each entry of the dictionary in it.
+class Signatures:
+    """A fault-free record, and what each fault of the dictionary leaves in its prediction errors.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Measured:
     separation : bits against deviations, from the prediction errors.
     errors : (n_rows, n_outputs) prediction errors, SI.
     traces : (n_rows, n_atoms) what magnitude 1 adds to those of the entry's own channel, NaN outside the fault.
-    places : (n_atoms,) index of the own channel among the outputs.
+    outputs : (n_atoms,) index of the own channel among the outputs.
     notes : on the log.
     """
 
@@ -57,7 +57,7 @@ class Measured:
     separation: Distinguishability
     errors: FloatArray
     traces: FloatArray
-    places: tuple[int, ...]
+    outputs: tuple[int, ...]
     notes: tuple[str, ...]
 
     @property
@@ -66,8 +66,8 @@ class Measured:
         return self.deviations * self.sd
 
 
-def measure(log: FlightLog, dictionary: Dictionary, config: Config) -> Measured:
-    """Fit the record without fault terms and see what each fault would leave in its prediction errors.
+def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> Signatures:
+    """Fit the record without fault terms and filter each fault through that fit.
 
     Raises
     ------
@@ -76,15 +76,22 @@ def measure(log: FlightLog, dictionary: Dictionary, config: Config) -> Measured:
     """
     window = prepare_window(without_injected_faults(log), dictionary, config)
     fitted = fit_fault_free(window, config)
+    fit, regression = fitted.fit, fitted.regression
     n, live = len(window.faults), list(window.live)
     sd, coherence = np.full(n, np.inf), np.full((n, n), np.nan)
-    seen = np.isfinite(fitted.sd)
-    excess = overdispersion(window, fitted.regression, fitted.fit)
-    sd[live] = np.where(seen, fitted.sd * np.sqrt(excess), np.inf)
-    G = whiten(fitted.unfolded.signatures, fitted.fit.sigma) * seen
-    coherence[np.ix_(live, live)] = mutual_coherence(G)
-    places = tuple(max(0, _place(config, fault)) for fault in window.faults)
-    return Measured(
+    visible = np.isfinite(fitted.sd)
+    sd[live] = np.where(visible, fitted.sd * np.sqrt(overdispersion(window, regression, fit)), np.inf)
+    coherence[np.ix_(live, live)] = mutual_coherence(whiten(fitted.unfolded.signatures, fit.sigma) * visible)
+    # An entry whose channel is no output counts in the first one.
+    outputs = tuple(config.outputs.index(f.channel) if f.channel in config.outputs else 0 for f in window.faults)
+    # A trace runs from the onset until the lags have forgotten the end.
+    traces = np.full((len(regression.rows_s), n), np.nan)
+    for column, j in enumerate(live):
+        fault, k = window.faults[j], outputs[j]
+        stop_s = np.inf if fault.offset_s is None else fault.offset_s + fit.order / window.signals.rate_hz
+        inside = (regression.rows_s >= fault.onset_s) & (regression.rows_s <= stop_s)
+        traces[inside, j] = (fitted.unfolded.signatures[:, k, column] * regression.unit[k])[inside]
+    return Signatures(
         log=window.summary,
         model=fitted.model,
         faults=window.faults,
@@ -94,30 +101,12 @@ def measure(log: FlightLog, dictionary: Dictionary, config: Config) -> Measured:
         sd=sd,
         deviations=fitted.deviations,
         coherence=coherence,
-        separation=distinguishability(whiten(fitted.unfolded.error[:, :, None], fitted.fit.sigma)),
+        separation=distinguishability(whiten(fitted.unfolded.error[:, :, None], fit.sigma)),
         errors=fitted.error,
-        traces=_traces(window, fitted, places),
-        places=places,
+        traces=traces,
+        outputs=outputs,
         notes=tuple(about_the_log(log, window, fitted)),
     )
-
-
-def _place(config: Config, fault: Fault) -> int:
-    return config.outputs.index(fault.channel) if fault.channel in config.outputs else -1
-
-
-def _traces(window: PreparedWindow, fitted: FaultFreeModel, places: tuple[int, ...]) -> FloatArray:
-    """Filtered signatures off the regressors, from the onset until the lags have forgotten the end."""
-    time_s = fitted.regression.rows_s
-    memory_s = fitted.fit.order / window.signals.rate_hz
-    traces = np.full((len(time_s), len(window.faults)), np.nan)
-    for n, j in enumerate(window.live):
-        fault = window.faults[j]
-        stop_s = np.inf if fault.offset_s is None else fault.offset_s + memory_s
-        inside = (time_s >= fault.onset_s) & (time_s <= stop_s)
-        trace = fitted.unfolded.signatures[:, places[j], n] * fitted.regression.unit[places[j]]
-        traces[inside, j] = trace[inside]
-    return traces
 
 
 def _unit(log: FlightLog, channel: str) -> str:

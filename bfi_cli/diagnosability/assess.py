@@ -1,0 +1,180 @@
+"""The assessment of a log, and the result of any number of records of one flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import Config
+from ..dictionary import Dictionary
+from ..errors import ConfigError
+from ..faults import did_you_mean
+from ..flightlog import FlightLog
+from ..flightlog.record import frozen_array
+from ..kernels.distinguishability import window_bits
+from .divergence import divergences, minimal_detectable, single_sample_bits
+from .result import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
+from .signatures import Signatures, signatures
+
+__all__ = ["UNIT", "Magnitudes", "assess", "finite", "magnitudes_of", "result_of"]
+
+FloatArray = NDArray[np.float64]
+
+# Bits. Below a tenth of the answer a fault is named in a note; nothing is decided by it.
+HARDLY = 0.1
+# Magnitude over its standard deviation, from where nothing shows to where everything does, 15 to a decade to draw.
+DEVIATIONS = np.logspace(-1.0, 4.0, 76)
+# Faults that the notes name one by one, so that the table stays in sight.
+MOST_NAMED = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Magnitudes:
+    """Root mean square of the magnitude at which each fault is assessed.
+
+    Attributes
+    ----------
+    common : of those not named.
+    named : by name of the entry.
+    in_limits : they are multiples of the minimal detectable magnitude of each fault; else in the magnitude's unit.
+
+    Raises
+    ------
+    ConfigError : a magnitude is not a positive number.
+    """
+
+    common: float = 1.0
+    named: Mapping[str, float] = field(default_factory=dict)
+    in_limits: bool = False
+
+    def __post_init__(self) -> None:
+        for value in (self.common, *self.named.values()):
+            if not (np.isfinite(value) and value > 0.0):
+                raise ConfigError(
+                    f"--magnitude: must be positive, got {value:g}; it is a root mean square, sign included"
+                )
+
+    def of_atoms(self, names: Sequence[str], limits: FloatArray) -> FloatArray:
+        """Return (n_atoms,) magnitudes; not finite where they count in limits and there is none.
+
+        Parameters
+        ----------
+        names : of the entries; limits : (n_atoms,) their minimal detectable magnitudes.
+
+        Raises
+        ------
+        ConfigError : a name is none of the dictionary's.
+        """
+        for name in self.named:
+            if name not in names:
+                raise ConfigError(f"--magnitude: no entry of the dictionary, got '{name}'{did_you_mean(name, names)}")
+        values = np.array([self.named.get(name, self.common) for name in names])
+        return values * limits if self.in_limits else values
+
+
+UNIT = Magnitudes()
+
+
+def magnitudes_of(config: Config) -> Magnitudes:
+    """Return the magnitudes a configuration states."""
+    stated = config.diagnosability
+    return Magnitudes(common=stated.magnitude, named=stated.magnitudes, in_limits=stated.at_limit)
+
+
+def assess(
+    log: FlightLog, dictionary: Dictionary, config: Config, *, magnitudes: Magnitudes = UNIT
+) -> DiagnosabilityResult:
+    """Say how well each fault of a dictionary could be seen in a log, and told from the others.
+
+    The predictor is that of the log without fault terms, so a fault counts by what its inputs and lags leave of it.
+
+    Parameters
+    ----------
+    log : in SI units, see `bfi_cli.flightlog.read_log`; faults injected into it are taken out, others are in the way.
+    dictionary : see `bfi_cli.dictionary.load_dictionary`.
+    config : see `bfi_cli.config.Config`.
+    magnitudes : of the faults.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be used.
+    DictionaryError : no entry of the dictionary can be seen in the window.
+    ConfigError : a magnitude is given for a fault that the dictionary does not have.
+    """
+    records = [signatures(log, dictionary, config)]
+    values = magnitudes.of_atoms(records[0].names, minimal_detectable(records))
+    return result_of(records, values, dictionary=dictionary.path, in_limits=magnitudes.in_limits)
+
+
+def result_of(
+    records: Sequence[Signatures],
+    magnitudes: FloatArray,
+    *,
+    dictionary: str,
+    in_limits: bool,
+    manoeuvres: tuple[ManoeuvreScore, ...] = (),
+    notes: Sequence[str] = (),
+) -> DiagnosabilityResult:
+    """Return the result of records of one flight with different noise.
+
+    Parameters
+    ----------
+    records : one or more, with the same entries.
+    magnitudes : (n_atoms,) root mean squares.
+    manoeuvres, notes : to go with it.
+    """
+    first, bits = records[0], divergences(records, magnitudes)
+    limits, in_sample = minimal_detectable(records), single_sample_bits(records, magnitudes)
+    atoms = tuple(
+        DiagnosedAtom(
+            name=first.names[j],
+            channel=first.faults[j].channel,
+            live=j not in first.reasons,
+            note=first.reasons.get(j),
+            magnitude=finite(magnitudes[j]),
+            unit=first.units[j],
+            divergence_bits=finite(bits.whole[j]),
+            sample_bits=finite(in_sample[j]),
+            minimal_detectable=finite(limits[j]),
+            most_like=first.names[other] if other >= 0 else None,
+            apart_bits=finite(bits.apart[j]) if other >= 0 else None,
+        )
+        for j, other in enumerate(bits.most_like)
+    )
+    curves = [window_bits(record.separation, DEVIATIONS) for record in records]
+    return DiagnosabilityResult(
+        log=first.log,
+        model=first.model,
+        dictionary=dictionary,
+        draws=len(records),
+        in_limits=in_limits,
+        limit_deviations=float(np.mean([record.deviations for record in records])),
+        atoms=atoms,
+        between=frozen_array(bits.between),
+        deviations=frozen_array(DEVIATIONS),
+        bits=frozen_array(np.mean(curves, axis=0)),
+        manoeuvres=manoeuvres,
+        best=manoeuvres[0].name if manoeuvres else None,
+        notes=(*notes, *_hard(atoms), *dict.fromkeys(note for record in records for note in record.notes)),
+    )
+
+
+def finite(value: float) -> float | None:
+    """Return None for a number that is not finite."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _hard(atoms: Sequence[DiagnosedAtom]) -> list[str]:
+    """Name what can hardly be seen, and what can be seen but hardly told from another."""
+    notes = []
+    for atom in atoms:
+        size = f"'{atom.name}' of {atom.magnitude or 0.0:.3g} {atom.unit}".rstrip()
+        if atom.divergence_bits is not None and atom.divergence_bits < HARDLY:
+            notes.append(f"{size} can hardly be seen ({atom.divergence_bits:.2g} bit)")
+        elif atom.apart_bits is not None and atom.apart_bits < HARDLY:
+            notes.append(f"{size} can be seen but hardly told from '{atom.most_like}' ({atom.apart_bits:.2g} bit)")
+    more = len(notes) - MOST_NAMED
+    return [*notes[:MOST_NAMED], *([f"{more} more faults are as hard; see the table"] if more > 0 else [])]

@@ -23,6 +23,7 @@ from .sections import (
     Model,
     Names,
     PathText,
+    Recorder,
     Risro,
     Selection,
     StartTime,
@@ -67,6 +68,7 @@ class Config(Rules):
     units: Mapping[Text, Text] = Field(default_factory=dict)
     """Name in the log: the unit it does not state."""
     window: Window = Window()
+    recorder: Recorder = Recorder()
     conditioning: Conditioning = Conditioning()
     model: Model = Model()
     method: Annotated[Text, AfterValidator(_registered)] = "ml"

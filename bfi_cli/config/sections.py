@@ -34,6 +34,7 @@ __all__ = [
     "Names",
     "Natural",
     "PathText",
+    "Recorder",
     "Risro",
     "Selection",
     "StartTime",
@@ -114,6 +115,15 @@ class Window(Rules):
         if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
             raise ValueError(f"to_s must be after from_s ({self.from_s:g} s), got {self.to_s:g} s")
         return self
+
+
+class Recorder(Rules):
+    """The low-pass of the recorder, which faults of the aircraft went through as its motion did."""
+
+    edge_hz: Rate = "auto"
+    """Frequency of gain one half; none for no filter; auto for what the log states or shows."""
+    kind: Literal["auto", "gaussian", "fir", "butterworth", "causal"] = "auto"
+    """Its shape; auto for what the log states or shows, a Gaussian where only the edge is known."""
 
 
 class Conditioning(Rules):

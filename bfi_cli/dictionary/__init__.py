@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DictionaryError
-from ..faults import Fault, unit_signal
+from ..faults import Fault
+from ..filters import recorded_signal
+from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
 from ..yaml12 import load_yaml, read_text
 from .document import DictionaryDocument
@@ -103,7 +105,12 @@ def load_dictionary(
 
 
 def signals(
-    faults: Sequence[Fault], time_s: FloatArray, outputs: Sequence[str], *, window_start_s: float
+    faults: Sequence[Fault],
+    time_s: FloatArray,
+    outputs: Sequence[str],
+    *,
+    window_start_s: float,
+    response: Response = IDENTITY,
 ) -> FloatArray:
     """Return (n_samples, n_outputs, n_atoms): what each fault at magnitude 1 adds to each output.
 
@@ -113,6 +120,7 @@ def signals(
     time_s : (n_samples,) seconds.
     outputs : channel names.
     window_start_s : see `bfi_cli.faults.unit_signal`.
+    response : of the filters that the log went through.
 
     Raises
     ------
@@ -122,7 +130,8 @@ def signals(
     for j, fault in enumerate(faults):
         if fault.channel not in outputs:
             raise DictionaryError(f"dictionary: {_not_an_output(fault, outputs)}")
-        columns[:, outputs.index(fault.channel), j] = unit_signal(fault, time_s, window_start_s=window_start_s)
+        signal = recorded_signal(fault, time_s, response, window_start_s=window_start_s)
+        columns[:, outputs.index(fault.channel), j] = signal
     return columns
 
 

@@ -75,6 +75,7 @@ def assemble(
         channels=channels,
         truth=None if raw.faults is None else Truth(faults=raw.faults, clean=clean),
         segments=raw.segments,
+        filters=raw.filters,
         sha256=sha256,
         notes=tuple(naming.notes),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError, first_line
+from ..filters import Filter, filters_from_json
 from ..units import to_si
 from .hdf5_layout import attribute, is_text, member, members, require_readable, text, unfit
 from .raw import (
@@ -106,6 +107,7 @@ def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: Ti
         sample_rate_hz=rate,
         first_sample=rows.start,
         segments=_segments(path, node) or _segments(path, file),
+        filters=_filters(path, node, file),
         faults=None
         if truth is None
         else faults_from_json(text(attribute(truth, "faults")) or "[]", where=f"{path}: /truth faults"),
@@ -211,6 +213,13 @@ def _between(path: str, at: Callable[[int], float], n: int, span: Span, source: 
     if end - begin < 2:
         raise nothing_between(path, (start, stop), (first, last))
     return slice(max(begin - 1, 0), min(end + 1, n))
+
+
+def _filters(path: str, *nodes: h5py.Group) -> tuple[Filter, ...] | None:
+    stated = next((node for node in nodes if "filters" in node.attrs), None)
+    if stated is None:
+        return None
+    return filters_from_json(text(attribute(stated, "filters")), where=f"{path}: filters")
 
 
 def _segments(path: str, node: h5py.Group) -> tuple[Segment, ...]:

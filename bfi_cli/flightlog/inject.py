@@ -9,18 +9,24 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import DictionaryError
-from ..faults import Fault, active_samples, unit_signal
+from ..faults import Fault, active_samples
+from ..filters import recorded_signal
+from ..kernels.low_pass import IDENTITY, Response
 from .record import FlightLog, Truth, frozen_array
 
 __all__ = ["inject"]
 
 
-def inject(log: FlightLog, faults: Sequence[Fault]) -> FlightLog:
+def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response = IDENTITY) -> FlightLog:
     """Return `log` with `faults` added to their channels, in that order, and the truth extended by them.
 
     Times of the faults are on the log's own time axis; a `phase_reference` of "window" counts from its first sample.
     Injecting into a log that carries faults already keeps these; the clean signals stay those before the first one.
     `notes` names a fault that has neither onset nor end in the log.
+
+    Parameters
+    ----------
+    response : of the recorder, through which a fault of the aircraft went; see `bfi_cli.filters.response_of`.
 
     Raises
     ------
@@ -36,7 +42,7 @@ def inject(log: FlightLog, faults: Sequence[Fault]) -> FlightLog:
             phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
             fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
         name = fault.name or fault.shape
-        added = fault.magnitude * unit_signal(fault, log.time_s, window_start_s=start_s)
+        added = fault.magnitude * recorded_signal(fault, log.time_s, response, window_start_s=start_s)
         if not np.any(added):
             until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
             raise DictionaryError(

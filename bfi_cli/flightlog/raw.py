@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..faults import Fault
+from ..filters import Filter
 from .record import Segment
 
 __all__ = [
@@ -54,6 +55,7 @@ class RawLog:
     sample_rate_hz: float | None = None
     first_sample: int = 0
     segments: tuple[Segment, ...] = ()
+    filters: tuple[Filter, ...] | None = None
     faults: tuple[Fault, ...] | None = None
     clean: Mapping[str, RawColumn] = field(default_factory=dict)
     notes: tuple[str, ...] = ()

@@ -12,6 +12,7 @@ from ..errors import LogError
 from .assembly import assemble, time_column
 from .raw import RawLog, Span, TimeOf
 from .record import FlightLog
+from .recorder import with_seen_recorder
 
 __all__ = ["read_log"]
 
@@ -43,7 +44,7 @@ def read_log(
     Returns
     -------
     FlightLog : channels under standard names where known, in SI units and radians, read-only; `notes` says what the
-        reader decided.
+        reader decided, `filters` what the file states or the log shows of the recorder's low-pass.
 
     Raises
     ------
@@ -58,7 +59,8 @@ def read_log(
     raw = _read(name, group, (from_s, to_s), time_of)
     with open(name, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    return assemble(raw, path=name, sha256=sha256, channel_map=channel_map, unit_map=unit_map)
+    log = assemble(raw, path=name, sha256=sha256, channel_map=channel_map, unit_map=unit_map)
+    return with_seen_recorder(log)
 
 
 def _require_file(path: str) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
+from ..filters import Filter
 
 __all__ = ["Channel", "FlightLog", "Segment", "Truth", "faults_from_json", "faults_to_json", "frozen_array"]
 __all__ += ["nothing_between", "segments_from_json", "segments_to_json"]
@@ -83,6 +84,7 @@ class FlightLog:
     channels : by standard name.
     truth : injected faults, None where the file carries none.
     segments : labelled parts of the flight.
+    filters : the low-pass filters it went through, recorder first; None where nothing is known of them.
     sha256 : of the file, "" for a log made in memory.
     notes : what the reader, or resampling, decided, as sentences for the user.
     """
@@ -92,6 +94,7 @@ class FlightLog:
     channels: Mapping[str, Channel]
     truth: Truth | None = None
     segments: tuple[Segment, ...] = ()
+    filters: tuple[Filter, ...] | None = None
     sha256: str = ""
     notes: tuple[str, ...] = ()
 

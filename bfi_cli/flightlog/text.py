@@ -7,6 +7,7 @@ import math
 import os
 from array import array
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import chain, islice
 from typing import TextIO
 
@@ -16,13 +17,15 @@ from numpy.typing import NDArray
 from ..channels import split_unit
 from ..errors import LogError
 from ..faults import Fault
+from ..filters import filters_from_json
 from .raw import RawColumn, RawLog, require_few
 from .record import Segment, faults_from_json, segments_from_json
 
-__all__ = ["CLEAN", "FAULTS", "SEGMENTS", "read_csv"]
+__all__ = ["CLEAN", "FAULTS", "FILTERS", "SEGMENTS", "read_csv"]
 
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
+FILTERS = "# filters: "
 CLEAN = "_clean"
 # Bytes; a cell of two characters becomes a number of eight bytes, and a log is held twice while it is put together.
 LARGEST_TEXT = 10**9
@@ -61,9 +64,11 @@ def _read(path: str, encoding: str) -> RawLog:
         names = _header(path, *header, delimiter=delimiter)
         columns = _columns(names, _numbers(path, rows, names, delimiter=delimiter))
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
+    filters = filters_from_json(comments[FILTERS], where=f"{path}: filters") if FILTERS in comments else None
     if FAULTS not in comments:
-        return RawLog(columns=columns, segments=segments)
-    return _with_truth(columns, segments, faults_from_json(comments[FAULTS], where=f"{path}: faults"))
+        return RawLog(columns=columns, segments=segments, filters=filters)
+    faults = faults_from_json(comments[FAULTS], where=f"{path}: faults")
+    return replace(_with_truth(columns, segments, faults), filters=filters)
 
 
 def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:
@@ -82,7 +87,7 @@ def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[i
                 "export the log again"
             )
         if text.lstrip().startswith("#"):
-            for key in (FAULTS, SEGMENTS):
+            for key in (FAULTS, SEGMENTS, FILTERS):
                 if text.startswith(key):
                     comments.setdefault(key, text.removeprefix(key))
         elif text.strip():

@@ -14,9 +14,10 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..files import ATTRIBUTE, MARK, OWNER, aside
+from ..filters import filters_to_json
 from ..printable import SHOWN, printable
 from .record import FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
-from .text import CLEAN, FAULTS, SEGMENTS
+from .text import CLEAN, FAULTS, FILTERS, SEGMENTS
 
 if TYPE_CHECKING:
     import h5py
@@ -56,6 +57,8 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
         _dataset(file, "time", log.time_s, unit="s")
         for name, channel in log.channels.items():
             _dataset(file, names[name], channel.values, unit=channel.unit)
+        if log.filters is not None:
+            file.attrs["filters"] = filters_to_json(log.filters)
         if log.segments:
             file.attrs["segments"] = segments_to_json(log.segments)
         if log.truth is not None:
@@ -109,6 +112,8 @@ def _write_csv(log: FlightLog, path: Path) -> None:
         columns[_header(names[name] + CLEAN, _unit_of(log, name))] = clean
     with open(path, "w", encoding="utf-8", errors=SHOWN, newline="") as file:
         file.write(f"{MARK}\n")
+        if log.filters is not None:
+            file.write(f"{FILTERS}{filters_to_json(log.filters)}\n")
         if log.segments:
             file.write(f"{SEGMENTS}{segments_to_json(log.segments)}\n")
         if log.truth is not None:

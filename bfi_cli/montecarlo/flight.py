@@ -10,9 +10,11 @@ import numpy as np
 
 from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from ..config import Config
-from ..faults import Fault, unit_signal
+from ..faults import Fault
+from ..filters import recorded_signal, response_of
 from ..flightlog import FlightLog, read_log
 from ..flightlog.record import frozen_array
+from ..flightlog.recorder import recorder_filters
 from .definition import FlownModel, RecordedLog
 from .scenarios import Setting
 
@@ -57,11 +59,12 @@ def faulty(log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np
     """
     window = setting.config.window
     start_s = float(log.window(window.from_s, window.to_s).time_s[0])
+    response = response_of(recorder_filters(log, setting.config.recorder)[0], log.rate_hz)
     added: dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]] = {}
     for atom in setting.dictionary.resolved(start_s):
         if _name(atom) in truth:
             channel = log.channel(atom.channel)
-            signal = truth[_name(atom)] * unit_signal(atom, log.time_s, window_start_s=start_s)
+            signal = truth[_name(atom)] * recorded_signal(atom, log.time_s, response, window_start_s=start_s)
             added[channel.name] = added.get(channel.name, channel.values) + signal
     for (name, sd), stream in zip(setting.noise, rng.spawn(len(setting.noise)), strict=True):
         channel = log.channel(name)

@@ -170,7 +170,13 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
         orders=orders,
         feedthrough=layout.feedthrough,
         floor=None if window.rate.factor == 1 else regression.floor,
-        sampling=Sampling(n_samples=n, rate_hz=rate_hz, factor=window.rate.factor, lowpass=window.lowpass),
+        sampling=Sampling(
+            n_samples=n,
+            rate_hz=rate_hz,
+            factor=window.rate.factor,
+            lowpass=window.lowpass,
+            response=window.response,
+        ),
         forms=shape_hypotheses(wanted, len(config.outputs), n / rate_hz),
         band_hz=(min(low, high), high),
         settings=CalibrationSettings(

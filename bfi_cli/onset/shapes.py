@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..config import StartTime
 from ..faults import Fault, unit_signal
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
+from ..kernels.low_pass import IDENTITY, Response
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.waveform import Waveform
 from ..shapes import Shape
@@ -43,17 +44,22 @@ LARGEST_SHARE = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """Samples of the conditioned record, and how they came from `factor` times as many; of factor 1 unfiltered."""
+    """Samples of the conditioned record, and how they came from `factor` times as many.
+
+    Of factor 1 they are unfiltered but for the `response` of the recorder, at the log's own rate.
+    """
 
     n_samples: int
     rate_hz: float
     factor: int
     lowpass: Lowpass
+    response: Response = IDENTITY
 
     @property
     def lead(self) -> int:
-        """Samples by which the filter shows a fault before its onset."""
-        return self.lowpass.half_width if self.factor > 1 and self.lowpass.kind == "linear-phase" else 0
+        """Samples by which the filters show a fault before its onset."""
+        own = self.lowpass.half_width if self.factor > 1 and self.lowpass.kind == "linear-phase" else 0
+        return own + -(-self.response.before // self.factor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,16 +114,16 @@ def waveform(form: ShapeHypothesis, sampling: Sampling, phase: int = 0) -> Wavef
     sampling : of the record.
     phase : samples of the log's own rate from the conditioned sample to the onset, in -(factor - 1)..0.
     """
-    n, factor = sampling.n_samples, sampling.factor
-    if factor == 1:
+    n, factor, response = sampling.n_samples, sampling.factor, sampling.response
+    if factor == 1 and response.changes_nothing:
         return _ideal(form, n, sampling.rate_hz)
     taps = lowpass_taps(factor, sampling.lowpass).size
-    before = lost_samples(factor, sampling.lowpass)[0] + sampling.lead * factor + phase
-    length = taps + (n - 1) * factor
+    before = response.after + lost_samples(factor, sampling.lowpass)[0] + sampling.lead * factor + phase
+    length = response.after + taps + (n - 1) * factor + response.before
     native = _ideal(form, length - before, sampling.rate_hz * factor)
     signals = np.zeros((length, 1 + len(native.tails)))
     signals[before:] = np.vstack([native.samples, native.tails]).T
-    conditioned = decimate(signals, factor, sampling.lowpass).T
+    conditioned = decimate(response.filtered(signals), factor, sampling.lowpass).T
     weights = native.weights[:, ::factor][:, : n + 1]
     # The last few weights are repeated: no fault within the record needs them.
     weights = np.pad(weights, ((0, 0), (0, n + 1 - weights.shape[1])), mode="edge")
@@ -145,15 +151,16 @@ def signal(
     ----------
     start, end : conditioned sample, and phase as in `waveform`; without an end the fault lasts.
     """
-    n, factor = sampling.n_samples, sampling.factor
-    before, after = lost_samples(factor, sampling.lowpass) if factor > 1 else (0, 0)
-    native = np.zeros(before + (n - 1) * factor + 1 + after)
+    n, factor, response = sampling.n_samples, sampling.factor, sampling.response
+    lost, after = lost_samples(factor, sampling.lowpass) if factor > 1 else (0, 0)
+    before = response.after + lost
+    native = np.zeros(before + (n - 1) * factor + 1 + after + response.before)
     first = before + start[0] * factor + start[1]
     last = len(native) if end is None else before + end[0] * factor + end[1]
     begun = replace(form, phase_rad=form.phase_at(first - before, sampling.rate_hz * factor), anchor=None)
     wave = _ideal(begun, len(native) - first, sampling.rate_hz * factor)
     native[first:last] = wave.unit * wave.samples[: last - first]
-    return decimate(native, factor, sampling.lowpass)
+    return decimate(response.filtered(native), factor, sampling.lowpass)
 
 
 def _ideal(form: ShapeHypothesis, n: int, rate_hz: float) -> Waveform:

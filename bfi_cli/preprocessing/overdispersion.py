@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import Fault, unit_signal
+from ..faults import Fault
+from ..filters import recorded_signal
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import decimate
 from ..kernels.progress import Report, parts, silent
@@ -59,7 +60,7 @@ def _at_other_onsets(window: PreparedWindow, regression: RegressionData, family:
     for n, onset in enumerate(onsets):
         offset = None if family.offset_s is None else float(onset + family.offset_s)
         shifted = replace(family, onset_s=float(onset), offset_s=offset)
-        raw[:, n] = unit_signal(shifted, time_s, window_start_s=window.window_start_s)
+        raw[:, n] = recorded_signal(shifted, time_s, window.response, window_start_s=window.window_start_s)
     channels = [window.log.channel(name).name for name in window.outputs]
     output = channels.index(window.log.channel(family.channel).name)
     filtered = decimate(raw, window.rate.factor, window.lowpass)

@@ -12,9 +12,12 @@ from ..config import Config
 from ..dictionary import Dictionary, dead_reason, signals
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
+from ..filters import response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.quality import hold_of, is_uniform
+from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
+from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, shares, silent
 from .regression import RegressionData, Signals, build_regression, decimate_signals
 from .sampling_rate import RateChoice, choose_rate, is_exact, reduce_rate_for_noise
@@ -46,6 +49,7 @@ class PreparedWindow:
     faults : every dictionary entry, times on the log's axis; names : their names.
     reasons : why an entry is left out, by index; live : the others.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
+    response : of the filters that the log went through, the recorder's first.
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
@@ -61,6 +65,7 @@ class PreparedWindow:
     native: Signals
     signals: Signals
     rate: RateChoice
+    response: Response
     lowpass: Lowpass
     window_start_s: float
     native_rate_hz: float
@@ -96,9 +101,14 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
     reasons = {j: reason for j, reason in dead if reason is not None}
     seen = {j: fault for j, fault in enumerate(faults) if j not in reasons}
 
+    filters, about_recorder = recorder_filters(log, config.recorder)
+    response = response_of(filters, native_rate_hz)
+
     def dictionary_signals(time_s: FloatArray) -> FloatArray:
         theta = np.zeros((len(time_s), len(config.outputs), len(faults)))
-        theta[:, :, list(seen)] = signals(list(seen.values()), time_s, list(config.outputs), window_start_s=start_s)
+        theta[:, :, list(seen)] = signals(
+            list(seen.values()), time_s, list(config.outputs), window_start_s=start_s, response=response
+        )
         return theta
 
     if must_resample(part, used, rate_hz):
@@ -141,6 +151,7 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
         native=native,
         signals=decimated,
         rate=rate,
+        response=response,
         lowpass=lowpass,
         window_start_s=start_s,
         native_rate_hz=native_rate_hz,

@@ -1,0 +1,116 @@
+"""The low-pass filters that a log went through, recorder first: what they make of a fault.
+
+A fault that hit the aircraft before the recorder went through all of them, as the recorded motion did. A sharp signal
+beside a filtered one is another fault: it is found less often, and its magnitude is wrong (docs/theory.md, 9).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeGuard, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import LogError
+from .faults import Fault, unit_signal
+from .kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
+
+__all__ = ["Filter", "filters_from_json", "filters_to_json", "recorded_signal", "response_of"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filter:
+    """A low-pass filter that every channel of a log went through.
+
+    Attributes
+    ----------
+    kind : of its shape, see `bfi_cli.kernels.low_pass`.
+    edge_hz : frequency of gain one half.
+    rate_hz : of the samples it was applied to.
+    stage : the recorder, or a conversion of the file.
+    source : how it is known, as words for the reader.
+    """
+
+    kind: Kind
+    edge_hz: float
+    rate_hz: float
+    stage: Literal["recorder", "convert"] = "recorder"
+    source: str = "stated in the file"
+
+
+def filters_to_json(filters: Sequence[Filter]) -> str:
+    """Return the JSON list of `{kind, edge_hz, rate_hz, stage, source}`."""
+    keys = ("kind", "edge_hz", "rate_hz", "stage", "source")
+    return json.dumps([{key: getattr(one, key) for key in keys} for one in filters])
+
+
+def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
+    """Read the JSON list of `{kind, edge_hz, rate_hz}`; `stage` is the recorder where it is not given.
+
+    Raises
+    ------
+    LogError : it is not such a list.
+    """
+    try:
+        entries = json.loads(text)
+    except (ValueError, RecursionError):
+        entries = None
+    if not isinstance(entries, list):
+        raise LogError(f"{where}: not a JSON list of filters; mend the file")
+    return tuple(_filter(entry, where) for entry in entries)
+
+
+def _filter(entry: Any, where: str) -> Filter:
+    given = entry if isinstance(entry, dict) else {}
+    kind, stage, source = (given.get(key) for key in ("kind", "stage", "source"))
+    edge_hz, rate_hz = given.get("edge_hz"), given.get("rate_hz")
+    if not isinstance(kind, str) or kind not in get_args(Kind) or not (_is_positive(edge_hz) and _is_positive(rate_hz)):
+        known = ", ".join(get_args(Kind))
+        raise LogError(
+            f"{where}: a filter needs a kind ({known}) and positive numbers edge_hz and rate_hz, got "
+            f"{str(entry)[:80]}; mend the file"
+        )
+    return Filter(
+        kind=kind,
+        edge_hz=edge_hz,
+        rate_hz=rate_hz,
+        stage="convert" if stage == "convert" else "recorder",
+        source=source if isinstance(source, str) else "stated in the file",
+    )
+
+
+def _is_positive(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0
+
+
+def response_of(filters: Sequence[Filter], rate_hz: float) -> Response:
+    """Return what the filters make of a signal on the samples of a log of this rate."""
+    response = IDENTITY
+    for one in filters:
+        factor = max(1, round(one.rate_hz / rate_hz))
+        response = response.then(decimated(low_pass(one.kind, one.edge_hz, rate_hz * factor), factor))
+    return response
+
+
+def recorded_signal(
+    fault: Fault, time_s: FloatArray, response: Response = IDENTITY, *, window_start_s: float
+) -> FloatArray:
+    """Return (n_samples,) the signal of a fault at magnitude 1 as the log shows it; see `faults.unit_signal`.
+
+    Parameters
+    ----------
+    time_s : (n_samples,) seconds, at equal steps where the log went through filters.
+    response : of the filters, see `response_of`.
+    """
+    if response.changes_nothing or len(time_s) < 2:
+        return unit_signal(fault, time_s, window_start_s=window_start_s)
+    step = float(np.median(np.diff(time_s)))
+    before, after = step * np.arange(response.after, 0, -1), step * np.arange(1, response.before + 1)
+    wider = np.concatenate([time_s[0] - before, time_s, time_s[-1] + after])
+    return response.filtered(unit_signal(fault, wider, window_start_s=window_start_s))

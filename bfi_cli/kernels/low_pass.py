@@ -1,0 +1,137 @@
+"""Impulse responses of the low-pass filters that recorders and conversions have, on the grid of a log.
+
+The edge of every kind is where its gain is one half (-6 dB).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from . import FloatArray
+from .decimation import KAISER_BETA, SHARP
+
+Kind = Literal["gaussian", "fir", "butterworth", "causal", "sinc"]
+
+# Those a recorder may have; a sinc is what a conversion to a lower rate uses.
+RECORDERS: tuple[Kind, ...] = ("gaussian", "fir", "butterworth", "causal")
+# Gain 1/2 of exp(-2 pi^2 sd^2 f^2) at the edge.
+GAUSSIAN_SD = float(np.sqrt(np.log(2.0) / 2.0) / np.pi)
+# Windowed sinc: half-length in periods of the edge, and the Kaiser window's beta, a stop band 50 dB down.
+FIR_PERIODS, FIR_BETA = 1.3, 5.0
+# Of the pair that runs forwards and backwards, and of the filter that delays.
+ZERO_PHASE_ORDER, CAUSAL_ORDER = 4, 2
+# Gain 1/2 of a Butterworth filter of order 2 lies at 3^(1/4) of its -3 dB frequency.
+CAUSAL_EDGE = 3.0**0.25
+# Taps smaller than this share of the largest are dropped at both ends.
+SMALLEST_TAP = 1e-5
+# An edge above this share of the sampling rate leaves the samples as they are.
+HIGHEST_EDGE = 0.45
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """A finite impulse response of unit gain at zero frequency.
+
+    Attributes
+    ----------
+    taps : (n_taps,).
+    before : taps that act before the input does, 0 for a causal filter; after : those that act later.
+    """
+
+    taps: FloatArray
+    before: int
+
+    @property
+    def after(self) -> int:
+        """Taps that act after the input."""
+        return len(self.taps) - 1 - self.before
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether the output is the input."""
+        return len(self.taps) == 1
+
+    def then(self, other: Response) -> Response:
+        """Return the response of this filter followed by another at the same rate."""
+        return Response(taps=np.convolve(self.taps, other.taps), before=self.before + other.before)
+
+    def filtered(self, x: FloatArray) -> FloatArray:
+        """Return the (n - n_taps + 1, ...) output of x (n, ...) where the response has full support.
+
+        Its first row belongs to row `after` of x.
+        """
+        if self.changes_nothing:
+            return x.copy()
+        flat = x.reshape(len(x), -1)
+        columns = [np.convolve(column, self.taps, mode="valid") for column in flat.T]
+        out = np.stack(columns, axis=1) if columns else np.zeros((len(x) - len(self.taps) + 1, 0))
+        return np.asarray(out.reshape(-1, *x.shape[1:]), dtype=np.float64)
+
+
+IDENTITY = Response(taps=np.ones(1), before=0)
+
+
+def low_pass(kind: Kind, edge_hz: float, rate_hz: float) -> Response:
+    """Return the response of a filter on samples taken at a rate.
+
+    Parameters
+    ----------
+    edge_hz : frequency of gain one half.
+    rate_hz : of the samples.
+    """
+    if edge_hz >= HIGHEST_EDGE * rate_hz:
+        return IDENTITY
+    period = rate_hz / edge_hz
+    match kind:
+        case "gaussian":
+            half = int(np.ceil(5.0 * GAUSSIAN_SD * period))
+            return _trimmed(np.exp(-0.5 * (np.arange(-half, half + 1) / (GAUSSIAN_SD * period)) ** 2), half)
+        case "fir":
+            half = max(1, round(FIR_PERIODS * period))
+            lag = np.arange(-half, half + 1)
+            return _trimmed(np.sinc(2.0 * lag / period) * np.kaiser(2 * half + 1, FIR_BETA), half)
+        case "butterworth":
+            from scipy.signal import butter, sosfiltfilt
+
+            impulse = np.zeros(1 + 2 * int(np.ceil(8.0 * period)))
+            half = len(impulse) // 2
+            impulse[half] = 1.0
+            sos = butter(ZERO_PHASE_ORDER, edge_hz, fs=rate_hz, output="sos")
+            return _trimmed(sosfiltfilt(sos, impulse, padtype=None), half)
+        case "sinc":
+            # The low-pass of a conversion to a rate of `edge_hz` over half its cutoff, see `decimation.SHARP`.
+            half = round(SHARP.half_width * SHARP.cutoff * period / 2.0)
+            lag = np.arange(-half, half + 1)
+            return _trimmed(np.sinc(2.0 * lag / period) * np.kaiser(2 * half + 1, KAISER_BETA), half)
+        case "causal":
+            from scipy.signal import butter, sosfilt
+
+            impulse = np.zeros(int(np.ceil(8.0 * period)))
+            impulse[0] = 1.0
+            sos = butter(CAUSAL_ORDER, edge_hz / CAUSAL_EDGE, fs=rate_hz, output="sos")
+            return _trimmed(sosfilt(sos, impulse), 0)
+
+
+def decimated(response: Response, factor: int) -> Response:
+    """Return the response at a lower rate to what starts at one of its samples and stays between two of them.
+
+    Exact for steps that start at a sample of the lower rate.
+    """
+    if factor == 1 or response.changes_nothing:
+        return response
+    step = np.concatenate([[0.0], np.cumsum(response.taps)])
+    first = -int(np.ceil(response.before / factor))
+    last = int(np.ceil(response.after / factor))
+    ends = np.clip(np.arange(first - 1, last + 1) * factor + response.before + 1, 0, len(response.taps))
+    return _trimmed(np.diff(step[ends]), -first)
+
+
+def _trimmed(taps: FloatArray, before: int) -> Response:
+    """Return a response of unit gain without negligible taps at its ends, taps of zero delay kept."""
+    kept = np.flatnonzero(np.abs(taps) > SMALLEST_TAP * np.abs(taps).max())
+    first, last = min(int(kept[0]), before), max(int(kept[-1]), before)
+    taps = np.asarray(taps[first : last + 1], dtype=np.float64)
+    return Response(taps=taps / taps.sum(), before=before - first)

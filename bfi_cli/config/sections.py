@@ -133,6 +133,8 @@ class Conditioning(Rules):
     """The rate to decimate to; none for the log's own; auto chooses."""
     detrend: Literal["constant", "none"] = "constant"
     """Whether the mean of every signal is taken off."""
+    variance: Literal["running", "constant"] = "running"
+    """Whether samples count by the running size of the prediction error around them, where gusts make it unequal."""
     filter: Literal["linear-phase", "causal"] = "linear-phase"
     """The low-pass in front of the decimation; causal lets nothing of a fault appear before its onset."""
 

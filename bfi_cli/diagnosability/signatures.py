@@ -101,7 +101,7 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> Signat
         sd=sd,
         deviations=fitted.deviations,
         coherence=coherence,
-        separation=distinguishability(whiten(fitted.unfolded.error[:, :, None], fit.sigma)),
+        separation=distinguishability(whiten(fitted.unfolded.weighted_error[:, :, None], fit.sigma)),
         errors=fitted.error,
         traces=traces,
         outputs=outputs,

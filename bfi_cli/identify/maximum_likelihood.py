@@ -143,7 +143,7 @@ def select(
     searches = search_orders(problems, range(n_atoms), penalty, max_active=max_active, report=searching)
     selection = _best_of(regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
-    effective = max(effective_rows(selection.unfolded.error), 2.0 * per_output)
+    effective = max(effective_rows(selection.unfolded.weighted_error), 2.0 * per_output)
     if effective >= n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)

@@ -26,6 +26,7 @@ class Layout:
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms), all scaled.
     first : sample of the first row (the largest order of the study).
     feedthrough : inputs act in the same sample too.
+    weights : (n_samples,) of the rows, None for 1.
     """
 
     u: FloatArray
@@ -33,6 +34,7 @@ class Layout:
     theta: FloatArray
     first: int
     feedthrough: bool
+    weights: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,8 +43,8 @@ class FitRows:
 
     Attributes
     ----------
-    error : (n_rows, n_outputs) prediction error.
-    signatures : (n_rows, n_outputs, n_atoms) filtered signatures of all atoms off the regressors.
+    error : (n_rows, n_outputs) prediction error; weighted_error : times the weights of the rows.
+    signatures : (n_rows, n_outputs, n_atoms) filtered signatures of all atoms off the regressors, weighted.
     raw_norm : (n_atoms,) their norms before the projection.
     coefficients : (n_regressors, n_outputs) of [1, u lags, corrected y lags].
     condition_number : of the regressors, columns scaled.
@@ -50,6 +52,7 @@ class FitRows:
     """
 
     error: FloatArray
+    weighted_error: FloatArray
     signatures: FloatArray
     raw_norm: FloatArray
     coefficients: FloatArray
@@ -72,17 +75,22 @@ def unfold(layout: Layout, fit: Fit) -> FitRows:
     past_inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, fit.order + 1), first=first)
     past_outputs = lagged(corrected, range(1, fit.order + 1), first=first)
     X = np.hstack([np.ones((n - first, 1)), past_inputs, past_outputs])
+    weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
+    X *= weights[:, None]
     scale = np.linalg.norm(X, axis=0)
     scale[scale == 0.0] = 1.0
     U, s, Vt = np.linalg.svd(X / scale, full_matrices=False)
     keep = s > RANK_TOLERANCE * s[0]
-    Q, now = U[:, keep], corrected[first:]
+    Q, now = U[:, keep], corrected[first:] * weights[:, None]
     g = layout.theta[first:].copy()
     for i, K in enumerate(fit.K, start=1):
         g -= np.einsum("io,koj->kij", K, layout.theta[first - i : n - i])
+    g *= weights[:, None, None]
     flat = g.reshape(n - first, -1)
+    weighted_error = now - Q @ (Q.T @ now)
     return FitRows(
-        error=now - Q @ (Q.T @ now),
+        error=weighted_error / weights[:, None],
+        weighted_error=weighted_error,
         signatures=(flat - Q @ (Q.T @ flat)).reshape(n - first, n_y, -1),
         raw_norm=np.sqrt(np.einsum("koj,koj->j", g, g)),
         coefficients=(Vt[keep].T @ ((Q.T @ now) / s[keep, None])) / scale[:, None],
@@ -105,7 +113,7 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
         return np.zeros((0, 0))
     rows, n_y = unfolded.error.shape
     G = whiten(unfolded.signatures[:, :, list(fit.atoms)], fit.sigma)
-    e = whiten(unfolded.error[:, :, None], fit.sigma)
+    e = whiten(unfolded.weighted_error[:, :, None], fit.sigma)
     scale = np.linalg.norm(G, axis=0)
     scale[scale == 0.0] = 1.0
     G = G / scale
@@ -123,7 +131,7 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
 
 def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
     """Return magnitude and variance that each atom would have if it were added alone to the support."""
-    G, e = whiten(unfolded.signatures, fit.sigma), whiten(unfolded.error[:, :, None], fit.sigma)[:, 0]
+    G, e = whiten(unfolded.signatures, fit.sigma), whiten(unfolded.weighted_error[:, :, None], fit.sigma)[:, 0]
     Q = np.linalg.qr(G[:, list(fit.atoms)])[0]
     others = G - Q @ (Q.T @ G)
     power = np.einsum("kj,kj->j", others, others)

@@ -135,6 +135,7 @@ def compress(
     *,
     order: int,
     feedthrough: bool = False,
+    weights: FloatArray | None = None,
     block_rows: int = 1024,
     report: Report = silent,
 ) -> Compressed:
@@ -147,6 +148,7 @@ def compress(
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms).
     order : largest lag s, at least 1.
     feedthrough : inputs act in the same sample too.
+    weights : (n_samples,) of the rows, by which the whole row of a sample is multiplied; None for 1.
     block_rows : lagged rows formed at a time.
     report : told how far it is.
 
@@ -185,6 +187,8 @@ def compress(
         _fill(part[columns.y_lags], y[rows], past)
         _fill(part[columns.theta], atoms, range(1))
         _fill(part[columns.y], y[rows], range(1))
+        if weights is not None:
+            part *= weights[start : start + part.shape[1]]
         R = add_rows(R, block.T, overwrite=True)
     return _compressed(R[: len(y) - order], columns, len(y) - order)
 

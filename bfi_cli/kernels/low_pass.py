@@ -111,7 +111,9 @@ def low_pass(kind: Kind, edge_hz: float, rate_hz: float) -> Response:
 
             impulse = np.zeros(int(np.ceil(8.0 * period)))
             impulse[0] = 1.0
-            sos = butter(CAUSAL_ORDER, edge_hz / CAUSAL_EDGE, fs=rate_hz, output="sos")
+            # The bilinear transform takes a frequency f to tan(pi f / rate).
+            cutoff = np.arctan(np.tan(np.pi * edge_hz / rate_hz) / CAUSAL_EDGE) * rate_hz / np.pi
+            sos = butter(CAUSAL_ORDER, cutoff, fs=rate_hz, output="sos")
             return _trimmed(sosfilt(sos, impulse), 0)
 
 

@@ -48,6 +48,7 @@ class ScanRecord:
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), of unit spread; y in SI is scaled y times `unit`, and a
         constant more.
     orders : to choose from.
+    weights : (n_samples,) of the rows, None for 1.
     floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
     forms : hypotheses to test.
     band_hz : of the oscillations.
@@ -60,6 +61,7 @@ class ScanRecord:
     unit: FloatArray
     orders: tuple[int, ...]
     feedthrough: bool
+    weights: FloatArray | None
     floor: float | None
     sampling: Sampling
     forms: tuple[ShapeHypothesis, ...]
@@ -84,7 +86,9 @@ class ScanRecord:
         """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""
         theta = np.zeros((*y.shape, 0))
         fit = Likelihood(record=self, y=y, order=order).fit(theta)
-        return unfold(Layout(u=self.u, y=y, theta=theta, first=order, feedthrough=self.feedthrough), fit)
+        return unfold(
+            Layout(u=self.u, y=y, theta=theta, first=order, feedthrough=self.feedthrough, weights=self.weights), fit
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,7 +115,14 @@ class Likelihood:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
         if self.step is not None:
             self.step()
-        data = compress(self.record.u, self.y, theta, order=self.order, feedthrough=self.record.feedthrough)
+        data = compress(
+            self.record.u,
+            self.y,
+            theta,
+            order=self.order,
+            feedthrough=self.record.feedthrough,
+            weights=self.record.weights,
+        )
         problem = project_inputs(data, self.order, floor=FLOOR if self.record.floor is None else self.record.floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
 
@@ -169,6 +180,7 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
         unit=regression.unit,
         orders=orders,
         feedthrough=layout.feedthrough,
+        weights=None if wanted.ends else layout.weights,
         floor=None if window.rate.factor == 1 else regression.floor,
         sampling=Sampling(
             n_samples=n,

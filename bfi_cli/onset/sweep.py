@@ -203,6 +203,7 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
         order=order,
         feedthrough=record.feedthrough,
         channel=output,
+        weights=None if record.weights is None else record.weights[skip:],
         floor=record.floor,
     )
 

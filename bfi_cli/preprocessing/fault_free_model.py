@@ -84,7 +84,7 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
     )
     fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
     best = min(fits, key=penalty.criterion)
-    effective = effective_rows(unfold(regression.layout, best).error)
+    effective = effective_rows(unfold(regression.layout, best).weighted_error)
     penalty = replace(penalty, n_effective=min(penalty.n_effective, max(effective, 2.0 * best.n_parameters)))
     best = min(fits, key=penalty.criterion)
     theta = window.signals.theta[:, :, list(window.live)] / regression.unit[:, None]

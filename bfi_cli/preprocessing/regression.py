@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import LogError
-from ..kernels.covariance import Layout
+from ..kernels.covariance import Layout, unfold
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, compress, with_fault, with_scaled_outputs
 from ..kernels.progress import Report, silent
-from ..kernels.variable_projection import ProjectedRegression, project_inputs
+from ..kernels.running_weights import running_weights
+from ..kernels.variable_projection import ProjectedRegression, fit_magnitudes, project_inputs
 
 __all__ = ["RegressionData", "Signals", "build_regression", "decimate_signals", "feasible_orders"]
 
@@ -24,6 +25,9 @@ FloatArray = NDArray[np.float64]
 # leaves a small predictable remainder even of a record that a VARX explains exactly; what is below it is no noise.
 ROUND_OFF = 1e-10
 DECIMATION_REMAINDER = 1e-4
+# Seconds on each side over which the size of the prediction error is taken: gusts last tens of seconds. A window whose
+# running deviation spreads by less than this factor, as white noise's does, is left unweighted.
+RUNNING_S, UNEQUAL = 10.0, 2.0
 # Fewer rows per coefficient fit the noise of so short a window rather than the dynamics.
 ROWS_PER_REGRESSOR = 2.0
 
@@ -165,18 +169,42 @@ def build_regression(
     power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
     magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
     theta = theta * magnitude_unit
+    floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
+    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
+    if config.conditioning.variance == "running":
+        layout = replace(layout, weights=_weights(layout, signals.rate_hz, floor))
     return RegressionData(
         signals=signals,
         atoms=tuple(atoms),
-        layout=Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough),
-        data=compress(u, y, theta, order=max(orders), feedthrough=config.feedthrough, report=report),
+        layout=layout,
+        data=compress(
+            u,
+            y,
+            theta,
+            order=max(orders),
+            feedthrough=config.feedthrough,
+            weights=layout.weights,
+            report=report,
+        ),
         center=center,
         unit=unit,
         magnitude_unit=magnitude_unit,
         orders=orders,
-        floor=ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER,
+        floor=floor,
         centred=centred,
     )
+
+
+def _weights(layout: Layout, rate_hz: float, floor: float) -> FloatArray | None:
+    """Return (n_samples,) weights inverse to the running size of the prediction error without a fault."""
+    order = layout.first
+    plain = replace(layout, theta=np.zeros((*layout.y.shape, 0)))
+    data = compress(plain.u, plain.y, plain.theta, order=order, feedthrough=layout.feedthrough)
+    fit = fit_magnitudes(project_inputs(data, order, floor=floor), ())
+    weights = running_weights(unfold(plain, fit).error, round(RUNNING_S * rate_hz))
+    if weights.max() < UNEQUAL * weights.min():
+        return None
+    return np.concatenate([np.ones(order), weights])
 
 
 def _standardised(x: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -75,13 +75,15 @@ def rss_at(scan, waveform, onsets, *, z):
     return scan.rss0 * np.exp(log_ratio(stack, z * waveform.unit))
 
 
-def plain_rss(u, y, theta, *, z, order, feedthrough=True, channel=0):
+def plain_rss(u, y, theta, *, z, order, feedthrough=True, channel=0, weights=None):
     """Return the determinant of the residuals' products, for one output the sum of squares."""
     corrected = y.copy()
     corrected[:, channel] -= z * theta
     X = regressors(u, corrected, order, feedthrough=feedthrough)
+    rows = np.ones(len(X)) if weights is None else weights[order:]
+    X *= rows[:, None]
     X /= np.linalg.norm(X, axis=0)
-    Y = (corrected - corrected.mean(axis=0))[order:]
+    Y = (corrected - corrected.mean(axis=0))[order:] * rows[:, None]
     residual = Y - X @ np.linalg.lstsq(X, Y, rcond=None)[0]
     return np.linalg.det(residual.T @ residual)
 

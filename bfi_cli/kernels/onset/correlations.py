@@ -34,7 +34,9 @@ class Scan:
 
     Attributes
     ----------
-    Q : (n_base + m, n_samples) rows of [Q0 Q1]', zero in the first s samples; m = s + n_outputs.
+    Q : (n_base + m, n_samples) rows of [Q0 Q1]' times the weights of the samples, zero in the first s samples;
+        m = s + n_outputs.
+    weights : (n_samples,) of the rows, None for 1.
     W : (s + 1, m) rows of R1^-1 that belong to the scanned channel, lags s .. 0 in differences.
     n_base : rank of the base.
     order : s; n_outputs : of the record; degree : highest difference of the lag columns.
@@ -43,6 +45,7 @@ class Scan:
     """
 
     Q: FloatArray
+    weights: FloatArray | None
     W: FloatArray
     n_base: int
     order: int
@@ -74,6 +77,7 @@ def prepare_scan(
     order: int,
     feedthrough: bool = True,
     channel: int = 0,
+    weights: FloatArray | None = None,
     floor: float | None = None,
 ) -> Scan:
     """Factorise a record for scanning faults in one of its outputs.
@@ -84,6 +88,7 @@ def prepare_scan(
     order : the number of lags s, at least 1.
     feedthrough : inputs act in the same sample too.
     channel : the output that may be faulty.
+    weights : (n_samples,) of the rows, None for 1.
     floor : standard deviation of a white noise the outputs are taken to carry besides their own, in the units of y;
         by default 1e-9 of each output's rms off the base. Without any, noise-free data divide zero by zero.
 
@@ -108,6 +113,8 @@ def prepare_scan(
         [lagged(u, range(0 if feedthrough else 1, order + 1)), lagged(others, range(1, order + 1), first=order)]
     )
     base = np.hstack([np.ones((len(base), 1)), base - base.mean(axis=0)])
+    rows = np.ones(len(base)) if weights is None else weights[order:]
+    base *= rows[:, None]
     norms = np.linalg.norm(base, axis=0)
     base = base[:, norms > 0.0] / norms[norms > 0.0]
     Q0, R0, _ = qr(base, mode="economic", pivoting=True, overwrite_a=True, check_finite=False)
@@ -116,6 +123,7 @@ def prepare_scan(
 
     # Q1 and R1 of [lags s..1 | other outputs | lag 0], differenced and off Q0, with rows for the floor below.
     stacked = np.hstack([lagged(others, [0], first=order), lagged(y[:, [channel]], range(order, -1, -1))])
+    stacked *= rows[:, None]
     off = stacked - Q0 @ (Q0.T @ stacked)
     rms = np.sqrt(np.mean(off**2, axis=0)) if floor is None else np.full(off.shape[1], floor / FLOOR)
     noise = np.diag(FLOOR * np.sqrt(len(off)) * np.maximum(rms, np.finfo(float).tiny ** 0.25))
@@ -129,9 +137,10 @@ def prepare_scan(
 
     m = order + y.shape[1]
     Q = np.zeros((Q0.shape[1] + m, len(y)))
-    Q[: -m or None, order:], Q[-m:, order:] = Q0.T, Q1[: len(off)].T
+    Q[: -m or None, order:], Q[-m:, order:] = Q0.T * rows, Q1[: len(off)].T * rows
     return Scan(
         Q=Q,
+        weights=weights,
         W=np.asarray(lapack.dtrtri(R1)[0])[np.r_[:order, m - 1]],
         n_base=Q0.shape[1],
         order=order,
@@ -176,7 +185,11 @@ def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
             d = j - i
             if (a, b, d) not in G:
                 table = np.zeros(n)
-                table[d:] = np.cumsum(shapes[a][: n - d] * shapes[b][d:])[::-1]
+                product = shapes[a][: n - d] * shapes[b][d:]
+                if scan.weights is None:
+                    table[d:] = np.cumsum(product)[::-1]
+                else:
+                    table[d:] = _correlated(scan.weights[None] ** 2, product)[0, d:]
                 table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
                 G[a, b, d] = table
     return ShapeTables(P=P, G=G)
@@ -184,18 +197,21 @@ def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
 
 def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
     """Return `ShapeTables.P` of a shape h (n_samples,)."""
-    n, sharpest = scan.n_samples, np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree))
-    at = np.flatnonzero(sharpest)
-    # The sum over k of Q[:, k] h(k - start) for all starts.
-    if len(at) <= SPARSE:
-        first = np.zeros_like(scan.Q)
-        for k in at:
-            first[:, : n - k] += sharpest[k] * scan.Q[:, k:]
-    else:
-        size = next_fast_len(2 * n, real=True)
-        spectrum = rfft(scan.Q, size, axis=1) * np.conj(rfft(sharpest, size))
-        first = np.asarray(irfft(spectrum, size, axis=1)[:, :n])
-    P = [first]
+    sharpest = np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree))
+    P = [_correlated(scan.Q, sharpest)]
     for _ in range(scan.degree):
         P.append(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1])
     return tuple(P[::-1])
+
+
+def _correlated(rows: FloatArray, h: FloatArray) -> FloatArray:
+    """Return the sum over k of rows[:, k] h(k - start) for all starts, h zero beyond its end."""
+    n, at = rows.shape[1], np.flatnonzero(h)
+    if len(at) <= SPARSE:
+        total = np.zeros_like(rows)
+        for k in at:
+            total[:, : n - k] += h[k] * rows[:, k:]
+        return total
+    size = next_fast_len(2 * n, real=True)
+    spectrum = rfft(rows, size, axis=1) * np.conj(rfft(h, size))
+    return np.asarray(irfft(spectrum, size, axis=1)[:, :n])

@@ -34,6 +34,18 @@ def test_rss_is_that_of_a_plain_least_squares_at_the_same_magnitude(name, order,
         np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("order", [1, 4])
+def test_weights_multiply_the_rows(name, order):
+    u, y = record(N)
+    waveform, weights = waveforms(N)[name], np.random.default_rng(3).uniform(0.3, 2.0, N)
+    scan = prepare_scan(u, y, order=order, weights=weights)
+    for z in MAGNITUDES:
+        found = rss_at(scan, waveform, np.array([170, 300]), z=np.full(2, z))
+        expected = [plain_rss(u, y, signal(waveform, onset), z=z, order=order, weights=weights) for onset in (170, 300)]
+        np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
 @pytest.mark.parametrize("order", [4, 10])
 def test_a_long_drift_loses_no_digits(order):
     n = 3172

@@ -27,10 +27,7 @@ SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks fo
 
 
 def detect_faults(
-    log: FlightLog,
-    settings: DetectSettings,
-    *,
-    report: Callable[[int, int], None] = lambda _done, _total: None,
+    log: FlightLog, settings: DetectSettings, *, report: Callable[[int, int], None] = lambda _done, _total: None
 ) -> DetectResult:
     """Say which channel of a log fails, and when, without a model and without a dictionary.
 

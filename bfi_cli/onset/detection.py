@@ -198,12 +198,7 @@ def reestimate(record: ScanRecord, faults: list[Estimate], i: int, order: int, r
 
 
 def eliminate(
-    record: ScanRecord,
-    verdicts: list[Verdict],
-    faults: list[Estimate],
-    order: int,
-    rule: Rule,
-    progress: Progress,
+    record: ScanRecord, verdicts: list[Verdict], faults: list[Estimate], order: int, rule: Rule, progress: Progress
 ) -> None:
     """Remove from both lists, one by one, the faults without which the others explain the record as well.
 

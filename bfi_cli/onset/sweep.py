@@ -198,12 +198,7 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
     """
     skip = (first or order) - order
     return prepare_scan(
-        record.u[skip:],
-        y[skip:],
-        order=order,
-        feedthrough=record.feedthrough,
-        channel=output,
-        floor=record.floor,
+        record.u[skip:], y[skip:], order=order, feedthrough=record.feedthrough, channel=output, floor=record.floor
     )
 
 

@@ -99,9 +99,7 @@ def _tiles(first: float, duration_s: float, length_s: float, step_s: float) -> W
 
 
 def table_of_windows(
-    pieces: Sequence[tuple[FlightLog, tuple[float, float]]],
-    config: Config,
-    report: Report = silent,
+    pieces: Sequence[tuple[FlightLog, tuple[float, float]]], config: Config, report: Report = silent
 ) -> CalibrationTable:
     """Return the table of windows of logs that hold no fault; those that cannot be analysed are counted.
 

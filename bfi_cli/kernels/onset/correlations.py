@@ -68,13 +68,7 @@ class Scan:
 
 
 def prepare_scan(
-    u: FloatArray,
-    y: FloatArray,
-    *,
-    order: int,
-    feedthrough: bool = True,
-    channel: int = 0,
-    floor: float | None = None,
+    u: FloatArray, y: FloatArray, *, order: int, feedthrough: bool = True, channel: int = 0, floor: float | None = None
 ) -> Scan:
     """Factorise a record for scanning faults in one of its outputs.
 

@@ -14,17 +14,7 @@ import numpy as np
 from .. import FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
 from .correlations import Scan, tabulate
-from .pairs import (
-    Pair,
-    PairLimits,
-    PairTables,
-    climb,
-    pair_limits,
-    peaks,
-    screen_pairs,
-    spread,
-    tabulate_pairs,
-)
+from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, peaks, screen_pairs, spread, tabulate_pairs
 from .profile import screen
 from .scan import ENDING, STARTING, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
 from .waveform import sine

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..preprocessing.summary import log_summary
 from ..wording import instant
 from .nullspace import LEVEL, NullSpaceCriteria, null_space_criteria
@@ -18,8 +18,6 @@ from .preparation import DecimatedRecord, DetectSettings, PreparedRecord, decima
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
 __all__ = ["detect_faults"]
-
-FloatArray = NDArray[np.float64]
 
 # Seconds on either side of the onset that the next command analyses: about two of the records of T, 31.7 s each.
 AROUND_S = 60.0

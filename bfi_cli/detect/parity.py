@@ -6,16 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import FloatArray
 from ..kernels.exponential_tail import block_maxima, fit_tail, white_excess, white_level
 from ..kernels.parity import Drops, largest_drops
 from .predictor import Predictor, fit_predictor
 from .preparation import DecimatedRecord
 
 __all__ = ["DetectionThreshold", "Failure", "MonitoringPass", "detect_sequentially"]
-
-FloatArray = NDArray[np.float64]
 
 # Rows and seconds that a step is looked back for: a failure that shows later is found by later onsets.
 SHORTEST_WINDOW, WINDOW_S = 10, 1.0

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
+from ..kernels import FloatArray
 from ..kernels.lagged import lagged
 from ..kernels.parity import past_basis
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
 from .preparation import DecimatedRecord
 
 __all__ = ["Predictor", "fit_predictor"]
-
-FloatArray = NDArray[np.float64]
 
 # Lags tried: short pasts whole, long ones by the components that move more than EDGE times the noise.
 SHORT_PASTS, LONG_PASTS, EDGE = (1, 2, 4, 6), (10, 20), 1.5

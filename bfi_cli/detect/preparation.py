@@ -13,6 +13,7 @@ from ..channels import INPUTS
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog, require_usable, resample
+from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
@@ -22,7 +23,6 @@ from ..wording import instant
 __all__ = ["DecimatedRecord", "DetectSettings", "PreparedRecord", "decimate_record", "directions", "independent"]
 __all__ += ["moments", "prepare_record", "settings_of"]
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Method = Literal["auto", "exact", "parity"]
 

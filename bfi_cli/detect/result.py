@@ -6,15 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..faults import Decision
+from ..kernels import FloatArray
 from ..preprocessing.summary import LogSummary
 
 __all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "ParityModel"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config
 from ..dictionary import Dictionary
@@ -14,14 +13,13 @@ from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..kernels.distinguishability import window_bits
 from .divergence import divergences, minimal_detectable, single_sample_bits
 from .result import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 from .signatures import Signatures, signatures
 
 __all__ = ["UNIT", "Magnitudes", "assess", "finite", "magnitudes_of", "result_of"]
-
-FloatArray = NDArray[np.float64]
 
 # Bits. Below a tenth of the answer a fault is named in a note; nothing is decided by it.
 HARDLY = 0.1

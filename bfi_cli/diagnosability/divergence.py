@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import FloatArray
 from ..kernels.distinguishability import sample_bits, window_bits
 from .signatures import Signatures
 
 __all__ = ["Divergences", "apart_bits", "divergences", "minimal_detectable", "single_sample_bits"]
-
-FloatArray = NDArray[np.float64]
 
 # Faults. Each needs the estimate of a density and its integral; more than these take minutes.
 MOST_IN_SAMPLES = 100

@@ -6,21 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
+from ..kernels import FloatArray
 from .assess import UNIT, Magnitudes, finite, result_of
 from .divergence import apart_bits, divergences, minimal_detectable
 from .result import DiagnosabilityResult, ManoeuvreScore
 from .signatures import Signatures, signatures
 
 __all__ = ["ModelFlights", "assess_manoeuvres", "flights_of"]
-
-FloatArray = NDArray[np.float64]
 
 # Standard errors of the paired difference, about 95 % confidence; it only decides whether a note asks for more draws.
 CLEAR = 2.0

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..exhibit import Drawing, Exhibit, HeatMap, Panel, Table, curve
+from ..kernels import FloatArray
 from ..plain import to_plain
 from ..provenance import Provenance
 from ..wording import number, quantity, shortened
@@ -17,7 +17,6 @@ from .result import DiagnosabilityResult
 
 __all__ = ["diagnosability_document", "diagnosability_exhibit"]
 
-FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
 SCHEMA = 1

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..kernels import FloatArray
 from ..preprocessing.summary import LogSummary, ModelSummary
 
 __all__ = ["DiagnosabilityResult", "DiagnosedAtom", "ManoeuvreScore"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

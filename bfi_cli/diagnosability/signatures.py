@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..config import Config
 from ..dictionary import Dictionary
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
+from ..kernels import FloatArray
 from ..kernels.coherence import mutual_coherence, whiten
 from ..kernels.distinguishability import Distinguishability, distinguishability
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
@@ -21,8 +21,6 @@ from ..preprocessing.summary import LogSummary, ModelSummary
 from ..preprocessing.window import prepare_window
 
 __all__ = ["Signatures", "signatures"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,9 +14,8 @@ import numpy as np
 
 from .. import FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
-from .correlations import Scan, correlations, difference
 from .profile import ProfilePolynomial, minimise, profile_polynomial, screen
-from .scan import ENDING, STARTING, Profile, in_blocks, in_units, magnitude_bound
+from .scan import ENDING, STARTING, Profile, Scan, correlations, difference, in_blocks, in_units, magnitude_bound
 from .waveform import Waveform
 
 Pair = tuple[int, int]

@@ -1,8 +1,7 @@
-"""The settings of a detection and the record it works on: channels and healthy time, directions of inputs, rate."""
+"""The settings of a detection, and the record it works on: channels, healthy time, directions of inputs, rate."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,9 +18,6 @@ from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
 from ..wording import instant
-
-__all__ = ["DecimatedRecord", "DetectSettings", "PreparedRecord", "decimate_record", "directions", "independent"]
-__all__ += ["moments", "prepare_record", "settings_of"]
 
 BoolArray = NDArray[np.bool_]
 Method = Literal["auto", "exact", "parity"]
@@ -52,13 +48,13 @@ class DetectSettings:
 
     Attributes
     ----------
-    inputs, outputs : channels; where empty, those of the log that suit: controls and accelerations, flight data.
+    inputs, outputs : channels; where empty, the controls and accelerations, and the flight data, that the log has.
     from_s, to_s : window, None for the ends of the log.
     train : healthy time, None for the first third of the window.
     false_alarm : accepted probability that a healthy record of the monitored length raises an alarm.
     rate_hz : a number, "none" for the log's own, "auto" to choose.
     method : "exact" for data without noise, "parity" for measured data, "auto" to choose.
-    turns : what a turn does to longitudinal motion is explained by roll and yaw_rate where the log has them.
+    turns : whether inputs made of roll and yaw_rate explain the effect of turns on longitudinal motion.
 
     Raises
     ------
@@ -143,8 +139,8 @@ class DecimatedRecord:
     ----------
     time_s : (n,) of the samples; reach_s : how much later the last sample is that each of them was made of.
     y : (n, n_outputs).
-    u : (n, k) mean and first moment, since the sample before, of each direction the inputs move in.
-    weak : (k,) which of them are hardly more than noise in the healthy time.
+    u : (n, k) mean and first moment, over the time since the sample before, of each direction the inputs move in.
+    weak : (k,) which of them hardly stand out of the noise in the healthy time.
     healthy : (n,) samples of the healthy time; watched : (n,) samples that are watched.
     """
 
@@ -188,12 +184,21 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
         )
     if watch_s >= last_s:
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
+    signals = [part.channel(name).values for name in inputs]
+    if bank:
+        # What a turn adds to longitudinal motion: the pitch angle changes with q cos(roll) - r sin(roll), not with q,
+        # and the load factor is 1 / cos(roll).
+        roll, yaw_rate = (part.channel(name).values for name in bank)
+        level = np.maximum(np.cos(roll), STEEPEST)
+        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
+        if "pitch_rate" in part.channels:
+            signals.append(part.channel("pitch_rate").values * (1.0 - level))
     record = Signals(
         path=part.path,
         rate_hz=part.rate_hz,
         factor=1,
         time_s=part.time_s,
-        u=np.column_stack([np.zeros((part.n_samples, 0)), *_inputs(part, inputs, bank)]),
+        u=np.column_stack([np.zeros((part.n_samples, 0)), *signals]),
         y=part.signals(outputs),
         theta=np.zeros((part.n_samples, len(outputs), 0)),
     )
@@ -201,6 +206,21 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
     healthy = replace(
         record, time_s=part.time_s[before], u=record.u[before], y=record.y[before], theta=record.theta[before]
     )
+    notes = []
+    if settings.train is None:
+        notes.append(
+            f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
+            "is taken to be free of faults; a fault that is in it is part of what is normal (--train A:B)"
+        )
+    elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
+        notes.append(f"what is before the healthy time, before {instant(train[0])} s, is not looked at")
+    felt = [name for name in FELT if name in inputs and not settings.inputs]
+    if felt:
+        notes.append(
+            f"taken as inputs, and to be right: {', '.join(felt)}, which feel gusts and thrust (--input chooses)"
+        )
+    if bank:
+        notes.append(TURNS)
     return PreparedRecord(
         record=record,
         native_rate_hz=log.rate_hz,
@@ -211,15 +231,15 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
         units=tuple(part.channel(name).unit for name in outputs),
         choice=choose_rate(healthy, (), exact=False, asked=settings.rate_hz),
         exact=is_exact(healthy),
-        notes=(*_notes(log, settings, train, inputs), *((TURNS,) if bank else ())),
+        notes=tuple(notes),
     )
 
 
 def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
     """Return the record filtered and decimated by `factor`.
 
-    Between two samples an input may move in any way; its mean and first moment over that time say nearly all of what it
-    does to rigid-body motion, a single value at the sample does not.
+    Between two samples an input may move in any way. Its mean and first moment over that time determine nearly all of
+    its effect on rigid-body motion; its value at the sample does not.
 
     Raises
     ------
@@ -247,10 +267,10 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
 
 
 def directions(u: FloatArray, healthy: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Return (n_samples, k) signals that span the inputs, the strongest first, and which are hardly more than noise.
+    """Return (n_samples, k) signals that span the inputs, the strongest first, and which hardly stand out of the noise.
 
-    Surfaces that move together are logged one by one, each with its own noise: together they say better where they are,
-    and their differences say nothing. Inputs that rest in the healthy time stay as they are.
+    Surfaces that move together are logged one by one, each with its own noise: their mean is more precise than each of
+    them, and their differences are noise. Inputs that rest in the healthy time stay as they are.
 
     Parameters
     ----------
@@ -311,38 +331,7 @@ def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...
     return inputs, outputs
 
 
-def _inputs(part: FlightLog, inputs: Sequence[str], bank: Sequence[str]) -> list[FloatArray]:
-    """Return the inputs and, where the log has the bank angle, what a turn adds to longitudinal motion.
-
-    The pitch angle changes with q cos(roll) - r sin(roll), not with q; the load factor of a turn is 1 / cos(roll).
-    """
-    signals = [part.channel(name).values for name in inputs]
-    if bank:
-        roll, yaw_rate = (part.channel(name).values for name in bank)
-        level = np.maximum(np.cos(roll), STEEPEST)
-        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
-        if "pitch_rate" in part.channels:
-            signals.append(part.channel("pitch_rate").values * (1.0 - level))
-    return signals
-
-
 def _moves(part: FlightLog, name: str) -> bool:
     values = part.channel(name).values
     finite = values[np.isfinite(values)]
     return bool(finite.size and np.ptp(finite) > STILL * np.max(np.abs(finite)))
-
-
-def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float], inputs: Sequence[str]) -> list[str]:
-    notes = []
-    if settings.train is None:
-        notes.append(
-            f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
-            "is taken to be free of faults; a fault that is in it is part of what is normal (--train A:B)"
-        )
-    elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
-        notes.append(f"what is before the healthy time, before {instant(train[0])} s, is not looked at")
-    felt = [name for name in FELT if name in inputs and not settings.inputs]
-    if felt:
-        names = ", ".join(felt)
-        notes.append(f"taken as inputs, and to be right: {names}, which feel gusts and thrust (--input chooses)")
-    return notes

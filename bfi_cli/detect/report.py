@@ -112,11 +112,11 @@ def _alarms(alarms: Sequence[Plain]) -> tuple[Table, ...]:
 def _channels(document: Plain) -> Table:
     noise = {} if document["model"] is None else document["model"]["noise_sd"]
     rows = []
-    for one in document["series"]["channels"]:
-        values = np.array(one["statistic"], dtype=np.float64)
+    for series in document["series"]["channels"]:
+        values = np.array(series["statistic"], dtype=np.float64)
         most = float(np.nanmax(values)) if np.isfinite(values).any() else None
-        sd = quantity(noise.get(one["channel"]), one["unit"])
-        rows.append((shortened(one["channel"], 40), sd, number(most), number(one["threshold"])))
+        sd = quantity(noise.get(series["channel"]), series["unit"])
+        rows.append((shortened(series["channel"], 40), sd, number(most), number(series["threshold"])))
     heads = ("channel", "prediction error", "largest statistic", "threshold")
     return Table(name="channels", title="Channels watched", heads=heads, rows=tuple(rows))
 
@@ -129,16 +129,16 @@ def _drawing(document: Plain) -> Drawing:
         spans.append(Span(label="healthy time", low=document["train"][0], high=document["train"][1]))
     spans += [Span(label="alarm", low=alarm["time_s"], high=alarm["time_s"]) for alarm in document["alarms"]]
     panels = []
-    for one in document["series"]["channels"]:
-        values = np.array(one["statistic"], dtype=np.float64)
+    for series in document["series"]["channels"]:
+        values = np.array(series["statistic"], dtype=np.float64)
         panels.append(
             Panel(
-                title=str(one["channel"]),
+                title=str(series["channel"]),
                 x_label="time [s]",
                 y_label="criterion [-]" if exact else "deviate [sd]",
                 curves=(curve("", time_s, np.maximum(values, LEAST) if exact else values),),
                 log_y=exact,
-                levels=(("threshold", one["threshold"]),),
+                levels=(("threshold", series["threshold"]),),
                 spans=tuple(spans),
             )
         )

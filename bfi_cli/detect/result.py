@@ -10,8 +10,6 @@ from ..faults import Decision
 from ..kernels import FloatArray
 from ..preprocessing.summary import LogSummary
 
-__all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "ParityModel"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:

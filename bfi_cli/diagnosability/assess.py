@@ -19,8 +19,6 @@ from .divergence import divergences, minimal_detectable, single_sample_bits
 from .result import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 from .signatures import Signatures, signatures
 
-__all__ = ["UNIT", "Magnitudes", "assess", "finite", "magnitudes_of", "result_of"]
-
 # Bits. Below a tenth of the answer a fault is named in a note; nothing is decided by it.
 HARDLY = 0.1
 # Magnitude over its standard deviation, from where nothing shows to where everything does, 15 to a decade to draw.

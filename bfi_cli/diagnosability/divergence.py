@@ -11,8 +11,6 @@ from ..kernels import FloatArray
 from ..kernels.distinguishability import sample_bits, window_bits
 from .signatures import Signatures
 
-__all__ = ["Divergences", "apart_bits", "divergences", "minimal_detectable", "single_sample_bits"]
-
 # Faults. Each needs the estimate of a density and its integral; more than these take minutes.
 MOST_IN_SAMPLES = 100
 

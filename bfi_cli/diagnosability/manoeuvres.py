@@ -18,8 +18,6 @@ from .divergence import apart_bits, divergences, minimal_detectable
 from .result import DiagnosabilityResult, ManoeuvreScore
 from .signatures import Signatures, signatures
 
-__all__ = ["ModelFlights", "assess_manoeuvres", "flights_of"]
-
 # Standard errors of the paired difference, about 95 % confidence; it only decides whether a note asks for more draws.
 CLEAR = 2.0
 

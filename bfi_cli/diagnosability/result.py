@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from ..kernels import FloatArray
 from ..preprocessing.summary import LogSummary, ModelSummary
 
-__all__ = ["DiagnosabilityResult", "DiagnosedAtom", "ManoeuvreScore"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiagnosedAtom:

@@ -20,8 +20,6 @@ from ..preprocessing.overdispersion import overdispersion
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..preprocessing.window import prepare_window
 
-__all__ = ["Signatures", "signatures"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Signatures:

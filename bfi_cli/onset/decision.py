@@ -30,9 +30,6 @@ from .result import CalibrationUse
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
 
-__all__ = ["Rule", "Verdict", "Windows", "earlier_windows", "gaussian_table", "rule_for", "table_of_windows"]
-__all__ += ["windows_of"]
-
 Windows = list[tuple[float, float]]
 
 SHIPPED = "shipped.json"

@@ -23,8 +23,6 @@ from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis
 from .scan_record import Likelihood, ScanRecord, prepare_record
 from .thesis import find_onset_as_published
 
-__all__ = ["find_onset"]
-
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5
 # Rounds of re-estimation, which end earlier once no onset moves and no magnitude by a tenth of its standard deviation.

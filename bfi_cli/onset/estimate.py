@@ -20,8 +20,6 @@ from .scan import Peak, scan_of
 from .scan_record import DECIMALS, Likelihood, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, waveform
 
-__all__ = ["NORMAL", "Estimate", "estimate", "subtract_faults"]
-
 # Quantile of the normal distribution for an interval of 95 %; an onset's holds what is within its square of the best
 # statistic (chi-square of one degree of freedom).
 NORMAL = 1.959963984540054

@@ -22,8 +22,6 @@ from .scan import Peak
 from .scan_record import Likelihood, ScanRecord
 from .shapes import ShapeHypothesis, signal, subsample_index
 
-__all__ = ["OscillationSearch", "Sinusoid", "estimate_oscillation", "oscillation_search"]
-
 # Frequencies are counted in 1 / duration, the width of a peak of the likelihood over frequency. Steps below half
 # of it miss no peak; the counts bound the time and were set by trial on simulated flights with one and two faults.
 # Where the phase-0 scan may be off once the phase is free: by less than one width, in steps under half a width.

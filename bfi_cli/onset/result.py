@@ -20,9 +20,6 @@ from .scan import HypothesisScan
 from .scan_record import ScanRecord
 from .shapes import fault_of
 
-__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile", "assemble_result"]
-__all__ += ["compare_with_injected", "propose_dictionary"]
-
 # What the proposed dictionary is called where a file would be named.
 DICTIONARY_NAME = "onset scan"
 

@@ -19,9 +19,6 @@ from ..kernels.progress import Report, parts, shares, silent
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, waveform
 
-__all__ = ["HypothesisScan", "Peak", "bic_change", "fault_free_bic", "lasting_peak", "scan_hypotheses"]
-__all__ += ["scan_hypothesis", "scan_of"]
-
 # How long the search for a frequency takes, in scans of one shape; for the estimate of the time left only.
 SEARCH = 20
 

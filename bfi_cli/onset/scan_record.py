@@ -23,8 +23,6 @@ from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
 from ..sample_file import sample_bytes
 from .shapes import Sampling, ShapeHypothesis, shape_hypotheses
 
-__all__ = ["DECIMALS", "Likelihood", "ScanRecord", "prepare_record"]
-
 # Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told
 # from a drift, and at least five samples per period.
 CYCLES = 3.0

@@ -20,9 +20,6 @@ from ..kernels.onset.waveform import Waveform
 from ..shapes import Shape
 from ..wording import instant
 
-__all__ = ["Sampling", "ShapeHypothesis", "SubsampleIndex", "fault_of", "shape_hypotheses", "signal"]
-__all__ += ["subsample_index", "waveform"]
-
 # A conditioned sample, and the phase of one of the log's own samples before it, see `waveform`.
 SubsampleIndex = tuple[int, int]
 

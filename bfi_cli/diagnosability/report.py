@@ -13,7 +13,7 @@ from ..kernels import FloatArray
 from ..plain import to_plain
 from ..provenance import Provenance
 from ..wording import number, quantity, shortened
-from .result import DiagnosabilityResult
+from .assess import DiagnosabilityResult
 
 __all__ = ["diagnosability_document", "diagnosability_exhibit"]
 

@@ -40,7 +40,7 @@ def detect_faults(
     ----------
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     settings : channels, times and method.
-    report : told how many channels have been declared, of how many.
+    report : called with the number of channels declared so far, and that of all.
 
     Raises
     ------

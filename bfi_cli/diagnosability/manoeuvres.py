@@ -112,7 +112,7 @@ def assess_manoeuvres(
 
     Parameters
     ----------
-    report : told how many records are done, (done, total).
+    report : called with the number of records done, and that of all.
 
     Raises
     ------

@@ -96,7 +96,7 @@ def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray)
 
     Raises
     ------
-    ValueError : the covariance of the innovation is not positive definite (the prior's is none, or not finite).
+    ValueError : the covariance of the innovation is not positive definite, since that of the prior is no covariance.
     """
     C, P = system.C, prior.covariance
     innovation = y - C @ prior.mean - system.D @ u
@@ -145,7 +145,7 @@ class BankRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reset:
-    """What is assumed of the fault when the filter with it restarts: its value, and the variance of that."""
+    """Value and variance that the fault is given when the filter with the fault restarts."""
 
     value: float = 1e-3
     variance: float = 100.0
@@ -254,8 +254,8 @@ class SelectiveReinitialisation:
     ----------
     reset : of the fault, when the filter without it wins.
     channel : the faulty output.
-    window : samples over which the process noise of the fault follows its innovations: what their mean square in
-        `channel` exceeds the expected variance by is put down to the fault. None leaves the noise as it is.
+    window : number of samples over which the process noise of the fault is adapted: the excess of the mean squared
+        innovation of `channel` over its expected variance is attributed to the fault. None for no adaptation.
     """
 
     def __init__(self, reset: Reset, *, channel: int, window: int | None = None) -> None:
@@ -322,7 +322,7 @@ def double_model(
 
 
 def state_and_fault(run: BankRun) -> Gaussian:
-    """Return state and fault of a double model, both hypotheses mixture; without a fault it is exactly 0."""
+    """Return state and fault of a double model, the mixture of both hypotheses; the fault is 0 in that without one."""
     free, faulty = run.filters[NO_FAULT], run.filters[FAULT]
     mean = np.stack([np.pad(free.mean, ((0, 0), (0, 1))), faulty.mean], axis=1)
     covariance = np.stack([np.pad(free.covariance, ((0, 0), (0, 1), (0, 1))), faulty.covariance], axis=1)

@@ -1,4 +1,4 @@
-"""Why an iteration ended, and the one loop that decides it without knowing the truth."""
+"""Why an iteration ended, and the loop that decides when one ends, from its iterates and their misfits alone."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from . import FloatArray
 
 # Steps without a smaller misfit before the misfit is taken to have reached its floor.
 PATIENCE = 8
-# Misfit beside the data's norm that is a sum of rounding errors.
+# Misfit relative to the data's norm that is a sum of rounding errors.
 ROUND_OFF = 10 * np.finfo(float).eps
-# Misfit beside the data's norm, which X = 0 leaves, at which the iteration is given up.
+# Misfit relative to the data's norm, which is the misfit of X = 0, at which the iteration is given up.
 RUNAWAY = 1e6
 
 
@@ -31,7 +31,7 @@ class Termination(Enum):
 
 
 class Iterate(Protocol):
-    """What `iterate` looks at: the estimate and the norm of what it leaves unexplained."""
+    """What `iterate` needs of an iterate: the estimate, and the norm of what it leaves unexplained."""
 
     @property
     def X(self) -> FloatArray: ...

@@ -102,7 +102,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
     log : the whole log, of which `self` calibrates on the part before the window.
     record : the window.
     order : of the model that `gaussian` simulates.
-    report : told how far it is.
+    report : called with the fraction that is done.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
     record : its inputs are kept.
     order : of the model, and of the scans.
     seed : of the errors.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     rng = np.random.default_rng(seed)
     model = record.without_fault(record.y, order)
@@ -221,7 +221,7 @@ def table_of_windows(
     Parameters
     ----------
     pieces : log, and start and end of the window on its axis.
-    report : told how far it is.
+    report : called with the fraction that is done.
 
     Raises
     ------

@@ -52,7 +52,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
         published search, one solution per onset.
-    progress : told the name of every stage and how far it is.
+    progress : called with the name of the stage and the fraction of it that is done.
 
     Raises
     ------

@@ -107,7 +107,7 @@ def estimate(
     order : of the model.
     dispersion : how many times the statistic of other onsets exceeds that of white noise, at least 1.
     jump_s : onset of a step, on the log's axis: an oscillation of another phase than 0 may begin there.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     step, form, drop = steps(report, STEPS), peak.form, DROP * dispersion
     if form.shape == "sine":

@@ -88,7 +88,7 @@ def scan_hypotheses(
     record : its inputs, hypotheses and orders.
     y : (n_samples, n_outputs) scaled outputs, less the faults that are already estimated.
     order : of the model; None to choose it together with the shape by the Bayesian information criterion.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     orders = record.orders if order is None else (order,)
     several = len(orders) > 1

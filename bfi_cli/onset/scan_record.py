@@ -112,7 +112,7 @@ class Likelihood:
 
 
 def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> ScanRecord:
-    """Return the window of a log made ready for the scan; `report` is told how far it is.
+    """Return the window of a log made ready for the scan; `report` is called with the fraction that is done.
 
     Raises
     ------

@@ -44,7 +44,7 @@ def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silen
     ----------
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     grid, onsets = frequency_grid(scan, band), default_onsets(scan)
 
@@ -70,7 +70,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
     ----------
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5; frequencies too low for the record are cut.
-    report : told how far it is.
+    report : called with the fraction that is done.
 
     Raises
     ------

@@ -1,8 +1,9 @@
 """One factorisation of a record, its inner products with a signature at every onset, and the profile of a shape.
 
-Regressors that no fault of the scanned channel touches (constant, inputs, lags of the other outputs) are the base Q0;
-the outputs at lag 0 and the scanned channel's lags, off the base, are Q1 R1. A signature at onset tau has lag i where
-the shape, started at tau + i, is: one table row per sample serves all lags and onsets.
+Regressors that no fault of the scanned channel touches (constant, inputs, lags of the other outputs) have the basis Q0,
+called the base here. The outputs at lag 0 and the scanned channel's lags, less their projection on the base ("off the
+base"), are Q1 R1. Lag i of the signature with onset tau is the shape started at tau + i, so that one row of a table per
+sample serves all lags and onsets.
 
 Lags are taken as differences: with D = 1 - q, q the delay, the columns are 1 at lag s, D at lag s - 1, D^2 at lags
 s - 2 .. 0. This spans the same space, lag 0 stays the only column with the current sample, and bias and drift become
@@ -26,14 +27,14 @@ from .waveform import Waveform
 
 # Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
 RANK_TOLERANCE = 1e-11
-# White noise that noise-free outputs are taken to carry, relative to their rms off the base.
+# White noise that noise-free outputs are taken to carry, relative to the rms of their part orthogonal to the base.
 FLOOR = 1e-9
 # A shape with no more nonzero samples than this is correlated by shifts, which are exact; others by FFT.
 SPARSE = 4
 # Orders s between the record's start and the first onset, and between the last and the record's end: an onset nearer
 # than s to either has its minimum at an infinite magnitude.
 STARTING, ENDING = 3, 2
-# A fault so many times as large as all that the output does, beyond the base, is too large.
+# Bound on a fault, in peak-to-peak ranges of its output (docs/theory.md, 9.2).
 GENEROUS = 10.0
 # Numbers per table of a stack that stays in the processor's cache: 1 MB.
 CACHE_DOUBLES = 120_000
@@ -251,7 +252,7 @@ def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *
     scan : from `prepare_scan`.
     waveform : of the same number of samples, see `waveform`.
     onsets : samples, each in s..n_samples - s - 1; `default_onsets` if None.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     onsets = default_onsets(scan) if onsets is None else np.asarray(onsets, dtype=np.intp)
     if waveform.samples.shape != (scan.n_samples,):
@@ -284,7 +285,7 @@ def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimu
 
 
 def in_units(scan: Scan, waveform: Waveform, *, onsets: IntArray, minimum: Minimum) -> Profile:
-    """Return minima in the units of a caller."""
+    """Return minima as a profile, the magnitudes in their own unit instead of samples of the waveform."""
     bent = np.where(minimum.curvature > 0.0, minimum.curvature, np.nan)
     return Profile(
         onsets=onsets,

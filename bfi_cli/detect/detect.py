@@ -100,8 +100,8 @@ def _exact_result(prepared: PreparedRecord, settings: DetectSettings) -> DetectR
     if explained:
         note = (
             f"a linear model of order {lags} explains the healthy time to round-off, so the criterion is that of "
-            f"data without noise: a channel fails where more than {LEVEL:g} of its own size is left in a window of "
-            f"{width} samples"
+            f"data without noise: a channel fails where the model leaves more than {LEVEL:g} of its size unexplained "
+            f"in a window of {width} samples"
         )
     else:
         note = (
@@ -228,8 +228,8 @@ def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) ->
     higher = [name for name, scale in zip(prepared.outputs, threshold.scale, strict=True) if scale > 1.0]
     if higher:
         notes.append(
-            f"{', '.join(higher)}: held-back healthy data came close to the threshold of white noise or passed it, "
-            "so it is higher there: the model predicts the healthy time badly"
+            f"{', '.join(higher)}: the threshold is raised, since held-back healthy data came close to that of white "
+            "noise or exceeded it; the model predicts the healthy time badly"
         )
     return notes
 

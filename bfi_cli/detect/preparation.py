@@ -31,7 +31,7 @@ FELT = ("longitudinal_acc", "normal_acc")
 # What a turn needs to be explained, and the outputs that it changes.
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
-TURNS = "what turns do to longitudinal motion is explained by more inputs made of roll and yaw_rate (--no-turns: not)"
+TURNS = "further inputs made of roll and yaw_rate explain what turns do to longitudinal motion (--no-turns omits them)"
 # Cosine of the steepest bank, 78 degrees: the load factor of a turn has no bound.
 STEEPEST = 0.2
 # Relative to the channel's extent: what moves less only shows round-off.
@@ -210,14 +210,15 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
     if settings.train is None:
         notes.append(
             f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
-            "is taken to be free of faults; a fault that is in it is part of what is normal (--train A:B)"
+            "is taken to be free of faults; a fault in it would be learnt as normal (give --train A:B)"
         )
     elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
-        notes.append(f"what is before the healthy time, before {instant(train[0])} s, is not looked at")
+        notes.append(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed")
     felt = [name for name in FELT if name in inputs and not settings.inputs]
     if felt:
         notes.append(
-            f"taken as inputs, and to be right: {', '.join(felt)}, which feel gusts and thrust (--input chooses)"
+            f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
+            "(--input chooses)"
         )
     if bank:
         notes.append(TURNS)

@@ -146,7 +146,7 @@ def diagnosability_exhibit(document: Plain) -> Exhibit:
 def _verdict(document: Plain, live: Sequence[int]) -> str:
     atoms = [document["atoms"][j] for j in live]
     if not atoms:
-        return "Nothing is known of any fault of the dictionary."
+        return "No fault of the dictionary could be assessed."
     hardest = min(atoms, key=lambda atom: atom["divergence_bits"])
     limit = quantity(hardest["minimal_detectable"], hardest["unit"])
     sentences = [f"Hardest to see: {_bits(hardest, 'divergence_bits')}, detected from {limit} on."]

@@ -235,8 +235,7 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
     notes = [
         f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
-        f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; a fault from before is absorbed by "
-        "the model",
+        f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; the model absorbs an earlier fault",
     ]
     changes = np.abs(np.diff(record.u, axis=0))
     large = changes >= MOST * changes.max(axis=0, initial=0.0)

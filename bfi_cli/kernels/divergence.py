@@ -184,7 +184,7 @@ def sample_bits(errors: FloatArray, traces: FloatArray) -> FloatArray:
     """
     without = _density(errors)
     present = [_density((errors + trace)[np.isfinite(trace)]) for trace in traces.T]
-    bits = [jensen_shannon_quadrature(without, one) if without and one else np.nan for one in present]
+    bits = [jensen_shannon_quadrature(without, faulty) if without and faulty else np.nan for faulty in present]
     return np.array(bits, dtype=np.float64)
 
 

@@ -24,6 +24,7 @@ Plain = Mapping[str, Any]
 
 SCHEMA = 1
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
+DECISION_KEYS = ("log", "decision", "false_alarm", "p_value", "statistic", "threshold", "calibration")
 PROFILE_KEYS = ("shape", "channel", "frequency_hz", "threshold", "unit")
 FAULT_COLUMNS = (
     *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
@@ -51,42 +52,31 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
 
     `profile` has one entry per shape, and channel where there are several, in each of its lists but `onset_s`.
     """
-    shapes, onset_s = result.profiles, [one.onset_s for one in result.profiles]
+    profiles, onset_s = result.profiles, [profile.onset_s for profile in result.profiles]
     # Each shape has onsets of its own only where the search for ends made them differ.
-    same = all(np.array_equal(one, onset_s[0]) for one in onset_s)
+    same = all(np.array_equal(own, onset_s[0]) for own in onset_s)
     document: dict[str, Any] = to_plain(
         {
             "kind": "start-time",
             "schema": SCHEMA,
-            "log": result.log,
-            "decision": result.decision,
-            "false_alarm": result.false_alarm,
-            "p_value": result.p_value,
-            "statistic": result.statistic,
-            "threshold": result.threshold,
-            "calibration": result.calibration,
+            **{key: getattr(result, key) for key in DECISION_KEYS},
             "faults": [
                 {
-                    **{key: getattr(one.estimate.fault, key) for key in KEYS},
-                    "name": one.estimate.name,
-                    "phase_rad": one.estimate.fault.phase_rad if one.estimate.fault.shape == "sine" else None,
-                    "magnitude": one.estimate.magnitude,
-                    "unit": one.estimate.unit,
-                    "physical": {"value": one.estimate.physical_value, "unit": one.estimate.physical_unit},
-                    "sd": one.estimate.sd,
-                    "ci95": one.estimate.ci95,
-                    "onset_ci95": one.onset_ci95,
-                    "statistic": one.statistic,
-                    "p_value": one.p_value,
+                    **{key: getattr(fault.estimate.fault, key) for key in KEYS},
+                    "phase_rad": fault.estimate.fault.phase_rad if fault.estimate.fault.shape == "sine" else None,
+                    **{key: getattr(fault.estimate, key) for key in ("name", "magnitude", "unit")},
+                    "physical": {"value": fault.estimate.physical_value, "unit": fault.estimate.physical_unit},
+                    **{key: getattr(fault.estimate, key) for key in ("sd", "ci95")},
+                    **{key: getattr(fault, key) for key in ("onset_ci95", "statistic", "p_value")},
                 }
-                for one in result.faults
+                for fault in result.faults
             ],
             "model": result.model,
             "method": result.method,
             "profile": {
-                **{key: [getattr(one, key) for one in shapes] for key in PROFILE_KEYS},
+                **{key: [getattr(profile, key) for profile in profiles] for key in PROFILE_KEYS},
                 "onset_s": onset_s[0] if same else onset_s,
-                **{key: [getattr(one, key) for one in shapes] for key in ("statistic", "magnitude", "sd")},
+                **{key: [getattr(profile, key) for profile in profiles] for key in ("statistic", "magnitude", "sd")},
             },
             "series": {"time_s": result.time_s, "outputs": result.series},
             "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
@@ -100,16 +90,18 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
 def onset_tables(result: OnsetResult) -> dict[str, bytes]:
     """Return the CSV files of the faults and of the profiles, by file name."""
     rows = []
-    for one in result.faults:
-        estimate, fault = one.estimate, one.estimate.fault
+    for declared in result.faults:
+        estimate, fault = declared.estimate, declared.estimate.fault
         size = (estimate.magnitude, estimate.unit, estimate.sd, *estimate.ci95)
-        when = (fault.onset_s, *one.onset_ci95, fault.offset_s, fault.frequency_hz)
+        when = (fault.onset_s, *declared.onset_ci95, fault.offset_s, fault.frequency_hz)
         physical = (estimate.physical_value, estimate.physical_unit)
-        rows.append((fault.shape, fault.channel, *size, *physical, *when, one.statistic, one.p_value))
+        rows.append((fault.shape, fault.channel, *size, *physical, *when, declared.statistic, declared.p_value))
     points = (
-        (one.shape, one.channel, *point)
-        for one in result.profiles
-        for point in zip(*(x.tolist() for x in (one.onset_s, one.statistic, one.magnitude, one.sd)), strict=True)
+        (profile.shape, profile.channel, *point)
+        for profile in result.profiles
+        for point in zip(
+            *(x.tolist() for x in (profile.onset_s, profile.statistic, profile.magnitude, profile.sd)), strict=True
+        )
     )
     heads = ("shape", "channel", "onset_s", "statistic", "magnitude", "sd")
     return {"faults.csv": to_csv(FAULT_COLUMNS, rows), "profile.csv": to_csv(heads, points)}

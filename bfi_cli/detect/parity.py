@@ -30,9 +30,10 @@ ALLOWANCE = 1.1
 HIGH = 0.95
 # Independent onsets in the window of a row, of which the largest deviate of white noise is the maximum.
 WHITE_ONSETS = 3.0
-# Lags tried: short pasts whole, long ones by the components that move more than EDGE times the noise.
+# Lags tried: short pasts whole, long ones by the components that move more than EDGE times the noise. Candidates only:
+# the healthy time decides between them (docs/theory.md, 11.2).
 SHORT_PASTS, LONG_PASTS, EDGE = (1, 2, 4, 6), (10, 20), 1.5
-# Weights of a row relative to the next that are tried: a memory without end down to one of fifty rows.
+# Weights of a row relative to the next that are tried, likewise: a memory without end down to one of fifty rows.
 FORGETTING = (1.0, 0.998, 0.995, 0.99, 0.98)
 # Samples an input acts after its own; mean and first moment between samples hold the rest.
 INPUT_LAGS = 2

@@ -50,7 +50,7 @@ GAUSS = (
     0.279705391489276667901467771423780, 0.0, 0.129484966168869693270611432679082, 0.0,
 )  # fmt: skip
 # Kernels of a density: more samples are thinned to so many evenly spaced order statistics, since the quadrature costs
-# the square of their number. Chosen without tuning record.
+# the square of their number. Chosen without tuning record; fewer would thin the tails.
 MOST_SAMPLES = 512
 # Sizes of the fault in deviations: from 0.03, where next to nothing is seen of it, to three million, powers of ten.
 DECADES = (-1.5, 6.5)

@@ -19,14 +19,15 @@ from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
 # Seconds on either side of the onset that the next command analyses: about two of the records of T, 31.7 s each.
 AROUND_S = 60.0
-# Of a channel's own size. Boeing 747 without noise: healthy channels stay 3e10 times below what a failing one shows
-# (docs/validation.md). The healthy time has to keep a tenth of it free.
+# Threshold of the criterion, relative to a channel's own size. Boeing 747 without noise: healthy channels stay 3e10
+# times below a failing one (docs/validation.md). The healthy time must stay below a tenth of it.
 LEVEL, MARGIN = 1e-7, 0.1
 # One lag where the outputs hold all states (H 15); two or four where they do not.
 LAGS = (1, 2, 4)
-# Columns of a window, and how many more than the rank, so that the null space is not empty.
+# Columns of a window at least, and how many more than the rank, so that the null space is not empty.
 NARROWEST, SPARE = 10, 5
-# What a failure inside the window leaves in the other channels is smaller by orders of magnitude (H, after eq. 29).
+# Share of the largest criterion below which a channel is not declared: what a failure inside the window leaves in the
+# other channels is smaller by orders of magnitude (H, after eq. 29).
 SELECTIVE = 1e-2
 SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
 

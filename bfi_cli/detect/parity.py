@@ -20,11 +20,12 @@ from ..kernels.parity import Drops, largest_drops, past_basis
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
 from .preparation import DecimatedRecord
 
-# Rows and seconds that a step is looked back for: a failure that shows later is found by later onsets.
+# A step is sought among the onsets of the last rows, or of the last second if that is more: a failure that shows later
+# is detected as a step with a later onset.
 SHORTEST_WINDOW, WINDOW_S = 10, 1.0
 # Rows a deviate has to last: a gust is over in one, a failure is not (docs/theory.md, 11.2).
 LASTING = 2
-# On the level of white noise. With it 1 of 400 healthy flights of the Boeing 747 alarms (docs/validation.md).
+# Factor on the level of white noise. With it 1 of 400 healthy flights of the Boeing 747 alarms (docs/validation.md).
 ALLOWANCE = 1.1
 # Quantile of the held-back deviates by which a channel is scaled (docs/theory.md, 11.3).
 HIGH = 0.95
@@ -35,16 +36,16 @@ WHITE_ONSETS = 3.0
 SHORT_PASTS, LONG_PASTS, EDGE = (1, 2, 4, 6), (10, 20), 1.5
 # Weights of a row relative to the next that are tried, likewise: a memory without end down to one of fifty rows.
 FORGETTING = (1.0, 0.998, 0.995, 0.99, 0.98)
-# Samples an input acts after its own; mean and first moment between samples hold the rest.
+# Lags of the inputs beside lag 0; their means and first moments between samples hold what happens in between.
 INPUT_LAGS = 2
 # Rows more than regressors, so that the first predictions have a variance.
 SPARE = 5
-# Of an input's extent: one that rests in the healthy time is scaled by its extent.
+# An input that moves less in the healthy time, relative to its extent, rests there and is scaled by its extent.
 STILL = 1e-6
-# What is known of a coefficient the healthy time says nothing of. Without it 35 of 40 healthy flights of a Boeing 747
-# raised an alarm when the phugoid followed the manoeuvre, with it none (docs/theory.md, 11.2).
+# Standard deviation to which a coefficient is known of which the healthy time tells nothing. Without it 35 of 40 healthy
+# flights of a Boeing 747 raised an alarm when the phugoid followed the manoeuvre, with it none (docs/theory.md, 11.2).
 UNSEEN_SD = 0.1
-# Of an output's spread, the least prediction error: data without noise have none.
+# Least prediction error, relative to an output's spread: data without noise have none.
 RELATIVE_FLOOR = 1e-9
 
 

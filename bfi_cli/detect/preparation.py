@@ -28,17 +28,17 @@ LATERAL = ("aileron", "rudder")
 # Accelerations feel gusts and thrust at once, which the controls do not: with them 3 of 3 biases of the airspeed are
 # localised in recorded flights, with the elevator alone 2 (docs/validation.md).
 FELT = ("longitudinal_acc", "normal_acc")
-# What a turn needs to be explained, and the outputs that it changes.
+# The channels that describe a turn, and the outputs that it changes.
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
 TURNS = "further inputs made of roll and yaw_rate explain what turns do to longitudinal motion (--no-turns omits them)"
 # Cosine of the steepest bank, 78 degrees: the load factor of a turn has no bound.
 STEEPEST = 0.2
-# Relative to the channel's extent: what moves less only shows round-off.
+# A channel that moves less, relative to its extent, shows round-off only.
 STILL = 1e-9
-# Of a column's norm left by the columns before it, above the round-off of their filtering.
+# A column of which those before it leave less, relative to its norm, depends on them: above the round-off of filtering.
 DEPENDENT = 1e-6
-# Of the largest singular value: inputs that move together differ by their noise.
+# A direction with a smaller share of the largest singular value is weak: inputs that move together differ by noise.
 TOGETHER = 0.01
 
 

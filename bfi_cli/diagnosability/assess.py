@@ -18,9 +18,9 @@ from ..kernels.divergence import window_bits
 from ..preprocessing.summary import LogSummary, ModelSummary
 from .signatures import FaultSignatures, divergences, minimal_detectable, signatures, single_sample_bits
 
-# Bits. Below a tenth of the answer a fault is named in a note; nothing is decided by it.
+# In bits. A fault of which the window tells less is named in a note; nothing else depends on it.
 HARDLY = 0.1
-# Magnitude over its standard deviation, from where nothing shows to where everything does, 15 to a decade to draw.
+# Magnitudes over their standard deviation at which curves are drawn, from 0 bits to 1 bit, 15 to a decade.
 DEVIATIONS = np.logspace(-1.0, 4.0, 76)
 # Faults that the notes name one by one, so that the table stays in sight.
 MOST_NAMED = 5

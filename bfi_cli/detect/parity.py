@@ -42,7 +42,7 @@ INPUT_LAGS = 2
 SPARE = 5
 # An input that moves less in the healthy time, relative to its extent, rests there and is scaled by its extent.
 STILL = 1e-6
-# Standard deviation to which a coefficient is known of which the healthy time tells nothing. Without it 35 of 40 healthy
+# Standard deviation of a coefficient of which the healthy time tells nothing. Without it 35 of 40 healthy
 # flights of a Boeing 747 raised an alarm when the phugoid followed the manoeuvre, with it none (docs/theory.md, 11.2).
 UNSEEN_SD = 0.1
 # Least prediction error, relative to an output's spread: data without noise have none.

@@ -66,14 +66,13 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SubsampleProfile:
-    """A profile over onsets between the conditioned samples, `step_s` apart near its maximum."""
+    """A profile over onsets that may lie between the conditioned samples; arrays are (n_onsets,)."""
 
     places: tuple[SubsampleIndex, ...]
     onset_s: FloatArray
     z: FloatArray
     sd: FloatArray
     statistic: FloatArray
-    step_s: float
 
     @property
     def best(self) -> int:
@@ -105,7 +104,7 @@ def estimate(
     ----------
     y : (n_samples, n_outputs) the outputs that were scanned.
     order : of the model.
-    dispersion : how many times the statistic of other onsets exceeds that of white noise, at least 1.
+    dispersion : ratio of the mean statistic of other onsets to that of white noise, at least 1.
     jump_s : onset of a step, on the log's axis: an oscillation of another phase than 0 may begin there.
     report : called with the fraction that is done.
     """
@@ -159,10 +158,13 @@ def estimate(
         weight = np.exp(-0.5 * missing / dispersion)[seen]
         squares = dispersion * fine.sd[seen] ** 2 + (fine.z[seen] - fine.z[best]) ** 2
         sd = float(np.sqrt(np.sum(weight * squares) / np.sum(weight)))
+    # The interval ends at the first onsets, on either side, that the profile no longer admits.
+    step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
+    edges = np.concatenate([fine.onset_s[:1] - step_s, fine.onset_s, fine.onset_s[-1:] + step_s])
     return Estimate(
         form=form,
         onset_s=float(fine.onset_s[best]),
-        onset_ci95=(_beyond(fine, int(inside[0]), -1), _beyond(fine, int(inside[-1]), 1)),
+        onset_ci95=(round(float(edges[inside[0]]), DECIMALS), round(float(edges[inside[-1] + 2]), DECIMALS)),
         offset_s=None if end is None else record.onset_s(*end),
         z=z,
         sd=sd,
@@ -170,13 +172,6 @@ def estimate(
         statistic=float(fine.statistic[best]),
         frequency_is_known=frequency_is_known,
     )
-
-
-def _beyond(fine: SubsampleProfile, last: int, side: int) -> float:
-    """Return the first onset that the profile does not admit, beyond the last that it does."""
-    k = last + side
-    onset_s = fine.onset_s[k] if 0 <= k < len(fine.onset_s) else fine.onset_s[last] + side * fine.step_s
-    return round(float(onset_s), DECIMALS)
 
 
 def _phases(record: ScanRecord) -> range:
@@ -188,9 +183,8 @@ def _phases(record: ScanRecord) -> range:
 def _profile(
     record: ScanRecord, places: Sequence[SubsampleIndex], z: FloatArray, sd: FloatArray, statistic: FloatArray
 ) -> SubsampleProfile:
-    step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
     onset_s = np.array([record.onset_s(*place) for place in places])
-    return SubsampleProfile(places=tuple(places), onset_s=onset_s, z=z, sd=sd, statistic=statistic, step_s=step_s)
+    return SubsampleProfile(places=tuple(places), onset_s=onset_s, z=z, sd=sd, statistic=statistic)
 
 
 def _move_start_and_end(

@@ -147,7 +147,7 @@ class OscillationSearch:
         return [replace(candidates[int(k)], sizes=fits[int(k)].z) for k in order]
 
     def profile(self, wave: Sinusoid, starts: Sequence[int]) -> FloatArray:
-        """Return (statistic, amplitude), (2, n_starts), of the sinusoid with other starts, its middle phase kept."""
+        """Return (statistic, amplitude), (2, n_starts), of the sinusoid with other starts, amplitude and phase anew."""
         points = []
         for start in starts:
             fit = self.fit(self.signals(replace(wave, start=start)), wave.sizes)
@@ -184,9 +184,9 @@ def estimate_oscillation(search: OscillationSearch, *, dispersion: float = 1.0, 
 
     Parameters
     ----------
-    dispersion : how many times the statistic of other onsets exceeds that of white noise, at least 1.
+    dispersion : ratio of the mean statistic of other onsets to that of white noise, at least 1.
     jump : sample of the log's own rate at which a step was seen. An oscillation that does not begin at zero begins with
-        a step, and its likelihood has maxima at other frequencies than the scan, which assumes phase 0, finds.
+        a step, and its frequency may be far from that of the scan, which assumes phase 0.
     """
     begin, (low, high) = search.begin, search.record.band_hz
     width = 1.0 / search.duration_s(begin)

@@ -7,9 +7,8 @@ the one for noisy data; `detect` chooses and makes the result.
 from __future__ import annotations
 
 from .detect import detect_faults
-from .preparation import DetectSettings, settings_of
 from .report import detect_document, detect_exhibit
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
-__all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "DetectSettings", "ParityModel"]
-__all__ += ["detect_document", "detect_exhibit", "detect_faults", "settings_of"]
+__all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "ParityModel"]
+__all__ += ["detect_document", "detect_exhibit", "detect_faults"]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..config import Config
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
@@ -14,7 +15,7 @@ from ..kernels.nullspace import criteria
 from ..preprocessing.summary import log_summary
 from ..wording import instant
 from .parity import DetectionThreshold, detect_sequentially
-from .preparation import DetectSettings, PreparedRecord, decimate_record, prepare_record
+from .preparation import PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
 # Seconds on either side of the onset that the next command analyses: about two of the records of T, 31.7 s each.
@@ -33,14 +34,15 @@ SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks fo
 
 
 def detect_faults(
-    log: FlightLog, settings: DetectSettings, *, report: Callable[[int, int], None] = lambda _done, _total: None
+    log: FlightLog, config: Config, *, report: Callable[[int, int], None] = lambda _done, _total: None
 ) -> DetectResult:
     """Say which channel of a log fails, and when, without a model and without a dictionary.
 
     Parameters
     ----------
     log : in SI units, see `bfi_cli.flightlog.read_log`.
-    settings : channels, times and method.
+    config : see `bfi_cli.config.Config`; `detect` holds what is special to the detection. Where inputs and outputs are
+        not given, they are the controls and accelerations, and the flight data, that the log has.
     report : called with the number of channels declared so far, and that of all.
 
     Raises
@@ -49,15 +51,15 @@ def detect_faults(
     ConfigError : the healthy time is not in the log, or leaves nothing to watch.
     """
     with threadpool_limits(1):
-        prepared = prepare_record(log, settings)
-        if settings.method == "exact" or (settings.method == "auto" and prepared.exact):
-            result = _exact_result(prepared, settings)
-            if result.is_calibrated or settings.method == "exact":
+        prepared = prepare_record(log, config)
+        if config.detect.method == "exact" or (config.detect.method == "auto" and prepared.exact):
+            result = _exact_result(prepared, config)
+            if result.is_calibrated or config.detect.method == "exact":
                 return result
-        return _parity_result(prepared, settings, report)
+        return _parity_result(prepared, config, report)
 
 
-def _exact_result(prepared: PreparedRecord, settings: DetectSettings) -> DetectResult:
+def _exact_result(prepared: PreparedRecord, config: Config) -> DetectResult:
     """Return what the right null space of the last samples says of each output, at the log's own rate (paper H).
 
     The past data have the fewest lags that explain the healthy time. A constant counts as an input, so that values need
@@ -115,7 +117,7 @@ def _exact_result(prepared: PreparedRecord, settings: DetectSettings) -> DetectR
         method="exact",
         inputs=prepared.inputs,
         outputs=prepared.outputs,
-        false_alarm=settings.false_alarm,
+        false_alarm=config.detect.false_alarm,
         alarms=tuple(alarms),
         is_calibrated=explained,
         ready_s=None if criterion.ready is None else float(record.time_s[criterion.ready - 1]),
@@ -133,12 +135,10 @@ def _exact_result(prepared: PreparedRecord, settings: DetectSettings) -> DetectR
     )
 
 
-def _parity_result(
-    prepared: PreparedRecord, settings: DetectSettings, report: Callable[[int, int], None]
-) -> DetectResult:
+def _parity_result(prepared: PreparedRecord, config: Config, report: Callable[[int, int], None]) -> DetectResult:
     """Return what the parity residuals say at the rate of the analysis; the calibration is that of the first pass."""
     samples, outputs = decimate_record(prepared, prepared.choice.factor), prepared.outputs
-    path, false_alarm = prepared.record.path, settings.false_alarm
+    path, false_alarm = prepared.record.path, config.detect.false_alarm
     failures, passes = detect_sequentially(path, samples, false_alarm=false_alarm, report=report)
     alarms = [
         Alarm(

@@ -1,9 +1,8 @@
-"""The settings of a detection, and the record it works on: channels, healthy time, directions of inputs, rate."""
+"""The record of a detection: its channels, healthy time and rate, and the directions in which its inputs move."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from ..preprocessing.window import must_resample
 from ..wording import instant
 
 BoolArray = NDArray[np.bool_]
-Method = Literal["auto", "exact", "parity"]
 
 # What is watched where the user names nothing, and the controls of the other axes, which then are no inputs.
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
@@ -40,70 +38,6 @@ STILL = 1e-9
 DEPENDENT = 1e-6
 # A direction with a smaller share of the largest singular value is weak: inputs that move together differ by noise.
 TOGETHER = 0.01
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DetectSettings:
-    """Settings of `detect_faults`; times on the log's own axis.
-
-    Attributes
-    ----------
-    inputs, outputs : channels; where empty, the controls and accelerations, and the flight data, that the log has.
-    from_s, to_s : window, None for the ends of the log.
-    train : healthy time, None for the first third of the window.
-    false_alarm : accepted probability that a healthy record of the monitored length raises an alarm.
-    rate_hz : a number, "none" for the log's own, "auto" to choose.
-    method : "exact" for data without noise, "parity" for measured data, "auto" to choose.
-    turns : whether inputs made of roll and yaw_rate explain the effect of turns on longitudinal motion.
-
-    Raises
-    ------
-    ConfigError : a probability outside (0, 1), a healthy time that ends before it starts, a rate that is not positive.
-    """
-
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    from_s: float | None = None
-    to_s: float | None = None
-    train: tuple[float, float] | None = None
-    false_alarm: float = 0.01
-    rate_hz: float | Literal["none", "auto"] = "auto"
-    method: Method = "auto"
-    turns: bool = True
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.false_alarm < 1.0:
-            raise ConfigError(f"--false-alarm: must lie between 0 and 1, got {self.false_alarm:g}; give one like 0.01")
-        if self.train is not None and not self.train[0] < self.train[1]:
-            raise ConfigError(
-                f"--train: must end after it starts, got {self.train[0]:g}:{self.train[1]:g}; give one like 0:8"
-            )
-        if not isinstance(self.rate_hz, str) and not self.rate_hz > 0.0:
-            raise ConfigError(f"--rate: must be a positive number, none or auto, got {self.rate_hz:g}")
-        both = sorted(set(self.inputs) & set(self.outputs))
-        if both:
-            raise ConfigError(f"--output: '{both[0]}' is both an input and an output; keep one")
-
-
-def settings_of(config: Config) -> DetectSettings:
-    """Return the settings a configuration states; inputs and outputs it leaves to their defaults are those of the log.
-
-    Raises
-    ------
-    ConfigError : see `DetectSettings`.
-    """
-    given = config.model_fields_set
-    return DetectSettings(
-        inputs=config.inputs if "inputs" in given else (),
-        outputs=config.outputs if "outputs" in given else (),
-        from_s=config.window.from_s,
-        to_s=config.window.to_s,
-        train=config.detect.train,
-        false_alarm=config.detect.false_alarm,
-        rate_hz=config.conditioning.rate_hz,
-        method=config.detect.method,
-        turns=config.detect.turns,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,7 +88,7 @@ class DecimatedRecord:
     watched: BoolArray
 
 
-def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
+def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     """Cut, check and, where the rate asks for it, resample a log.
 
     Raises
@@ -162,20 +96,23 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
     LogError : it cannot be analysed.
     ConfigError : the healthy time is not in the log, or leaves nothing to watch.
     """
-    part = log.window(settings.from_s, settings.to_s)
+    from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
+    given_inputs = config.inputs if "inputs" in config.model_fields_set else ()
+    given_outputs = config.outputs if "outputs" in config.model_fields_set else ()
+    part = log.window(from_s, to_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
-    train = settings.train or (first_s, first_s + (last_s - first_s) / 3.0)
-    start_s = train[0] if settings.train or settings.from_s is None else max(train[0], settings.from_s)
-    inputs, outputs = _channels(log.window(start_s, settings.to_s), settings)
+    train = config.detect.train or (first_s, first_s + (last_s - first_s) / 3.0)
+    start_s = train[0] if config.detect.train or from_s is None else max(train[0], from_s)
+    inputs, outputs = _channels(log.window(start_s, to_s), given_inputs, given_outputs)
     free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
-    bank = BANK if settings.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
+    bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
     helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
-    part, needed = log.window(start_s, settings.to_s), (*inputs, *outputs, *bank, *helping)
-    if must_resample(part, needed, settings.rate_hz):
-        assert not isinstance(settings.rate_hz, str)
-        part = resample(log, settings.rate_hz, from_s=start_s, to_s=settings.to_s)
+    part, needed = log.window(start_s, to_s), (*inputs, *outputs, *bank, *helping)
+    if must_resample(part, needed, rate_hz):
+        assert not isinstance(rate_hz, str)
+        part = resample(log, rate_hz, from_s=start_s, to_s=to_s)
         require_usable(part, needed)
-    watch_s = max(train[1], train[1] if settings.from_s is None else settings.from_s)
+    watch_s = max(train[1], train[1] if from_s is None else from_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
     if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
         raise ConfigError(
@@ -207,14 +144,14 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
         record, time_s=part.time_s[before], u=record.u[before], y=record.y[before], theta=record.theta[before]
     )
     notes = []
-    if settings.train is None:
+    if config.detect.train is None:
         notes.append(
             f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
             "is taken to be free of faults; a fault in it would be learnt as normal (give --train A:B)"
         )
-    elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
+    elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
         notes.append(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed")
-    felt = [name for name in FELT if name in inputs and not settings.inputs]
+    felt = [name for name in FELT if name in inputs and not given_inputs]
     if felt:
         notes.append(
             f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
@@ -230,7 +167,7 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
-        choice=choose_rate(healthy, (), exact=False, asked=settings.rate_hz),
+        choice=choose_rate(healthy, (), exact=False, asked=rate_hz),
         exact=is_exact(healthy),
         notes=tuple(notes),
     )
@@ -311,13 +248,16 @@ def independent(u: FloatArray) -> NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    inputs = settings.inputs or tuple(
+def _channels(
+    part: FlightLog, given_inputs: tuple[str, ...], given_outputs: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the channels that are given, else the controls and accelerations, and the flight data, that move."""
+    inputs = given_inputs or tuple(
         name
         for name in (*INPUTS, *FELT)
-        if name not in (*LATERAL, *settings.outputs) and name in part.channels and _moves(part, name)
+        if name not in (*LATERAL, *given_outputs) and name in part.channels and _moves(part, name)
     )
-    outputs = settings.outputs or tuple(
+    outputs = given_outputs or tuple(
         name for name in OUTPUTS if name in part.channels and name not in inputs and _moves(part, name)
     )
     if not outputs:

@@ -135,7 +135,7 @@ def segments(flights: Path) -> list[FlightLog]:
 @pytest.mark.realdata
 @pytest.mark.parametrize("inputs", INPUTS, ids=["elevator", "default"])
 def test_hand_flown_segments(flights: Path, inputs: tuple[str, ...]):
-    settings = merge(Config(), {"outputs": CHANNELS, "inputs": inputs})
+    settings = merge(Config(), {"outputs": CHANNELS, "inputs": inputs or None})
     faults = {"tas": 1.0, "aoa": np.deg2rad(0.5)}
     found = dict.fromkeys(faults, 0)
     logs = segments(flights)

@@ -89,7 +89,7 @@ def iterate(
     start : first iterate; its misfit is not looked at.
     scale : norm of the data, to which the misfit is compared.
     settings : when to stop.
-    between : applied after every step but the last; convergence is judged before it.
+    between : applied after every step but the last; convergence is tested before it.
     """
     previous, best, waited = start, start, 0
     for count in range(1, settings.max_iterations + 1):

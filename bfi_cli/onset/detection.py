@@ -42,8 +42,8 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
     """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
 
     1. Scan the record: every shape at every onset, the order of the model chosen together with the shape.
-    2. Compare the statistic that stands out most with its null distribution. While it is a fault: estimate it at the
-       log's own samples, re-estimate the faults before it, subtract all of them and scan again.
+    2. Compare the statistic that stands out most with its null distribution. While it exceeds its threshold, estimate
+       the fault at the log's own samples, re-estimate those before it, subtract all of them and scan again.
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
 

@@ -21,9 +21,8 @@ from ..faults import did_you_mean
 from ..flightlog import FlightLog, require_usable
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
-from ..kernels.kalman import Gaussian, StateSpace
+from ..kernels.kalman import FAULT, NO_FAULT, BankRun, Gaussian, Reset, StateSpace, double_model, state_and_fault
 from ..kernels.model_selection import Penalty
-from ..kernels.multimodel import FAULT, NO_FAULT, BankRun, Reset, double_model, state_and_fault
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows
 from ..preprocessing.regression import RegressionData

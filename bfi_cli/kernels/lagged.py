@@ -150,7 +150,7 @@ def compress(
     feedthrough : inputs act in the same sample too.
     weights : (n_samples,) of the rows, by which the whole row of a sample is multiplied; None for 1.
     block_rows : lagged rows formed at a time.
-    report : told how far it is.
+    report : called with the fraction that is done.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
+from .decision import table_of_windows, windows_of
 from .detection import find_onset
-from .document import onset_document, onset_tables
-from .report import onset_exhibit
+from .report import onset_document, onset_exhibit, onset_tables
 from .result import (
     CalibrationUse,
     OnsetFault,
@@ -12,20 +12,7 @@ from .result import (
     compare_with_injected,
     propose_dictionary,
 )
-from .windows import table_of_windows, windows_of
 
-__all__ = [
-    "CalibrationUse",
-    "OnsetFault",
-    "OnsetResult",
-    "OnsetSeries",
-    "ShapeProfile",
-    "compare_with_injected",
-    "find_onset",
-    "onset_document",
-    "onset_exhibit",
-    "onset_tables",
-    "propose_dictionary",
-    "table_of_windows",
-    "windows_of",
-]
+__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile", "compare_with_injected"]
+__all__ += ["find_onset", "onset_document", "onset_exhibit", "onset_tables", "propose_dictionary", "table_of_windows"]
+__all__ += ["windows_of"]

@@ -1,4 +1,4 @@
-"""What the report of a scan shows, made from its JSON document alone."""
+"""The JSON document and the CSV tables of `bfi start-time`, and what a reader is shown of them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
+from ..faults import fault_to_dict
+from ..plain import to_plain
+from ..provenance import Provenance
+from ..serialize import to_csv
 from ..wording import instant, interval, number, quantity, shortened
+from .result import OnsetResult
 
-__all__ = ["onset_exhibit"]
+__all__ = ["SCHEMA", "onset_document", "onset_exhibit", "onset_tables"]
 
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
+SCHEMA = 1
+KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
+DECISION_KEYS = ("log", "decision", "false_alarm", "p_value", "statistic", "threshold", "calibration")
+PROFILE_KEYS = ("shape", "channel", "frequency_hz", "threshold", "unit")
+FAULT_COLUMNS = (
+    *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
+    *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
+)
 # A statistic below this is drawn at it: the axis is logarithmic.
 LEAST = 0.1
 # The axis of magnitudes reaches so far beyond the best one and nine tenths of the others; the rest is cut off.
@@ -32,6 +45,66 @@ SERIES_CAPTION = (
     "Measured output and the same less the declared faults. Dotted lines: alarms of the plain 5-sigma test on the "
     "residual of the fault-free model, for comparison."
 )
+
+
+def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi start-time --json`; numbers that are not finite are None.
+
+    `profile` has one entry per shape, and channel where there are several, in each of its lists but `onset_s`.
+    """
+    profiles, onset_s = result.profiles, [profile.onset_s for profile in result.profiles]
+    # Each shape has onsets of its own only where the search for ends made them differ.
+    same = all(np.array_equal(own, onset_s[0]) for own in onset_s)
+    document: dict[str, Any] = to_plain(
+        {
+            "kind": "start-time",
+            "schema": SCHEMA,
+            **{key: getattr(result, key) for key in DECISION_KEYS},
+            "faults": [
+                {
+                    **{key: getattr(fault.estimate.fault, key) for key in KEYS},
+                    "phase_rad": fault.estimate.fault.phase_rad if fault.estimate.fault.shape == "sine" else None,
+                    **{key: getattr(fault.estimate, key) for key in ("name", "magnitude", "unit")},
+                    "physical": {"value": fault.estimate.physical_value, "unit": fault.estimate.physical_unit},
+                    **{key: getattr(fault.estimate, key) for key in ("sd", "ci95")},
+                    **{key: getattr(fault, key) for key in ("onset_ci95", "statistic", "p_value")},
+                }
+                for fault in result.faults
+            ],
+            "model": result.model,
+            "method": result.method,
+            "profile": {
+                **{key: [getattr(profile, key) for profile in profiles] for key in PROFILE_KEYS},
+                "onset_s": onset_s[0] if same else onset_s,
+                **{key: [getattr(profile, key) for profile in profiles] for key in ("statistic", "magnitude", "sd")},
+            },
+            "series": {"time_s": result.time_s, "outputs": result.series},
+            "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
+            "notes": result.notes,
+            "provenance": provenance,
+        }
+    )
+    return document
+
+
+def onset_tables(result: OnsetResult) -> dict[str, bytes]:
+    """Return the CSV files of the faults and of the profiles, by file name."""
+    rows = []
+    for declared in result.faults:
+        estimate, fault = declared.estimate, declared.estimate.fault
+        size = (estimate.magnitude, estimate.unit, estimate.sd, *estimate.ci95)
+        when = (fault.onset_s, *declared.onset_ci95, fault.offset_s, fault.frequency_hz)
+        physical = (estimate.physical_value, estimate.physical_unit)
+        rows.append((fault.shape, fault.channel, *size, *physical, *when, declared.statistic, declared.p_value))
+    points = (
+        (profile.shape, profile.channel, *point)
+        for profile in result.profiles
+        for point in zip(
+            *(x.tolist() for x in (profile.onset_s, profile.statistic, profile.magnitude, profile.sd)), strict=True
+        )
+    )
+    heads = ("shape", "channel", "onset_s", "statistic", "magnitude", "sd")
+    return {"faults.csv": to_csv(FAULT_COLUMNS, rows), "profile.csv": to_csv(heads, points)}
 
 
 def onset_exhibit(document: Plain) -> Exhibit:

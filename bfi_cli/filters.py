@@ -70,7 +70,7 @@ def _filter(entry: Any, where: str) -> Filter:
     given = entry if isinstance(entry, dict) else {}
     kind, stage, source = (given.get(key) for key in ("kind", "stage", "source"))
     edge_hz, rate_hz = given.get("edge_hz"), given.get("rate_hz")
-    if not isinstance(kind, str) or kind not in get_args(Kind) or not (_is_positive(edge_hz) and _is_positive(rate_hz)):
+    if not _is_kind(kind) or not (_is_positive(edge_hz) and _is_positive(rate_hz)):
         known = ", ".join(get_args(Kind))
         raise LogError(
             f"{where}: a filter needs a kind ({known}) and positive numbers edge_hz and rate_hz, got "
@@ -83,6 +83,10 @@ def _filter(entry: Any, where: str) -> Filter:
         stage="convert" if stage == "convert" else "recorder",
         source=source if isinstance(source, str) else "stated in the file",
     )
+
+
+def _is_kind(value: object) -> TypeGuard[Kind]:
+    return isinstance(value, str) and value in get_args(Kind)
 
 
 def _is_positive(value: object) -> TypeGuard[float]:

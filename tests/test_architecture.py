@@ -26,6 +26,7 @@ FLOORS = (
     ("sample_file",),
     ("shapes", "truth"),
     ("units", "faults", "files", "yaml12", "plain", "identify.methods", "preprocessing.summary", "provenance"),
+    ("filters",),
     ("channels", "identify.result", "serialize", "dictionary", "exhibit"),
     ("flightlog", "config", "wording", "documents"),
     ("aircraft", "calibration", "rows"),

@@ -61,7 +61,7 @@ def test_json_and_back():
     ["{", "{}", '[{"kind": "boxcar", "edge_hz": 1, "rate_hz": 20}]', '[{"kind": "fir", "edge_hz": -1, "rate_hz": 20}]'],
 )
 def test_what_is_no_list_of_filters_is_refused(text):
-    with pytest.raises(LogError, match="x: .*; mend the file"):
+    with pytest.raises(LogError, match=r"x: .*; mend the file"):
         filters_from_json(text, where="x")
 
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Literal
 
 from ..filters import Filter
 from ..kernels.low_pass import Kind
 from ..kernels.recorder_response import recorder_from_jumps
 from .quality import is_uniform
 from .record import FlightLog
-
-if TYPE_CHECKING:
-    from ..config.sections import Recorder
 
 __all__ = ["recorder_filters", "with_seen_recorder"]
 
@@ -38,29 +34,29 @@ def with_seen_recorder(log: FlightLog) -> FlightLog:
     return replace(log, filters=(Filter(kind=seen.kind, edge_hz=seen.edge_hz, rate_hz=log.rate_hz, source=source),))
 
 
-def recorder_filters(log: FlightLog, wanted: Recorder) -> tuple[tuple[Filter, ...], str]:
+def recorder_filters(
+    log: FlightLog, edge_hz: float | str = "auto", kind: Kind | Literal["auto"] = "auto"
+) -> tuple[tuple[Filter, ...], str]:
     """Return the filters that a fault of the aircraft went through, recorder first, and a sentence on the recorder.
 
     Parameters
     ----------
-    wanted : what the configuration says of the recorder; "auto" takes what the log shows or states.
+    edge_hz : of the recorder; "none" for no filter, "auto" for what the log states or shows.
+    kind : of the recorder; "auto" for what the log states or shows, a Gaussian where only the edge is known.
     """
     known = log.filters or ()
     later = tuple(one for one in known if one.stage != "recorder")
-    kind: Kind = "gaussian" if wanted.kind == "auto" else wanted.kind
-    if wanted.edge_hz == "none":
+    if edge_hz == "none":
         return later, ""
-    if not isinstance(wanted.edge_hz, str):
-        stated = Filter(kind=kind, edge_hz=wanted.edge_hz, rate_hz=_recorded_rate(log, later), source="as stated")
+    if not isinstance(edge_hz, str):
+        shape: Kind = "gaussian" if kind == "auto" else kind
+        rate_hz = later[0].rate_hz if later else log.rate_hz
+        stated = Filter(kind=shape, edge_hz=edge_hz, rate_hz=rate_hz, source="as stated")
         return (stated, *later), _sentence(stated)
     recorders = [one for one in known if one.stage == "recorder"]
-    if wanted.kind != "auto":
+    if kind != "auto":
         recorders = [replace(one, kind=kind) for one in recorders]
     return (*recorders, *later), " ".join(map(_sentence, recorders))
-
-
-def _recorded_rate(log: FlightLog, later: Sequence[Filter]) -> float:
-    return later[0].rate_hz if later else log.rate_hz
 
 
 def _sentence(one: Filter) -> str:

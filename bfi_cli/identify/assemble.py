@@ -57,6 +57,7 @@ def assemble_result(window: PreparedWindow, config: Config, found: MethodResult)
             *((UNANSWERABLE,) if decision == "not_identifiable" else ()),
             *found.notes,
             *warnings_of(window, found, series, residuals, hidden),
+            *((window.recorder,) if window.recorder else ()),
         ),
         time_s=window.signals.time_s,
         inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},

@@ -156,4 +156,4 @@ def _half_crossing(step: FloatArray) -> float:
     """Return the index at which a step response reaches one half."""
     k = int(np.argmax(step >= 0.5))
     before = step[k - 1] if k else 0.0
-    return k - 1 + (0.5 - before) / (step[k] - before)
+    return float(k - 1 + (0.5 - before) / (step[k] - before))

@@ -57,9 +57,9 @@ def faulty(log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np
     ------
     LogError : the log has no such channel.
     """
-    window = setting.config.window
+    window, recorder = setting.config.window, setting.config.recorder
     start_s = float(log.window(window.from_s, window.to_s).time_s[0])
-    response = response_of(recorder_filters(log, setting.config.recorder)[0], log.rate_hz)
+    response = response_of(recorder_filters(log, recorder.edge_hz, recorder.kind)[0], log.rate_hz)
     added: dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]] = {}
     for atom in setting.dictionary.resolved(start_s):
         if _name(atom) in truth:

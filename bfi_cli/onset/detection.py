@@ -237,6 +237,7 @@ def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list
         f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
         f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; the model absorbs an earlier fault",
     ]
+    notes += [record.window.recorder] if record.window.recorder else []
     changes = np.abs(np.diff(record.u, axis=0))
     large = changes >= MOST * changes.max(axis=0, initial=0.0)
     moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]

@@ -49,7 +49,7 @@ class PreparedWindow:
     faults : every dictionary entry, times on the log's axis; names : their names.
     reasons : why an entry is left out, by index; live : the others.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
-    response : of the filters that the log went through, the recorder's first.
+    response : of the filters that the log went through, the recorder's first; recorder : a sentence on it.
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
@@ -66,6 +66,7 @@ class PreparedWindow:
     signals: Signals
     rate: RateChoice
     response: Response
+    recorder: str
     lowpass: Lowpass
     window_start_s: float
     native_rate_hz: float
@@ -101,7 +102,7 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
     reasons = {j: reason for j, reason in dead if reason is not None}
     seen = {j: fault for j, fault in enumerate(faults) if j not in reasons}
 
-    filters, about_recorder = recorder_filters(log, config.recorder)
+    filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
 
     def dictionary_signals(time_s: FloatArray) -> FloatArray:
@@ -152,6 +153,7 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
         signals=decimated,
         rate=rate,
         response=response,
+        recorder=about_recorder,
         lowpass=lowpass,
         window_start_s=start_s,
         native_rate_hz=native_rate_hz,

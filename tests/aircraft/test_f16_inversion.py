@@ -9,7 +9,7 @@ import pytest
 
 from bfi_cli.aircraft.f16 import STATES, Body, Flights, Inversion, Observation, derivatives, observe
 from bfi_cli.aircraft.f16.airframe import SURFACE_LIMITS
-from bfi_cli.aircraft.f16.inversion import inverted_kinematics
+from bfi_cli.aircraft.f16.closed_loop import inverted_kinematics
 from bfi_cli.aircraft.f16.loads import accelerations, conditions_at, thrust_force
 from bfi_cli.aircraft.f16.motion import translation
 

@@ -8,26 +8,9 @@ rudder yaws left; altitude is positive up (the z of Wang, Tang and Chen is posit
 from __future__ import annotations
 
 from .airframe import AIRFRAME, BOOK_AIRFRAME, CONTROLS, STATES, Airframe
-from .flight import F16
-from .inversion import Inversion
+from .closed_loop import Flights, Inversion, Observation, observe
 from .loads import Body
-from .motion import SteadyFlight, Trim, derivatives, trim
-from .observer import Flights, Observation, observe
+from .motion import F16, SteadyFlight, Trim, derivatives, trim
 
-__all__ = [
-    "AIRFRAME",
-    "BOOK_AIRFRAME",
-    "CONTROLS",
-    "F16",
-    "STATES",
-    "Airframe",
-    "Body",
-    "Flights",
-    "Inversion",
-    "Observation",
-    "SteadyFlight",
-    "Trim",
-    "derivatives",
-    "observe",
-    "trim",
-]
+__all__ = ["AIRFRAME", "BOOK_AIRFRAME", "CONTROLS", "F16", "STATES", "Airframe", "Body", "Flights", "Inversion"]
+__all__ += ["Observation", "SteadyFlight", "Trim", "derivatives", "observe", "trim"]

@@ -26,8 +26,9 @@ from .airframe import (
     SURFACES,
     TAS,
     Airframe,
+    interpolate,
+    tables,
 )
-from .tables import interpolate, tables
 
 __all__ = [
     *("AOA_RANGE", "NORMAL_PER_ELEVATOR", "SIDE_PER_CONTROL", "Body", "Conditions", "Section", "accelerations"),
@@ -51,6 +52,21 @@ TEMPERATURE_0, STRATOSPHERE, TROPOPAUSE = 519.0, 390.0, 35000.0 * FOOT
 GAS = 1.4 * 1716.3 * FOOT**2
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """The aircraft as loaded.
+
+    Attributes
+    ----------
+    cg : centre of gravity, as a part of the chord.
+    nozzle_arm_m : from the centre of gravity back to the nozzle, for thrust vectoring; not published.
+    """
+
+    airframe: Airframe = AIRFRAME
+    cg: float = 0.35
+    nozzle_arm_m: float = 5.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Section:
     """The tables at n angles of attack and sideslip.
@@ -60,7 +76,7 @@ class Section:
     by_elevator : (2, 5, n) axial force and pitching moment at the elevator's break points.
     still : (4, n) side force, normal force, rolling and yawing moment without rates and controls.
     control : (2, 2, n) rolling and yawing moment per rad of aileron and rudder.
-    damping : (9, n) in the order of `tables.DAMPING_ROWS`.
+    damping : (9, n) in the order of `airframe.DAMPING_ROWS`.
     """
 
     by_elevator: FloatArray
@@ -90,19 +106,16 @@ def section_at(aoa: FloatArray, sideslip: FloatArray) -> Section:
     )
 
 
-def coefficients(
-    section: Section, motion: tuple[FloatArray, FloatArray], surfaces: FloatArray, *, airframe: Airframe, cg: float
-) -> FloatArray:
+def coefficients(section: Section, tas: FloatArray, rates: FloatArray, surfaces: FloatArray, body: Body) -> FloatArray:
     """Return CX, CY, CZ, Cl, Cm, Cn, (6, n).
 
     Parameters
     ----------
     section : the tables at the angles of attack and sideslip.
-    motion : true airspeed, (n,) m/s, and body rates p, q, r, (3, n) rad/s.
+    tas : (n,) true airspeed, m/s; rates : (3, n) body rates p, q, r, rad/s.
     surfaces : (3, n) elevator, aileron, rudder, rad; beyond its tables (24 degrees) the elevator is extrapolated.
-    cg : centre of gravity, as a part of the chord.
     """
-    tas, (p, q, r) = motion
+    airframe, (p, q, r) = body.airframe, rates
     elevator, lateral = surfaces[0], surfaces[1:]
     q = 0.5 * airframe.chord_m / tas * q
     p, r = 0.5 * airframe.span_m / tas * p, 0.5 * airframe.span_m / tas * r
@@ -112,7 +125,7 @@ def coefficients(
     rolling_control, yawing_control = (section.control * lateral).sum(axis=1)
     Y = side + SIDE_PER_CONTROL @ lateral + side_r * r + side_p * p
     Z = normal + NORMAL_PER_ELEVATOR * elevator + normal_q * q
-    arm = airframe.reference_cg - cg
+    arm = airframe.reference_cg - body.cg
     return np.array(
         [
             axial + axial_q * q,
@@ -163,21 +176,6 @@ def thrust(power: FloatArray, altitude: FloatArray, mach: FloatArray) -> FloatAr
     return np.asarray(np.where(dry, idle + part * (military - idle), military + part * (maximum - military)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
-    """The aircraft as loaded.
-
-    Attributes
-    ----------
-    cg : centre of gravity, as a part of the chord.
-    nozzle_arm_m : from the centre of gravity back to the nozzle, for thrust vectoring; not published.
-    """
-
-    airframe: Airframe = AIRFRAME
-    cg: float = 0.35
-    nozzle_arm_m: float = 5.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conditions:
     """What n states say about the loads before rates and controls are known.
@@ -198,8 +196,7 @@ class Conditions:
 
     def coefficients(self, rates: FloatArray, u: FloatArray) -> FloatArray:
         """Return CX, CY, CZ, Cl, Cm, Cn, (6, n), at body rates, (3, n), and controls, (6, n)."""
-        body = self.body
-        return coefficients(self.section, (self.tas, rates), u[SURFACES], airframe=body.airframe, cg=body.cg)
+        return coefficients(self.section, self.tas, rates, u[SURFACES], self.body)
 
     @property
     def unit_moments(self) -> FloatArray:

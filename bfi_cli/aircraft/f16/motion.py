@@ -1,4 +1,4 @@
-"""The F-16's equations of motion and its steady flights: thirteen states, flat earth, still air. SI and radians.
+"""The F-16's equations of motion, its steady flights, and its flight by hand. Flat earth, still air, SI and radians.
 
 Stevens and Lewis, section 3.5, in the wind-axis form of Wang, Tang, Chen (F-16 diagnosability), eq. 1, with two of its
 signs mended: alpha-dot has -(p cos a + r sin a) tan b, and beta-dot -F_z sin b sin a, the sideslip direction being
@@ -8,11 +8,13 @@ orthogonal to the velocity.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ConfigError
+from ..model import Flown, NonlinearModel
 from .airframe import (
     ALTITUDE,
     AOA,
@@ -43,7 +45,7 @@ from .loads import (
     thrust_force,
 )
 
-__all__ = ["SteadyFlight", "Trim", "derivatives", "rate_derivatives", "translation", "trim"]
+__all__ = ["F16", "SteadyFlight", "Trim", "derivatives", "fly", "rate_derivatives", "translation", "trim"]
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +53,16 @@ UNKNOWN_STATES = (AOA, SIDESLIP, ROLL, PITCH)
 UNKNOWN_CONTROLS = slice(ELEVATOR, THROTTLE + 1)
 START = np.array([0.1, 0.0, 0.0, 0.1, -0.02, 0.0, 0.0, 0.3])  # rad and throttle, near level flight at 125 m/s
 TOLERANCE = 1e-9  # of every part of what must vanish in a steady flight
+
+INPUTS = CONTROLS[:4]
+ACCELERATIONS = ("longitudinal_acc", "lateral_acc", "normal_acc")
+LEAST, MOST = (np.array([*(sign * limit for limit in SURFACE_LIMITS), end]) for sign, end in ((-1.0, 0.0), (1.0, 1.0)))
+LONGEST_STEP = 0.02  # seconds of one Runge-Kutta step, as in the F-16 diagnosability reproduction
+SIDESLIP_RANGE = (-30.0, 30.0)  # degrees, the ends of the tables
+
+# At the tables' own centre of gravity, 0.35, the aircraft is so close to neutral that steps of two degrees of elevator
+# loop it; at the book's other one it is stable, as an aircraft flown without augmentation must be.
+STABLE = Body(cg=0.30)
 
 
 def derivatives(
@@ -153,41 +165,102 @@ def trim(flight: SteadyFlight, body: Body) -> Trim:
     from scipy.optimize import root
 
     g = body.airframe.gravity_m_s2
+
+    def state_and_controls(unknown: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the state and the controls, as columns, of angles, surfaces and throttle."""
+        x, u = np.zeros((len(STATES), 1)), np.zeros((len(CONTROLS), 1))
+        x[TAS], x[ALTITUDE] = flight.tas_m_s, flight.altitude_m
+        x[UNKNOWN_STATES, 0], u[UNKNOWN_CONTROLS, 0] = unknown[:4], unknown[4:]
+        roll, pitch = unknown[2], unknown[3]
+        level = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
+        x[RATES, 0] = flight.turn_rate * level
+        x[RATES.start + 1] += flight.pull_up_rate
+        x[POWER] = commanded_power(u[THROTTLE])
+        return x, u
+
+    def unsteadiness(unknown: FloatArray) -> FloatArray:
+        """Return what must vanish, (8,): six derivatives, climb rate, lateral specific force; as parts of V and g."""
+        x, u = state_and_controls(unknown)
+        change = derivatives(x, u, body)[:, 0]
+        p, _, r = x[RATES, 0]
+        velocity = flight.tas_m_s * np.cos(unknown[1]) * np.array([np.cos(unknown[0]), np.sin(unknown[0])])
+        side_force = (r * velocity[0] - p * velocity[1]) / g - np.cos(unknown[3]) * np.sin(unknown[2])
+        climb = change[ALTITUDE] / flight.tas_m_s - np.sin(flight.climb_rad)
+        steady = np.array([change[TAS] / g, change[AOA], change[SIDESLIP]])
+        return np.concatenate([steady, change[RATES], [climb, side_force]])
+
     start = START.copy()
     start[2] = np.arctan(flight.turn_rate * flight.tas_m_s / g)
-    found = root(_unsteadiness, start, args=(flight, body), method="hybr", options={"xtol": 1e-12})
+    solved = root(unsteadiness, start, method="hybr", options={"xtol": 1e-12}).x
     low, high = AOA_RANGE
-    flyable = low <= np.degrees(found.x[0]) <= high and bool(np.all(np.abs(found.x[4:7]) <= SURFACE_LIMITS))
-    if not flyable or np.max(np.abs(_unsteadiness(found.x, flight, body))) > TOLERANCE:
+    flyable = low <= np.degrees(solved[0]) <= high and bool(np.all(np.abs(solved[4:7]) <= SURFACE_LIMITS))
+    if not flyable or np.max(np.abs(unsteadiness(solved))) > TOLERANCE:
         raise ConfigError(
             f"f16: no steady flight at {flight.tas_m_s:g} m/s and {flight.altitude_m:g} m; change the airspeed"
         )
-    x, u = _state_and_controls(found.x, flight)
+    x, u = state_and_controls(solved)
     return Trim(state=x[:, 0], controls=u[:, 0])
 
 
-def _unsteadiness(unknown: FloatArray, flight: SteadyFlight, body: Body) -> FloatArray:
-    """Return what must vanish, (8,): six derivatives, climb rate and lateral specific force as parts of V and of g."""
-    x, u = _state_and_controls(unknown, flight)
-    change = derivatives(x, u, body)[:, 0]
-    g = body.airframe.gravity_m_s2
-    roll, pitch = unknown[2], unknown[3]
-    p, _, r = x[RATES, 0]
-    velocity = flight.tas_m_s * np.cos(unknown[1]) * np.array([np.cos(unknown[0]), np.sin(unknown[0])])
-    side_force = (r * velocity[0] - p * velocity[1]) / g - np.cos(pitch) * np.sin(roll)
-    climb = change[ALTITUDE] / flight.tas_m_s - np.sin(flight.climb_rad)
-    steady = np.array([change[TAS] / g, change[AOA], change[SIDESLIP]])
-    return np.concatenate([steady, change[RATES], [climb, side_force]])
+@cache
+def _cruise() -> Trim:
+    return trim(SteadyFlight(), STABLE)
 
 
-def _state_and_controls(unknown: FloatArray, flight: SteadyFlight) -> tuple[FloatArray, FloatArray]:
-    """Return the state and the controls, as columns, of angles, surfaces and throttle."""
-    x, u = np.zeros((len(STATES), 1)), np.zeros((len(CONTROLS), 1))
-    x[TAS], x[ALTITUDE] = flight.tas_m_s, flight.altitude_m
-    x[UNKNOWN_STATES, 0], u[UNKNOWN_CONTROLS, 0] = unknown[:4], unknown[4:]
-    roll, pitch = unknown[2], unknown[3]
-    level = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
-    x[RATES, 0] = flight.turn_rate * level
-    x[RATES.start + 1] += flight.pull_up_rate
-    x[POWER] = commanded_power(u[THROTTLE])
-    return x, u
+def fly(deviations: FloatArray, rate_hz: float) -> Flown:
+    """Return the flight from level trim with input deviations, (n, 4), held between samples; Runge-Kutta of order 4.
+
+    Raises
+    ------
+    ConfigError : angle of attack or sideslip leave the tables.
+    """
+    wanted = _cruise().controls[:4] + deviations
+    inputs = np.clip(wanted, LEAST, MOST)
+    u = np.zeros((len(CONTROLS), len(inputs)))
+    u[:4] = inputs.T
+    states = np.empty((len(STATES), len(inputs)))
+    steps = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_STEP))))
+    h = 1.0 / (rate_hz * steps)
+    x = _cruise().state[:, None].copy()
+    for k in range(len(inputs)):
+        states[:, k] = x[:, 0]
+        for name, row, (low, high) in (("aoa", AOA, AOA_RANGE), ("sideslip", SIDESLIP, SIDESLIP_RANGE)):
+            angle = float(np.degrees(x[row, 0]))
+            if not low <= angle <= high:
+                raise ConfigError(
+                    f"f16: {name} leaves the tables, {low:g} to {high:g} degrees, at {k / rate_hz:.3g} s, got "
+                    f"{angle:.3g} degrees; give a smaller --amplitude or a shorter --step"
+                )
+        now = u[:, [k]]
+        for _ in range(steps if k < len(inputs) - 1 else 0):
+            first = derivatives(x, now, STABLE)
+            second = derivatives(x + 0.5 * h * first, now, STABLE)
+            third = derivatives(x + 0.5 * h * second, now, STABLE)
+            x = x + h / 6.0 * (first + 2.0 * (second + third) + derivatives(x + h * third, now, STABLE))
+    at = conditions_at(states, STABLE)
+    felt = accelerations(at, at.coefficients(states[RATES], u), thrust_force(at, u)) - at.weight
+    stops = [name for name, beyond in zip(INPUTS, (wanted != inputs).any(axis=0), strict=True) if beyond]
+    return Flown(
+        inputs=inputs,
+        outputs=np.vstack([states[: RATES.stop], states[ALTITUDE], felt]).T,
+        notes=tuple(f"{name} is held at its stop" for name in stops),
+    )
+
+
+F16 = NonlinearModel(
+    name="f16",
+    title="F-16, six degrees of freedom, from level flight at 125 m/s and 3000 m",
+    inputs=INPUTS,
+    outputs=(*STATES[: RATES.stop], "altitude", *ACCELERATIONS),
+    units={
+        **dict.fromkeys(("elevator", "aileron", "rudder", *STATES[AOA : YAW + 1]), "rad"),
+        **dict.fromkeys(STATES[RATES], "rad/s"),
+        **dict.fromkeys(ACCELERATIONS, "m/s^2"),
+        "throttle": "1",
+        "tas": "m/s",
+        "altitude": "m",
+    },
+    fly=fly,
+    source="Stevens and Lewis, Aircraft Control and Simulation, after NASA TP-1538; centre of gravity at 0.30 chord",
+    manoeuvred=("elevator",),
+)

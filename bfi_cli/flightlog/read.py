@@ -65,7 +65,7 @@ def read_log(
     """
     name, channel_map, unit_map = str(path), channel_map or {}, unit_map or {}
     if os.path.exists(name) and not os.path.isfile(name) and not os.path.isdir(name):
-        raise LogError(f"{name}: is no file but a device or a pipe; write the log to a file first")
+        raise LogError(f"{name}: is a device or a pipe, not a file; write the log to a file first")
     try:
         with open(name, "rb") as file:
             head = file.read(4096)
@@ -122,7 +122,7 @@ def _assemble(
             if match.rank >= 0 and not _fits(match.name, stated):
                 notes.append(f"'{name}' is in '{stated}', so it is not taken for {match.name}")
             elif match.name in taken:
-                notes.append(f"'{name}' is {match.name} too; '{taken[match.name].source}' is used")
+                notes.append(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
             else:
                 name = match.name
         spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
@@ -150,7 +150,9 @@ def _assemble(
     bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
     units = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
     if units:
-        notes.append(f"no unit is stated for {units}; these are taken, another one is stated with --unit NAME=UNIT")
+        notes.append(
+            f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
+        )
     clean = {}
     for name, column in raw.clean.items() if raw.faults is not None else ():
         values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
@@ -254,7 +256,7 @@ def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog) -> Fl
     rate_hz = raw.sample_rate_hz
     if rate_hz is None:
         raise LogError(
-            f"{path}: no time, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: "
+            f"{path}: no time axis, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: "
             f"{', '.join(sorted(channels))}; map one with --channel time=NAME"
         )
     samples = raw.first_sample + np.arange(next(iter(channels.values())).values.size)

@@ -66,7 +66,7 @@ def resample_with(
         raise ConfigError(f"--rate: must be a positive number, got {rate_hz:g} Hz; give one like {log.rate_hz:.4g}")
     span = float(log.time_s[-1] - log.time_s[0])
     if rate_hz * span < 1.0:
-        raise LogError(f"{log.path}: {span:.4g} s long, nothing is left of it at {rate_hz:g} Hz; give a higher --rate")
+        raise LogError(f"{log.path}: {span:.4g} s long, shorter than one step at {rate_hz:g} Hz; give a higher --rate")
     tolerance = SAME_RATE if is_uniform(log.time_s) else UNEVEN_RATE
     if rate_hz > log.rate_hz * (1.0 + tolerance):
         raise LogError(
@@ -175,7 +175,7 @@ def _through_filter(
     for j in np.flatnonzero(np.any(extra, axis=0)):
         filtered[:, j] = lowpass(_on_grid(log, extra[:, j], grid, hold=None))
     notes = [
-        f"'{name}' is renewed at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz the values between are "
+        f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
         "interpolated"
         for name, hold in holds.items()
         if log.rate_hz / hold.period < rate_hz * (1.0 - SAME_RATE)

@@ -119,8 +119,8 @@ def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel
     window : of the log without its injected faults; fitted : its model.
     """
     notes = [
-        f"'{window.names[j]}' leaves nothing that the model's own inputs and lags do not explain; move its onset into "
-        "the window"
+        f"the inputs and lags of the model explain all of '{window.names[j]}', so no magnitude of it can be detected; "
+        "move its onset into the window"
         for j, sd in zip(window.live, fitted.sd, strict=True)
         if not np.isfinite(sd)
     ]

@@ -130,7 +130,7 @@ def reduce_rate_for_noise(
         lags = min(fitted, key=lambda scored: scored.criterion).fit.order if fitted else 0
         if lags < MANY_LAGS:
             return choice, regression
-        reason = f"at {decimated.rate_hz:.4g} Hz the noise asks for {lags} lags"
+        reason = f"at {decimated.rate_hz:.4g} Hz a model needs {lags} lags to average the noise"
         choice = RateChoice(factor=2 * choice.factor, reason=reason)
     return choice, None
 

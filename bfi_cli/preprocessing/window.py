@@ -218,7 +218,9 @@ def unusable_atoms(
             reasons[j] = f"'{name}' is zero in the window; move its onset or widen the window"
             continue
         if float(np.max(np.ptp(theta[:, :, j], axis=0))) <= CONSTANT * float(np.max(np.abs(signal))):
-            reasons[j] = f"'{name}' does not change in the window, as the model's constant does; move its onset inside"
+            reasons[j] = (
+                f"'{name}' does not change in the window, so the model's constant explains it; move its onset inside"
+            )
             continue
         rest = signal - basis @ (basis.T @ signal)
         rest -= basis @ (basis.T @ rest)
@@ -231,5 +233,5 @@ def unusable_atoms(
         if likeness and max(likeness) >= (1.0 - DEPENDENT) * size:
             reasons[j] = f"'{name}' is the same signal as '{nearest}' in the window; only the latter is kept"
         else:
-            reasons[j] = f"'{name}' is a combination of the entries before it (nearest '{nearest}') in the window"
+            reasons[j] = f"'{name}' is a combination of the entries before it in the window (nearest '{nearest}')"
     return reasons

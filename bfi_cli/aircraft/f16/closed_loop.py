@@ -32,17 +32,7 @@ from .airframe import (
     THROTTLE,
     tables,
 )
-from .loads import (
-    NORMAL_PER_ELEVATOR,
-    SIDE_PER_CONTROL,
-    Body,
-    Conditions,
-    accelerations,
-    commanded_power,
-    conditions_at,
-    moments,
-    thrust_force,
-)
+from .loads import NORMAL_PER_ELEVATOR, SIDE_PER_CONTROL, Body, Conditions, commanded_power, conditions_at
 from .motion import derivatives, rate_derivatives, translation
 
 __all__ = ["Flights", "Inversion", "Observation", "inverted_controls", "inverted_kinematics", "observe"]
@@ -84,10 +74,10 @@ class Inversion:
         """
         u = np.zeros((len(CONTROLS), x.shape[1]))
         u[THROTTLE] = throttle
-        still, F_T = at.coefficients(measured, u), thrust_force(at, u)
+        still, F_T = at.coefficients(measured, u), at.thrust_force(u)
         # The outer loop: rates at which the angles approach the command.
         change = self.outer_gain * (wanted - x[[AOA, SIDESLIP, ROLL]])
-        change[:2] -= translation(x, accelerations(at, still, F_T))[1:]
+        change[:2] -= translation(x, at.accelerations(still, F_T))[1:]
         limits = np.array(self.rate_limits)[:, None]
         commanded = np.minimum(np.maximum(inverted_kinematics(x, change), -limits), limits)
         # The inner loop: moment coefficients Cl, Cm, Cn at which the rates approach those.
@@ -135,7 +125,7 @@ def inverted_controls(at: Conditions, still: FloatArray, wanted: FloatArray) -> 
     """
     grid, body, frame = tables().elevator, at.body, at.body.airframe
     points = np.radians(grid.points)
-    pitching = at.section.by_elevator[1]
+    pitching = at.by_elevator[1]
     arm = frame.reference_cg - body.cg
     C_m = still[4] + pitching - pitching[grid.size // 2] + arm * NORMAL_PER_ELEVATOR * points[:, None]
     cell = np.clip((C_m > wanted[1]).sum(axis=0) - 1, 0, grid.size - 2)
@@ -143,7 +133,7 @@ def inverted_controls(at: Conditions, still: FloatArray, wanted: FloatArray) -> 
     low, high = C_m[cell, column], C_m[cell + 1, column]
     elevator = points[cell] + np.radians(grid.step) * (wanted[1] - low) / (high - low)
 
-    (a, b), (c, d) = at.section.control
+    (a, b), (c, d) = at.control
     arm = arm * frame.chord_m / frame.span_m
     c, d = c - arm * SIDE_PER_CONTROL[0], d - arm * SIDE_PER_CONTROL[1]
     roll, yaw = wanted[0] - still[3], wanted[2] - still[5]
@@ -222,7 +212,7 @@ def observe(
         at = conditions_at(x, body)
         u = setting.inversion.controls(x, y, setting.command(t), throttle=setting.throttle, at=at)
         rates = y if setting.from_measured else seen
-        M = moments(at, at.coefficients(rates, u), thrust_force(at, u))
+        M = at.moments(at.coefficients(rates, u), at.thrust_force(u))
         observed = rate_derivatives(rates, M, body.airframe) + setting.observer_gain * (y - seen)
         return np.concatenate([derivatives(x, u, body, at=at, variation=variation), observed]), u
 

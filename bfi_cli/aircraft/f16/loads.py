@@ -16,6 +16,7 @@ from .airframe import (
     AIRFRAME,
     ALTITUDE,
     AOA,
+    ELEVATOR,
     FOOT,
     NOZZLE,
     PITCH,
@@ -30,11 +31,8 @@ from .airframe import (
     tables,
 )
 
-__all__ = [
-    *("AOA_RANGE", "NORMAL_PER_ELEVATOR", "SIDE_PER_CONTROL", "Body", "Conditions", "Section", "accelerations"),
-    *("air_density", "coefficients", "commanded_power", "conditions_at", "mach_number", "moments", "power_rate"),
-    *("section_at", "thrust", "thrust_force"),
-]
+__all__ = ["AOA_RANGE", "NORMAL_PER_ELEVATOR", "SIDE_PER_CONTROL", "Body", "Conditions", "air_density"]
+__all__ += ["commanded_power", "conditions_at", "mach_number", "power_rate", "thrust"]
 
 FloatArray = NDArray[np.float64]
 
@@ -65,77 +63,6 @@ class Body:
     airframe: Airframe = AIRFRAME
     cg: float = 0.35
     nozzle_arm_m: float = 5.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Section:
-    """The tables at n angles of attack and sideslip.
-
-    Attributes
-    ----------
-    by_elevator : (2, 5, n) axial force and pitching moment at the elevator's break points.
-    still : (4, n) side force, normal force, rolling and yawing moment without rates and controls.
-    control : (2, 2, n) rolling and yawing moment per rad of aileron and rudder.
-    damping : (9, n) in the order of `airframe.DAMPING_ROWS`.
-    """
-
-    by_elevator: FloatArray
-    still: FloatArray
-    control: FloatArray
-    damping: FloatArray
-
-
-def section_at(aoa: FloatArray, sideslip: FloatArray) -> Section:
-    """Return the tables at (n,) angles, rad; angles of attack outside -10 to 45 degrees count as the nearest of them.
-
-    Sideslip beyond 30 degrees is extrapolated.
-    """
-    data, n = tables(), aoa.size
-    slip = np.degrees(sideslip)
-    cell, part = data.aoa.place(np.minimum(np.maximum(np.degrees(aoa), AOA_RANGE[0]), AOA_RANGE[1]))
-    low = np.take(data.stack, cell, axis=1)
-    rows = low + part * (np.take(data.stack, cell + 1, axis=1) - low)
-    odd = interpolate(rows[10:24].reshape(2, 7, n), data.sideslip_size, np.abs(slip)) * np.sign(slip)
-    control = interpolate(rows[24:52].reshape(4, 7, n), data.sideslip, slip) / CONTROL_UNITS[:, None]
-    normal = rows[52] * (1.0 - (slip / BOOK_RADIAN) ** 2)
-    return Section(
-        by_elevator=rows[:10].reshape(2, 5, n),
-        still=np.array([SIDE_PER_SIDESLIP * sideslip, normal, *odd]),
-        control=control.reshape(2, 2, n),
-        damping=rows[53:],
-    )
-
-
-def coefficients(section: Section, tas: FloatArray, rates: FloatArray, surfaces: FloatArray, body: Body) -> FloatArray:
-    """Return CX, CY, CZ, Cl, Cm, Cn, (6, n).
-
-    Parameters
-    ----------
-    section : the tables at the angles of attack and sideslip.
-    tas : (n,) true airspeed, m/s; rates : (3, n) body rates p, q, r, rad/s.
-    surfaces : (3, n) elevator, aileron, rudder, rad; beyond its tables (24 degrees) the elevator is extrapolated.
-    """
-    airframe, (p, q, r) = body.airframe, rates
-    elevator, lateral = surfaces[0], surfaces[1:]
-    q = 0.5 * airframe.chord_m / tas * q
-    p, r = 0.5 * airframe.span_m / tas * p, 0.5 * airframe.span_m / tas * r
-    side, normal, rolling, yawing = section.still
-    axial_q, side_r, side_p, normal_q, rolling_r, rolling_p, pitching_q, yawing_r, yawing_p = section.damping
-    axial, pitching = interpolate(section.by_elevator, tables().elevator, np.degrees(elevator))
-    rolling_control, yawing_control = (section.control * lateral).sum(axis=1)
-    Y = side + SIDE_PER_CONTROL @ lateral + side_r * r + side_p * p
-    Z = normal + NORMAL_PER_ELEVATOR * elevator + normal_q * q
-    arm = airframe.reference_cg - body.cg
-    return np.array(
-        [
-            axial + axial_q * q,
-            Y,
-            Z,
-            rolling + rolling_control + rolling_r * r + rolling_p * p,
-            pitching + pitching_q * q + Z * arm,
-            yawing + yawing_control + yawing_r * r + yawing_p * p - Y * (arm * airframe.chord_m / airframe.span_m),
-        ]
-    )
 
 
 def air_density(altitude: FloatArray) -> FloatArray:
@@ -178,25 +105,64 @@ def thrust(power: FloatArray, altitude: FloatArray, mach: FloatArray) -> FloatAr
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conditions:
-    """What n states say about the loads before rates and controls are known.
+    """The loads of n states as far as they are known before rates and controls.
 
     Attributes
     ----------
-    section : the tables at the angles of attack and sideslip.
     tas, pressure, thrust : airspeed, dynamic pressure and size of the thrust, (n,), m/s, Pa, N.
     weight : acceleration of gravity, (3, n) m/s^2.
+    by_elevator : (2, 5, n) axial force and pitching moment at the elevator's break points.
+    still : (4, n) side force, normal force, rolling and yawing moment without rates and controls.
+    control : (2, 2, n) rolling and yawing moment per rad of aileron and rudder.
+    damping : (9, n) in the order of `airframe.DAMPING_ROWS`.
     """
 
-    section: Section
     body: Body
     tas: FloatArray
     pressure: FloatArray
     thrust: FloatArray
     weight: FloatArray
+    by_elevator: FloatArray
+    still: FloatArray
+    control: FloatArray
+    damping: FloatArray
 
     def coefficients(self, rates: FloatArray, u: FloatArray) -> FloatArray:
-        """Return CX, CY, CZ, Cl, Cm, Cn, (6, n), at body rates, (3, n), and controls, (6, n)."""
-        return coefficients(self.section, self.tas, rates, u[SURFACES], self.body)
+        """Return CX, CY, CZ, Cl, Cm, Cn, (6, n), at body rates, (3, n), and controls, (6, n).
+
+        Beyond its tables, 24 degrees, the elevator is extrapolated.
+        """
+        airframe, (p, q, r) = self.body.airframe, rates
+        elevator, lateral = u[ELEVATOR], u[SURFACES][1:]
+        q = 0.5 * airframe.chord_m / self.tas * q
+        p, r = 0.5 * airframe.span_m / self.tas * p, 0.5 * airframe.span_m / self.tas * r
+        side, normal, rolling, yawing = self.still
+        axial_q, side_r, side_p, normal_q, rolling_r, rolling_p, pitching_q, yawing_r, yawing_p = self.damping
+        axial, pitching = interpolate(self.by_elevator, tables().elevator, np.degrees(elevator))
+        rolling_control, yawing_control = (self.control * lateral).sum(axis=1)
+        Y = side + SIDE_PER_CONTROL @ lateral + side_r * r + side_p * p
+        Z = normal + NORMAL_PER_ELEVATOR * elevator + normal_q * q
+        arm = airframe.reference_cg - self.body.cg
+        return np.array(
+            [
+                axial + axial_q * q,
+                Y,
+                Z,
+                rolling + rolling_control + rolling_r * r + rolling_p * p,
+                pitching + pitching_q * q + Z * arm,
+                yawing + yawing_control + yawing_r * r + yawing_p * p - Y * (arm * airframe.chord_m / airframe.span_m),
+            ]
+        )
+
+    def thrust_force(self, u: FloatArray) -> FloatArray:
+        """Return the thrust in body axes, (3, n) N, turned by the nozzle to the right and down."""
+        (yaw, pitch), (cos_yaw, cos_pitch) = np.sin(u[NOZZLE]), np.cos(u[NOZZLE])
+        return np.asarray(self.thrust * np.array([cos_yaw * cos_pitch, yaw, cos_yaw * pitch]))
+
+    def accelerations(self, C: FloatArray, F_T: FloatArray) -> FloatArray:
+        """Return force per mass, gravity included, (3, n) m/s^2, of coefficients, (6, n), and thrust, (3, n) N."""
+        frame = self.body.airframe
+        return np.asarray((self.pressure * frame.wing_area_m2 * C[:3] + F_T) / frame.mass_kg + self.weight)
 
     @property
     def unit_moments(self) -> FloatArray:
@@ -205,36 +171,36 @@ class Conditions:
         lengths = np.array([[frame.span_m], [frame.chord_m], [frame.span_m]])
         return np.asarray(self.pressure * frame.wing_area_m2 * lengths)
 
+    def moments(self, C: FloatArray, F_T: FloatArray) -> FloatArray:
+        """Return the moments about the centre of gravity, (3, n) N m, of coefficients, (6, n), and thrust, (3, n) N."""
+        M = self.unit_moments * C[3:]
+        M[1] += self.body.nozzle_arm_m * F_T[2]
+        M[2] -= self.body.nozzle_arm_m * F_T[1]
+        return np.asarray(M)
+
 
 def conditions_at(x: FloatArray, body: Body) -> Conditions:
-    """Return the conditions of states, (13, n)."""
-    tas, altitude, g = x[TAS], x[ALTITUDE], body.airframe.gravity_m_s2
+    """Return the conditions of states, (13, n).
+
+    Angles of attack outside -10 to 45 degrees count as the nearest of them; sideslip beyond 30 degrees is extrapolated.
+    """
+    data, (tas, altitude), n = tables(), (x[TAS], x[ALTITUDE]), x.shape[1]
+    slip, g = np.degrees(x[SIDESLIP]), body.airframe.gravity_m_s2
+    cell, part = data.aoa.place(np.minimum(np.maximum(np.degrees(x[AOA]), AOA_RANGE[0]), AOA_RANGE[1]))
+    low = np.take(data.stack, cell, axis=1)
+    rows = low + part * (np.take(data.stack, cell + 1, axis=1) - low)
+    odd = interpolate(rows[10:24].reshape(2, 7, n), data.sideslip_size, np.abs(slip)) * np.sign(slip)
+    control = interpolate(rows[24:52].reshape(4, 7, n), data.sideslip, slip) / CONTROL_UNITS[:, None]
+    normal = rows[52] * (1.0 - (slip / BOOK_RADIAN) ** 2)
     down = g * np.cos(x[PITCH])
     return Conditions(
-        section=section_at(x[AOA], x[SIDESLIP]),
         body=body,
         tas=tas,
         pressure=0.5 * air_density(altitude) * tas * tas,
         thrust=thrust(x[POWER], altitude, mach_number(tas, altitude)),
         weight=np.array([-g * np.sin(x[PITCH]), down * np.sin(x[ROLL]), down * np.cos(x[ROLL])]),
+        by_elevator=rows[:10].reshape(2, 5, n),
+        still=np.array([SIDE_PER_SIDESLIP * x[SIDESLIP], normal, *odd]),
+        control=control.reshape(2, 2, n),
+        damping=rows[53:],
     )
-
-
-def thrust_force(at: Conditions, u: FloatArray) -> FloatArray:
-    """Return the thrust in body axes, (3, n) N, turned by the nozzle to the right and down."""
-    (yaw, pitch), (cos_yaw, cos_pitch) = np.sin(u[NOZZLE]), np.cos(u[NOZZLE])
-    return np.asarray(at.thrust * np.array([cos_yaw * cos_pitch, yaw, cos_yaw * pitch]))
-
-
-def accelerations(at: Conditions, C: FloatArray, F_T: FloatArray) -> FloatArray:
-    """Return force per mass, gravity included, (3, n) m/s^2, of coefficients, (6, n), and thrust, (3, n) N."""
-    frame = at.body.airframe
-    return np.asarray((at.pressure * frame.wing_area_m2 * C[:3] + F_T) / frame.mass_kg + at.weight)
-
-
-def moments(at: Conditions, C: FloatArray, F_T: FloatArray) -> FloatArray:
-    """Return the moments about the centre of gravity, (3, n) N m, of coefficients, (6, n), and thrust, (3, n) N."""
-    M = at.unit_moments * C[3:]
-    M[1] += at.body.nozzle_arm_m * F_T[2]
-    M[2] -= at.body.nozzle_arm_m * F_T[1]
-    return np.asarray(M)

@@ -33,17 +33,7 @@ from .airframe import (
     YAW,
     Airframe,
 )
-from .loads import (
-    AOA_RANGE,
-    Body,
-    Conditions,
-    accelerations,
-    commanded_power,
-    conditions_at,
-    moments,
-    power_rate,
-    thrust_force,
-)
+from .loads import AOA_RANGE, Body, Conditions, commanded_power, conditions_at, power_rate
 
 __all__ = ["F16", "SteadyFlight", "Trim", "derivatives", "fly", "rate_derivatives", "translation", "trim"]
 
@@ -81,18 +71,18 @@ def derivatives(
     C = at.coefficients(x[RATES], u)
     if variation is not None:
         C[3:] *= 1.0 + variation
-    F_T = thrust_force(at, u)
+    F_T = at.thrust_force(u)
     sin, cos = np.sin(x[AOA : YAW + 1]), np.cos(x[AOA : YAW + 1])
     p, q, r = x[RATES]
     turning = q * sin[2] + r * cos[2]
     change = np.empty_like(x)
-    change[: SIDESLIP + 1] = translation(x, accelerations(at, C, F_T))
+    change[: SIDESLIP + 1] = translation(x, at.accelerations(C, F_T))
     change[AOA] += q - (p * cos[0] + r * sin[0]) * sin[1] / cos[1]
     change[SIDESLIP] += p * sin[0] - r * cos[0]
     change[ROLL] = p + sin[3] / cos[3] * turning
     change[PITCH] = q * cos[2] - r * sin[2]
     change[YAW] = turning / cos[3]
-    change[RATES] = rate_derivatives(x[RATES], moments(at, C, F_T), body.airframe)
+    change[RATES] = rate_derivatives(x[RATES], at.moments(C, F_T), body.airframe)
     # Velocity over the ground: body axes turned by roll, pitch and yaw; the last row counts upwards.
     tas = x[TAS]
     forward, v, w = tas * cos[0] * cos[1], tas * sin[1], tas * sin[0] * cos[1]
@@ -238,7 +228,7 @@ def fly(deviations: FloatArray, rate_hz: float) -> Flown:
             third = derivatives(x + 0.5 * h * second, now, STABLE)
             x = x + h / 6.0 * (first + 2.0 * (second + third) + derivatives(x + h * third, now, STABLE))
     at = conditions_at(states, STABLE)
-    felt = accelerations(at, at.coefficients(states[RATES], u), thrust_force(at, u)) - at.weight
+    felt = at.accelerations(at.coefficients(states[RATES], u), at.thrust_force(u)) - at.weight
     stops = [name for name, beyond in zip(INPUTS, (wanted != inputs).any(axis=0), strict=True) if beyond]
     return Flown(
         inputs=inputs,

@@ -20,14 +20,13 @@ FloatArray = NDArray[np.float64]
 MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
 # Rules of thumb: below the stall of the wing, and sin(pitch) within 2 % of pitch.
 LINEAR_RANGE_RAD = {"aoa": 0.1, "pitch": 0.3}
-
 EDGE_TOLERANCE = 1e-9  # in unit steps: a sample at an edge belongs to the step that begins there
 MULTISINE_PERIOD = 10.0  # in unit steps
-MULTISINE_LINES = 16
+MULTISINE_LINES = 16  # up to 1.6 per unit step: with a step of 1 s the short period lies among them
 
 GUSTS = ("headwind_gust", "updraught")
-# Dryden's filters: states (u, w1, w2) in time units of scale length / airspeed, dx/dt = A x + unit white noise, with
-# their stationary covariance P; the gusts are C x.
+# Dryden's filters (MIL-F-8785C): states (u, w1, w2) in time units of scale length / airspeed, driven by white noise to
+# the stationary covariance P; the gusts of unit intensity are C x.
 DRYDEN_A = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, -2.0]])
 DRYDEN_P = np.diag([1.0, 0.25, 0.25])
 DRYDEN_C = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, np.sqrt(3.0)]])

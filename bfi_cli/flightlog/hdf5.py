@@ -223,11 +223,11 @@ def _too_large(path: str, n_channels: int, n_samples: int, total: int, advice: s
 
 
 def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """Yield name and object of everything in a group that lies inside the groups `inside`.
+    """Yield name and object of every member of a group; `inside` are the groups around it.
 
     Raises
     ------
-    LogError : one of them lies in another file or nowhere, or is a group around itself.
+    LogError : a member lies in another file or nowhere, or is one of the groups around it.
     """
     require_few(path, len(node), "members of a group")
     for name in node:

@@ -80,7 +80,7 @@ def different_length(path: str, name: str, n: int, n_times: int) -> LogError:
 
 
 def require_few(path: str, count: int, what: str) -> None:
-    """Check that a file has no more channels (or `what` else) than a recorder writes.
+    """Check that a file has no more channels, or columns or variables, than a recorder writes; `what` names them.
 
     Raises
     ------

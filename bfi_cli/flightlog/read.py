@@ -38,7 +38,7 @@ def read_log(
     from_s: float | None = None,
     to_s: float | None = None,
 ) -> FlightLog:
-    """Read a flight log; the format is told by the content of the file.
+    """Read a flight log; the content of the file, not its name, decides the format.
 
     Two columns for one standard name: a mapped one wins, then one of exactly that name, then the first; the other
     keeps its own name.
@@ -46,7 +46,7 @@ def read_log(
     Parameters
     ----------
     path : HDF5, CSV, MATLAB v5 or v7.3.
-    group : HDF5 group or MATLAB struct that holds the channels; found by itself where there is just one.
+    group : HDF5 group or MATLAB struct that holds the channels; may be left out where there is just one.
     channel_map : standard name -> name in the file, for names that are not known.
     unit_map : name in the file, or standard name -> its unit, for channels that state none or a wrong one.
     from_s, to_s : the window that is wanted, on the log's time axis. The log may come back longer, so cut it with
@@ -84,7 +84,7 @@ def read_log(
 
 
 def _read(path: str, head: bytes, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
-    """Return the columns of a file whose format the first bytes tell."""
+    """Return the columns of a file, in the format that its first bytes show."""
     if not head:
         raise LogError(f"{path}: the file is empty; copy or export it again")
     if any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)):

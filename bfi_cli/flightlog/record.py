@@ -155,7 +155,7 @@ def inject(log: FlightLog, faults: Sequence[Fault]) -> FlightLog:
     """Return `log` with `faults` added to their channels, in that order, and the truth extended by them.
 
     Times of the faults are on the log's own time axis; a `phase_reference` of "window" counts from its first sample.
-    Injecting into a log that carries faults already keeps these; the clean signals stay those before the first one.
+    Faults that the log carries already stay in its truth; a clean signal is that before the first fault.
     `notes` names a fault that has neither onset nor end in the log.
 
     Raises

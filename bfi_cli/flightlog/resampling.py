@@ -98,7 +98,7 @@ def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) 
 
 
 def _holds(part: FlightLog, log: FlightLog) -> dict[str, Hold]:
-    """Return the clocks of the held channels of a part of a log; a part too short to show one has the whole log's."""
+    """Return the clocks of the held channels of a part of a log, of the whole log where the part is too short."""
     samples_before, holds = (part.time_s[0] - log.time_s[0]) * log.rate_hz, {}
     for name, channel in part.channels.items():
         hold = hold_of(part, channel.values)

@@ -85,7 +85,7 @@ def _read(path: str, encoding: str) -> RawLog:
 
 
 def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:
-    """Yield number and text of the lines that are neither empty nor comments; keep those comments that say something.
+    """Yield number and text of the lines that are neither empty nor comments; keep comments on faults and segments.
 
     Raises
     ------

@@ -98,8 +98,8 @@ class DmaeResult:
     time_s : (n_samples,) of the log.
     channel, unit : the sensor that may be faulty.
     measured : (n_samples,) the log's channel.
-    fault, fault_sd : (n_samples,) the fault, exactly zero under the hypothesis of none; the floor of that one's
-        probability alone makes an sd of sqrt(floor) times the fault.
+    fault, fault_sd : (n_samples,) the fault, exactly zero under the hypothesis of none, whose probability does not
+        fall below `floor`; the sd is therefore at least sqrt(floor) times the fault.
     fault_if_any : (n_samples,) the fault as the filter with a fault sees it, whatever its probability.
     probability : (n_samples,) of a fault.
     states : names of the columns of `state` and `state_sd`, (n_samples, n_x), absolute values.

@@ -41,7 +41,7 @@ def identify_faults(
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     dictionary : see `bfi_cli.dictionary.load_dictionary`.
     config : see `bfi_cli.config.Config`; its `method` is one of `bfi_cli.identify.methods.METHODS`.
-    progress : told the name of every stage and how far it is.
+    progress : receives the name of every stage and its progress.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class MagnitudeEstimates:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MethodResult:
-    """The answer of a method of identification, whatever its model is.
+    """The result of a method of identification, whatever its model is.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ def averaged_magnitudes(
     fits : of one support at every order.
     penalty : the criterion they are scored by.
     overdispersion : (n_live,) see `bfi_cli.preprocessing.overdispersion`.
-    report : told how far it is.
+    report : receives the progress.
     """
     criteria = np.array([scored.criterion for scored in fits])
     weights = np.exp(-0.5 * (criteria - criteria.min()))

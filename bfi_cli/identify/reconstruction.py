@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6
-MAX_LAGS = 40
+MAX_LAGS = 40  # of the autocorrelation: over more the Ljung-Box test loses power; chosen without tuning record
 
 
 def output_series(

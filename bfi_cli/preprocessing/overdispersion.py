@@ -37,7 +37,7 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
     ----------
     window : with the dictionary.
     regression : of the window; fit : the chosen one of it.
-    report : told how far it is.
+    report : receives the progress.
     """
     time_s, known = window.native.time_s, dict[Fault, float]()
     onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])

@@ -147,7 +147,7 @@ def build_regression(
     ----------
     atoms : dictionary entries to look for.
     orders : to choose from; default the configuration's.
-    report : told how far it is.
+    report : receives the progress.
 
     Raises
     ------

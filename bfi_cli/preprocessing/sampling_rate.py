@@ -1,4 +1,4 @@
-"""The rate of an analysis: slow enough to give the model memory, fast enough for the dynamics and the dictionary."""
+"""The sampling rate of an analysis: so low that few lags span the dynamics, high enough for the dictionary."""
 
 from __future__ import annotations
 
@@ -94,16 +94,16 @@ def reduce_rate_for_noise(
     lowpass: Lowpass,
     report: Report = silent,
 ) -> tuple[RateChoice, RegressionData | None]:
-    """Halve the rate for as long as a VARX there prefers many lags and the dictionary allows it.
+    """Halve the rate while the best VARX has many lags and the frequencies of the dictionary allow a lower rate.
 
-    Averaging measurement noise needs memory, and a lower rate gives it for fewer lags.
+    Lags average the measurement noise over the time they span; at a lower rate fewer of them span that time.
 
     Parameters
     ----------
     signals : at the log's own rate.
     choice : the fastest rate that suits.
     faults : what is looked for, by its place in the dictionary.
-    report : told how far it is.
+    report : receives the progress.
 
     Returns
     -------

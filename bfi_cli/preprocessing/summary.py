@@ -27,7 +27,7 @@ class LogSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelSummary:
-    """The model behind an answer; `orders` and `criterion_...` are the order selection curve, empty for one order."""
+    """The model behind a result; `orders` and `criterion_...` are the order selection curve, empty for one order."""
 
     order: int
     rate_hz: float

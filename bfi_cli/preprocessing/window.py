@@ -73,7 +73,7 @@ class PreparedWindow:
 
 
 def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent) -> PreparedWindow:
-    """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` is told how far it is.
+    """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` receives the progress.
 
     Raises
     ------
@@ -204,7 +204,7 @@ def unusable_atoms(
     ----------
     theta : (n_samples, n_outputs, n_atoms) signals of all dictionary entries; names : of all of them.
     indices : the entries to look at; earlier ones are kept.
-    report : told how far it is.
+    report : receives the progress.
     """
     reasons: dict[int, str] = {}
     n, n_y, _ = theta.shape

@@ -1,7 +1,7 @@
 """The F-16 of Stevens and Lewis: tables, equations of motion, trim, nonlinear dynamic inversion, rate observer.
 
 States and controls are columns, one per aircraft, in the orders of `STATES` and `CONTROLS`, SI and radians, so that
-many aircraft fly at the price of one. A positive elevator pitches down, a positive aileron rolls left, a positive
+many aircraft are computed at once. A positive elevator pitches down, a positive aileron rolls left, a positive
 rudder yaws left; altitude is positive up (the z of Wang, Tang and Chen is positive down and starts at -3000 m).
 """
 

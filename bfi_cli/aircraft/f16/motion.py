@@ -137,7 +137,7 @@ class SteadyFlight:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trim:
-    """State, (13,), and controls, (6,), in which the aircraft stays; in the orders of `STATES` and `CONTROLS`."""
+    """State, (13,), and controls, (6,), of a steady flight, in the orders of `STATES` and `CONTROLS`."""
 
     state: FloatArray
     controls: FloatArray

@@ -78,9 +78,10 @@ def warnings_of(
         jumps_s = time_s[first:][exceedances(error)]
         if 0 < jumps_s.size <= max(1.0, RARE * len(error)):
             shown = ", ".join(f"{t:.4g}" for t in jumps_s[:MOST_NAMED])
+            count = "once (at" if jumps_s.size == 1 else f"{jumps_s.size} times (first at"
             notes.append(
-                f"the prediction error of '{output.channel}' still exceeds five standard deviations {jumps_s.size} "
-                f"times (first at {shown} s): an abrupt event that is not in the dictionary, or gusts"
+                f"the prediction error of '{output.channel}' still exceeds five standard deviations {count} "
+                f"{shown} s): an abrupt event that is not in the dictionary, or gusts"
             )
     notes.append(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}")
     if unseen:

@@ -97,7 +97,6 @@ def load_model(path: str | Path) -> LinearModel:
     document = validated(ModelDocument, load_yaml(Path(path)), where=str(path), error=ConfigError)
     states, outputs = document.states, document.output_names
     selection = np.array([[float(state == output) for state in states] for output in outputs])
-    names = dict.fromkeys((*states, *document.inputs, *outputs))
     return LinearModel(
         name=document.name,
         title=document.title or document.name,
@@ -108,7 +107,7 @@ def load_model(path: str | Path) -> LinearModel:
         states=states,
         inputs=document.inputs,
         outputs=outputs,
-        units={name: document.units.get(name) or STANDARD[name].unit for name in names},
+        units=document.units,
         trim=dict(document.trim),
         airspeed_m_s=document.airspeed_m_s,
         source=document.source or str(path),

@@ -118,9 +118,11 @@ class Dryden:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sigma_m_s) and self.sigma_m_s >= 0):
-            raise ConfigError(f"turbulence: no intensity, got {self.sigma_m_s:g} m/s; give 0 or a positive number")
+            raise ConfigError(f"turbulence: the intensity must be 0 or more, got {self.sigma_m_s:g} m/s; change it")
         if not (np.isfinite(self.scale_length_m) and self.scale_length_m > 0):
-            raise ConfigError(f"turbulence: no scale length, got {self.scale_length_m:g} m; give a positive number")
+            raise ConfigError(
+                f"turbulence: the scale length must be positive, got {self.scale_length_m:g} m; change it"
+            )
 
 
 def dryden_gusts(
@@ -194,7 +196,7 @@ def simulate(
 
     Returns
     -------
-    FlightLog with the inputs and outputs, absolute values; `notes` says where the model is left behind.
+    FlightLog with the inputs and outputs, absolute values; `notes` says where the flight leaves the range of the model.
 
     Raises
     ------
@@ -209,8 +211,8 @@ def simulate(
                 raise ConfigError(f"{model.name}: {what}: no output '{name}'; the model has: {has}")
             if not (np.isfinite(value) and value >= 0):
                 raise ConfigError(
-                    f"{model.name}: {what} of {name}: not a size, got {value:g} {model.units[name]}; "
-                    "give a positive number, or 0 for none"
+                    f"{model.name}: {what} of {name}: must be 0 or more, got {value:g} {model.units[name]}; "
+                    "give 0 for none"
                 )
     u = np.asarray(u, dtype=np.float64)
     if u.ndim == 1:

@@ -34,7 +34,7 @@ class FaultFreeModel:
     Attributes
     ----------
     regression : without atoms; fit : of the order with the best criterion.
-    unfolded : over the rows, outputs scaled by `regression.unit`.
+    unfolded : `fit` on the rows of the regression, outputs scaled by `regression.unit`.
     sd : (n_live,) standard deviation of each magnitude in SI if that fault alone is added, NaN where its signature
         vanishes.
     deviations : how many of these make a magnitude detectable, see `detectable_at`.

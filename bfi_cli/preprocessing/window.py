@@ -140,7 +140,7 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
 
 
 def regression_of(window: PreparedWindow, config: Config, report: Report = silent) -> RegressionData:
-    """Return the regression of a window with all its live entries, the one built for the choice of the rate if it fits.
+    """Return the regression of a window with all its live entries; one built for the choice of the rate is reused.
 
     Raises
     ------

@@ -107,9 +107,12 @@ def test_a_model_without_airspeed_does_not_feel_a_headwind():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"sigma_m_s": -1.0}, "turbulence: no intensity, got -1 m/s; give 0 or a positive number"),
-        ({"sigma_m_s": np.nan}, "turbulence: no intensity, got nan m/s; give 0 or a positive number"),
-        ({"sigma_m_s": 1.0, "scale_length_m": 0.0}, "turbulence: no scale length, got 0 m; give a positive number"),
+        ({"sigma_m_s": -1.0}, "turbulence: the intensity must be 0 or more, got -1 m/s; change it"),
+        ({"sigma_m_s": np.nan}, "turbulence: the intensity must be 0 or more, got nan m/s; change it"),
+        (
+            {"sigma_m_s": 1.0, "scale_length_m": 0.0},
+            "turbulence: the scale length must be positive, got 0 m; change it",
+        ),
     ],
 )
 def test_an_impossible_turbulence_is_refused(settings: dict[str, float], message: str):

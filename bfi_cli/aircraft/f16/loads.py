@@ -37,12 +37,14 @@ __all__ += ["commanded_power", "conditions_at", "mach_number", "power_rate", "th
 FloatArray = NDArray[np.float64]
 
 AOA_RANGE = (-10.0, 45.0)  # degrees, the ends of the tables
+# The book's linear parts of the coefficients, per rad of control or sideslip.
 NORMAL_PER_ELEVATOR = -0.19 / np.radians(25.0)
 SIDE_PER_SIDESLIP = -0.02 * np.degrees(1.0)
 SIDE_PER_CONTROL = np.array([0.021 / np.radians(20.0), 0.086 / np.radians(30.0)])
 CONTROL_UNITS = np.array([np.radians(20.0), np.radians(30.0)] * 2)
 BOOK_RADIAN = 57.3  # degrees, as the book rounds it
 
+# The book's engine, and its standard atmosphere in degrees Rankine.
 MILITARY = 50.0  # percent of power, above it the afterburner burns
 DENSITY_0 = 0.002377 * POUND / FOOT**4
 LAPSE = 0.703e-5 / FOOT

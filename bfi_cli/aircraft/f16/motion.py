@@ -46,6 +46,7 @@ TOLERANCE = 1e-9  # of every part of what must vanish in a steady flight
 
 INPUTS = CONTROLS[:4]
 ACCELERATIONS = ("longitudinal_acc", "lateral_acc", "normal_acc")
+# Stops of elevator, aileron, rudder and throttle.
 LEAST, MOST = (np.array([*(sign * limit for limit in SURFACE_LIMITS), end]) for sign, end in ((-1.0, 0.0), (1.0, 1.0)))
 LONGEST_STEP = 0.02  # seconds of one Runge-Kutta step, as in the F-16 diagnosability reproduction
 SIDESLIP_RANGE = (-30.0, 30.0)  # degrees, the ends of the tables
@@ -242,14 +243,6 @@ F16 = NonlinearModel(
     title="F-16, six degrees of freedom, from level flight at 125 m/s and 3000 m",
     inputs=INPUTS,
     outputs=(*STATES[: RATES.stop], "altitude", *ACCELERATIONS),
-    units={
-        **dict.fromkeys(("elevator", "aileron", "rudder", *STATES[AOA : YAW + 1]), "rad"),
-        **dict.fromkeys(STATES[RATES], "rad/s"),
-        **dict.fromkeys(ACCELERATIONS, "m/s^2"),
-        "throttle": "1",
-        "tas": "m/s",
-        "altitude": "m",
-    },
     fly=fly,
     source="Stevens and Lewis, Aircraft Control and Simulation, after NASA TP-1538; centre of gravity at 0.30 chord",
     manoeuvred=("elevator",),

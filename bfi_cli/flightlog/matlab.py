@@ -32,7 +32,8 @@ CELL, STRUCT, CHAR = 1, 2, 4
 UNLIKE = {3: "is an object", 5: "is a sparse matrix", 16: "is a function", 17: "is an object"}
 NUMERIC = range(6, 16)
 COMPLEX = 0x0800
-# Structs and cells inside each other; a log has two, and the parser's own recursion ends the program.
+# Structs and cells inside each other, of which a log has two or three. Chosen without tuning record: the limit
+# only has to stop a file that nests them without end.
 DEEPEST = 20
 
 

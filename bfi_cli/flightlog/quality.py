@@ -252,7 +252,7 @@ def _flying(log: FlightLog) -> NDArray[np.bool_]:
     airspeed = next((log.channels[name].values for name in ("tas", "cas", "ias") if name in log.channels), None)
     if airspeed is None or not np.isfinite(airspeed).any():
         return np.ones(log.n_samples, dtype=bool)
-    return np.asarray(airspeed >= SLOWEST_AIRSPEED * np.nanquantile(airspeed, 0.95))
+    return np.asarray(airspeed >= SLOWEST_AIRSPEED * np.quantile(airspeed[np.isfinite(airspeed)], 0.95))
 
 
 def _excitation(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> Excitation:

@@ -34,6 +34,9 @@ MAX_BYTES = 64_000_000
 FEWEST_WINDOWS = 20
 # Quantiles that standardise a shape and begin the tail; the share of one window of all down to which it is followed.
 HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
+# A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
+# Chosen without a tuning record; only a note on the table depends on it.
+FAR_OUT, RARE = 2.0, 0.001
 # Relative: rates differ by a clock's error, windows by what the filter drops at their ends.
 RATE_TOLERANCE, DURATION_TOLERANCE = 0.01, 0.1
 WORDS = {
@@ -249,3 +252,39 @@ def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
             f"{where}: schema is {document.get('schema')}, this program reads {SCHEMA}; run bfi calibrate again"
         )
     return from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")
+
+
+def table_notes(table: CalibrationTable, logs: Sequence[str]) -> tuple[str, ...]:
+    """Return what a reader of a table should know: too few windows, windows left out, windows unlike the others.
+
+    Parameters
+    ----------
+    logs : paths of all logs that were to be counted.
+    """
+    n, notes = table.n_windows, []
+    if n < FEWEST_WINDOWS:
+        notes.append(f"{n} windows are too few, bfi start-time asks for {FEWEST_WINDOWS}; give more or longer flights")
+    if table.n_unusable:
+        unused = [log for log in logs if Path(log).name not in table.logs]
+        where = f", among them all of {', '.join(unused)}" if unused else ""
+        notes.append(f"{table.n_unusable} windows could not be analysed{where}; bfi info says what ails a log")
+    if n >= FEWEST_WINDOWS:
+        null = null_of(table, table.settings.shapes)
+        for shape, values in table.statistics.items():
+            beyond = int((values > FAR_OUT * null.threshold(shape, RARE)).sum())
+            if beyond:
+                notes.append(f"{shape}: {beyond} of {n} windows stand far out, as if they held a fault; leave them out")
+    return tuple(notes)
+
+
+def summary(table: CalibrationTable) -> list[str]:
+    """Return lines on a table: how many windows, and per shape the median and the threshold at 1 % false alarms."""
+    counted = f"{table.n_windows} windows without a fault, {table.n_unusable} could not be analysed"
+    if table.n_windows < FEWEST_WINDOWS:
+        return [counted, f"too few for a threshold, {FEWEST_WINDOWS} are needed"]
+    null = null_of(table, table.settings.shapes)
+    shapes = (
+        f"{shape}: median {null.median[shape]:.4g}, 1 % false alarms above {null.threshold(shape, 0.01):.4g}"
+        for shape in table.settings.shapes
+    )
+    return [counted, *shapes]

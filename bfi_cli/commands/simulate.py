@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import ConfigError
-from .options import json_option
+from .options import json_option, pairs
 from .written import out_option, write_and_show
 
 if TYPE_CHECKING:
@@ -16,19 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-
-def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
-    flag = option.opts[0]
-    given: dict[str, float] = {}
-    for text in values:
-        name, _, size = text.partition("=")
-        try:
-            given[name.strip()] = float(size)
-        except ValueError:
-            raise ConfigError(f"{flag}: expected {option.metavar}, got '{text}'; write {flag} tas=0.01") from None
-    if len(given) < len(values):
-        raise ConfigError(f"{flag}: an output is given twice, got {' '.join(values)}; keep one of each")
-    return given
+SIZES = pairs("tas=0.01", float)
 
 
 @click.command("simulate")
@@ -41,10 +29,8 @@ def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, 
 @click.option("--step", metavar="S", type=float, default=1.0, show_default=True, help="The manoeuvre's unit step.")
 @click.option("--duration", metavar="S", type=float, default=31.72, show_default=True, help="Length of the log.")
 @click.option("--rate", metavar="HZ", type=float, default=100.0, show_default=True, help="Samples per second.")
-@click.option(
-    "--noise", metavar="NAME=SD", multiple=True, callback=_sizes, help="White noise of an output; repeatable."
-)
-@click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=_sizes, help="Step of an output; repeatable.")
+@click.option("--noise", metavar="NAME=SD", multiple=True, callback=SIZES, help="White noise of an output; repeatable.")
+@click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=SIZES, help="Step of an output; repeatable.")
 @click.option("--turbulence", metavar="SIGMA", type=float, default=0.0, show_default=True, help="Dryden gusts, in m/s.")
 @click.option("--discretisation", type=click.Choice(["zoh", "bilinear", "euler"]), default="zoh", show_default=True)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and turbulence.")

@@ -16,6 +16,8 @@ from ..faults import did_you_mean, shown
 from ..identify.methods import METHODS
 from ..yaml12 import load_yaml, read_text
 from .sections import (
+    AuditOfDictionary,
+    Calibrate,
     Conditioning,
     Detect,
     Diagnosability,
@@ -66,6 +68,8 @@ class Config(Rules):
     """Standard name: name in the log."""
     units: Mapping[Text, Text] = Field(default_factory=dict)
     """Name in the log: the unit it does not state."""
+    group: Text | None = None
+    """HDF5 group or MATLAB struct that holds the channels."""
     window: Window = Window()
     conditioning: Conditioning = Conditioning()
     model: Model = Model()
@@ -77,8 +81,10 @@ class Config(Rules):
     dictionary: DictionarySource | None = None
     """A file, relative to this one, or the dictionary itself."""
     start_time: StartTime = StartTime()
+    calibrate: Calibrate = Calibrate()
     detect: Detect = Detect()
     diagnosability: Diagnosability = Diagnosability()
+    audit: AuditOfDictionary = AuditOfDictionary()
     seed: Annotated[Whole, Field(ge=0)] = 0
     strict: StrictBool = False
     """Whether an answer that cannot be trusted is exit code 4."""

@@ -26,6 +26,8 @@ from ..shapes import SCANNED, ScannedShape
 
 __all__ = [
     "STRONG_EVIDENCE",
+    "AuditOfDictionary",
+    "Calibrate",
     "Conditioning",
     "Detect",
     "Diagnosability",
@@ -270,3 +272,19 @@ class Diagnosability(Rules):
     """Dryden gusts."""
     draws: Natural = 5
     """Of the noise, for each manoeuvre."""
+
+
+class Calibrate(Rules):
+    """The windows of a calibration."""
+
+    length_s: Positive | None = None
+    """Of a window; default 120 s, or the whole of a shorter log."""
+    step_s: Positive | None = None
+    """Between the starts of windows; default half a window."""
+
+
+class AuditOfDictionary(Rules):
+    """The audit of a dictionary."""
+
+    duration_s: Number | None = None
+    """Length of the window without a log; default one that shows every fault."""

@@ -9,10 +9,9 @@ from .result import (
     OnsetResult,
     OnsetSeries,
     ShapeProfile,
-    compare_with_injected,
     propose_dictionary,
 )
-from .windows import table_of_windows, windows_of
+from .windows import calibration_windows, table_of_windows, windows_of
 
 __all__ = [
     "CalibrationUse",
@@ -20,7 +19,7 @@ __all__ = [
     "OnsetResult",
     "OnsetSeries",
     "ShapeProfile",
-    "compare_with_injected",
+    "calibration_windows",
     "find_onset",
     "onset_document",
     "onset_exhibit",

@@ -1,8 +1,7 @@
-"""The result of the scan over all onsets, the dictionary it proposes, and its comparison with injected faults."""
+"""The result of the scan over all onsets, and the dictionary it proposes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from numpy.typing import NDArray
 
 from ..dictionary import Dictionary
 from ..faults import Decision, Fault, FaultEstimate
-from ..identify.result import AgainstTruth
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..wording import instant
 
@@ -20,7 +18,6 @@ __all__ = [
     "OnsetResult",
     "OnsetSeries",
     "ShapeProfile",
-    "compare_with_injected",
     "propose_dictionary",
 ]
 
@@ -131,6 +128,11 @@ class OnsetResult:
     truth: tuple[Fault, ...] | None
     notes: tuple[str, ...]
 
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the log could tell, and how rare such a statistic is without a fault is known."""
+        return self.decision != "not_identifiable" and self.p_value is not None
+
 
 def propose_dictionary(result: OnsetResult) -> Dictionary:
     """Return the faults that the scan declared; where it declared none, every shape of known form at its best onset."""
@@ -151,30 +153,3 @@ def propose_dictionary(result: OnsetResult) -> Dictionary:
     if len({atom.name for atom in atoms}) < len(atoms):
         atoms = [replace(atom, name=f"{atom.name}_{i}") for i, atom in enumerate(atoms, 1)]
     return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path=DICTIONARY_NAME)
-
-
-def compare_with_injected(
-    plain: AgainstTruth, declared: Sequence[FaultEstimate], true: Sequence[Fault], *, tolerance_s: float
-) -> AgainstTruth:
-    """Compare with the injected faults: one is isolated where a declared one has its shape, its channel and its onset.
-
-    Parameters
-    ----------
-    plain : the comparison that asks for the very same signal, which an estimated onset or frequency never is.
-    tolerance_s : onsets that differ by no more are the same.
-    """
-    partner: dict[int, int] = {}
-    for i, fault in enumerate(true):
-        for j, one in enumerate(declared):
-            same = (one.fault.shape, one.fault.channel) == (fault.shape, fault.channel)
-            if same and abs(one.fault.onset_s - fault.onset_s) <= tolerance_s:
-                partner[i] = j
-                break
-    isolated = set(partner.values())
-    missed = tuple(f"{fault.shape}_{instant(fault.onset_s)}" for i, fault in enumerate(true) if i not in partner)
-    extra = tuple(one.name for j, one in enumerate(declared) if j not in isolated)
-    error = None
-    if true and not missed and not extra and len(isolated) == len(true):
-        sizes = np.array([[abs(declared[j].magnitude), abs(true[i].magnitude)] for i, j in partner.items()])
-        error = float(np.linalg.norm(sizes[:, 0] - sizes[:, 1]) / np.linalg.norm(sizes[:, 1]))
-    return replace(plain, isolated=not missed and not extra, false_alarms=extra, missed=missed, magnitude_error=error)

@@ -19,7 +19,7 @@ from ..kernels.progress import Report, parts, silent
 from .scan_record import ScanRecord, prepare_record
 from .sweep import Sweep, sweep
 
-__all__ = ["Windows", "earlier_windows", "gaussian_table", "table_of_windows", "windows_of"]
+__all__ = ["Windows", "calibration_windows", "earlier_windows", "gaussian_table", "table_of_windows", "windows_of"]
 
 FloatArray = NDArray[np.float64]
 Windows = list[tuple[float, float]]
@@ -28,6 +28,8 @@ Windows = list[tuple[float, float]]
 TRIALS = 40
 # Largest modulus of a pole of the simulated model: a fitted one may grow slightly where the true one does not.
 STABLE = 0.999
+# Length of the windows of a calibration where none is given: that of the shipped tables.
+LENGTH_S = 120.0
 # Windows that a sample of the log's earlier part belongs to: they give more statistics than windows apart.
 OVERLAPPING = 4
 
@@ -64,6 +66,15 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
                 y[k] = expected[k - order] + y[k - 1 :: -1][:order].reshape(-1) @ past
             sweeps.append(sweep(record, y, order, own))
     return _table(record.settings, sweeps, ("simulated",))
+
+
+def calibration_windows(logs: Sequence[FlightLog], config: Config) -> list[tuple[FlightLog, tuple[float, float]]]:
+    """Return log, start and end of every window of a calibration, of the length and the step of the configuration."""
+    parts_of_logs = [log.window(config.window.from_s, config.window.to_s) for log in logs]
+    shortest_s = min(part.n_samples / part.rate_hz for part in parts_of_logs)
+    length_s = config.calibrate.length_s or min(LENGTH_S, shortest_s)
+    step_s = config.calibrate.step_s or 0.5 * length_s
+    return [(log, window) for log in logs for window in windows_of(log, config, length_s=length_s, step_s=step_s)]
 
 
 def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float) -> Windows:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..channels import STANDARD
-from ..dictionary.validation import Number, Positive, Rules, Text, validated
 from ..errors import ConfigError
+from ..validation import Number, Positive, Rules, Text, validated
 from ..yaml12 import load_yaml
 from .model import LinearModel
 

@@ -15,9 +15,9 @@ import numpy as np
 from .. import __version__
 from ..config import Config, merge
 from ..dictionary import Dictionary, DictionaryDocument, load_dictionary
-from ..dictionary.validation import validated
 from ..errors import ConfigError
 from ..printable import printable
+from ..validation import validated
 from ..yaml12 import load_yaml, read_text
 from .definition import FlownModel, RecordedLog, SweepRules
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..aircraft.f16 import Inversion, Observation, observe
-from ..dictionary.validation import Number, Positive, Rules, validated
 from ..errors import ConfigError
+from ..validation import Number, Positive, Rules, validated
 from ..yaml12 import load_yaml
 
 __all__ = ["Case", "F16Options", "Residuals", "fault_deg_s", "fly_cases", "options_from"]

@@ -14,9 +14,9 @@ from typing import Annotated, Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, Strict, StrictInt, ValidationError
 from pydantic_core import ErrorDetails
 
-from ..errors import BfiError
-from ..faults import did_you_mean, shown, unknown_key
-from ..printable import shortened
+from .errors import BfiError
+from .faults import did_you_mean, shown, unknown_key
+from .printable import shortened
 
 __all__ = ["SENTENCE_LETTERS", "Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
 

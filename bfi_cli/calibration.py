@@ -23,7 +23,7 @@ from .serialize import to_json
 from .yaml12 import read_text
 
 __all__ = ["FEWEST_WINDOWS", "SCHEMA", "CalibrationSettings", "CalibrationTable", "Null", "differences", "load_tables"]
-__all__ += ["merged", "nearest", "null_of", "save_tables"]
+__all__ += ["merged", "nearest", "null_of", "save_tables", "summary", "table_notes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -165,13 +165,8 @@ def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
     maxima = np.sort(((values - median[:, None]) / scale[:, None]).max(axis=0))
     start = float(np.quantile(maxima, TAIL))
     excess = float(np.mean(maxima[maxima > start] - start)) if np.any(maxima > start) else np.finfo(float).eps
-    return Null(
-        median=dict(zip(shapes, median.tolist(), strict=True)),
-        scale=dict(zip(shapes, scale.tolist(), strict=True)),
-        maxima=maxima,
-        start=start,
-        excess=excess,
-    )
+    medians, scales = (dict(zip(shapes, values.tolist(), strict=True)) for values in (median, scale))
+    return Null(median=medians, scale=scales, maxima=maxima, start=start, excess=excess)
 
 
 def differences(table: CalibrationTable, settings: CalibrationSettings) -> tuple[str, ...]:
@@ -216,9 +211,7 @@ def merged(tables: Sequence[CalibrationTable], table: CalibrationTable) -> tuple
     for one in same:
         table = CalibrationTable(
             settings=one.settings,
-            statistics={
-                shape: np.concatenate([values, table.statistics[shape]]) for shape, values in one.statistics.items()
-            },
+            statistics={shape: np.concatenate([x, table.statistics[shape]]) for shape, x in one.statistics.items()},
             logs=tuple(dict.fromkeys((*one.logs, *table.logs))),
             n_unusable=one.n_unusable + table.n_unusable,
         )
@@ -244,13 +237,10 @@ def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
         document = json.loads(read_text(Path(path), error=ConfigError, most_bytes=MAX_BYTES))
     except json.JSONDecodeError as problem:
         raise ConfigError(f"{where}: not JSON ({problem.msg.lower()}); give a file of bfi calibrate") from None
-    kind = mapping(document, where=where).get("kind")
-    if kind != "calibration":
+    if (kind := mapping(document, where=where).get("kind")) != "calibration":
         raise ConfigError(f"{where}: kind is '{kind}', not 'calibration'; give a file of bfi calibrate")
-    if document.get("schema") != SCHEMA:
-        raise ConfigError(
-            f"{where}: schema is {document.get('schema')}, this program reads {SCHEMA}; run bfi calibrate again"
-        )
+    if (schema := document.get("schema")) != SCHEMA:
+        raise ConfigError(f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi calibrate again")
     return from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")
 
 

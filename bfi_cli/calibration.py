@@ -23,7 +23,7 @@ from .serialize import to_json
 from .yaml12 import read_text
 
 __all__ = ["FEWEST_WINDOWS", "SCHEMA", "CalibrationSettings", "CalibrationTable", "Null", "differences", "load_tables"]
-__all__ += ["merged", "nearest", "null_of", "save_tables", "summary", "table_notes"]
+__all__ += ["join_tables", "nearest", "null_of", "save_tables", "summary", "table_notes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -204,7 +204,7 @@ def nearest(tables: Sequence[CalibrationTable], settings: CalibrationSettings) -
     return min(able, key=distance, default=None)
 
 
-def merged(tables: Sequence[CalibrationTable], table: CalibrationTable) -> tuple[CalibrationTable, ...]:
+def join_tables(tables: Sequence[CalibrationTable], table: CalibrationTable) -> tuple[CalibrationTable, ...]:
     """Return the tables with one more; its windows join those of a table of the same settings."""
     same = [one for one in tables if not differences(one, table.settings) and not differences(table, one.settings)]
     others = [one for one in tables if one not in same]

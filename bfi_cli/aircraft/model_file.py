@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from ..channels import STANDARD
 from ..errors import ConfigError
-from ..validation import Number, Positive, Rules, Text, validated
+from ..validation import Number, Positive, Rules, Text, validate
 from ..yaml12 import load_yaml
 from .model import LinearModel
 
@@ -93,7 +93,7 @@ def load_model(path: str | Path) -> LinearModel:
     ------
     ConfigError : the file cannot be read, or everything that is wrong with it, in one line.
     """
-    document = validated(ModelDocument, load_yaml(Path(path)), where=str(path), error=ConfigError)
+    document = validate(ModelDocument, load_yaml(Path(path)), where=str(path), error=ConfigError)
     states, outputs = document.states, document.measured
     selection = np.array([[float(state == output) for state in states] for output in outputs])
     names = dict.fromkeys((*states, *document.inputs, *outputs))

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from .answered import show_lines
-from .options import MODEL, SIGNALS, configured, inputs_of, log_of, tell, with_options
+from .options import MODEL, SIGNALS, config_of, inputs_of, log_of, tell, with_options
 from .progress import stages
 
 __all__ = ["command"]
@@ -25,12 +25,12 @@ __all__ = ["command"]
 @with_options("progress", "force", "as_json")
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""
-    from ..calibration import load_tables, merged, save_tables, summary, table_notes
+    from ..calibration import join_tables, load_tables, save_tables, summary, table_notes
     from ..files import aside, check_files
     from ..onset import calibration_windows, table_of_windows
     from ..provenance import provenance
 
-    config = configured(config_path, options)
+    config = config_of(config_path, options)
     appended = options["append"] and out.exists()
     if appended:
         load_tables(out)
@@ -40,7 +40,7 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     with stages(wanted=options["progress"]) as progress:
         table = table_of_windows(windows, config, partial(progress, f"{len(windows)} windows"))
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
-    tables = merged(load_tables(out) if appended else (), table)
+    tables = join_tables(load_tables(out) if appended else (), table)
     notes = table_notes(tables[-1], [flight.path for flight in flights])
     text = save_tables(tables, origin, notes)
     with aside(out.parent, place=out, option="-o") as new:

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from .answered import give
-from .options import CHANNELS, configured, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import CHANNELS, config_of, exit_code, inputs_of, log_argument, log_of, with_options
 from .progress import progress
 
 __all__ = ["command"]
@@ -35,7 +35,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..output import exhibit_names
     from ..provenance import provenance
 
-    config = configured(config_path, options)
+    config = config_of(config_path, options)
     settings = settings_of(config)
     inputs = inputs_of(config, log)
     if options["out"] is not None:

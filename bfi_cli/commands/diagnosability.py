@@ -8,7 +8,7 @@ import click
 
 from ..errors import ConfigError
 from .answered import give
-from .options import MODEL, OPTIONS, SIGNALS, configured, inputs_of, log_of, with_options
+from .options import MODEL, OPTIONS, SIGNALS, config_of, inputs_of, log_of, with_options
 from .progress import progress
 
 __all__ = ["command"]
@@ -37,7 +37,7 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     from ..output import exhibit_names
     from ..provenance import provenance
 
-    config = configured(config_path, {**options, "magnitude": options["magnitudes"].pop("", None)})
+    config = config_of(config_path, {**options, "magnitude": options["magnitudes"].pop("", None)})
     if log is None and config.diagnosability.model is None:
         raise click.UsageError("needs a LOG or a --model, got nothing; give one of the two")
     if log is not None and options["flown_model"] is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .answered import show
-from .options import CHANNELS, configured, inputs_of, log_of, tell, with_options
+from .options import CHANNELS, config_of, inputs_of, log_of, tell, with_options
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -75,7 +75,7 @@ def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Confi
                 raise click.UsageError(f"{option} is about a log; give one after the dictionary")
     elif options["duration_s"] is not None:
         raise click.UsageError("--duration is for an audit without a log; give --from and --to")
-    return configured(path, options)
+    return config_of(path, options)
 
 
 def _files(audit: Audit, origin: Provenance) -> dict[str, bytes]:

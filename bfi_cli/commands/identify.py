@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from .answered import show
-from .options import MODEL, SIGNALS, advise, configured, exit_code, inputs_of, log_argument, log_of, tell, with_options
+from .options import MODEL, SIGNALS, advise, config_of, exit_code, inputs_of, log_argument, log_of, tell, with_options
 from .progress import stages
 
 __all__ = ["command"]
@@ -35,7 +35,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..provenance import provenance
     from ..tables import print_identify
 
-    config = configured(config_path, options)
+    config = config_of(config_path, options)
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
 
-__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "advise", "channel_options", "configured", "exit_code"]
+__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "advise", "channel_options", "config_of", "exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_options"]
 __all__ += ["outside_option", "pairs", "progress_option", "series_option", "tell", "window_options", "with_options"]
 
@@ -284,7 +284,7 @@ json_option = with_options("as_json")
 series_option = with_options("as_json", "series")
 
 
-def configured(path: str | None, given: Mapping[str, Any]) -> Config:
+def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
     """Return the configuration of a file (the defaults where there is none) with the command line's values in it.
 
     Parameters

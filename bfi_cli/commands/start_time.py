@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .answered import give
-from .options import MODEL, SIGNALS, advise, configured, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import MODEL, SIGNALS, advise, config_of, exit_code, inputs_of, log_argument, log_of, with_options
 from .progress import stages
 
 __all__ = ["command"]
@@ -31,7 +31,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..output import exhibit_names
     from ..provenance import provenance
 
-    config = configured(config_path, options)
+    config = config_of(config_path, options)
     inputs = inputs_of(config, log)
     if options["out"] is not None:
         check_folder(options["out"], exhibit_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])

@@ -25,9 +25,8 @@ from ..dictionary import Dictionary, DictionaryDocument, expand, load_dictionary
 from ..errors import ConfigError
 from ..faults import did_you_mean, shown
 from ..identify.methods import METHODS
-from ..sample_file import lies_inside
 from ..shapes import SCANNED, ScannedShape
-from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, validated
+from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["STRONG_EVIDENCE", "AuditOfDictionary", "Calibrate", "Conditioning", "Config", "Detect", "Diagnosability"]
@@ -41,25 +40,9 @@ def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
     return values
 
 
-def beside_config(path: str, info: ValidationInfo) -> str:
+def _beside_config(path: str, info: ValidationInfo) -> str:
     """Return a path relative to the file it stands in as one relative to the working directory."""
     return str(Path((info.context or {}).get("folder", "")) / path)
-
-
-def _inside_config(file: str, info: ValidationInfo) -> str:
-    """Return the path as `beside_config` does, of a file that lies in the configuration's folder.
-
-    One that stands in no file is the caller's own and may lie anywhere.
-    """
-    context, path = info.context or {}, beside_config(file, info)
-    try:
-        inside = "folder" not in context or lies_inside(Path(path), Path(context["folder"]))
-    except ValueError:
-        raise ValueError(f"no such file, got {shown(file)}; give a CSV file of time, value") from None
-    if not inside and not context.get("allow_outside"):
-        problem = f"{shown(file)} lies outside the configuration's folder"
-        raise ValueError(f"{problem}; move it there or give --allow-outside")
-    return path
 
 
 def _path(value: object, read: ValidatorFunctionWrapHandler) -> str:
@@ -71,6 +54,7 @@ def _path(value: object, read: ValidatorFunctionWrapHandler) -> str:
 
 
 PathText = Annotated[Text, WrapValidator(_path)]
+SampleFile = Annotated[PathText, AfterValidator(lambda file, info: path_beside(file, info, "configuration"))]
 Natural = Annotated[Whole, Field(ge=1)]
 Names = Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_distinct)]
 WORD_OR_NUMBER = Discriminator(lambda value: "<word>" if isinstance(value, str) else "<number>")
@@ -182,7 +166,7 @@ class StartTime(Rules):
         Field(min_length=1, description=f"What to look for: {', '.join(SCANNED)}."),
         AfterValidator(_distinct),
     ] = ("bias", "drift", "sine")
-    samples: Annotated[PathText, AfterValidator(_inside_config)] | None = None
+    samples: SampleFile | None = None
     """CSV of time (s after the onset), value: the shape samples; a file relative to this one."""
     false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
     """Accepted probability of declaring a fault where there is none."""
@@ -287,7 +271,7 @@ def _registered(name: str) -> str:
 
 
 DictionarySource = Annotated[
-    Annotated[PathText, AfterValidator(beside_config), Tag("<path>")]
+    Annotated[PathText, AfterValidator(_beside_config), Tag("<path>")]
     | Annotated[DictionaryDocument, AfterValidator(_expandable), Tag("<document>")],
     Discriminator(lambda value: "<path>" if isinstance(value, str | Path) else "<document>"),
 ]
@@ -384,7 +368,7 @@ def load_config(path: str | Path, *, allow_outside: bool = False) -> Config:
     path = Path(path)
     data = load_yaml(read_text(path, error=ConfigError), where=str(path), error=ConfigError)
     context = {"folder": path.parent, "allow_outside": allow_outside}
-    config = validated(Config, {} if data is None else data, where=str(path), error=ConfigError, context=context)
+    config = validate(Config, {} if data is None else data, where=str(path), error=ConfigError, context=context)
     return _with_origin(config, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
 
 
@@ -409,7 +393,7 @@ def merge(config: Config, overrides: Mapping[str, Any], *, where: str = "command
                 section[parent] = dict(below) if isinstance(below, Mapping) else {}
                 section = section[parent]
             section[key] = value
-    return _with_origin(validated(Config, data, where=where, error=ConfigError), config.path, config.sha256)
+    return _with_origin(validate(Config, data, where=where, error=ConfigError), config.path, config.sha256)
 
 
 def _with_origin(config: Config, path: str | None, sha256: str | None) -> Config:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import itertools
 import math
@@ -19,9 +20,8 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, 
 from ..errors import DictionaryError
 from ..faults import Fault, shown, unit_signal
 from ..printable import shortened
-from ..sample_file import lies_inside
 from ..shapes import SHAPES
-from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, validated
+from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["MAX_ATOMS", "AtomEntry", "Dictionary", "DictionaryDocument", "GridEntry", "Range", "dead_reason", "expand"]
@@ -79,18 +79,11 @@ def _nonzero(value: Any) -> Any:
 
 
 def _existing(file: str, info: ValidationInfo) -> str:
-    context = info.context or {}
-    folder = Path(context.get("folder", ""))
-    path = folder / file
-    try:
-        is_outside, found = "folder" in context and not lies_inside(path, folder), path.is_file()
-    except (OSError, ValueError):
-        is_outside, found = False, False
-    if is_outside and not context.get("allow_outside"):  # said first: whether the file exists is not told
-        raise ValueError(f"{shown(file)} lies outside the dictionary's folder; move it there or give --allow-outside")
-    if not found:
-        raise ValueError(f"no such file, got {shown(str(path))}; give a CSV file of time, value")
-    return str(path)
+    path = path_beside(file, info, "dictionary")  # first: whether a file outside exists is not told
+    with contextlib.suppress(OSError):  # a name that is too long
+        if Path(path).is_file():
+            return path
+    raise ValueError(f"no such file, got {shown(path)}; give a CSV file of time, value")
 
 
 Numbers = Annotated[
@@ -290,7 +283,7 @@ def load_dictionary(
     document = source
     if not isinstance(document, DictionaryDocument):
         context = {} if folder is None else {"folder": folder, "allow_outside": allow_outside}
-        document = validated(DictionaryDocument, source, where=where, error=DictionaryError, context=context)
+        document = validate(DictionaryDocument, source, where=where, error=DictionaryError, context=context)
     try:
         atoms = expand(document)
     except ValueError as problem:

@@ -12,7 +12,7 @@ import h5py
 import pytest
 
 from bfi_cli.commands import COMMANDS, cli
-from bfi_cli.commands.options import OPTIONS, configured
+from bfi_cli.commands.options import OPTIONS, config_of
 from bfi_cli.config import Config, load_config
 from bfi_cli.errors import ConfigError
 
@@ -52,13 +52,13 @@ def test_every_key_is_one_of_the_configuration(name: str):
 
 def test_a_value_comes_to_the_same_from_the_command_line_and_from_the_file(tmp_path: Path):
     (tmp_path / "c.yaml").write_text(FILE)
-    assert configured(None, VALUES).model_dump() == load_config(tmp_path / "c.yaml").model_dump()
+    assert config_of(None, VALUES).model_dump() == load_config(tmp_path / "c.yaml").model_dump()
 
 
 def test_the_command_line_wins_and_names_are_added(tmp_path: Path):
     (tmp_path / "c.yaml").write_text("{seed: 3, channels: {tas: a, aoa: b}, outputs: [aoa]}")
     given = {"allow_outside": False, "seed": 4, "channel_map": {"tas": "c"}, "unit_map": {}, "outputs": ()}
-    config = configured(str(tmp_path / "c.yaml"), given)
+    config = config_of(str(tmp_path / "c.yaml"), given)
     assert (config.seed, config.channels, config.outputs) == (4, {"tas": "c", "aoa": "b"}, ("aoa",))
 
 
@@ -75,7 +75,7 @@ def test_the_command_line_wins_and_names_are_added(tmp_path: Path):
 )
 def test_complaints_name_the_options_that_were_given(given: dict[str, object], message: str):
     with pytest.raises(ConfigError) as refused:
-        configured(None, given)
+        config_of(None, given)
     assert message in str(refused.value)
 
 

@@ -113,8 +113,8 @@ def match_name(source: str) -> NameMatch | None:
     camel = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", source)
     for text in dict.fromkeys((source, camel)):
         plain = re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
-        if found := _match_spelling(plain) or _match_spelling(_PREFIX.sub("", plain)):
-            return found
+        if match := _match_spelling(plain) or _match_spelling(_PREFIX.sub("", plain)):
+            return match
     return None
 
 
@@ -138,10 +138,10 @@ def split_unit(header: str) -> tuple[str, str | None]:
 
     "accel[0]" is a name, a number glued to it being an index; so is "aoa (left)", which is no known unit.
     """
-    found = re.fullmatch(r"(.*?\S)(\s*)([\[(])([^\[\]()]*)[\])]", header.strip())
-    if found is None:
+    parts = re.fullmatch(r"(.*?\S)(\s*)([\[(])([^\[\]()]*)[\])]", header.strip())
+    if parts is None:
         return header.strip(), None
-    name, blank, bracket, unit = found[1], found[2], found[3], found[4].strip()
+    name, blank, bracket, unit = parts[1], parts[2], parts[3], parts[4].strip()
     is_index = unit.isdigit() and not blank
     if is_index or (bracket == "(" and si_unit(unit) is None):
         return header.strip(), None

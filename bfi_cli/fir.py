@@ -103,13 +103,14 @@ def identify_fir(
     limits: dict[str, Any] = {"tolerance": tolerance}
     if max_iterations is not None:
         limits["max_iterations"] = max_iterations
-    found: RisroSolution | NuclearSolution
+    solution: RisroSolution | NuclearSolution
     if method == "risro":
-        found = risro(A, target, rank=1, **limits)
-        X = found.factors.X
+        solution = risro(A, target, rank=1, **limits)
+        X = solution.factors.X
     else:
-        found = nuclear_least_squares(A, target, penalty=penalty * (largest_penalty(A, target) or 1.0), **limits)
-        X = found.X
+        weight = penalty * (largest_penalty(A, target) or 1.0)
+        solution = nuclear_least_squares(A, target, penalty=weight, **limits)
+        X = solution.X
     # The nearest matrix of rank 1.
     U, values, Vt = np.linalg.svd(X, full_matrices=False)
     X, total = values[0] * np.outer(U[:, 0], Vt[0]), float(values.sum())
@@ -131,8 +132,8 @@ def identify_fir(
         condition_number=_condition(A),
         method=method,
         penalty=None if method == "risro" else penalty,
-        iterations=found.iterations,
-        termination=found.termination,
+        iterations=solution.iterations,
+        termination=solution.termination,
     )
 
 

@@ -65,7 +65,7 @@ def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault
     tolerance_s : onsets that differ by no more are the same.
     """
     sizes = {one.name: abs(one.magnitude) for one in declared}
-    found: dict[str, float] = {}
+    paired: dict[str, float] = {}
     unknown: list[str] = []
     for fault in injected:
         same = (
@@ -73,11 +73,11 @@ def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault
             for one in declared
             if (one.fault.shape, one.fault.channel) == (fault.shape, fault.channel)
             and abs(one.fault.onset_s - fault.onset_s) <= tolerance_s
-            and one.name not in found
+            and one.name not in paired
         )
         name = next(same, None)
         if name is None:
             unknown.append(name_of(fault))
         else:
-            found[name] = abs(fault.magnitude)
-    return compare_faults(sizes, found, unknown=unknown)
+            paired[name] = abs(fault.magnitude)
+    return compare_faults(sizes, paired, unknown=unknown)

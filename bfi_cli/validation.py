@@ -135,11 +135,11 @@ def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
 
 def _parts(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
     """Walk a document's model and all models below it."""
-    found, pending = set(), [model]
+    seen, pending = set(), [model]
     while pending:
         part = pending.pop()
-        if part not in found:
-            found.add(part)
+        if part not in seen:
+            seen.add(part)
             yield part
             pending += [below for key in part.model_fields for below in _models(part, key)]
 

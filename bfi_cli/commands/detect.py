@@ -19,8 +19,8 @@ __all__ = ["command"]
     *("config_path", "train", "inputs", "outputs", "detect_false_alarm", "detect_method", "turns"),
     *("from_s", "to_s", *CHANNELS, "rate"),
     *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
-    inputs="Repeatable.  [default: controls and accelerations]",
-    outputs="Watched; repeatable.  [default: of the log]",
+    inputs="An input; repeatable.  [default: controls and accelerations]",
+    outputs="An output to watch; repeatable.  [default: of the log]",
     strict="Exit 4 where the threshold cannot be trusted.",
     fail_on="Exit 10 where a channel fails.",
 )

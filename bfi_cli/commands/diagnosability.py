@@ -22,7 +22,7 @@ FLIGHT = ("manoeuvres", "noise", "amplitude_rad", "start_s", "unit_step_s", "fli
     *("config_path", "dictionary", "magnitudes", "at_limit", "flown_model", *FLIGHT, *SIGNALS, *MODEL, "seed"),
     *("allow_outside", "out", "force", "progress", "as_json", "series"),
     dictionary="YAML dictionary of the faults.",
-    seed="Of the noise of a model.  [default: 0]",
+    seed="Random seed of the noise of a model.  [default: 0]",
 )
 def command(log: str | None, config_path: str | None, **options: Any) -> None:
     """Say how well each fault of a dictionary can be seen in LOG, a log without faults, and told from the others.

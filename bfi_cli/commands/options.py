@@ -153,7 +153,7 @@ order  --order  model.order  N|auto  number_or_word
 feedthrough  --feedthrough/--no-feedthrough  model.feedthrough  -  choice
     Inputs act in the same sample too.
 method  --method  method  NAME  text
-    How: {", ".join(METHODS)}.  [default: ml]
+    Method of identification: {", ".join(METHODS)}.  [default: ml]
 model  --model  dmae.model  NAME  text
     A linear model of bfi simulate, for method dmae.
 seed  --seed  seed  N  whole
@@ -163,25 +163,25 @@ shapes  --shape  start_time.shapes  NAME  texts
 false_alarm  --false-alarm  start_time.false_alarm  P  number
     Accepted rate of false alarms.  [default: 0.01]
 calibration  --calibration  start_time.calibration  FILE|self|gaussian  text
-    Of the threshold.  [default: the shipped table]
+    Where the threshold comes from.  [default: the shipped table]
 ends  --ends/--no-ends  start_time.ends  -  choice
     Search for the end of the fault too.
 samples  --samples  start_time.samples  FILE  text
     CSV of time, value: a shape of your own, with --shape samples.
 frequency  --frequency  start_time.frequency_hz  LO:HI  band
-    Of oscillations, Hz.  [default: 3/window to 0.2 x rate]
+    Band of the oscillations, Hz.  [default: 3/window to 0.2 x rate]
 scan_method  --method  method  -  scan_method
     scan, or thesis (one solve per onset, as published).  [default: scan]
 length_s  --length  calibrate.length_s  S  positive
-    Of a window.  [default: 120, or the whole of a shorter log]
+    Length of a window.  [default: 120, or the whole of a shorter log]
 step_s  --step  calibrate.step_s  S  positive
-    Between the starts of windows.  [default: half a window]
+    Time between the starts of windows.  [default: half a window]
 train  --train  detect.train  A:B  stretch
     Time known to be healthy.  [default: the first third of the window]
 detect_false_alarm  --false-alarm  detect.false_alarm  P  number
-    Accepted, per record.  [default: 0.01]
+    Accepted rate of false alarms per record.  [default: 0.01]
 detect_method  --method  detect.method  auto|exact|parity  text
-    exact: no noise at all.  [default: auto]
+    Method of detection; exact is for data without any noise.  [default: auto]
 turns  --turns/--no-turns  detect.turns  -  choice
     Explain turns by roll and yaw_rate.  [default: turns]
 magnitude  --magnitude  diagnosability.magnitude  Z  number
@@ -193,7 +193,7 @@ at_limit  --at-limit  diagnosability.at_limit  -  request
 flown_model  --model  diagnosability.model  NAME  text
     Fly this model of bfi simulate in place of a LOG.
 manoeuvres  --manoeuvre  diagnosability.manoeuvres  NAME  texts
-    To compare; repeatable.  [default: 3211, doublet, multisine]
+    Manoeuvre to compare; repeatable.  [default: 3211, doublet, multisine]
 noise  --noise  diagnosability.noise  NAME=SD  noise
     White noise of a model's output; repeatable.
 amplitude_rad  --amplitude  diagnosability.amplitude_rad  RAD  number
@@ -207,7 +207,7 @@ flight_s  --duration  diagnosability.duration_s  S  number
 turbulence_m_s  --turbulence  diagnosability.turbulence_m_s  SIGMA  number
     Dryden gusts, m/s.  [default: 0]
 draws  --draws  diagnosability.draws  N  whole
-    Of the noise, for each manoeuvre.  [default: 5]
+    Draws of the noise for each manoeuvre.  [default: 5]
 duration_s  --duration  audit.duration_s  S  number
     Length of the window; only without a LOG.
 allow_outside  --allow-outside  -  -  flag
@@ -221,7 +221,7 @@ strict  --strict  strict  -  request
 fail_on  --fail-on  fail_on  fault  text
     Exit 10 where a fault is declared.
 progress  --progress/--no-progress  -  -  choice
-    Show it on stderr.  [default: on a terminal]
+    Show progress on stderr.  [default: on a terminal]
 as_json  --json  -  -  json
     JSON on stdout in place of a table.
 series  --series  -  -  series

@@ -30,7 +30,9 @@ SIZES = pairs("tas=0.01", float)
 @click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=SIZES, help="Step of an output; repeatable.")
 @click.option("--turbulence", metavar="SIGMA", type=float, default=0.0, show_default=True, help="Dryden gusts, in m/s.")
 @click.option("--discretisation", type=click.Choice(["zoh", "bilinear", "euler"]), default="zoh", show_default=True)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and turbulence.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and turbulence."
+)
 @json_option
 def command(*, name: str | None, model_file: str | None, out: Path, force: bool, as_json: bool, **options: Any) -> None:
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.

@@ -76,9 +76,9 @@ class Window(Rules):
     """The part of the log to analyse, s on its own time axis."""
 
     from_s: Number | None = None
-    """Default the start of the log."""
+    """Start of the window; default the start of the log."""
     to_s: Number | None = None
-    """Default the end of the log."""
+    """End of the window; default the end of the log."""
 
     @model_validator(mode="after")
     def _is_not_empty(self) -> Window:
@@ -137,11 +137,11 @@ class Dmae(Rules):
     reference: Literal["trim", "start"] = "trim"
     """What deviations count from: the model's trim, or the mean of the log's first second."""
     process_variance: Annotated[Number, Field(ge=0)] = 4e-6
-    """Of every state per sample, in its unit squared."""
+    """Variance of the process noise of every state per sample, in its unit squared."""
     measurement_variance: Mapping[Text, Positive] = Field(default_factory=dict)
     """Output of the model: variance of its noise; default 0.01, of angles and their rates 0.0001."""
     fault_variance: Annotated[Number, Field(ge=0)] = 0.0
-    """Of the fault per sample; 0 for a fault that is constant between restarts."""
+    """Variance of the fault's random walk per sample; 0 for a fault that is constant between restarts."""
     adaptive_window: Natural | None = 20
     """Samples over which the variance of the fault follows its innovations; null for not at all, as in the thesis."""
 
@@ -222,34 +222,34 @@ class Diagnosability(Rules):
     magnitudes: Mapping[Text, Positive] = Field(default_factory=dict)
     """Name of the dictionary's entry: root mean square of its magnitude."""
     at_limit: StrictBool = False
-    """Whether magnitudes count in minimal detectable ones."""
+    """Whether magnitudes are multiples of the minimal detectable magnitude."""
     model: Text | None = None
     """A model of `bfi simulate` to fly in place of a log."""
     manoeuvres: Names = ("3211", "doublet", "multisine")
-    """To compare."""
+    """Manoeuvres to compare."""
     noise: Mapping[Text, Annotated[Number, Field(ge=0)]] = Field(default_factory=dict)
     """Output of the model: standard deviation of its white noise."""
     amplitude_rad: Positive = 0.035
-    """Largest deflection."""
+    """Largest deflection of the manoeuvre."""
     start_s: Annotated[Number, Field(ge=0)] = 0.2
     """When the manoeuvre starts."""
     step_s: Positive = 1.0
-    """Its unit step."""
+    """The manoeuvre's unit step."""
     duration_s: Positive = 31.72
     """Length of the flight."""
     turbulence_m_s: Annotated[Number, Field(ge=0)] = 0.0
-    """Dryden gusts."""
+    """Intensity of the Dryden gusts."""
     draws: Natural = 5
-    """Of the noise, for each manoeuvre."""
+    """Draws of the noise for each manoeuvre."""
 
 
 class Calibrate(Rules):
     """The windows of a calibration."""
 
     length_s: Positive | None = None
-    """Of a window; default 120 s, or the whole of a shorter log."""
+    """Length of a window; default 120 s, or the whole of a shorter log."""
     step_s: Positive | None = None
-    """Between the starts of windows; default half a window."""
+    """Time between the starts of windows; default half a window."""
 
 
 class AuditOfDictionary(Rules):

@@ -32,7 +32,8 @@ SCHEMA = 1
 MAX_BYTES = 64_000_000
 # With fewer there is at most a handful of windows above the quantile from which the tail is estimated.
 FEWEST_WINDOWS = 20
-# Quantiles that standardise a shape and begin the tail; the share of one window of all down to which it is followed.
+# Quantiles that standardise a shape and begin the tail, and the share of one window of all down to which it is followed
+# (docs/theory.md, 10.3): of a hundred windows fifteen lie in the tail.
 HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
 # A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
 # Chosen without a tuning record; only a note on the table depends on it.

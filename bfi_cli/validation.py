@@ -41,6 +41,7 @@ M = TypeVar("M", bound=BaseModel)
 
 BRANCH = re.compile(r"<[a-z]+>")  # of a union, as its tag names it
 MAX_COMPLAINTS = 5  # more do not fit on a few rows of a terminal
+# Of what a complaint quotes: a key, and a sentence that another part of the program says of a value.
 KEY_LETTERS, SENTENCE_LETTERS = 40, 300
 WRONG_KIND = {
     "bool_type": "must be true or false",

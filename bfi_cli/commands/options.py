@@ -13,7 +13,6 @@ import click
 from ..errors import ConfigError
 from ..identify.methods import METHODS
 from ..printable import printable
-from ..shapes import SCANNED
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -159,7 +158,7 @@ model  --model  dmae.model  NAME  text
 seed  --seed  seed  N  whole
     Random seed.  [default: 0]
 shapes  --shape  start_time.shapes  NAME  texts
-    {", ".join(SCANNED[:-1])} or {SCANNED[-1]}; repeatable.  [default: bias, drift, sine]
+    {{scanned}}; repeatable.  [default: bias, drift, sine]
 false_alarm  --false-alarm  start_time.false_alarm  P  number
     Accepted rate of false alarms.  [default: 0.01]
 calibration  --calibration  start_time.calibration  FILE|self|gaussian  text
@@ -266,8 +265,12 @@ def with_options(*names: str, **words: str) -> Callable[[Command], Command]:
     def add(command: Command) -> Command:
         for name in reversed(names):
             row = OPTIONS[name]
-            help_text = words.get(name, row.settings["help"])
-            command = click.option(*row.flags, **{**row.settings, "help": help_text})(command)
+            text = words.get(name, row.settings["help"])
+            if "{scanned}" in text:  # known from what imports numpy, for which other commands need not wait
+                from ..shapes import SCANNED
+
+                text = text.format(scanned=f"{', '.join(SCANNED[:-1])} or {SCANNED[-1]}")
+            command = click.option(*row.flags, **{**row.settings, "help": text})(command)
         return command
 
     return add

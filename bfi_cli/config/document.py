@@ -59,13 +59,9 @@ Natural = Annotated[Whole, Field(ge=1)]
 Names = Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_distinct)]
 WORD_OR_NUMBER = Discriminator(lambda value: "<word>" if isinstance(value, str) else "<number>")
 Rate = Annotated[
-    Annotated[Positive, Tag("<number>")] | Annotated[Literal["none", "auto"], Tag("<word>")],
-    WORD_OR_NUMBER,
+    Annotated[Positive, Tag("<number>")] | Annotated[Literal["none", "auto"], Tag("<word>")], WORD_OR_NUMBER
 ]
-Order = Annotated[
-    Annotated[Natural, Tag("<number>")] | Annotated[Literal["auto"], Tag("<word>")],
-    WORD_OR_NUMBER,
-]
+Order = Annotated[Annotated[Natural, Tag("<number>")] | Annotated[Literal["auto"], Tag("<word>")], WORD_OR_NUMBER]
 
 # Twice the log Bayes factor of ten to one, 2 log 10, which Jeffreys (1961) calls strong. With the overdispersion it
 # took false alarms on 112 fault-free windows of two recorded flights from 14 to 4 %.

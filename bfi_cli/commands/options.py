@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -47,8 +48,6 @@ def pairs(example: str, convert: Callable[[str], Any] = str, *, bare: bool = Fal
         for text in texts:
             # The name of a channel in a file may hold an equals sign, and so may the name of a fault.
             name, sign, value = (part.strip() for part in (text.partition if convert is str else text.rpartition)("="))
-            if bare and "=" not in text:
-                name, sign, value = "", "", text.strip()
             try:
                 if not value or bool(name) != bool(sign) or not (sign or bare):
                     raise ValueError
@@ -83,10 +82,8 @@ def _two_numbers(what: str, example: str) -> Callback:
 
 def _number_or_word(_context: click.Context, _option: click.Parameter, text: str | None) -> int | float | str | None:
     for number in (int, float):
-        try:
+        with contextlib.suppress(ValueError):
             return text if text is None else number(text)
-        except ValueError:
-            continue
     return text
 
 

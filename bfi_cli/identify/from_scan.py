@@ -15,7 +15,8 @@ from .result import IdentifyResult
 
 __all__ = ["identify_from_scan"]
 
-# An estimated onset lies within the sample in which the fault begins; one more half for the resampling.
+# Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
+# Chosen without a tuning record; only the comparison with an injected truth depends on it.
 ONSET_SAMPLES = 1.5
 
 

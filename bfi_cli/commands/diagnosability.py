@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,6 +11,9 @@ from ..errors import ConfigError
 from .answered import give
 from .options import MODEL, OPTIONS, SIGNALS, config_of, inputs_of, log_of, with_options
 from .progress import progress
+
+if TYPE_CHECKING:
+    from ..config import Config
 
 __all__ = ["command"]
 
@@ -38,14 +42,7 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     from ..provenance import provenance
 
     config = config_of(config_path, {**options, "magnitude": options["magnitudes"].pop("", None)})
-    if log is None and config.diagnosability.model is None:
-        raise click.UsageError("needs a LOG or a --model, got nothing; give one of the two")
-    if log is not None and options["flown_model"] is not None:
-        raise click.UsageError("needs a LOG or a --model, got both; give one of the two")
-    for name in FLIGHT if log is not None else ():
-        if options[name] not in (None, (), {}):
-            flag = OPTIONS[name].flags[0]
-            raise click.UsageError(f"{flag} is about the flight of a model; give --model in place of the log")
+    _check_flight(log, config, options)
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     if dictionary is None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
@@ -70,3 +67,15 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     )
     document = diagnosability.diagnosability_document(result, origin)
     give(diagnosability.diagnosability_exhibit(document), document, options, origin=origin, inputs=inputs)
+
+
+def _check_flight(log: str | None, config: Config, options: Mapping[str, Any]) -> None:
+    """Check that either a log or the flight of a model is asked for."""
+    if log is None and config.diagnosability.model is None:
+        raise click.UsageError("needs a LOG or a --model, got nothing; give one of the two")
+    if log is not None and options["flown_model"] is not None:
+        raise click.UsageError("needs a LOG or a --model, got both; give one of the two")
+    for name in FLIGHT if log is not None else ():
+        if options[name] not in (None, (), {}):
+            flag = OPTIONS[name].flags[0]
+            raise click.UsageError(f"{flag} is about the flight of a model; give --model in place of the log")

@@ -23,7 +23,7 @@ from .serialize import to_json
 from .yaml12 import read_text
 
 __all__ = ["FEWEST_WINDOWS", "SCHEMA", "CalibrationSettings", "CalibrationTable", "Null", "differences", "load_tables"]
-__all__ += ["merged", "nearest", "null_of", "save_tables"]
+__all__ += ["join_tables", "nearest", "null_of", "save_tables", "summary", "table_notes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -32,8 +32,12 @@ SCHEMA = 1
 MAX_BYTES = 64_000_000
 # With fewer there is at most a handful of windows above the quantile from which the tail is estimated.
 FEWEST_WINDOWS = 20
-# Quantiles that standardise a shape and begin the tail; the share of one window of all down to which it is followed.
+# Quantiles that standardise a shape and begin the tail, and the share of one window of all down to which it is followed
+# (docs/theory.md, 10.3): of a hundred windows fifteen lie in the tail.
 HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
+# A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
+# Chosen without a tuning record; only a note on the table depends on it.
+FAR_OUT, RARE = 2.0, 0.001
 # Relative: rates differ by a clock's error, windows by what the filter drops at their ends.
 RATE_TOLERANCE, DURATION_TOLERANCE = 0.01, 0.1
 WORDS = {
@@ -162,13 +166,8 @@ def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
     maxima = np.sort(((values - median[:, None]) / scale[:, None]).max(axis=0))
     start = float(np.quantile(maxima, TAIL))
     excess = float(np.mean(maxima[maxima > start] - start)) if np.any(maxima > start) else np.finfo(float).eps
-    return Null(
-        median=dict(zip(shapes, median.tolist(), strict=True)),
-        scale=dict(zip(shapes, scale.tolist(), strict=True)),
-        maxima=maxima,
-        start=start,
-        excess=excess,
-    )
+    medians, scales = (dict(zip(shapes, values.tolist(), strict=True)) for values in (median, scale))
+    return Null(median=medians, scale=scales, maxima=maxima, start=start, excess=excess)
 
 
 def differences(table: CalibrationTable, settings: CalibrationSettings) -> tuple[str, ...]:
@@ -206,16 +205,14 @@ def nearest(tables: Sequence[CalibrationTable], settings: CalibrationSettings) -
     return min(able, key=distance, default=None)
 
 
-def merged(tables: Sequence[CalibrationTable], table: CalibrationTable) -> tuple[CalibrationTable, ...]:
+def join_tables(tables: Sequence[CalibrationTable], table: CalibrationTable) -> tuple[CalibrationTable, ...]:
     """Return the tables with one more; its windows join those of a table of the same settings."""
     same = [one for one in tables if not differences(one, table.settings) and not differences(table, one.settings)]
     others = [one for one in tables if one not in same]
     for one in same:
         table = CalibrationTable(
             settings=one.settings,
-            statistics={
-                shape: np.concatenate([values, table.statistics[shape]]) for shape, values in one.statistics.items()
-            },
+            statistics={shape: np.concatenate([x, table.statistics[shape]]) for shape, x in one.statistics.items()},
             logs=tuple(dict.fromkeys((*one.logs, *table.logs))),
             n_unusable=one.n_unusable + table.n_unusable,
         )
@@ -241,11 +238,44 @@ def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
         document = json.loads(read_text(Path(path), error=ConfigError, most_bytes=MAX_BYTES))
     except json.JSONDecodeError as problem:
         raise ConfigError(f"{where}: not JSON ({problem.msg.lower()}); give a file of bfi calibrate") from None
-    kind = mapping(document, where=where).get("kind")
-    if kind != "calibration":
+    if (kind := mapping(document, where=where).get("kind")) != "calibration":
         raise ConfigError(f"{where}: kind is '{kind}', not 'calibration'; give a file of bfi calibrate")
-    if document.get("schema") != SCHEMA:
-        raise ConfigError(
-            f"{where}: schema is {document.get('schema')}, this program reads {SCHEMA}; run bfi calibrate again"
-        )
+    if (schema := document.get("schema")) != SCHEMA:
+        raise ConfigError(f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi calibrate again")
     return from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")
+
+
+def table_notes(table: CalibrationTable, logs: Sequence[str]) -> tuple[str, ...]:
+    """Return what a reader of a table should know: too few windows, windows left out, windows unlike the others.
+
+    Parameters
+    ----------
+    logs : paths of all logs that were to be counted.
+    """
+    n, notes = table.n_windows, []
+    if n < FEWEST_WINDOWS:
+        notes.append(f"{n} windows are too few, bfi start-time asks for {FEWEST_WINDOWS}; give more or longer flights")
+    if table.n_unusable:
+        unused = [log for log in logs if Path(log).name not in table.logs]
+        where = f", among them all of {', '.join(unused)}" if unused else ""
+        notes.append(f"{table.n_unusable} windows could not be analysed{where}; bfi info says what ails a log")
+    if n >= FEWEST_WINDOWS:
+        null = null_of(table, table.settings.shapes)
+        for shape, values in table.statistics.items():
+            beyond = int((values > FAR_OUT * null.threshold(shape, RARE)).sum())
+            if beyond:
+                notes.append(f"{shape}: {beyond} of {n} windows stand far out, as if they held a fault; leave them out")
+    return tuple(notes)
+
+
+def summary(table: CalibrationTable) -> list[str]:
+    """Return lines on a table: how many windows, and per shape the median and the threshold at 1 % false alarms."""
+    counted = f"{table.n_windows} windows without a fault, {table.n_unusable} could not be analysed"
+    if table.n_windows < FEWEST_WINDOWS:
+        return [counted, f"too few for a threshold, {FEWEST_WINDOWS} are needed"]
+    null = null_of(table, table.settings.shapes)
+    shapes = (
+        f"{shape}: median {null.median[shape]:.4g}, 1 % false alarms above {null.threshold(shape, 0.01):.4g}"
+        for shape in table.settings.shapes
+    )
+    return [counted, *shapes]

@@ -6,7 +6,6 @@ Signs are those of the recorder: nothing here turns a signal over.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from .units import si_unit, to_si
@@ -84,31 +83,20 @@ longitude rad | longitude | lon gps_long gps_lon
 valid_airspeed 1 | 1 where the airspeed can be trusted |
 """
 
-_ELEVATORS = ("elevator_inner_right", "elevator_inner_left", "elevator_outer_right", "elevator_outer_left")
-_ENGINES = ("thrust_command_1", "thrust_command_2", "thrust_command_3", "thrust_command_4")
 INPUTS = (
-    "elevator",
-    *_ELEVATORS,
-    *("stabiliser", "elevator_trim", "throttle", "thrust"),
-    *_ENGINES,
+    *("elevator", "elevator_inner_right", "elevator_inner_left", "elevator_outer_right", "elevator_outer_left"),
+    *("stabiliser", "elevator_trim", "throttle", "thrust", *(f"thrust_command_{engine}" for engine in range(1, 5))),
     *("aileron", "rudder"),
 )
-
-
-def _parse_table() -> Iterator[StandardChannel]:
-    for line in _TABLE.strip().splitlines():
-        head, description, aliases = (part.strip() for part in line.split("|"))
-        name, unit = head.split()
-        yield StandardChannel(name=name, unit=unit, description=description, aliases=tuple(aliases.split()))
-
-
-STANDARD = {channel.name: channel for channel in _parse_table()}
-
+STANDARD: dict[str, StandardChannel] = {}
 _ALIAS: dict[str, tuple[str, str | None]] = {}
-for _channel in STANDARD.values():
-    for _alias in (_channel.name, *_channel.aliases):
+for _line in _TABLE.strip().splitlines():
+    _head, _description, _aliases = (part.strip() for part in _line.split("|"))
+    _name, _si = _head.split()
+    STANDARD[_name] = StandardChannel(name=_name, unit=_si, description=_description, aliases=tuple(_aliases.split()))
+    for _alias in (_name, *_aliases.split()):
         _spelling, _, _unit = _alias.partition("=")
-        _ALIAS[_spelling] = (_channel.name, _unit or None)
+        _ALIAS[_spelling] = (_name, _unit or None)
 
 _PREFIX = re.compile(r"^(?:dadc|adc|adiru|adahrs|ahrs|irs|iru|ins|imu|fms|gps|att|arsp)\d*_(?:b_|body_)?")
 
@@ -122,19 +110,12 @@ def match_name(source: str) -> NameMatch | None:
         return NameMatch(name=source, unit=None, rank=0)
     if source.lower() in STANDARD:
         return NameMatch(name=source.lower(), unit=None, rank=1)
-    for spelling in _spellings(source):
-        found = _match_spelling(spelling)
-        if found is not None:
-            return found
-    return None
-
-
-def _spellings(source: str) -> Iterator[str]:
     camel = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", source)
     for text in dict.fromkeys((source, camel)):
         plain = re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
-        yield plain
-        yield _PREFIX.sub("", plain)
+        if match := _match_spelling(plain) or _match_spelling(_PREFIX.sub("", plain)):
+            return match
+    return None
 
 
 def _match_spelling(spelling: str) -> NameMatch | None:
@@ -157,10 +138,10 @@ def split_unit(header: str) -> tuple[str, str | None]:
 
     "accel[0]" is a name, a number glued to it being an index; so is "aoa (left)", which is no known unit.
     """
-    found = re.fullmatch(r"(.*?\S)(\s*)([\[(])([^\[\]()]*)[\])]", header.strip())
-    if found is None:
+    parts = re.fullmatch(r"(.*?\S)(\s*)([\[(])([^\[\]()]*)[\])]", header.strip())
+    if parts is None:
         return header.strip(), None
-    name, blank, bracket, unit = found[1], found[2], found[3], found[4].strip()
+    name, blank, bracket, unit = parts[1], parts[2], parts[3], parts[4].strip()
     is_index = unit.isdigit() and not blank
     if is_index or (bracket == "(" and si_unit(unit) is None):
         return header.strip(), None

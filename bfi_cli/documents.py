@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .errors import ConfigError
-from .faults import FaultEstimate
+from .faults import Fault, FaultEstimate
 from .identify.result import IdentifyResult
 from .plain import from_plain, mapping, member, to_plain
 from .provenance import Provenance
@@ -20,19 +20,7 @@ __all__ = ["IDENTIFY_SCHEMA", "identify_document", "identify_from_document"]
 IDENTIFY_SCHEMA = 1
 GIVE = "give the result.json of bfi identify --out"
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
-FAULT_KEYS = (
-    "shape",
-    "channel",
-    "onset_s",
-    "offset_s",
-    "slope",
-    "frequency_hz",
-    "phase_rad",
-    "phase_reference",
-    "time_constant_s",
-    "duration_s",
-    "file",
-)
+FAULT_KEYS = tuple(field.name for field in fields(Fault) if field.name not in ("name", "magnitude"))
 
 
 def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[str, Any]:

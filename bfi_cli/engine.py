@@ -25,8 +25,10 @@ __all__ = ["CHUNK", "in_order"]
 T = TypeVar("T")
 R = TypeVar("R")
 
-CHUNK = 10
-AHEAD = 4
+# Items sent to a worker at a time, and chunks under way per worker: enough that none waits for the next, and few enough
+# that an interruption, which waits for those under way, comes soon. Chosen without a tuning record.
+CHUNK, AHEAD = 10, 4
+# Seconds in which a Dask scheduler must answer.
 CONNECT_S = 10
 
 
@@ -35,12 +37,7 @@ class _Future(Protocol):
 
 
 def in_order(
-    work: Callable[[T], R],
-    items: Sequence[T],
-    *,
-    workers: int = 1,
-    scheduler: str | None = None,
-    chunk: int = CHUNK,
+    work: Callable[[T], R], items: Sequence[T], *, workers: int = 1, scheduler: str | None = None, chunk: int = CHUNK
 ) -> Generator[tuple[R, float], None, None]:
     """Yield `work(item)` and the seconds it took, in the order of the items.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import math
 import reprlib
@@ -17,28 +18,17 @@ from .errors import DictionaryError
 from .printable import shortened
 from .shapes import KEY_RULES, SHAPES, Shape
 
-__all__ = [
-    "Decision",
-    "Fault",
-    "FaultEstimate",
-    "active_samples",
-    "did_you_mean",
-    "fault_from_dict",
-    "fault_to_dict",
-    "magnitude_unit",
-    "parse_spec",
-    "physical",
-    "shown",
-    "unit_signal",
-    "unknown_key",
-]
+__all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "did_you_mean", "fault_from_dict", "fault_to_dict"]
+__all__ += ["magnitude_unit", "parse_spec", "physical", "shown", "unit_signal", "unknown_key"]
 
 FloatArray = NDArray[np.float64]
 Decision = Literal["fault", "no_fault", "not_identifiable"]
 
 COMMON_KEYS = ("shape", "name", "channel", "magnitude", "onset_s", "offset_s")
 TEXT_KEYS = ("shape", "name", "channel", *(key for key, rule in KEY_RULES.items() if rule in ("reference", "file")))
+# Of a sample: what an onset computed from a sample's number and the rate may differ from that sample's time.
 ONSET_TOLERANCE_SAMPLES = 1e-6
+# Of a value that a message quotes: with where and what to do it fills three rows of a terminal of 80 columns.
 SHOWN_LETTERS = 120
 _ABRIDGED = reprlib.Repr()
 _ABRIDGED.maxstring = _ABRIDGED.maxother = 100
@@ -165,8 +155,7 @@ def fault_from_dict(data: Mapping[str, Any], *, where: str = "fault") -> Fault:
     DictionaryError : all problems in one line, each with its key.
     """
     given = {key: value for key, value in data.items() if value is not None}
-    problems = list(_problems(given))
-    if problems:
+    if problems := list(_problems(given)):
         raise DictionaryError(f"{where}: {' | '.join(problems)}")
     fields: dict[str, Any] = {key: value if key in TEXT_KEYS else float(value) for key, value in given.items()}
     return Fault(**fields)
@@ -188,15 +177,11 @@ def parse_spec(text: str, *, where: str = "--fault") -> Fault:
             raise DictionaryError(f"{where}: expected key=value, got '{part}'; separate the keys by commas")
         if key in given:
             raise DictionaryError(f"{where}: {key}: given twice; keep one")
-        given[key] = value if key in TEXT_KEYS else _number_or_text(value)
+        given[key] = value
+        if key not in TEXT_KEYS:
+            with contextlib.suppress(ValueError):  # what is no number is said by its key
+                given[key] = float(value)
     return fault_from_dict(given, where=where)
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _problems(given: Mapping[str, Any]) -> Iterator[str]:
@@ -235,9 +220,8 @@ def _value_problem(key: str, value: object) -> str | None:
 
 def did_you_mean(word: object, known: Sequence[str]) -> str:
     """Return "; did you mean 'onset_s'?", or "; known: ..." where nothing is close."""
-    close: list[str] = []
-    if isinstance(word, str) and len(word) <= SHOWN_LETTERS:
-        close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    is_short = isinstance(word, str) and len(word) <= SHOWN_LETTERS
+    close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6) if is_short else []
     return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
 
 
@@ -250,7 +234,6 @@ def unknown_key(key: str, known: Sequence[str]) -> str:
 
 def shown(value: object) -> str:
     """Return a value as a message shows it: YAML's words, quoted text, abridged."""
-    words: dict[object, str] = {None: "null", True: "true", False: "false"}
     if value is None or isinstance(value, bool):
-        return words[value]
+        return {None: "null", True: "true", False: "false"}[value]
     return shortened(_ABRIDGED.repr(value), SHOWN_LETTERS)

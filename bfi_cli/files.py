@@ -50,20 +50,16 @@ def is_ours(path: Path) -> bool:
     except OSError:
         return False
     if head.startswith(HDF5):
-        return _attribute(path) == OWNER
+        import h5py
+
+        try:
+            with h5py.File(path, "r") as file:
+                return bool(file.attrs.get(ATTRIBUTE) == OWNER)
+        except Exception:  # a damaged file can make the HDF5 library raise anything
+            return False
     if head.lstrip()[:1] == b"{":
         return all(any(map(words.search, (head, tail))) for words in (KIND, PROVENANCE))
     return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] == [MARK.encode()]
-
-
-def _attribute(path: Path) -> object:
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            return file.attrs.get(ATTRIBUTE)
-    except Exception:  # a damaged file can make the HDF5 library raise anything
-        return None
 
 
 def same_file(one: str | Path, other: str | Path) -> bool:
@@ -92,13 +88,11 @@ def check_files(
     for path in paths:
         if any(same_file(path, one) for one in inputs):
             raise ConfigError(f"{path}: is an input of this command; give another {option}")
-        reason = _obstacle(path)
-        if reason is not None:
+        if reason := _obstacle(path):
             raise ConfigError(f"{path}: cannot be written, {reason}; give another {option}")
         if not force and os.path.lexists(path) and not is_ours(path):
-            raise ConfigError(
-                f"{path}: exists and was not written by bfi; give another {option}, or --force to replace it"
-            )
+            what = "exists and was not written by bfi"
+            raise ConfigError(f"{path}: {what}; give another {option}, or --force to replace it")
 
 
 def check_folder(folder: Path, names: Iterable[str], *, inputs: Sequence[str | Path] = (), force: bool = False) -> None:
@@ -108,8 +102,7 @@ def check_folder(folder: Path, names: Iterable[str], *, inputs: Sequence[str | P
     ------
     ConfigError : see `check_files`.
     """
-    reason = _obstacle(folder / "file")
-    if reason is not None:
+    if reason := _obstacle(folder / "file"):
         raise ConfigError(f"{folder}: cannot be written, {reason}; give another --out")
     ours = any(is_ours(folder / name) for name in DOCUMENTS)
     check_files((folder / name for name in names), inputs=inputs, force=force or ours, option="--out")

@@ -8,7 +8,7 @@ known signals. Only the product b z^T can be told from the data (b and z up to a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from .errors import ConfigError, DictionaryError
 from .faults import did_you_mean
 from .flightlog.record import frozen_array
-from .kernels.nuclear_norm import largest_penalty, nuclear_least_squares
-from .kernels.risro import risro
+from .kernels.nuclear_norm import NuclearSolution, largest_penalty, nuclear_least_squares
+from .kernels.risro import RisroSolution, risro
 from .kernels.termination import Termination
 
 __all__ = ["FirResult", "identify_fir"]
@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 Method = Literal["risro", "nuclear"]
 
 EPS = float(np.finfo(float).eps)
+# Two atoms are one where the cosine between them differs from 1 by less than round-off of their samples.
 SAME = 1e-12
 
 
@@ -93,50 +94,47 @@ def identify_fir(
     y, theta = np.asarray(y, dtype=np.float64), np.asarray(theta, dtype=np.float64)
     _check(y, theta, n_taps=n_taps, method=method, penalty=penalty)
     scale = _atom_scales(theta[:-1])
-    A, target = _compressed(_covariates(theta / scale, n_taps), y[n_taps:])
-    found = _solved(A, target, method, penalty=penalty, max_iterations=max_iterations, tolerance=tolerance)
-    X, share = _rank_one(found.X)
+    # Row k of the covariates holds theta(k-1) to theta(k-n_taps) (T, equation 3-7). By QR the problem has as few rows
+    # as it has columns, and one.
+    past = np.lib.stride_tricks.sliding_window_view(theta[:-1] / scale, n_taps, axis=0)
+    flat = np.ascontiguousarray(past[:, :, ::-1].transpose(0, 2, 1)).reshape(len(y) - n_taps, -1)
+    R = np.asarray(np.linalg.qr(np.column_stack([flat, y[n_taps:]]), mode="r"), dtype=np.float64)
+    A, target = R[:, :-1].reshape(-1, n_taps, theta.shape[1]), R[:, -1]
+    limits: dict[str, Any] = {"tolerance": tolerance}
+    if max_iterations is not None:
+        limits["max_iterations"] = max_iterations
+    solution: RisroSolution | NuclearSolution
+    if method == "risro":
+        solution = risro(A, target, rank=1, **limits)
+        X = solution.factors.X
+    else:
+        weight = penalty * (largest_penalty(A, target) or 1.0)
+        solution = nuclear_least_squares(A, target, penalty=weight, **limits)
+        X = solution.X
+    # The nearest matrix of rank 1.
+    U, values, Vt = np.linalg.svd(X, full_matrices=False)
+    X, total = values[0] * np.outer(U[:, 0], Vt[0]), float(values.sum())
     fitted = np.tensordot(A, X)
     misfit, power, agreement = float(np.linalg.norm(target - fitted)), target @ target, fitted @ target
     product = X / scale
-    taps = _direction(product)
+    taps = np.linalg.svd(product, full_matrices=False)[0][:, 0]
+    taps = np.asarray(taps * np.sign(taps[np.argmax(np.abs(taps))]))
     magnitudes = product.T @ taps
     return FirResult(
         product=frozen_array(product),
         taps=frozen_array(taps),
         magnitudes=frozen_array(magnitudes),
         input=frozen_array(theta @ magnitudes),
-        rank_one_share=share,
+        rank_one_share=float(values[0]) / total if total else 1.0,
         shrinkage=float(1.0 - fitted @ fitted / agreement) if agreement > 0.0 else 0.0,
         misfit=misfit,
         vaf=float(100.0 * (1.0 - misfit**2 / (power or 1.0))),
         condition_number=_condition(A),
         method=method,
         penalty=None if method == "risro" else penalty,
-        iterations=found.iterations,
-        termination=found.termination,
+        iterations=solution.iterations,
+        termination=solution.termination,
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Solved:
-    """The matrix a method ended with, and why."""
-
-    X: FloatArray
-    iterations: int
-    termination: Termination
-
-
-def _solved(
-    A: FloatArray, y: FloatArray, method: Method, *, penalty: float, max_iterations: int | None, tolerance: float
-) -> _Solved:
-    if method == "risro":
-        kept = risro(A, y, rank=1, max_iterations=max_iterations or 50, tolerance=tolerance)
-        return _Solved(X=kept.factors.X, iterations=kept.iterations, termination=kept.termination)
-    weight = penalty * (largest_penalty(A, y) or 1.0)
-    limit = max_iterations or 20_000
-    asked = nuclear_least_squares(A, y, penalty=weight, max_iterations=limit, tolerance=tolerance)
-    return _Solved(X=asked.X, iterations=asked.iterations, termination=asked.termination)
 
 
 def _check(y: FloatArray, theta: FloatArray, *, n_taps: int, method: str, penalty: float) -> None:
@@ -167,31 +165,6 @@ def _atom_scales(theta: FloatArray) -> FloatArray:
     for i, j in np.argwhere(np.abs(cosine) > 1.0 - SAME):
         raise DictionaryError(f"fir: theta[:, {j}] equals theta[:, {i}] up to a factor; leave one out")
     return np.asarray(scale)
-
-
-def _covariates(theta: FloatArray, n_taps: int) -> FloatArray:
-    """Return (n_samples - n_taps, n_taps, n_atoms), row k holding theta(k-1) to theta(k-n_taps) (equation 3-7)."""
-    past = np.lib.stride_tricks.sliding_window_view(theta[:-1], n_taps, axis=0)
-    return np.ascontiguousarray(past[:, :, ::-1].transpose(0, 2, 1))
-
-
-def _compressed(A: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least-squares problem with as few rows as it has columns, and one, by QR."""
-    flat = A.reshape(len(A), -1)
-    R = np.asarray(np.linalg.qr(np.column_stack([flat, y]), mode="r"), dtype=np.float64)
-    return R[:, :-1].reshape(-1, *A.shape[1:]), R[:, -1]
-
-
-def _rank_one(X: FloatArray) -> tuple[FloatArray, float]:
-    """Return the nearest matrix of rank 1, and its singular value over the sum of all."""
-    U, values, Vt = np.linalg.svd(X, full_matrices=False)
-    total = float(values.sum())
-    return values[0] * np.outer(U[:, 0], Vt[0]), float(values[0]) / total if total else 1.0
-
-
-def _direction(product: FloatArray) -> FloatArray:
-    left = np.linalg.svd(product, full_matrices=False)[0][:, 0]
-    return np.asarray(left * np.sign(left[np.argmax(np.abs(left))]))
 
 
 def _condition(A: FloatArray) -> float:

@@ -24,11 +24,7 @@ def printable(text: str) -> str:
     printable already is returned as it is, so a name that holds the four letters `\x1b` looks like one that holds the
     character.
     """
-    return text if text.isprintable() else "".join(map(_letter, text))
-
-
-def _letter(letter: str) -> str:
-    return letter if letter.isprintable() else _code(letter)
+    return text if text.isprintable() else "".join(x if x.isprintable() else _code(x) for x in text)
 
 
 def _code(letter: str) -> str:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Comparison", "compare_faults"]
+from .faults import Fault, FaultEstimate
+
+__all__ = ["Comparison", "compare_by_onset", "compare_faults", "name_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +22,7 @@ class Comparison:
     false_alarms : names of the declared faults that were not injected.
     missed : names of the injected faults that were not declared.
     magnitude_error : norm of the error of all magnitudes over the norm of the injected ones, a fault that is absent
-        counting 0; None where nothing was injected, or a fault that is no entry of the dictionary.
+        counting 0; None where nothing was injected, or a fault that no declared one could be.
     """
 
     isolated: bool
@@ -46,3 +48,36 @@ def compare_faults(
         difference = [declared.get(name, 0.0) - injected.get(name, 0.0) for name in {**injected, **declared}]
         error = float(np.linalg.norm(difference) / np.linalg.norm(list(injected.values())))
     return Comparison(isolated=not missed and not extra, false_alarms=extra, missed=missed, magnitude_error=error)
+
+
+def name_of(injected: Fault) -> str:
+    """Return the name of an injected fault, or what tells it from the others of the log."""
+    return injected.name or f"{injected.shape}, channel={injected.channel}, onset_s={injected.onset_s:g}"
+
+
+def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault], *, tolerance_s: float) -> Comparison:
+    """Compare faults whose onset was estimated: one is the injected one if it has its shape, its channel and its onset.
+
+    Parameters
+    ----------
+    declared : of different names.
+    injected : on the same time axis; signs do not count, since half a period turns that of an oscillation.
+    tolerance_s : onsets that differ by no more are the same.
+    """
+    sizes = {one.name: abs(one.magnitude) for one in declared}
+    paired: dict[str, float] = {}
+    unknown: list[str] = []
+    for fault in injected:
+        same = (
+            one.name
+            for one in declared
+            if (one.fault.shape, one.fault.channel) == (fault.shape, fault.channel)
+            and abs(one.fault.onset_s - fault.onset_s) <= tolerance_s
+            and one.name not in paired
+        )
+        name = next(same, None)
+        if name is None:
+            unknown.append(name_of(fault))
+        else:
+            paired[name] = abs(fault.magnitude)
+    return compare_faults(sizes, paired, unknown=unknown)

@@ -26,11 +26,9 @@ class Conversion:
     offset: float = 0.0
 
 
-DEGREE = math.pi / 180.0
-FOOT = 0.3048
-G = 9.80665
-POUND = 0.45359237
-PSI = POUND * G / 0.0254**2
+# Exact by definition: the international foot, inch and pound (1959), the standard gravity (CGPM 1901).
+DEGREE, FOOT, INCH, G, POUND = math.pi / 180.0, 0.3048, 0.0254, 9.80665, 0.45359237
+PSI = POUND * G / INCH**2
 
 CONVERSIONS = (
     (Conversion(1.0, "1"), "1 - ratio none no_unit no_units dimensionless part mach norm bool flag"),
@@ -46,7 +44,7 @@ CONVERSIONS = (
     (Conversion(0.01, "m"), "cm"),
     (Conversion(1e-3, "m"), "mm"),
     (Conversion(FOOT, "m"), "ft foot feet ftmsl"),
-    (Conversion(0.0254, "m"), "in inch inches"),
+    (Conversion(INCH, "m"), "in inch inches"),
     (Conversion(1852.0, "m"), "nm nmi"),
     (Conversion(1.0, "m/s"), "m/s mps m/sec ms-1 m_s meter/second meters/second metre/second metres/second"),
     (Conversion(FOOT, "m/s"), "ft/s fps ft/sec feet/second foot/second ft_s"),
@@ -113,7 +111,9 @@ def to_si(values: ArrayLike, unit: str, *, where: str = "unit") -> tuple[FloatAr
         return array, ""
     conversion = _conversion(unit)
     if conversion is None:
-        raise LogError(f"{where}: unknown unit '{unit}'; {_hint(unit)}")
+        close = difflib.get_close_matches(_plain(unit), BY_SPELLING, n=1, cutoff=0.6)
+        hint = f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"
+        raise LogError(f"{where}: unknown unit '{unit}'; {hint}")
     if conversion.factor != 1.0:
         array *= conversion.factor
     if conversion.offset:
@@ -143,8 +143,3 @@ def _plain(unit: str) -> str:
     text = re.sub(r"(?<=[a-z])[ .*]s-(?=[12])", "/s", text)
     text = re.sub(r"/s1$", "/s", text)
     return re.sub(r"\s+", "" if "/" in text else "_", text)
-
-
-def _hint(unit: str) -> str:
-    close = difflib.get_close_matches(_plain(unit), BY_SPELLING, n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"

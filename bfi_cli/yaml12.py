@@ -67,11 +67,9 @@ def _refuse(node: Any, problem: str) -> NoReturn:
     raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
-def _unknown_tag(loader: _Loader, node: yaml.Node) -> NoReturn:
-    _refuse(node, f"unknown tag '{node.tag.removeprefix(TAG)}'; write the value without a tag")
-
-
 def _scalar(pattern: re.Pattern[str], kind: str, convert: Callable[[str], object]) -> None:
+    """Let what matches a pattern be read as a kind of scalar."""
+
     def construct(loader: _Loader, node: yaml.ScalarNode) -> object:
         text = loader.construct_scalar(node)
         if kind == "int" and len(text) > MAX_DIGITS:
@@ -84,12 +82,8 @@ def _scalar(pattern: re.Pattern[str], kind: str, convert: Callable[[str], object
     _Loader.add_constructor(f"{TAG}{kind}", construct)
 
 
-def _integer(text: str) -> int:
-    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
-
-
-def _real(text: str) -> float:
-    return float(text.replace(".", "") if text[-1] in "fFnN" else text)
+def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
+    return str(loader.construct_scalar(node))
 
 
 def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
@@ -106,23 +100,20 @@ def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
     return result
 
 
-def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
-    return str(loader.construct_scalar(node))
-
-
 def _sequence(loader: _Loader, node: yaml.Node) -> list[Any]:
     if not isinstance(node, yaml.SequenceNode):
         _refuse(node, "not a list")
     return [loader.construct_object(child, deep=True) for child in node.value]
 
 
-for _pattern, _kind, _convert in (
-    (NULL, "null", lambda text: None),
-    (BOOL, "bool", lambda text: text.lower() == "true"),
-    (INT, "int", _integer),
-    (FLOAT, "float", _real),
-):
-    _scalar(_pattern, _kind, _convert)
+def _unknown_tag(loader: _Loader, node: yaml.Node) -> NoReturn:
+    _refuse(node, f"unknown tag '{node.tag.removeprefix(TAG)}'; write the value without a tag")
+
+
+_scalar(NULL, "null", lambda text: None)
+_scalar(BOOL, "bool", lambda text: text.lower() == "true")
+_scalar(INT, "int", lambda text: int(text, {"0o": 8, "0x": 16}.get(text[:2], 10)))
+_scalar(FLOAT, "float", lambda text: float(text.replace(".", "") if text[-1] in "fFnN" else text))
 _Loader.add_constructor(f"{TAG}str", _text)
 _Loader.add_constructor(f"{TAG}map", _mapping)
 _Loader.add_constructor(f"{TAG}seq", _sequence)
@@ -147,7 +138,11 @@ def load_yaml(source: str | Path, *, where: str | None = None, error: type[BfiEr
     try:
         return yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as fault:
-        raise error(f"{name}: {_place(fault)}") from None
+        problem = shortened(" ".join(f"{fault.problem or fault.context or 'not YAML'}".split()), PROBLEM_LETTERS)
+        problem += "" if ";" in problem else "; mend the YAML"
+        mark = fault.problem_mark or fault.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise error(f"{name}: {where}{problem}") from None
     except yaml.reader.ReaderError as fault:
         line = text.count("\n", 0, fault.position) + 1
         column = fault.position - text.rfind("\n", 0, fault.position)
@@ -176,10 +171,3 @@ def read_text(path: Path, *, error: type[BfiError], most_bytes: int = MAX_BYTES)
     except (OSError, ValueError) as fault:
         reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
         raise error(f"{path}: cannot be read, {reason.lower()}; check the path") from None
-
-
-def _place(fault: yaml.MarkedYAMLError) -> str:
-    mark = fault.problem_mark or fault.context_mark
-    problem = shortened(" ".join(f"{fault.problem or fault.context or 'not YAML'}".split()), PROBLEM_LETTERS)
-    problem += "" if ";" in problem else "; mend the YAML"
-    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}" if mark else problem

@@ -14,8 +14,8 @@ from bfi_cli.calibration import (
     CalibrationSettings,
     CalibrationTable,
     differences,
+    join_tables,
     load_tables,
-    merged,
     nearest,
     null_of,
     save_tables,
@@ -106,7 +106,7 @@ def test_the_nearest_table():
 
 
 def test_windows_scanned_alike_are_joined():
-    both = merged([table(30), table(40, rate_hz=1.0)], table(25, seed=2))
+    both = join_tables([table(30), table(40, rate_hz=1.0)], table(25, seed=2))
     assert sorted(one.n_windows for one in both) == [40, 55]
 
 

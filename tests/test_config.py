@@ -21,6 +21,7 @@ inputs: [elevator]
 outputs: [tas]
 channels: {}
 units: {}
+group: null
 window: {from_s: null, to_s: null}
 conditioning: {rate_hz: auto, detrend: constant, filter: linear-phase}
 model: {order: auto, orders: [2, 4, 6, 8, 12], feedthrough: null}
@@ -33,10 +34,12 @@ selection: {criterion: ebic, evidence: 4.6, max_active: null, threshold: null}
 dictionary: null
 start_time: {shapes: [bias, drift, sine], samples: null, false_alarm: 0.01, calibration: null, ends: false,
   frequency_hz: null}
+calibrate: {length_s: null, step_s: null}
 detect: {train: null, false_alarm: 0.01, method: auto, turns: true}
 diagnosability: {magnitude: 1.0, magnitudes: {}, at_limit: false, model: null,
   manoeuvres: ["3211", doublet, multisine], noise: {}, amplitude_rad: 0.035, start_s: 0.2, step_s: 1.0,
   duration_s: 31.72, turbulence_m_s: 0.0, draws: 5}
+audit: {duration_s: null}
 seed: 0
 strict: false
 fail_on: null

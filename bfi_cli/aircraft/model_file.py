@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..channels import STANDARD
-from ..dictionary.validation import Number, Positive, Rules, Text, validated
 from ..errors import ConfigError
+from ..validation import Number, Positive, Rules, Text, validate
 from ..yaml12 import load_yaml
 from .model import LinearModel
 
@@ -94,7 +94,7 @@ def load_model(path: str | Path) -> LinearModel:
     ------
     ConfigError : the file cannot be read, or everything that is wrong with it, in one line.
     """
-    document = validated(ModelDocument, load_yaml(Path(path)), where=str(path), error=ConfigError)
+    document = validate(ModelDocument, load_yaml(Path(path)), where=str(path), error=ConfigError)
     states, outputs = document.states, document.output_names
     selection = np.array([[float(state == output) for state in states] for output in outputs])
     return LinearModel(

@@ -41,6 +41,7 @@ COMMANDS = {
     "reproduce": "A published figure or table, ours beside theirs.",
     "report": "Draw the report of a stored result.",
 }
+# Exit codes of the contract; 70 is EX_SOFTWARE of sysexits.h, 130 is 128 plus the number of SIGINT.
 USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130
 # Quoted values are shortened where they are quoted; this keeps the rest, as the names of a log of many channels, from
 # filling more than 40 rows of a terminal of 100 columns. Where and what to do stand at the ends.
@@ -182,16 +183,12 @@ def _usage(error: click.ClickException) -> str:
             takes_none = "take a value" in text
             return f"{name}: takes no value; write {name}" if takes_none else f"{name}: no value; write {name} VALUE"
         case click.BadParameter(param=click.Parameter(opts=options)):
-            return f"{options[-1]}: {_value(text)}"
+            said = (
+                sentence.format(**m.groupdict()) for pattern, sentence in VALUES if (m := re.fullmatch(pattern, text))
+            )
+            return f"{options[-1]}: {next(said, text)}"
     what = text[:1].lower() + text[1:]
     return f"{program}: {what}" if ";" in what else f"{program}: {what}; see {program} --help"
-
-
-def _value(text: str) -> str:
-    for pattern, sentence in VALUES:
-        if found := re.fullmatch(pattern, text):
-            return sentence.format(**found.groupdict())
-    return text
 
 
 def _did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -23,19 +23,10 @@ __all__ = ["command"]
 @channel_options
 @window_options
 @json_option
-def command(
-    *,
-    log: str,
-    out: Path,
-    force: bool,
-    rate_hz: float | None,
-    from_s: float | None,
-    to_s: float | None,
-    as_json: bool,
-    **source: Any,
-) -> None:
+def command(*, log: str, out: Path, force: bool, rate_hz: float | None, as_json: bool, **source: Any) -> None:
     """Write a log as HDF5 or CSV, under standard names and in SI units, resampled with --rate."""
     check_files([out], inputs=[log], force=force)
+    from_s, to_s = source.pop("from_s"), source.pop("to_s")
     first_s, last_s = with_reach(rate_hz, from_s, to_s)
     flight = read_log(log, from_s=first_s, to_s=last_s, **source)
     flight = flight.window(from_s, to_s) if rate_hz is None else resample(flight, rate_hz, from_s=from_s, to_s=to_s)

@@ -7,17 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .answered import show
-from .options import (
-    channel_options,
-    configured,
-    inputs_of,
-    json_option,
-    log_of,
-    out_options,
-    outside_option,
-    tell,
-    window_options,
-)
+from .options import CHANNELS, config_of, inputs_of, log_of, tell, with_options
 
 if TYPE_CHECKING:
     from ..audit import Audit
@@ -41,17 +31,8 @@ OF_A_LOG = {
 @click.command("dictionary")
 @click.argument("file", metavar="FILE", type=click.Path())
 @click.argument("log", metavar="[LOG]", type=click.Path(), required=False)
-@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration; the command line wins.")
-@click.option("--input", "inputs", multiple=True, metavar="NAME", help="An input; repeatable.  [default: elevator]")
-@click.option("--output", "outputs", multiple=True, metavar="NAME", help="An output; repeatable.  [default: tas]")
-@window_options
-@click.option("--duration", "duration_s", type=float, metavar="S", help="Length of the window; only without a LOG.")
-@channel_options
-@click.option("--rate", metavar="HZ|none|auto", help="Rate of the analysis; none is the log's own.  [default: auto]")
-@click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
-@outside_option
-@out_options
-@json_option
+@with_options("config_path", "inputs", "outputs", "from_s", "to_s", "duration_s", *CHANNELS, "rate", "order")
+@with_options("allow_outside", "out", "force", "as_json")
 def command(file: str, log: str | None, config_path: str | None, **options: Any) -> None:
     """Say what the faults of the dictionary FILE are, which are alike, and on a LOG how large each must be."""
     from ..audit_table import audit_document, print_audit
@@ -79,10 +60,10 @@ def _audited(dictionary: Dictionary, log: str | None, config: Config, options: d
     from ..audit import audit, audit_on_log
 
     if log is None:
-        return audit(dictionary, config, duration_s=options["duration_s"]), ""
+        return audit(dictionary, config, duration_s=config.audit.duration_s), ""
     from threadpoolctl import threadpool_limits
 
-    flight = log_of(log, options["group"], config)
+    flight = log_of(log, config)
     with threadpool_limits(1):
         return audit_on_log(flight, dictionary, config), flight.sha256
 
@@ -94,7 +75,7 @@ def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Confi
                 raise click.UsageError(f"{option} is about a log; give one after the dictionary")
     elif options["duration_s"] is not None:
         raise click.UsageError("--duration is for an audit without a log; give --from and --to")
-    return configured(path, options)
+    return config_of(path, options)
 
 
 def _files(audit: Audit, origin: Provenance) -> dict[str, bytes]:

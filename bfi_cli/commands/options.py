@@ -1,15 +1,18 @@
-"""Options that several commands share, as decorators, and what they make of a configuration."""
+"""The options that have a key in the configuration or that several commands share, one row each, and what they make."""
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
 from ..errors import ConfigError
+from ..identify.methods import METHODS
 from ..printable import printable
 
 if TYPE_CHECKING:
@@ -17,196 +20,277 @@ if TYPE_CHECKING:
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
 
-__all__ = [
-    "advise",
-    "channel_options",
-    "configured",
-    "exit_code",
-    "force_option",
-    "inputs_of",
-    "json_option",
-    "log_argument",
-    "log_of",
-    "number_or_word",
-    "out_options",
-    "outside_option",
-    "progress_option",
-    "series_option",
-    "tell",
-    "two_numbers",
-    "window_options",
-]
+__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "advise", "channel_options", "config_of", "exit_code"]
+__all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_options"]
+__all__ += ["outside_option", "pairs", "progress_option", "series_option", "tell", "window_options", "with_options"]
 
 Command = Callable[..., Any]
+Callback = Callable[[click.Context, click.Parameter, Any], Any]
 
-# Where a value of the command line stands in the configuration, and the option that gives it.
-PLACES = {
-    "inputs": "--input",
-    "outputs": "--output",
-    "channels": "--channel",
-    "units": "--unit",
-    "window.from_s": "--from",
-    "window.to_s": "--to",
-    "conditioning.rate_hz": "--rate",
-    "window": "--from/--to",
-    "model.order": "--order",
-    "model.feedthrough": "--feedthrough",
-    "method": "--method",
-    "dmae.model": "--model",
-    "dictionary": "--dictionary",
-    "seed": "--seed",
-    "strict": "--strict",
-    "fail_on": "--fail-on",
-    "start_time.shapes": "--shape",
-    "start_time.samples": "--samples",
-    "start_time.false_alarm": "--false-alarm",
-    "start_time.calibration": "--calibration",
-    "start_time.ends": "--ends",
-    "start_time.frequency_hz": "--frequency",
-    "start_time": "--shape",
-    "detect.train": "--train",
-    "detect.false_alarm": "--false-alarm",
-    "detect.method": "--method",
-    "detect.turns": "--turns",
-    "detect": "--train",
-    "diagnosability.magnitude": "--magnitude",
-    "diagnosability.magnitudes": "--magnitude",
-    "diagnosability.at_limit": "--at-limit",
-    "diagnosability.model": "--model",
-    "diagnosability.manoeuvres": "--manoeuvre",
-    "diagnosability.noise": "--noise",
-    "diagnosability.amplitude_rad": "--amplitude",
-    "diagnosability.start_s": "--start",
-    "diagnosability.step_s": "--step",
-    "diagnosability.duration_s": "--duration",
-    "diagnosability.turbulence_m_s": "--turbulence",
-    "diagnosability.draws": "--draws",
-}
-MAPS = ("channels", "units")
+# Exit codes of --strict without a trustworthy answer, and of --fail-on with a declared fault.
 NO_ANSWER, FAULT_DECLARED = 4, 10
+# The methods of `bfi start-time` as --method calls them, and as the key `method` does.
+SCAN_METHODS = {"scan": "ml", "thesis": "risro"}
 
 
-def log_argument(command: Command) -> Command:
-    """Add the argument LOG, passed as `log`."""
-    return click.argument("log", metavar="LOG", type=click.Path())(command)
+def pairs(example: str, convert: Callable[[str], Any] = str, *, bare: bool = False) -> Callback:
+    """Return a callback that reads texts NAME=VALUE of a repeatable option into a dict of values by name.
+
+    Parameters
+    ----------
+    example : a right text, for messages.
+    convert : from a text to the value; raises ValueError for what is none.
+    bare : a value may stand without a name; its name is "".
+    """
+
+    def read(_context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, Any]:
+        flag, given = option.opts[0], dict[str, str]()
+        for text in texts:
+            # The name of a channel in a file may hold an equals sign, and so may the name of a fault.
+            name, sign, value = (part.strip() for part in (text.partition if convert is str else text.rpartition)("="))
+            try:
+                if not value or bool(name) != bool(sign) or not (sign or bare):
+                    raise ValueError
+                convert(value)
+            except ValueError:
+                what = f"expected {option.metavar}, got '{text}'"
+                raise ConfigError(f"{flag}: {what}; write {flag} {example}") from None
+            if name in given:
+                what = f"'{name or 'all'}' is given twice, as '{given[name]}' and '{value}'"
+                raise ConfigError(f"{flag}: {what}; keep one")
+            given[name] = value
+        return {name: convert(value) for name, value in given.items()}
+
+    return read
 
 
-def channel_options(command: Command) -> Command:
-    """Add --channel, --unit and --group, passed as the dicts `channel_map`, `unit_map` and the name `group`."""
-    for option in (
-        click.option("--group", metavar="NAME", help="HDF5 group or MATLAB struct that holds the channels."),
-        click.option(
-            "--unit",
-            "unit_map",
-            multiple=True,
-            metavar="NAME=UNIT",
-            callback=_pairs("tas=kt"),
-            help="The unit of a channel that states none, such as tas=kt; repeatable.",
-        ),
-        click.option(
-            "--channel",
-            "channel_map",
-            multiple=True,
-            metavar="STD=NAME",
-            callback=_pairs("tas=my_airspeed"),
-            help="Take the channel NAME of the file as STD, such as tas=my_airspeed; repeatable.",
-        ),
-    ):
-        command = option(command)
-    return command
+def _two_numbers(what: str, example: str) -> Callback:
+    """Return a callback that reads a text A:B into its numbers; messages say `what` it should be."""
+
+    def read(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[float, float] | None:
+        if text is None:
+            return None
+        first, _, last = text.partition(":")
+        try:
+            return float(first), float(last)
+        except ValueError:
+            flag = option.opts[0]
+            raise ConfigError(f"{flag}: not {what}, got {text}; write {flag} {example}") from None
+
+    return read
 
 
-def window_options(command: Command) -> Command:
-    """Add --from and --to, seconds on the log's own time axis, passed as `from_s` and `to_s`."""
-    command = click.option("--to", "to_s", type=float, metavar="S", help="End of the window, in the log's seconds.")(
-        command
-    )
-    return click.option("--from", "from_s", type=float, metavar="S", help="Start of the window.")(command)
+def _number_or_word(_context: click.Context, _option: click.Parameter, text: str | None) -> int | float | str | None:
+    for number in (int, float):
+        with contextlib.suppress(ValueError):
+            return text if text is None else number(text)
+    return text
 
 
-def outside_option(command: Command) -> Command:
-    """Add --allow-outside, passed as `allow_outside`."""
-    return click.option(
-        "--allow-outside",
-        is_flag=True,
-        help="Read sample files also where they lie outside the folder of the dictionary or configuration.",
-    )(command)
+def _scan_method(_context: click.Context, option: click.Parameter, word: str | None) -> str | None:
+    if word is not None and word not in SCAN_METHODS:
+        raise ConfigError(f"{option.opts[0]}: not a method, got {word}; known: {', '.join(SCAN_METHODS)}")
+    return SCAN_METHODS.get(word or "")
 
 
-def json_option(command: Command) -> Command:
-    """Add --json, passed as `as_json`."""
-    return click.option("--json", "as_json", is_flag=True, is_eager=True, help="JSON on stdout in place of a table.")(
-        command
-    )
+def _with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:
+    if given and not context.params["as_json"]:
+        raise click.UsageError("--series is about --json; add --json", context)
+    return given
 
 
-def series_option(command: Command) -> Command:
-    """Add --json and --series, passed as `as_json` and `series`."""
+KINDS: Mapping[str, Mapping[str, Any]] = {
+    "text": {},
+    "texts": {"multiple": True},
+    "number": {"type": float},
+    "positive": {"type": click.FloatRange(min=0, min_open=True)},
+    "whole": {"type": int},
+    "flag": {"is_flag": True},
+    "choice": {"default": None},  # --this/--no-this, None where neither is given
+    "request": {"is_flag": True, "default": None},  # a flag of which the configuration may have the value
+    "path": {"type": click.Path(path_type=Path)},
+    "json": {"is_flag": True, "is_eager": True},
+    "series": {"is_flag": True, "callback": _with_json},
+    "number_or_word": {"callback": _number_or_word},
+    "channels": {"multiple": True, "callback": pairs("tas=my_airspeed")},
+    "units": {"multiple": True, "callback": pairs("tas=kt")},
+    "noise": {"multiple": True, "callback": pairs("tas=0.01", float)},
+    "magnitudes": {"multiple": True, "callback": pairs("0.5 or --magnitude NAME=0.5", float, bare=True)},
+    "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
+    "stretch": {"callback": _two_numbers("a stretch of time", "1160:1500, in s")},
+    "scan_method": {"callback": _scan_method},
+}
 
-    def with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:
-        if given and not context.params["as_json"]:
-            raise click.UsageError("--series is about --json; add --json", context)
-        return given
+# One row per option: the name under which it reaches the command, its flags, the key of the configuration it stands
+# for ("-" for what is of one call alone, such as --out), its metavar and its kind; below, its help.
+TABLE = f"""
+config_path  -c,--config  -  FILE  text
+    YAML configuration; the command line wins.
+dictionary  -d,--dictionary  dictionary  FILE  text
+    YAML dictionary of the faults to look for.  [default: the onset scan]
+inputs  --input  inputs  NAME  texts
+    An input; repeatable.  [default: elevator]
+outputs  --output  outputs  NAME  texts
+    An output; repeatable.  [default: tas]
+from_s  --from  window.from_s  S  number
+    Start of the window.
+to_s  --to  window.to_s  S  number
+    End of the window, in the log's seconds.
+channel_map  --channel  channels  STD=NAME  channels
+    Take the channel NAME of the file as STD, such as tas=my_airspeed; repeatable.
+unit_map  --unit  units  NAME=UNIT  units
+    The unit of a channel that states none, such as tas=kt; repeatable.
+group  --group  group  NAME  text
+    HDF5 group or MATLAB struct that holds the channels.
+rate  --rate  conditioning.rate_hz  HZ|none|auto  number_or_word
+    Rate of the analysis; none is the log's own.  [default: auto]
+order  --order  model.order  N|auto  number_or_word
+    Number of lags of the model.  [default: auto]
+feedthrough  --feedthrough/--no-feedthrough  model.feedthrough  -  choice
+    Inputs act in the same sample too.
+method  --method  method  NAME  text
+    Method of identification: {", ".join(METHODS)}.  [default: ml]
+model  --model  dmae.model  NAME  text
+    A linear model of bfi simulate, for method dmae.
+seed  --seed  seed  N  whole
+    Random seed.  [default: 0]
+shapes  --shape  start_time.shapes  NAME  texts
+    {{scanned}}; repeatable.  [default: bias, drift, sine]
+false_alarm  --false-alarm  start_time.false_alarm  P  number
+    Accepted rate of false alarms.  [default: 0.01]
+calibration  --calibration  start_time.calibration  FILE|self|gaussian  text
+    Where the threshold comes from.  [default: the shipped table]
+ends  --ends/--no-ends  start_time.ends  -  choice
+    Search for the end of the fault too.
+samples  --samples  start_time.samples  FILE  text
+    CSV of time, value: a shape of your own, with --shape samples.
+frequency  --frequency  start_time.frequency_hz  LO:HI  band
+    Band of the oscillations, Hz.  [default: 3/window to 0.2 x rate]
+scan_method  --method  method  -  scan_method
+    scan, or thesis (one solve per onset, as published).  [default: scan]
+length_s  --length  calibrate.length_s  S  positive
+    Length of a window.  [default: 120, or the whole of a shorter log]
+step_s  --step  calibrate.step_s  S  positive
+    Time between the starts of windows.  [default: half a window]
+train  --train  detect.train  A:B  stretch
+    Time known to be healthy.  [default: the first third of the window]
+detect_false_alarm  --false-alarm  detect.false_alarm  P  number
+    Accepted rate of false alarms per record.  [default: 0.01]
+detect_method  --method  detect.method  auto|exact|parity  text
+    Method of detection; exact is for data without any noise.  [default: auto]
+turns  --turns/--no-turns  detect.turns  -  choice
+    Explain turns by roll and yaw_rate.  [default: turns]
+magnitude  --magnitude  diagnosability.magnitude  Z  number
+    The magnitude that --magnitude gives without a name.
+magnitudes  --magnitude  diagnosability.magnitudes  Z|NAME=Z  magnitudes
+    Root mean square of all magnitudes, or of one fault's; repeatable.  [default: 1]
+at_limit  --at-limit  diagnosability.at_limit  -  request
+    Give magnitudes as multiples of the minimal detectable magnitude.
+flown_model  --model  diagnosability.model  NAME  text
+    Fly this model of bfi simulate in place of a LOG.
+manoeuvres  --manoeuvre  diagnosability.manoeuvres  NAME  texts
+    Manoeuvre to compare; repeatable.  [default: 3211, doublet, multisine]
+noise  --noise  diagnosability.noise  NAME=SD  noise
+    White noise of a model's output; repeatable.
+amplitude_rad  --amplitude  diagnosability.amplitude_rad  RAD  number
+    Largest deflection.  [default: 0.035]
+start_s  --start  diagnosability.start_s  S  number
+    When the manoeuvre starts.  [default: 0.2]
+unit_step_s  --step  diagnosability.step_s  S  number
+    The manoeuvre's unit step.  [default: 1]
+flight_s  --duration  diagnosability.duration_s  S  number
+    Length of the flight.  [default: 31.72]
+turbulence_m_s  --turbulence  diagnosability.turbulence_m_s  SIGMA  number
+    Dryden gusts, m/s.  [default: 0]
+draws  --draws  diagnosability.draws  N  whole
+    Draws of the noise for each manoeuvre.  [default: 5]
+duration_s  --duration  audit.duration_s  S  number
+    Length of the window; only without a LOG.
+allow_outside  --allow-outside  -  -  flag
+    Read sample files also where they lie outside the folder of the dictionary or configuration.
+out  --out  -  DIR  path
+    Write result, report, figures and tables.
+force  --force  -  -  flag
+    Replace files that bfi did not write; never an input.
+strict  --strict  strict  -  request
+    Exit 4 where there is no trustworthy answer.
+fail_on  --fail-on  fail_on  fault  text
+    Exit 10 where a fault is declared.
+progress  --progress/--no-progress  -  -  choice
+    Show progress on stderr.  [default: on a terminal]
+as_json  --json  -  -  json
+    JSON on stdout in place of a table.
+series  --series  -  -  series
+    With --json: what has an entry per sample or onset, too; result.json of --out always has it.
+"""
 
-    said = "With --json: what has an entry per sample or onset, too; result.json of --out always has it."
-    return json_option(click.option("--series", is_flag=True, callback=with_json, help=said)(command))
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """A row of the table; `key` is None for what is of one call alone, `settings` are those of `click.option`."""
+
+    flags: tuple[str, ...]
+    key: str | None
+    settings: Mapping[str, Any]
 
 
-def force_option(command: Command) -> Command:
-    """Add --force, passed as `force`."""
-    return click.option("--force", is_flag=True, help="Replace files that bfi did not write; never an input.")(command)
+def _rows() -> dict[str, Option]:
+    lines, rows = TABLE.strip().splitlines(), {}
+    for head, words in zip(lines[::2], lines[1::2], strict=True):
+        name, flags, key, metavar, kind = head.split()
+        settings = {"metavar": None if metavar == "-" else metavar, "help": words.strip(), **KINDS[kind]}
+        rows[name] = Option(flags=(*flags.split(","), name), key=None if key == "-" else key, settings=settings)
+    return rows
 
 
-def out_options(command: Command) -> Command:
-    """Add --out and --force, passed as the path `out` and `force`."""
-    path = click.Path(path_type=Path)
-    return click.option("--out", type=path, metavar="DIR", help="Write result, report, figures and tables.")(
-        force_option(command)
-    )
+OPTIONS = _rows()
+# The long flag of every key, for messages.
+FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if row.key}
+CHANNELS = ("channel_map", "unit_map", "group")
+SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate")
+MODEL = ("order", "feedthrough")
 
 
-def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
-    """Return the files that a command reads: `paths` and those that its configuration and dictionary name."""
-    asked = config.start_time
-    named = {*paths, config.path, asked.samples, asked.calibration}
-    if dictionary is not None:
-        named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
-    return tuple(path for path in named if path)
+def with_options(*names: str, **words: str) -> Callable[[Command], Command]:
+    """Return the decorator that adds options of `OPTIONS` to a command, in this order.
+
+    Parameters
+    ----------
+    words : by name, the help in place of the table's, for a command in which an option means something more special.
+    """
+
+    def add(command: Command) -> Command:
+        for name in reversed(names):
+            row = OPTIONS[name]
+            text = words.get(name, row.settings["help"])
+            if "{scanned}" in text:  # known from what imports numpy, for which other commands need not wait
+                from ..shapes import SCANNED
+
+                text = text.format(scanned=f"{', '.join(SCANNED[:-1])} or {SCANNED[-1]}")
+            command = click.option(*row.flags, **{**row.settings, "help": text})(command)
+        return command
+
+    return add
 
 
-def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
-    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
-    from ..flightlog.quality import advice_on_windows
-
-    if (config.window.from_s, config.window.to_s) != (None, None):
-        return ()
-    note = advice_on_windows(flight)
-    if note is None:
-        return ()
-    tell(note)
-    return (note,)
+log_argument = click.argument("log", metavar="LOG", type=click.Path())
+channel_options = with_options(*CHANNELS)
+window_options = with_options("from_s", "to_s")
+out_options = with_options("out", "force")
+force_option = with_options("force")
+outside_option = with_options("allow_outside")
+progress_option = with_options("progress")
+json_option = with_options("as_json")
+series_option = with_options("as_json", "series")
 
 
-def progress_option(command: Command) -> Command:
-    """Add --progress/--no-progress, passed as `progress`: None where neither is given."""
-    shown = "Show it on stderr.  [default: on a terminal]"
-    return click.option("--progress/--no-progress", default=None, help=shown)(command)
-
-
-def tell(sentence: str) -> None:
-    """Print a note for the person at the terminal to stderr; silent where stderr is none."""
-    if sys.stderr.isatty():
-        click.echo(printable(sentence), err=True)
-
-
-def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, Any] | None = None) -> Config:
+def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
     """Return the configuration of a file (the defaults where there is none) with the command line's values in it.
 
     Parameters
     ----------
-    options : of the command; those that several commands have are put in their places, see `_shared`. The channels and
-        units given are added to those of the file.
-    own : value of the command's other options by place in the configuration, one of `PLACES`; None where not given.
+    given : the command's options by their names in `OPTIONS`. Channels and units are added to those of the file, every
+        other value that was given takes the place of the file's.
 
     Raises
     ------
@@ -214,16 +298,27 @@ def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, A
     """
     from ..config import Config, load_config, merge
 
-    given = {**_shared(options), **(own or {})}
-    config = load_config(path, allow_outside=options["allow_outside"]) if path is not None else Config()
-    maps = {place: {**getattr(config, place), **given[place]} for place in MAPS if given.get(place)}
+    config = load_config(path, allow_outside=given["allow_outside"]) if path is not None else Config()
+    named = {OPTIONS[name].key: value for name, value in given.items() if name in OPTIONS}
+    values = {key: value for key, value in named.items() if key and value is not None and value not in ((), {})}
+    for key in {"channels", "units"} & values.keys():
+        values[key] = {**getattr(config, key), **values[key]}
     try:
-        return merge(config, {**given, **dict.fromkeys(MAPS), **maps})
+        return merge(config, values)
     except ConfigError as error:
-        raise ConfigError(_by_option(str(error))) from None
+        complaints = str(error).partition(": ")[2].split(" | ")
+        raise ConfigError(" | ".join(_by_option(complaint, values) for complaint in complaints)) from None
 
 
-def log_of(path: str, group: str | None, config: Config) -> FlightLog:
+def _by_option(complaint: str, values: Mapping[str, Any]) -> str:
+    """Return a complaint about a key, or about a whole section, with the options that were given for it."""
+    place, colon, what = complaint.partition(": ")
+    key = place.partition("[")[0]
+    flags = [flag for one, flag in FLAGS.items() if one in values and (one == key or one.startswith(f"{key}."))]
+    return f"{'/'.join(flags)}: {what}" if colon and flags else f"command line: {complaint}"
+
+
+def log_of(path: str, config: Config) -> FlightLog:
     """Read the log of an analysis; of one that is large only the window, the time to learn from and the filter's reach.
 
     Raises
@@ -238,86 +333,48 @@ def log_of(path: str, group: str | None, config: Config) -> FlightLog:
         from_s = min(from_s, config.detect.train[0])
     from_s, to_s = with_reach(rate if isinstance(rate, float) else None, from_s, to_s)
     names = {"channel_map": dict(config.channels), "unit_map": dict(config.units)}
-    return read_log(path, group=group, from_s=from_s, to_s=to_s, **names)
+    return read_log(path, group=config.group, from_s=from_s, to_s=to_s, **names)
 
 
-def _shared(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of the options that most analyses of a log have, by place; None for what a command has not."""
-    return {
-        "inputs": options["inputs"] or None,
-        "outputs": options["outputs"] or None,
-        "channels": options["channel_map"],
-        "units": options["unit_map"],
-        "window.from_s": options["from_s"],
-        "window.to_s": options["to_s"],
-        "conditioning.rate_hz": number_or_word(options["rate"]),
-        "model.order": number_or_word(options.get("order")),
-        "model.feedthrough": options.get("feedthrough"),
-        **{place: options.get(place) for place in ("dictionary", "seed", "strict", "fail_on")},
-    }
+def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
+    """Return the files that a command reads: `paths` and those that its configuration and dictionary name."""
+    named = {*paths, config.path, config.start_time.samples, config.start_time.calibration}
+    if dictionary is not None:
+        named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
+    return tuple(path for path in named if path)
 
 
-def exit_code(config: Config, *, trusted: bool, decision: str) -> int:
-    """Return the exit code of an answer: 4 for --strict without trust in it, 10 for --fail-on fault with one, 0."""
-    if config.strict and not trusted:
+def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
+    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
+    from ..flightlog.quality import advice_on_windows
+
+    note = advice_on_windows(flight) if (config.window.from_s, config.window.to_s) == (None, None) else None
+    if note is None:
+        return ()
+    tell(note)
+    return (note,)
+
+
+def tell(sentence: str) -> None:
+    """Print a note for the person at the terminal to stderr; silent where stderr is none."""
+    if sys.stderr.isatty():
+        click.echo(printable(sentence), err=True)
+
+
+class Answer(Protocol):
+    """What the exit code asks of a result."""
+
+    @property
+    def decision(self) -> str:
+        """One of `bfi_cli.faults.Decision`."""
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether `--strict` accepts it."""
+
+
+def exit_code(result: Answer, config: Config) -> int:
+    """Return the exit code of an answer: 4 for --strict without trust in it, 10 for --fail-on with a fault, else 0."""
+    if config.strict and not result.is_trusted:
         return NO_ANSWER
-    return FAULT_DECLARED if config.fail_on == "fault" and decision == "fault" else 0
-
-
-def two_numbers(text: str | None, what: str, example: str) -> tuple[float, float] | None:
-    """Return the numbers of an option's text A:B, None where it was not given.
-
-    Raises
-    ------
-    ConfigError : it is no such text; `what` it should be, and an `example` with the option's name.
-    """
-    if text is None:
-        return None
-    first, colon, last = text.partition(":")
-    try:
-        if colon:
-            return float(first), float(last)
-    except ValueError:
-        pass
-    raise ConfigError(f"{example.partition(' ')[0]}: not {what}, got {text}; write {example}")
-
-
-def _by_option(complaints: str) -> str:
-    """Return complaints about places of the configuration with the options in their stead."""
-    _, _, text = complaints.partition(": ")
-    return " | ".join(map(_renamed, text.split(" | ")))
-
-
-def _renamed(complaint: str) -> str:
-    place, colon, what = complaint.partition(": ")
-    option = PLACES.get(place.partition("[")[0])
-    return f"{option}: {what}" if colon and option else f"command line: {complaint}"
-
-
-def number_or_word(text: str | None) -> int | float | str | None:
-    """Return the number an option's text states, else the text."""
-    if text is None:
-        return None
-    for number in (int, float):
-        try:
-            return number(text)
-        except ValueError:
-            continue
-    return text
-
-
-def _pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
-    def read(_context: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
-        pairs: dict[str, str] = {}
-        for value in values:
-            key, sign, right = (part.strip() for part in value.partition("="))
-            if not (key and sign and right):
-                write = f"write {option.opts[0]} {example}"
-                raise click.BadParameter(f"expected {option.metavar}, got '{value}'; {write}", param=option)
-            if key in pairs:
-                twice = f"'{key}' is given twice, as '{pairs[key]}' and '{right}'; keep one"
-                raise click.BadParameter(twice, param=option)
-            pairs[key] = right
-        return pairs
-
-    return read
+    return FAULT_DECLARED if config.fail_on == "fault" and result.decision == "fault" else 0

@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
 from ..errors import ConfigError
-from .options import json_option
+from .options import json_option, pairs
 from .written import out_option, write_and_show
-
-if TYPE_CHECKING:
-    from ..aircraft import Discretisation
 
 __all__ = ["command"]
 
-
-def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
-    flag = option.opts[0]
-    given: dict[str, float] = {}
-    for text in values:
-        name, _, size = text.partition("=")
-        try:
-            given[name.strip()] = float(size)
-        except ValueError:
-            raise ConfigError(f"{flag}: expected {option.metavar}, got '{text}'; write {flag} tas=0.01") from None
-    if len(given) < len(values):
-        raise ConfigError(f"{flag}: an output is given twice, got {' '.join(values)}; keep one of each")
-    return given
+SIZES = pairs("tas=0.01", float)
 
 
 @click.command("simulate")
@@ -41,33 +26,15 @@ def _sizes(_context: click.Context, option: click.Parameter, values: tuple[str, 
 @click.option("--step", metavar="S", type=float, default=1.0, show_default=True, help="The manoeuvre's unit step.")
 @click.option("--duration", metavar="S", type=float, default=31.72, show_default=True, help="Length of the log.")
 @click.option("--rate", metavar="HZ", type=float, default=100.0, show_default=True, help="Samples per second.")
-@click.option(
-    "--noise", metavar="NAME=SD", multiple=True, callback=_sizes, help="White noise of an output; repeatable."
-)
-@click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=_sizes, help="Step of an output; repeatable.")
+@click.option("--noise", metavar="NAME=SD", multiple=True, callback=SIZES, help="White noise of an output; repeatable.")
+@click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=SIZES, help="Step of an output; repeatable.")
 @click.option("--turbulence", metavar="SIGMA", type=float, default=0.0, show_default=True, help="Dryden gusts, in m/s.")
 @click.option("--discretisation", type=click.Choice(["zoh", "bilinear", "euler"]), default="zoh", show_default=True)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of noise and turbulence.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and turbulence."
+)
 @json_option
-def command(
-    *,
-    name: str | None,
-    model_file: str | None,
-    out: Path,
-    force: bool,
-    manoeuvre: str,
-    amplitude: float,
-    start: float,
-    step: float,
-    duration: float,
-    rate: float,
-    noise: dict[str, float],
-    quantum: dict[str, float],
-    turbulence: float,
-    discretisation: Discretisation,
-    seed: int,
-    as_json: bool,
-) -> None:
+def command(*, name: str | None, model_file: str | None, out: Path, force: bool, as_json: bool, **options: Any) -> None:
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
     MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines), or
@@ -91,15 +58,16 @@ def command(
     else:
         given = "no model given" if name is None else f"one model is flown, got '{name}' and --model {model_file}"
         raise ConfigError(f"bfi simulate: {given}; give one of {', '.join(aircraft.MODELS)}, or --model FILE")
-    time_s = aircraft.time_axis(duration_s=duration, rate_hz=rate)
+    time_s = aircraft.time_axis(duration_s=options["duration"], rate_hz=options["rate"])
+    steps = {"amplitude_rad": options["amplitude"], "start_s": options["start"], "step_s": options["step"]}
     log = aircraft.simulate(
         model,
-        aircraft.manoeuvre(manoeuvre, time_s, amplitude_rad=amplitude, start_s=start, step_s=step),
-        rng=np.random.default_rng(seed),
-        rate_hz=rate,
-        discretisation=discretisation,
-        turbulence=aircraft.Dryden(sigma_m_s=turbulence) if turbulence else None,
-        noise_sd=noise,
-        quantum=quantum,
+        aircraft.manoeuvre(options["manoeuvre"], time_s, **steps),
+        rng=np.random.default_rng(options["seed"]),
+        rate_hz=options["rate"],
+        discretisation=options["discretisation"],
+        turbulence=aircraft.Dryden(sigma_m_s=options["turbulence"]) if options["turbulence"] else None,
+        noise_sd=options["noise"],
+        quantum=options["quantum"],
     )
-    write_and_show(log, out, kind="simulate", seed=seed, as_json=as_json)
+    write_and_show(log, out, kind="simulate", seed=options["seed"], as_json=as_json)

@@ -125,3 +125,8 @@ class DetectResult:
     series: tuple[ChannelSeries, ...]
     commands: tuple[str, ...]
     notes: tuple[str, ...]
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the threshold is known to hold."""
+        return self.is_calibrated

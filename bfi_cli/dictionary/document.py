@@ -1,22 +1,37 @@
-"""The YAML of a fault dictionary as it is written: atoms by shape, grids of them, and where times count from."""
+"""A fault dictionary: the faults an analysis looks for, as YAML, as single faults and as the signals they add."""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import itertools
 import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, cast
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, create_model, model_validator
 
-from ..faults import shown
-from ..sample_file import lies_inside
+from ..errors import DictionaryError
+from ..faults import Fault, shown
+from ..filters import recorded_signal
+from ..kernels.low_pass import IDENTITY, Response
+from ..printable import shortened
 from ..shapes import SHAPES
-from .validation import Number, Positive, Rules, Text
+from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
+from ..yaml12 import load_yaml, read_text
 
-__all__ = ["MAX_ATOMS", "AtomEntry", "DictionaryDocument", "GridEntry", "Range"]
+__all__ = ["MAX_ATOMS", "AtomEntry", "Dictionary", "DictionaryDocument", "GridEntry", "Range", "dead_reason", "expand"]
+__all__ += ["json_schema", "load_dictionary", "signals"]
 
+FloatArray = NDArray[np.float64]
+
+# More faults than any published dictionary has by a factor of a hundred; their YAML still fits the limits of `yaml12`.
 MAX_ATOMS = 10_000
 
 
@@ -47,10 +62,6 @@ def _kind_of_numbers(value: object) -> str:
     return "<range>" if isinstance(value, dict | Range) else "<number>"
 
 
-def _kind_of_names(value: object) -> str:
-    return "<list>" if isinstance(value, list | tuple) else "<name>"
-
-
 def _scalars(value: object) -> tuple[Any, ...]:
     if isinstance(value, Range):
         return value.values()
@@ -70,18 +81,11 @@ def _nonzero(value: Any) -> Any:
 
 
 def _existing(file: str, info: ValidationInfo) -> str:
-    context = info.context or {}
-    folder = Path(context.get("folder", ""))
-    path = folder / file
-    try:
-        is_outside, found = "folder" in context and not lies_inside(path, folder), path.is_file()
-    except (OSError, ValueError):
-        is_outside, found = False, False
-    if is_outside and not context.get("allow_outside"):  # said first: whether the file exists is not told
-        raise ValueError(f"{shown(file)} lies outside the dictionary's folder; move it there or give --allow-outside")
-    if not found:
-        raise ValueError(f"no such file, got {shown(str(path))}; give a CSV file of time, value")
-    return str(path)
+    path = path_beside(file, info, "dictionary")  # first: whether a file outside exists is not told
+    with contextlib.suppress(OSError):  # a name that is too long
+        if Path(path).is_file():
+            return path
+    raise ValueError(f"no such file, got {shown(path)}; give a CSV file of time, value")
 
 
 Numbers = Annotated[
@@ -92,7 +96,7 @@ Numbers = Annotated[
 ]
 Names = Annotated[
     Annotated[Text, Tag("<name>")] | Annotated[tuple[Text, ...], Field(min_length=1), Tag("<list>")],
-    Discriminator(_kind_of_names),
+    Discriminator(lambda value: "<list>" if isinstance(value, list | tuple) else "<name>"),
 ]
 N = TypeVar("N")
 C = TypeVar("C")
@@ -162,3 +166,197 @@ class DictionaryDocument(Rules):
     """One fault each."""
     grids: tuple[GridEntry, ...] = ()
     """Many faults each: every combination of the values given as a list or as {start, stop, step}."""
+
+
+def expand(document: DictionaryDocument) -> tuple[Fault, ...]:
+    """Return one fault per atom and per combination of a grid, in the order of the document.
+
+    Combinations that would end before they start are left out. Faults without a name are called shape_channel_onset,
+    with the other keys a grid runs over appended, and a number where that is still not unique.
+
+    Raises
+    ------
+    ValueError : a name stands twice, there are no atoms or too many, or a grid has no possible combination.
+    """
+    if not document.atoms and not document.grids:
+        raise ValueError("no faults; add atoms or grids")
+    taken: dict[str, int] = {}
+    for i, atom in enumerate(document.atoms):
+        if atom.name and taken.setdefault(atom.name, i) != i:
+            raise ValueError(f"atoms[{i}].name: '{atom.name}' is also atoms[{taken[atom.name]}]; choose another")
+    total = len(document.atoms) + sum(math.prod(map(len, _axes(grid).values())) for grid in document.grids)
+    if total > MAX_ATOMS:
+        raise ValueError(f"{total} faults are more than {MAX_ATOMS}; give larger steps")
+    names = set(taken)
+    faults = [fault for atom in document.atoms for fault in _faults(atom, document.channel, names, is_grid=False)]
+    for i, grid in enumerate(document.grids):
+        combinations = list(_faults(grid, document.channel, names, is_grid=True))
+        if not combinations:
+            raise ValueError(f"grids[{i}]: every offset_s is before every onset_s; swap them")
+        faults += combinations
+    return tuple(faults)
+
+
+def _axes(entry: Any) -> dict[str, tuple[Any, ...]]:
+    """Return the keys of a grid that hold several values, with their values."""
+    values = {key: getattr(entry, key) for key in type(entry).model_fields}
+    ranged = {key: value.values() if isinstance(value, Range) else value for key, value in values.items()}
+    return {key: value for key, value in ranged.items() if isinstance(value, tuple)}
+
+
+def _faults(entry: Any, channel: str, taken: set[str], *, is_grid: bool) -> Iterator[Fault]:
+    """Yield the faults of an atom or a grid; the names they are given are added to those `taken`."""
+    axes = _axes(entry)
+    fixed = {key: getattr(entry, key) for key in type(entry).model_fields if key not in axes}
+    given = {"channel": channel, "onset_s": 0.0} | {key: value for key, value in fixed.items() if value is not None}
+    longer = [key for key, values in axes.items() if len(values) > 1 and key not in ("channel", "onset_s")]
+    for combination in itertools.product(*axes.values()):
+        fault = given | dict(zip(axes, combination, strict=True))
+        if fault.get("offset_s", math.inf) <= fault["onset_s"]:
+            continue
+        if is_grid or "name" not in given:
+            stem = f"{fault.get('name', fault['shape'])}_{fault['channel']}_{fault['onset_s']:.12g}"
+            stem += "".join(f"_{key}_{fault[key]:.12g}" for key in longer)
+            numbered = (f"{stem}_{i}" for i in itertools.count(2))
+            fault["name"] = next(name for name in itertools.chain([stem], numbered) if name not in taken)
+            taken.add(fault["name"])
+        yield Fault(**fault)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dictionary:
+    """The faults to look for, each with a name of its own.
+
+    Attributes
+    ----------
+    atoms : times as stated, see `relative_to`; grids are expanded.
+    relative_to : "window" (times count from the start of the analysed window) or "log" (the log's time axis).
+    sha256 : of the file, or of the canonical JSON of an inline dictionary.
+    path : where it was read from, for messages.
+    """
+
+    atoms: tuple[Fault, ...]
+    relative_to: Literal["window", "log"]
+    sha256: str
+    path: str
+
+    def resolved(self, window_start_s: float) -> tuple[Fault, ...]:
+        """Return the atoms with onset and offset on the log's time axis."""
+        if self.relative_to == "log":
+            return self.atoms
+        start_s = window_start_s
+        return tuple(
+            replace(
+                one, onset_s=one.onset_s + start_s, offset_s=None if one.offset_s is None else one.offset_s + start_s
+            )
+            for one in self.atoms
+        )
+
+
+def load_dictionary(
+    source: str | Path | Mapping[str, Any] | DictionaryDocument,
+    *,
+    where: str | None = None,
+    folder: Path | None = None,
+    allow_outside: bool = False,
+) -> Dictionary:
+    """Return the dictionary of a YAML file, of a mapping, or of a document validated already.
+
+    Parameters
+    ----------
+    source : a `str` is a path.
+    where : what messages call it; default the path, or "dictionary".
+    folder : what the sample files of a mapping are relative to, default the working directory; those of a file are
+        relative to the file.
+    allow_outside : sample files may lie outside that folder. They may for a mapping without a folder: its sample files
+        are named by the caller.
+
+    Raises
+    ------
+    DictionaryError : everything that is wrong, in one line. Sample files are only checked to exist.
+    """
+    sha256 = None
+    if isinstance(source, str | Path):
+        path = Path(source)
+        text = read_text(path, error=DictionaryError)
+        where, folder, sha256 = where or str(path), path.parent, hashlib.sha256(path.read_bytes()).hexdigest()
+        source = load_yaml(text, where=where, error=DictionaryError)
+    where = where or "dictionary"
+    document = source
+    if not isinstance(document, DictionaryDocument):
+        context = {} if folder is None else {"folder": folder, "allow_outside": allow_outside}
+        document = validate(DictionaryDocument, source, where=where, error=DictionaryError, context=context)
+    try:
+        atoms = expand(document)
+    except ValueError as problem:
+        raise DictionaryError(f"{where}: {shortened(str(problem), SENTENCE_LETTERS)}") from None
+    canonical = document.model_dump_json(exclude_unset=True).encode()
+    return Dictionary(
+        atoms=atoms,
+        relative_to=document.relative_to,
+        sha256=sha256 or hashlib.sha256(canonical).hexdigest(),
+        path=where,
+    )
+
+
+def signals(
+    faults: Sequence[Fault],
+    time_s: FloatArray,
+    outputs: Sequence[str],
+    *,
+    window_start_s: float,
+    response: Response = IDENTITY,
+) -> FloatArray:
+    """Return (n_samples, n_outputs, n_atoms): what each fault at magnitude 1 adds to each output.
+
+    Parameters
+    ----------
+    faults : with times on the axis of `time_s`, see `Dictionary.resolved`.
+    time_s : (n_samples,) seconds.
+    outputs : channel names.
+    window_start_s : see `bfi_cli.faults.unit_signal`.
+    response : of the filters that the log went through.
+
+    Raises
+    ------
+    DictionaryError : a fault acts on a channel that is no output, or a sample file cannot be used.
+    """
+    columns = np.zeros((np.size(time_s), len(outputs), len(faults)))
+    for j, fault in enumerate(faults):
+        if fault.channel not in outputs:
+            raise DictionaryError(f"dictionary: {_not_an_output(fault, outputs)}")
+        signal = recorded_signal(fault, time_s, response, window_start_s=window_start_s)
+        columns[:, outputs.index(fault.channel), j] = signal
+    return columns
+
+
+def dead_reason(fault: Fault, start_s: float, stop_s: float, *, outputs: Sequence[str] | None = None) -> str | None:
+    """Return why the fault leaves no trace in the window, as a sentence; None where it may.
+
+    Parameters
+    ----------
+    fault : with times on the log's axis, see `Dictionary.resolved`.
+    start_s, stop_s : the analysed window.
+    outputs : the analysed channels; None not to look.
+    """
+    name = f"'{fault.name or fault.shape}'"
+    if outputs is not None and fault.channel not in outputs:
+        return _not_an_output(fault, outputs)
+    if fault.onset_s >= stop_s:
+        late = f"{name} starts at {fault.onset_s:g} s, after the window ends ({stop_s:g} s)"
+        return f"{late}; move its onset or widen the window"
+    if fault.offset_s is not None and fault.offset_s <= start_s:
+        early = f"{name} ends at {fault.offset_s:g} s, before the window starts ({start_s:g} s)"
+        return f"{early}; move its offset or widen the window"
+    return None
+
+
+def _not_an_output(fault: Fault, outputs: Sequence[str]) -> str:
+    name = f"'{fault.name or fault.shape}'"
+    has = ", ".join(outputs)
+    return f"{name} acts on '{fault.channel}', which is no output ({has}); add --output {fault.channel}"
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of the dictionary's YAML, for editors."""
+    return editor_schema(DictionaryDocument, "bfi fault dictionary")

@@ -13,7 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
-from ..truth import compare_faults
+from ..truth import compare_faults, name_of
 from .magnitudes import MethodResult
 from .result import AgainstTruth, OutputSeries, ResidualSummary
 
@@ -103,16 +103,15 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
         channel = window.log.channel(fault.channel).name
-        name = fault.name or f"{fault.shape}, channel={fault.channel}, onset_s={fault.onset_s:g}"
         if fault.file is not None and os.path.abspath(fault.file) not in named:
-            unknown += [name] if active_samples(fault, time_s).any() else []
+            unknown += [name_of(fault)] if active_samples(fault, time_s).any() else []
             continue
         signal = fault.magnitude * unit_signal(fault, time_s, window_start_s=start_s)
         if not np.any(signal):
             continue
         entry, z = _entry_of(window, channel, signal)
         if entry is None:
-            unknown.append(name)
+            unknown.append(name_of(fault))
         else:
             wanted[entry] = wanted.get(entry, 0.0) + z
     # Variance accounted for of the fault (thesis eq. 5-2), %; None where there is no fault in the window.

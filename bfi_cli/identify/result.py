@@ -110,3 +110,8 @@ class IdentifyResult:
     outputs: tuple[OutputSeries, ...]
     residuals: tuple[ResidualSummary, ...]
     truth: AgainstTruth | None
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the log could tell."""
+        return self.decision != "not_identifiable"

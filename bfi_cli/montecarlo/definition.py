@@ -10,8 +10,8 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from ..aircraft import MANOEUVRES, MODELS
 from ..config import Config, DictionarySource, Natural
-from ..dictionary.validation import Number, Positive, Rules, Text, Whole, editor_schema
 from ..faults import did_you_mean
+from ..validation import Number, Positive, Rules, Text, Whole, editor_schema
 
 __all__ = ["FlownModel", "RecordedLog", "SweepRules", "json_schema"]
 

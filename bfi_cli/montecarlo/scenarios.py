@@ -15,9 +15,9 @@ import numpy as np
 from .. import __version__
 from ..config import Config, merge
 from ..dictionary import Dictionary, DictionaryDocument, load_dictionary
-from ..dictionary.validation import validated
 from ..errors import ConfigError
 from ..printable import printable
+from ..validation import validate
 from ..yaml12 import load_yaml, read_text
 from .definition import FlownModel, RecordedLog, SweepRules
 
@@ -124,7 +124,7 @@ def load_sweep(
     path = Path(path)
     data = load_yaml(read_text(path, error=ConfigError), where=str(path), error=ConfigError)
     context = {"folder": path.parent, "allow_outside": allow_outside}
-    rules = validated(SweepRules, {} if data is None else data, where=str(path), error=ConfigError, context=context)
+    rules = validate(SweepRules, {} if data is None else data, where=str(path), error=ConfigError, context=context)
     return Sweep(
         path=str(path),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),

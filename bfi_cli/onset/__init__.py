@@ -1,6 +1,6 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
-from .decision import table_of_windows, windows_of
+from .decision import calibration_windows, table_of_windows, windows_of
 from .detection import find_onset
 from .report import onset_document, onset_exhibit, onset_tables
 from .result import (
@@ -9,10 +9,9 @@ from .result import (
     OnsetResult,
     OnsetSeries,
     ShapeProfile,
-    compare_with_injected,
     propose_dictionary,
 )
 
-__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile", "compare_with_injected"]
+__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile", "calibration_windows"]
 __all__ += ["find_onset", "onset_document", "onset_exhibit", "onset_tables", "propose_dictionary", "table_of_windows"]
 __all__ += ["windows_of"]

@@ -37,6 +37,8 @@ SHIPPED = "shipped.json"
 TRIALS = 2 * FEWEST_WINDOWS
 # Largest modulus of a pole of the simulated model: a fitted one may grow slightly where the true one does not.
 STABLE = 0.999
+# Length of the windows of a calibration where none is given: that of the shipped tables.
+LENGTH_S = 120.0
 # Windows that a sample of the log's earlier part belongs to: they give more statistics than windows apart.
 OVERLAPPING = 4
 
@@ -179,6 +181,15 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
                 y[k] = expected[k - order] + y[k - 1 :: -1][:order].reshape(-1) @ past
             scans.append(scan_hypotheses(record, y, order, own))
     return _table(record.settings, scans, ("simulated",))
+
+
+def calibration_windows(logs: Sequence[FlightLog], config: Config) -> list[tuple[FlightLog, tuple[float, float]]]:
+    """Return log, start and end of every window of a calibration, of the length and the step of the configuration."""
+    parts_of_logs = [log.window(config.window.from_s, config.window.to_s) for log in logs]
+    shortest_s = min(part.n_samples / part.rate_hz for part in parts_of_logs)
+    length_s = config.calibrate.length_s or min(LENGTH_S, shortest_s)
+    step_s = config.calibrate.step_s or 0.5 * length_s
+    return [(log, window) for log in logs for window in windows_of(log, config, length_s=length_s, step_s=step_s)]
 
 
 def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float) -> Windows:

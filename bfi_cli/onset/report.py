@@ -14,6 +14,7 @@ from ..faults import fault_to_dict
 from ..plain import to_plain
 from ..provenance import Provenance
 from ..serialize import to_csv
+from ..shapes import SHAPES
 from ..wording import instant, interval, number, quantity, shortened
 from .result import OnsetResult
 
@@ -34,7 +35,6 @@ FAULT_COLUMNS = (
 LEAST = 0.1
 # The axis of magnitudes reaches so far beyond the best one and nine tenths of the others; the rest is cut off.
 INSIDE = 1.3
-WORDS = {"lagged_bias": "lagged bias", "ramp_hold": "ramp and hold", "samples": "sampled shape"}
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
 PROFILE_CAPTION = (
     "Left: likelihood-ratio statistic of every shape against its onset, with the threshold at the wanted rate of false "
@@ -153,7 +153,7 @@ def _until(fault: Plain) -> str:
 
 
 def _shape(fault: Plain) -> str:
-    frequency_hz, word = fault.get("frequency_hz"), str(WORDS.get(fault["shape"], fault["shape"]))
+    frequency_hz, word = fault.get("frequency_hz"), SHAPES[fault["shape"]].label
     return word if frequency_hz is None else f"{number(frequency_hz)} Hz {word}"
 
 

@@ -1,16 +1,13 @@
-"""The result of the scan over all onsets, how it is assembled, the dictionary it proposes, and the injected faults."""
+"""The result of the scan over all onsets, how it is assembled, and the dictionary it proposes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ..dictionary import Dictionary
 from ..faults import Decision, Fault, FaultEstimate, magnitude_unit, physical
 from ..flightlog.record import frozen_array
-from ..identify.result import AgainstTruth
 from ..kernels import FloatArray
 from ..kernels.whiteness import exceedances, robust_sd
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
@@ -125,6 +122,11 @@ class OnsetResult:
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
     notes: tuple[str, ...]
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the log could tell, and how rare such a statistic is without a fault is known."""
+        return self.decision != "not_identifiable" and self.p_value is not None
 
 
 def assemble_result(
@@ -245,30 +247,3 @@ def propose_dictionary(result: OnsetResult) -> Dictionary:
     if len({atom.name for atom in atoms}) < len(atoms):
         atoms = [replace(atom, name=f"{atom.name}_{i}") for i, atom in enumerate(atoms, 1)]
     return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path=DICTIONARY_NAME)
-
-
-def compare_with_injected(
-    plain: AgainstTruth, declared: Sequence[FaultEstimate], true: Sequence[Fault], *, tolerance_s: float
-) -> AgainstTruth:
-    """Compare with the injected faults: one is isolated where a declared one has its shape, its channel and its onset.
-
-    Parameters
-    ----------
-    plain : the comparison that asks for the very same signal, which an estimated onset or frequency never is.
-    tolerance_s : largest difference of two onsets that count as the same.
-    """
-    partner: dict[int, int] = {}
-    for i, fault in enumerate(true):
-        for j, estimate in enumerate(declared):
-            same = (estimate.fault.shape, estimate.fault.channel) == (fault.shape, fault.channel)
-            if same and abs(estimate.fault.onset_s - fault.onset_s) <= tolerance_s:
-                partner[i] = j
-                break
-    isolated = set(partner.values())
-    missed = tuple(f"{fault.shape}_{instant(fault.onset_s)}" for i, fault in enumerate(true) if i not in partner)
-    extra = tuple(estimate.name for j, estimate in enumerate(declared) if j not in isolated)
-    error = None
-    if true and not missed and not extra and len(isolated) == len(true):
-        sizes = np.array([[abs(declared[j].magnitude), abs(true[i].magnitude)] for i, j in partner.items()])
-        error = float(np.linalg.norm(sizes[:, 0] - sizes[:, 1]) / np.linalg.norm(sizes[:, 1]))
-    return replace(plain, isolated=not missed and not extra, false_alarms=extra, missed=missed, magnitude_error=error)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..aircraft.f16 import Inversion, Observation, observe
-from ..dictionary.validation import Number, Positive, Rules, validated
 from ..errors import ConfigError
+from ..validation import Number, Positive, Rules, validate
 from ..yaml12 import load_yaml
 
 __all__ = ["Case", "F16Options", "Residuals", "fault_deg_s", "fly_cases", "options_from"]
@@ -95,7 +95,7 @@ def options_from(assignments: Sequence[str]) -> F16Options:
             raise ConfigError(f"{WHERE}: expected KEY=VALUE, got '{text}'; write noise_deg_s=0.03")
         read = load_yaml(value, where=f"{WHERE}: {name.strip()}")
         given[name.strip()] = str(read) if name.strip() == "log_base" else read
-    return validated(F16Options, given, where=WHERE, error=ConfigError)
+    return validate(F16Options, given, where=WHERE, error=ConfigError)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

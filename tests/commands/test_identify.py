@@ -140,7 +140,7 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ("dictionary", "dictionary: {atoms: [{name: x, shape: bias, onset_s: 13.8}]}", "candidates", lambda c: len(c) == 1),
     ("seed", "seed: 7", "provenance.seed", 7),
 )
-OF_OTHERS = ("start_time.", "detect.", "diagnosability.")
+OF_OTHERS = ("start_time.", "detect.", "diagnosability.", "calibrate.", "audit.")
 DMAE = (
     "reference: start",
     "process_variance: 1e-3",
@@ -208,7 +208,7 @@ def test_no_key_of_the_example_is_forgotten():
     here = {effect[0] for effect in EFFECTS} | {f"risro.{text.partition(':')[0]}" for text in SPARSITY}
     here |= {f"dmae.{text.partition(':')[0]}" for text in DMAE}
     others = {key for key in keys(load_yaml(CONFIGS / "example.yaml")) if not key.startswith(OF_OTHERS)}
-    assert others <= here | {"strict", "fail_on"}
+    assert others <= here | {"strict", "fail_on", "group"}
 
 
 def test_the_example_runs_as_it_stands(identify: Callable, tmp_path: Path):

@@ -141,7 +141,7 @@ def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFix
         (["--noise", "cas=0.1"], "citation: noise: no output 'cas'; the model has: tas, aoa, pitch, pitch_rate"),
         (
             ["--quantum", "tas=1", "--quantum", "tas=2"],
-            "--quantum: an output is given twice, got tas=1 tas=2; keep one",
+            "--quantum: 'tas' is given twice, as '1' and '2'; keep one",
         ),
         (["--quantum", "tas=-1"], "citation: quantum of tas: must be 0 or more, got -1 m/s; give 0 for none"),
         (["--turbulence", "-1"], "turbulence: the intensity must be 0 or more, got -1 m/s; change it"),

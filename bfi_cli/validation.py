@@ -9,16 +9,28 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, StrictInt, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, Strict, StrictInt, ValidationError, ValidationInfo
 from pydantic_core import ErrorDetails
 
-from ..errors import BfiError
-from ..faults import did_you_mean, shown, unknown_key
-from ..printable import shortened
+from .errors import BfiError
+from .faults import did_you_mean, shown, unknown_key
+from .printable import shortened
+from .sample_file import lies_inside
 
-__all__ = ["SENTENCE_LETTERS", "Number", "Positive", "Rules", "Text", "Whole", "editor_schema", "validated"]
+__all__ = [
+    "SENTENCE_LETTERS",
+    "Number",
+    "Positive",
+    "Rules",
+    "Text",
+    "Whole",
+    "editor_schema",
+    "path_beside",
+    "validate",
+]
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]
@@ -29,6 +41,7 @@ M = TypeVar("M", bound=BaseModel)
 
 BRANCH = re.compile(r"<[a-z]+>")  # of a union, as its tag names it
 MAX_COMPLAINTS = 5  # more do not fit on a few rows of a terminal
+# Of what a complaint quotes: a key, and a sentence that another part of the program says of a value.
 KEY_LETTERS, SENTENCE_LETTERS = 40, 300
 WRONG_KIND = {
     "bool_type": "must be true or false",
@@ -57,7 +70,7 @@ class Rules(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=False)
 
 
-def validated(
+def validate(
     model: type[M], data: object, *, where: str, error: type[BfiError], context: Mapping[str, object] | None = None
 ) -> M:
     """Return `data` as a `model`.
@@ -69,14 +82,42 @@ def validated(
     try:
         return model.model_validate(data, context=dict(context or {}))
     except ValidationError as fault:
-        details = [one for one in fault.errors(include_url=False) if not _follows_from_another(one)]
+        details = fault.errors(include_url=False)
+    # A list from which elements were refused is not complained of as too short.
+    details = [one for one in details if one["type"] != "too_short" or not len(one["input"])]
     complaints: list[str] = []
     for n, one in enumerate(details):
         if len(complaints) == MAX_COMPLAINTS:
             complaints.append(f"and {len(details) - n} more; mend these first")
             break
-        complaints += [text] if (text := _complaint(model, one)) not in complaints else []
+        place, text = _place(one["loc"], one["type"]), " ".join(_sentence(model, one).split())
+        complaint = f"{place}: {text}" if place else text
+        complaints += [complaint] if complaint not in complaints else []
     raise error(f"{where}: {' | '.join(complaints)}")
+
+
+def path_beside(file: str, info: ValidationInfo, document: str) -> str:
+    """Return the path of a sample file that a document names relative to its own folder, in which it must lie.
+
+    One that stands in no file is the caller's own and may lie anywhere.
+
+    Parameters
+    ----------
+    document : what messages call the document.
+
+    Raises
+    ------
+    ValueError : it lies elsewhere, and the context does not allow that, or there can be no such file.
+    """
+    context = info.context or {}
+    path = Path(context.get("folder", "")) / file
+    try:
+        is_inside = "folder" not in context or lies_inside(path, Path(context["folder"]))
+    except (OSError, ValueError):
+        raise ValueError(f"no such file, got {shown(str(path))}; give a CSV file of time, value") from None
+    if not is_inside and not context.get("allow_outside"):
+        raise ValueError(f"{shown(file)} lies outside the {document}'s folder; move it there or give --allow-outside")
+    return str(path)
 
 
 def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
@@ -95,11 +136,11 @@ def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
 
 def _parts(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
     """Walk a document's model and all models below it."""
-    found, pending = set(), [model]
+    seen, pending = set(), [model]
     while pending:
         part = pending.pop()
-        if part not in found:
-            found.add(part)
+        if part not in seen:
+            seen.add(part)
             yield part
             pending += [below for key in part.model_fields for below in _models(part, key)]
 
@@ -122,17 +163,6 @@ def _attribute_docstrings(part: type[BaseModel]) -> dict[str, str]:
                     case ast.Expr(value=ast.Constant(value=str(text))):
                         described[statement.target.id] = inspect.cleandoc(text)
     return described
-
-
-def _follows_from_another(details: ErrorDetails) -> bool:
-    """Return whether a list is only too short because its elements were refused."""
-    return details["type"] == "too_short" and len(details["input"]) > 0
-
-
-def _complaint(model: type[BaseModel], details: ErrorDetails) -> str:
-    place = _place(details["loc"], details["type"])
-    text = " ".join(_sentence(model, details).split())
-    return f"{place}: {text}" if place else text
 
 
 def _place(loc: Loc, kind: str) -> str:

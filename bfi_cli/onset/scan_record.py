@@ -139,7 +139,7 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
         fastest = Fault(shape="sine", channel=channel, onset_s=onset_s, frequency_hz=wanted.frequency_hz[1])
         atoms.append(replace(fastest, name="an oscillation"))
     probes = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
-    window = prepare_window(log, probes, config, report)
+    window = prepare_window(log, probes, config, report, purpose="scan")
     regression = regression_of(window, config)
     layout, orders = regression.layout, regression.orders
     n, rate_hz = len(window.signals.time_s), window.signals.rate_hz

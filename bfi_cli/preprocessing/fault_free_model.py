@@ -76,7 +76,7 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
     ------
     LogError : the window has no rows for any order.
     """
-    regression = build_regression(window.signals, (), config)
+    regression = build_regression(window.signals, (), config, orders=window.orders)
     penalty = Penalty(
         n_rows=regression.n_rows,
         n_effective=float(regression.n_rows),

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config
-from ..errors import LogError
 from ..faults import Fault
-from ..kernels.decimation import Lowpass
 from ..kernels.lagged import compress
-from ..kernels.model_selection import Penalty, full_support
-from ..kernels.progress import Report, parts, shares, silent
-from .regression import RegressionData, Signals, build_regression, decimate_signals
+from .regression import Signals
 
-__all__ = ["SAMPLES_PER_CYCLE", "RateChoice", "choose_rate", "is_exact", "reduce_rate_for_noise"]
+__all__ = ["SAMPLES_PER_CYCLE", "Purpose", "RateChoice", "candidate_orders", "choose_rate", "is_exact"]
 
 FloatArray = NDArray[np.float64]
+Purpose = Literal["estimate", "scan"]
 
 # Rigid-body modes lie below 2 Hz; at 100 Hz a few lags span hundredths of a second and turn white noise of 0.01 m/s
-# into a drift, at 5 to 10 Hz they do not. 600 samples are 20 Hz in the 30 s of the thesis's manoeuvre.
-FASTEST_HZ = 20.0
+# into a drift, at 5 to 10 Hz they do not. 600 samples are 10 Hz in a minute and 5 Hz in two.
+FASTEST_HZ = 10.0
 SLOWEST_HZ = 1.0
 SAMPLES_WANTED = 600
-# The largest default order takes 64 samples of one input and one output: leave more than that, and three times as many
-# where the rate is lowered for the noise alone.
+# The largest default order takes 64 samples of one input and one output: leave more than that.
 FEWEST_SAMPLES = 100
-ENOUGH_SAMPLES = 200
+# Behind a recorder's low-pass the rate follows its edge, for an estimate and for a scan, and the order spans this
+# time: 3.3 Hz and order 8, 2 Hz and order 6 on flights recorded with an edge of 0.75 Hz. There a fixed order found more
+# faults than one chosen together with them, whose choice the fault itself moves; rates above and below found fewer
+# (docs/theory.md, 9).
+SAMPLES_PER_EDGE = {"estimate": 4.5, "scan": 2.67}
+MEMORY_S = 2.6
 # Twice what Nyquist asks for: the low-pass of the analysis has lost half the power at the new Nyquist frequency.
 SAMPLES_PER_CYCLE = 4.0
 # A recorder's low-pass takes 30 dB and more within two octaves; the spectrum of an aircraft in gusts falls by less.
@@ -40,10 +42,6 @@ TIE = 1e-6
 EXACT = 1e-8
 EXACT_ORDER = 4  # states of the longitudinal motion
 EXACT_SAMPLES = 5000  # more tell no more and take time
-# Longitudinal motion has four states, which take fewer lags: more are preferred for the sake of the noise only.
-MANY_LAGS = 8
-# The fault terms of more atoms than this need not all fit into the rows: the orders are then compared without them.
-MOST_ATOMS = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +52,18 @@ class RateChoice:
     reason: str
 
 
-def choose_rate(signals: Signals, faults: Sequence[Fault], *, exact: bool, asked: float | str = "auto") -> RateChoice:
-    """Choose the rate that suits rigid-body dynamics, the length of the window and the dictionary's frequencies.
+def choose_rate(
+    signals: Signals,
+    faults: Sequence[Fault],
+    *,
+    exact: bool,
+    asked: float | str = "auto",
+    recorder_hz: float | None = None,
+    purpose: Purpose = "estimate",
+) -> RateChoice:
+    """Choose the rate that suits the recorder, rigid-body dynamics, the window's length and the dictionary.
+
+    The outputs have no say in it, since one of them may be faulty.
 
     Parameters
     ----------
@@ -63,6 +71,8 @@ def choose_rate(signals: Signals, faults: Sequence[Fault], *, exact: bool, asked
     faults : the dictionary.
     exact : see `is_exact`; decimation would only add a remainder to a record without noise.
     asked : a rate in Hz, "none" for the log's own, or "auto".
+    recorder_hz : edge of the recorder's low-pass, None where it has none or none is known.
+    purpose : an estimate needs more of what is left above the edge than a scan.
     """
     if asked == "none":
         return RateChoice(factor=1, reason="the log's own rate, as asked for")
@@ -75,7 +85,11 @@ def choose_rate(signals: Signals, faults: Sequence[Fault], *, exact: bool, asked
     reason = f"{rate:.3g} Hz suits rigid-body dynamics in a window of {duration:.3g} s"
     factor = int(np.floor(signals.rate_hz / rate + TIE))
     empty = _empty_from(signals)
-    if empty is not None and empty < rate:
+    wanted = SAMPLES_PER_EDGE[purpose] * (recorder_hz or np.inf)
+    if wanted < signals.rate_hz:
+        factor = max(1, round(signals.rate_hz / wanted))
+        reason = f"the recorder's low-pass leaves little above {signals.rate_hz / factor / 2.0:.3g} Hz"
+    elif empty is not None and empty < rate:
         reason = f"the log carries next to nothing above {empty:.2g} Hz, as if low-passed by its recorder"
         factor = int(np.ceil(signals.rate_hz / empty - TIE))
     fastest = _fastest(faults)
@@ -86,53 +100,14 @@ def choose_rate(signals: Signals, faults: Sequence[Fault], *, exact: bool, asked
     return RateChoice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
 
 
-def reduce_rate_for_noise(
-    signals: Signals,
-    choice: RateChoice,
-    faults: Mapping[int, Fault],
-    config: Config,
-    lowpass: Lowpass,
-    report: Report = silent,
-) -> tuple[RateChoice, RegressionData | None]:
-    """Halve the rate while the best VARX has many lags and the frequencies of the dictionary allow a lower rate.
-
-    Lags average the measurement noise over the time they span; at a lower rate fewer of them span that time.
-
-    Parameters
-    ----------
-    signals : at the log's own rate.
-    choice : the fastest rate that suits.
-    faults : what is looked for, by its place in the dictionary.
-    report : receives the progress.
-
-    Returns
-    -------
-    The choice, and the regression at its rate where one has been built, with all these faults and all orders that the
-    configuration lists.
-    """
-    duration = len(signals.time_s) / signals.rate_hz
-    lowest = max(SLOWEST_HZ, SAMPLES_PER_CYCLE * _fastest(faults.values()), ENOUGH_SAMPLES / duration)
-    orders, atoms = config.model.orders, tuple(range(len(faults))) if len(faults) <= MOST_ATOMS else ()
-    while signals.rate_hz / (2 * choice.factor) >= lowest:
-        factorising, trying, report = shares(report, 1, 1, 2)
-        try:
-            decimated = decimate_signals(signals, choice.factor, lowpass)
-            regression = build_regression(decimated, tuple(faults), config, orders=orders, report=factorising)
-        except LogError:
-            return choice, None
-        # The order with the best BIC, all faults of a small dictionary free; 0 where the rows do not suffice.
-        rows = regression.n_rows
-        penalty = Penalty(n_rows=rows, n_effective=float(rows), n_candidates=len(atoms), evidence=0.0, extended=False)
-        fits = [
-            full_support(regression.problem(order), atoms, penalty) for order, _ in parts(trying, regression.orders)
-        ]
-        fitted = [fit for fit in fits if fit is not None]
-        lags = min(fitted, key=lambda scored: scored.criterion).fit.order if fitted else 0
-        if lags < MANY_LAGS:
-            return choice, regression
-        reason = f"at {decimated.rate_hz:.4g} Hz a model needs {lags} lags to average the noise"
-        choice = RateChoice(factor=2 * choice.factor, reason=reason)
-    return choice, None
+def candidate_orders(config: Config, rate_hz: float, recorder_hz: float | None) -> tuple[int, ...]:
+    """Return the orders to choose from: as configured, and one alone behind a recorder's low-pass by default."""
+    if isinstance(config.model.order, int):
+        return (config.model.order,)
+    orders = config.model.orders
+    if recorder_hz is None or "orders" in config.model.model_fields_set:
+        return orders
+    return (min(orders, key=lambda order: abs(order - MEMORY_S * rate_hz)),)
 
 
 def _fastest(faults: Iterable[Fault]) -> float:
@@ -160,17 +135,17 @@ def is_exact(signals: Signals) -> bool:
 
 
 def _empty_from(signals: Signals) -> float | None:
-    """Return the frequency above which the outputs carry next to nothing, None where they do up to Nyquist.
+    """Return the frequency above which the inputs carry next to nothing, None where they do up to Nyquist.
 
-    The spectrum of the differenced output (Welch's averaged periodograms of half-overlapping Hann segments) falls by
+    The spectrum of a differenced signal (Welch's averaged periodograms of half-overlapping Hann segments) falls by
     30 dB and more within two octaves only behind a filter.
     """
-    if len(signals.y) < 3:  # one step has no spectrum
+    if len(signals.u) < 3:  # one step has no spectrum
         return None
-    n, edges = min(len(signals.y) - 1, 1024), []
+    n, edges = min(len(signals.u) - 1, 1024), []
     f = np.fft.rfftfreq(n, 1.0 / signals.rate_hz)
-    for output in signals.y.T:
-        segments = np.lib.stride_tricks.sliding_window_view(np.diff(output), n)[:: max(1, n // 2)]
+    for values in signals.u.T:
+        segments = np.lib.stride_tricks.sliding_window_view(np.diff(values), n)[:: max(1, n // 2)]
         centred = segments - segments.mean(axis=1, keepdims=True)
         power = np.mean(np.abs(np.fft.rfft(centred * np.hanning(n), axis=1)) ** 2, axis=0)
         above = np.maximum.accumulate(power[::-1])[::-1]

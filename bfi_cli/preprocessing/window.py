@@ -18,9 +18,9 @@ from ..flightlog.quality import hold_of, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
-from ..kernels.progress import Report, parts, shares, silent
+from ..kernels.progress import Report, parts, silent
 from .regression import RegressionData, Signals, build_regression, decimate_signals
-from .sampling_rate import RateChoice, choose_rate, is_exact, reduce_rate_for_noise
+from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
 __all__ = ["PreparedWindow", "must_resample", "prepare_window", "regression_of", "unusable_atoms"]
@@ -50,7 +50,7 @@ class PreparedWindow:
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
     exact : a VARX explains the record to round-off at its own rate.
-    regression : of the signals and all live entries if the choice of the rate has built it; see `regression_of`.
+    orders : of the model, to choose from.
     """
 
     log: FlightLog
@@ -68,7 +68,7 @@ class PreparedWindow:
     native_rate_hz: float
     outputs: tuple[str, ...]
     exact: bool
-    regression: RegressionData | None
+    orders: tuple[int, ...]
 
     @property
     def summary(self) -> LogSummary:
@@ -78,8 +78,14 @@ class PreparedWindow:
         )
 
 
-def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent) -> PreparedWindow:
+def prepare_window(
+    log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent, *, purpose: Purpose = "estimate"
+) -> PreparedWindow:
     """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` receives the progress.
+
+    Parameters
+    ----------
+    purpose : of the analysis, for which its rate is chosen.
 
     Raises
     ------
@@ -120,18 +126,16 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
     native = Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta)
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
-    rate, regression = choose_rate(native, list(seen.values()), exact=exact, asked=rate_hz), None
-    choosing, comparing = shares(report, 1, 1)
-    if rate_hz == "auto" and not exact:
-        rate, regression = reduce_rate_for_noise(native, rate, seen, config, lowpass, choosing)
-    decimated = decimate_signals(native, rate.factor, lowpass) if regression is None else regression.signals
-    reasons |= unusable_atoms(decimated.theta, names, tuple(seen), comparing)
+    recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
+    rate = choose_rate(
+        native, list(seen.values()), exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose
+    )
+    decimated = decimate_signals(native, rate.factor, lowpass)
+    reasons |= unusable_atoms(decimated.theta, names, tuple(seen), report)
     live = tuple(j for j in seen if j not in reasons)
     if not live:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
-    if regression is not None and (regression.atoms != live or config.model.order != "auto"):
-        regression = None
     return PreparedWindow(
         log=part,
         faults=faults,
@@ -148,18 +152,18 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
         native_rate_hz=native_rate_hz,
         outputs=config.outputs,
         exact=exact,
-        regression=regression,
+        orders=candidate_orders(config, decimated.rate_hz, recorder_hz),
     )
 
 
 def regression_of(window: PreparedWindow, config: Config, report: Report = silent) -> RegressionData:
-    """Return the regression of a window with all its live entries; one built for the choice of the rate is reused.
+    """Return the regression of a window with all its live entries.
 
     Raises
     ------
     LogError : the window has no rows for any order.
     """
-    return window.regression or build_regression(window.signals, window.live, config, report=report)
+    return build_regression(window.signals, window.live, config, orders=window.orders, report=report)
 
 
 def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -> bool:

@@ -240,7 +240,7 @@ def simulate(
         unit, values = model.units[name], frozen_array(values)
         channels[name] = Channel(name=name, values=values, unit=unit, source=name, source_unit=unit)
     time_s = frozen_array(np.arange(len(u)) / rate_hz)
-    return FlightLog(path=model.name, time_s=time_s, channels=channels, notes=flown.notes)
+    return FlightLog(path=model.name, time_s=time_s, channels=channels, filters=(), notes=flown.notes)
 
 
 def _fly_linear(

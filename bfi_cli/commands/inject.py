@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from ..errors import LogError
 from .options import channel_options, json_option, log_argument
 from .written import out_option, write_and_show
 
@@ -16,20 +17,41 @@ __all__ = ["command"]
 @click.command("inject")
 @log_argument
 @click.option("--fault", "specs", metavar="SPEC", multiple=True, required=True, help="What to add; repeatable.")
+@click.option(
+    "--through-recorder/--no-through-recorder",
+    default=None,
+    help="Pass the faults through the low-pass filters that the log went through.  [default: where these are known]",
+)
 @out_option
 @channel_options
 @json_option
-def command(*, log: str, specs: tuple[str, ...], out: Path, force: bool, as_json: bool, **source: Any) -> None:
+def command(
+    *,
+    log: str,
+    specs: tuple[str, ...],
+    through_recorder: bool | None,
+    out: Path,
+    force: bool,
+    as_json: bool,
+    **source: Any,
+) -> None:
     """Add faults to LOG and store the truth beside them; faults it already carries stay.
 
     SPEC is a shape and its keys, times in the log's own seconds: bias,channel=tas,magnitude=4,onset_s=13.8.
     """
     from ..faults import parse_spec
     from ..files import check_files
+    from ..filters import response_of
     from ..flightlog import inject, read_log
 
     faults = [parse_spec(spec) for spec in specs]
     check_files([out], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
     clean = read_log(log, **source)
-    faulty = inject(clean, faults)
+    filters = clean.filters or ()
+    if through_recorder and not filters:
+        raise LogError(
+            f"{clean.path}: --through-recorder: neither stated nor shown by the log, got no filter; "
+            "state it in the file's attribute filters, or leave the option out"
+        )
+    faulty = inject(clean, faults, response=response_of(() if through_recorder is False else filters, clean.rate_hz))
     write_and_show(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json)

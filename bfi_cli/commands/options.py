@@ -148,6 +148,8 @@ order  --order  model.order  N|auto  number_or_word
     Number of lags of the model.  [default: auto]
 feedthrough  --feedthrough/--no-feedthrough  model.feedthrough  -  choice
     Inputs act in the same sample too.
+recorder  --recorder  recorder.edge_hz  HZ|none|auto  number_or_word
+    Where the recorder's low-pass has half its gain; auto takes what the log states or shows.  [default: auto]
 method  --method  method  NAME  text
     Method of identification: {", ".join(METHODS)}.  [default: ml]
 model  --model  dmae.model  NAME  text
@@ -247,7 +249,7 @@ OPTIONS = _rows()
 # The long flag of every key, for messages.
 FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if row.key}
 CHANNELS = ("channel_map", "unit_map", "group")
-SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate")
+SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 
 

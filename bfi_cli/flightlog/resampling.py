@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from ..errors import ConfigError, LogError
+from ..filters import Filter
 from ..kernels.decimation import decimate, lost_samples
 from .holds import Hold
 from .quality import hold_of, is_uniform
@@ -181,7 +182,17 @@ def _through_filter(
         if log.rate_hz / hold.period < rate_hz * (1.0 - SAME_RATE)
     ]
     time_s = frozen_array(grid[0] + step * centre)
-    return replace(log, time_s=time_s, channels=channels, truth=truth, notes=(*log.notes, *notes)), filtered
+    converted = Filter(
+        kind="sinc", edge_hz=0.5 * CUTOFF * rate_hz, rate_hz=1.0 / step, stage="convert", source="of the conversion"
+    )
+    return replace(
+        log,
+        time_s=time_s,
+        channels=channels,
+        truth=truth,
+        filters=(*(log.filters or ()), converted),
+        notes=(*log.notes, *notes),
+    ), filtered
 
 
 def _on_grid(log: FlightLog, values: FloatArray, grid: FloatArray, *, hold: Hold | None) -> FloatArray:

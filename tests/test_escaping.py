@@ -17,7 +17,7 @@ import pytest
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.flightlog import read_log
 from bfi_cli.printable import printable
-from bfi_cli.serialize import csv_lines, to_json
+from bfi_cli.serialization import csv_lines, to_json
 
 # A title and a colour of a terminal in both codings, writing direction, a line that is none, HTML, the console's own
 # markup and emoji, mathematics without an end. No comma, which ends a key of --fault.

@@ -62,17 +62,17 @@ def most_like(signatures: Signatures, j: int) -> tuple[str | None, float | None]
     return signatures.names[other], float(row[other])
 
 
-def pairs(signatures: Signatures, *, at_least: float = 0.0) -> list[tuple[str, str, float]]:
+def pairs(names: Sequence[str], coherence: FloatArray, *, at_least: float = 0.0) -> list[tuple[str, str, float]]:
     """Return pairs of atoms and their coherence, most coherent first."""
-    rows, columns = np.triu_indices(len(signatures.names), k=1)
-    values = signatures.coherence[rows, columns]
+    rows, columns = np.triu_indices(len(names), k=1)
+    values = coherence[rows, columns]
     order = [n for n in np.argsort(-values, kind="stable") if values[n] >= at_least]
-    return [(signatures.names[rows[n]], signatures.names[columns[n]], float(values[n])) for n in order]
+    return [(names[rows[n]], names[columns[n]], float(values[n])) for n in order]
 
 
 def sentences(signatures: Signatures, found: Dependence) -> list[str]:
     """Warn of pairs that are nearly alike, and of a combination that leaves next to nothing."""
-    alike = pairs(signatures, at_least=NEARLY_ALIKE)
+    alike = pairs(signatures.names, signatures.coherence, at_least=NEARLY_ALIKE)
     said = [
         f"'{a}' and '{b}' can hardly be told apart (coherence {value:.4f}): drop one, or move an onset"
         for a, b, value in alike[:MOST_NAMED]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .answered import show_lines
 from .options import (
     channel_options,
     force_option,
@@ -18,9 +17,9 @@ from .options import (
     log_of,
     outside_option,
     progress_option,
-    tell,
     window_options,
 )
+from .output import note, show_lines
 from .progress import stages
 from .start_time import SHAPES, scan_config
 
@@ -85,9 +84,9 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     text = save_tables(tables, origin, notes)
     with aside(out.parent, place=out, option="-o") as new:
         (new / out.name).write_text(text + "\n", encoding="utf-8")
-    tell(f"wrote {out}")
-    for note in notes:
-        tell(note)
+    note(f"wrote {out}")
+    for sentence in notes:
+        note(sentence)
     show_lines(json.loads(text), _lines(table), as_json=options["as_json"])
 
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .answered import give
 from .options import (
     channel_options,
     configured,
@@ -21,6 +20,7 @@ from .options import (
     two_numbers,
     window_options,
 )
+from .output import emit
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -55,23 +55,23 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
-    from ..detect import detect_document, detect_exhibit, detect_faults, settings_of
+    from ..detect import detect_content, detect_document, detect_faults, settings_of
     from ..files import check_folder
-    from ..output import exhibit_names
     from ..provenance import provenance
+    from ..report.files import content_names
 
     config = _config(config_path, options)
     settings = settings_of(config)
     inputs = inputs_of(config, log)
     if options["out"] is not None:
-        names = exhibit_names(("detection",), ("alarms", "channels"))
+        names = content_names(("detection",), ("alarms", "channels"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
     flight = log_of(log, options["group"], config)
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, settings, report=report)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
-    give(detect_exhibit(document), document, options, origin=origin, inputs=inputs)
+    emit(detect_content(document), document, options, origin=origin, inputs=inputs)
     context.exit(exit_code(config, trusted=result.is_calibrated, decision=result.decision))
 
 

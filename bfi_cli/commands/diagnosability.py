@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from .answered import give
 from .options import (
     channel_options,
     configured,
@@ -21,6 +20,7 @@ from .options import (
     series_option,
     window_options,
 )
+from .output import emit
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -89,10 +89,10 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     Divergences are in bits: 0 cannot be told, 1 is certain. Before a flight, --model in place of LOG compares
     manoeuvres: --model citation --noise tas=0.01 --manoeuvre 3211 --manoeuvre doublet.
     """
-    from ..diagnosability import diagnosability_document, diagnosability_exhibit
+    from ..diagnosability import diagnosability_content, diagnosability_document
     from ..files import check_folder
-    from ..output import exhibit_names
     from ..provenance import provenance
+    from ..report.files import content_names
 
     config = _config(config_path, options)
     _check(log, config, options)
@@ -101,14 +101,14 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:
-        names = exhibit_names(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
+        names = content_names(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
     result, log_sha256 = _assessed(log, dictionary, config, options)
     origin = provenance(
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
     document = diagnosability_document(result, origin)
-    give(diagnosability_exhibit(document), document, options, origin=origin, inputs=inputs)
+    emit(diagnosability_content(document), document, options, origin=origin, inputs=inputs)
 
 
 def _check(log: str | None, config: Config, options: Mapping[str, Any]) -> None:

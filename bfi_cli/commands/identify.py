@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..identify.methods import METHODS
-from .answered import show
 from .options import (
     advise,
     channel_options,
@@ -22,9 +20,9 @@ from .options import (
     outside_option,
     progress_option,
     series_option,
-    tell,
     window_options,
 )
+from .output import emit
 from .progress import stages
 
 if TYPE_CHECKING:
@@ -67,18 +65,18 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
-    from ..documents import identify_document
-    from ..files import check_folder, replace_files
+    from ..files import check_folder
     from ..identify import identify_faults
-    from ..output import IDENTIFY_NAMES, identify_files
+    from ..identify.document import identify_document
+    from ..identify.report import DRAWINGS, TABLES, identify_content
     from ..provenance import provenance
-    from ..tables import print_identify
+    from ..report.files import content_names
 
     config = configured(config_path, options, {"method": options["method"], "dmae.model": options["model"]})
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:
-        check_folder(options["out"], IDENTIFY_NAMES, inputs=inputs, force=options["force"])
+        check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
     flight = log_of(log, options["group"], config)
     notes = advise(flight, config)
     with stages(wanted=options["progress"]) as progress:
@@ -93,18 +91,8 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         dictionary_sha256=dictionary.sha256,
         seed=config.seed,
     )
-    if options["out"] is not None:
-        with stages(wanted=options["progress"]) as progress:
-            files = identify_files(result, origin, partial(progress, "figures"))
-        replace_files(files, options["out"], inputs=inputs, force=options["force"])
-        tell(f"wrote {options['out'] / 'report.html'}")
     document = identify_document(result, origin)
-    show(
-        document,
-        lambda console: print_identify(console, result),
-        as_json=options["as_json"],
-        series=options["series"],
-    )
+    emit(identify_content(result), document, options, origin=origin, inputs=inputs)
     context.exit(exit_code(config, trusted=result.decision != "not_identifiable", decision=result.decision))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from ..printable import printable
+from .output import note
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -28,11 +27,11 @@ __all__ = [
     "log_argument",
     "log_of",
     "number_or_word",
+    "out_option",
     "out_options",
     "outside_option",
     "progress_option",
     "series_option",
-    "tell",
     "two_numbers",
     "window_options",
 ]
@@ -165,6 +164,14 @@ def out_options(command: Command) -> Command:
     )
 
 
+def out_option(command: Command) -> Command:
+    """Add -o/--output, the log file to write, and --force, passed as the path `out` and `force`."""
+    path = click.Path(path_type=Path)
+    return click.option(
+        "-o", "--output", "out", required=True, metavar="OUT", type=path, help="The file to write, .h5 or .csv."
+    )(force_option(command))
+
+
 def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
     """Return the files that a command reads: `paths` and those that its configuration and dictionary name."""
     asked = config.start_time
@@ -175,28 +182,22 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
 
 
 def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
-    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
+    """Return as a note which windows a long log has, and print it, unless one was asked for."""
     from ..flightlog.quality import advice_on_windows
 
     if (config.window.from_s, config.window.to_s) != (None, None):
         return ()
-    note = advice_on_windows(flight)
-    if note is None:
+    advice = advice_on_windows(flight)
+    if advice is None:
         return ()
-    tell(note)
-    return (note,)
+    note(advice)
+    return (advice,)
 
 
 def progress_option(command: Command) -> Command:
     """Add --progress/--no-progress, passed as `progress`: None where neither is given."""
     shown = "Show it on stderr.  [default: on a terminal]"
     return click.option("--progress/--no-progress", default=None, help=shown)(command)
-
-
-def tell(sentence: str) -> None:
-    """Print a note for the person at the terminal to stderr; silent where stderr is none."""
-    if sys.stderr.isatty():
-        click.echo(printable(sentence), err=True)
 
 
 def configured(path: str | None, options: Mapping[str, Any], own: Mapping[str, Any] | None = None) -> Config:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import ConfigError
-from .options import json_option
-from .written import out_option, write_and_show
+from .options import json_option, out_option
+from .output import write_and_show
 
 if TYPE_CHECKING:
     from ..aircraft import Discretisation

@@ -9,7 +9,6 @@ import click
 
 from ..errors import ConfigError
 from ..shapes import SCANNED
-from .answered import give
 from .options import (
     advise,
     channel_options,
@@ -25,6 +24,7 @@ from .options import (
     two_numbers,
     window_options,
 )
+from .output import emit
 from .progress import stages
 
 if TYPE_CHECKING:
@@ -65,14 +65,14 @@ METHODS = {"scan": "ml", "thesis": "risro"}
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
     from ..files import check_folder
-    from ..onset import find_onset, onset_document, onset_exhibit, onset_tables
-    from ..output import exhibit_names
+    from ..onset import find_onset, onset_content, onset_document
     from ..provenance import provenance
+    from ..report.files import content_names
 
     config = scan_config(config_path, options)
     inputs = inputs_of(config, log)
     if options["out"] is not None:
-        check_folder(options["out"], exhibit_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
+        check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
     flight = log_of(log, options["group"], config)
     notes = advise(flight, config)
     with stages(wanted=options["progress"]) as progress:
@@ -80,7 +80,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)
-    give(onset_exhibit(document), document, options, origin=origin, inputs=inputs, extra=onset_tables(result))
+    emit(onset_content(document), document, options, origin=origin, inputs=inputs)
     trusted = result.decision != "not_identifiable" and result.p_value is not None
     context.exit(exit_code(config, trusted=trusted, decision=result.decision))
 

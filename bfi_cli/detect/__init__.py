@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from .detect import detect_faults
 from .preparation import DetectSettings, settings_of
-from .report import detect_document, detect_exhibit
+from .report import detect_content, detect_document
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
 __all__ = [
@@ -18,8 +18,8 @@ __all__ = [
     "DetectResult",
     "DetectSettings",
     "ParityModel",
+    "detect_content",
     "detect_document",
-    "detect_exhibit",
     "detect_faults",
     "settings_of",
 ]

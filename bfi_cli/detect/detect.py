@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..preprocessing.summary import log_summary
-from ..wording import instant
+from ..report.text import instant
 from .nullspace import LEVEL, NullSpaceCriteria, null_space_criteria
 from .parity import DetectionThreshold, Failure, MonitoringPass, detect_sequentially
 from .preparation import DecimatedRecord, DetectSettings, PreparedRecord, decimate_record, prepare_record

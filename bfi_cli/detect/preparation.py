@@ -17,7 +17,7 @@ from ..kernels.decimation import WHITE, decimate, lost_samples
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
-from ..wording import instant
+from ..report.text import instant
 
 __all__ = ["DecimatedRecord", "DetectSettings", "PreparedRecord", "decimate_record", "directions", "independent"]
 __all__ += ["moments", "prepare_record", "settings_of"]

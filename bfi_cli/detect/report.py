@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
-from ..plain import to_plain
 from ..provenance import Provenance
-from ..wording import instant, number, quantity, shortened
+from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
+from ..report.text import instant, number, quantity, shortened
+from ..serialization import to_plain
 from .result import DetectResult
 
-__all__ = ["SCHEMA", "detect_document", "detect_exhibit"]
+__all__ = ["SCHEMA", "detect_content", "detect_document"]
 
 SCHEMA = 1
 Plain = Mapping[str, Any]
@@ -43,10 +43,10 @@ def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, A
     }
 
 
-def detect_exhibit(document: Plain) -> Exhibit:
+def detect_content(document: Plain) -> ReportContent:
     """Return the exhibit of a document of `bfi detect`."""
-    return Exhibit(
-        kicker="Detection of a failing channel",
+    return ReportContent(
+        category="Detection of a failing channel",
         title=str(document["log"]["path"]),
         heading=HEADINGS[document["decision"]],
         verdict=_verdict(document),

@@ -7,7 +7,7 @@ most.
 
 from .assess import Magnitudes, assess, magnitudes_of
 from .manoeuvres import ModelFlights, assess_manoeuvres, flights_of
-from .report import diagnosability_document, diagnosability_exhibit
+from .report import diagnosability_content, diagnosability_document
 from .result import DiagnosabilityResult
 
 __all__ = [
@@ -16,8 +16,8 @@ __all__ = [
     "ModelFlights",
     "assess",
     "assess_manoeuvres",
+    "diagnosability_content",
     "diagnosability_document",
-    "diagnosability_exhibit",
     "flights_of",
     "magnitudes_of",
 ]

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exhibit import Drawing, Exhibit, HeatMap, Panel, Table, curve
-from ..plain import to_plain
 from ..provenance import Provenance
-from ..wording import number, quantity, shortened
+from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve
+from ..report.text import number, quantity, shortened
+from ..serialization import to_plain
 from .result import DiagnosabilityResult
 
-__all__ = ["diagnosability_document", "diagnosability_exhibit"]
+__all__ = ["diagnosability_content", "diagnosability_document"]
 
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
@@ -64,7 +64,7 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
     }
 
 
-def diagnosability_exhibit(document: Plain) -> Exhibit:
+def diagnosability_content(document: Plain) -> ReportContent:
     """Return the exhibit of a document of `bfi diagnosability`."""
     best = document["best"]
     live = [j for j, atom in enumerate(document["atoms"]) if atom["divergence_bits"] is not None]
@@ -76,8 +76,8 @@ def diagnosability_exhibit(document: Plain) -> Exhibit:
         drawings.append(_curves(document, live))
     if document["manoeuvres"]:
         drawings.append(_flown(document, live[:MOST_IN_MAP]))
-    return Exhibit(
-        kicker="Diagnosability",
+    return ReportContent(
+        category="Diagnosability",
         title=str(document["log"]["path"]),
         heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
         verdict=_verdict(document, live),

@@ -4,6 +4,7 @@
 """
 
 from .journal import Journal
+from .report import montecarlo_content
 from .running import check_records, digest_of, run_sweep
 from .scenarios import Sweep, load_sweep
 from .summary import Summary, summarise, summary_document, wilson
@@ -16,6 +17,7 @@ __all__ = [
     "check_records",
     "digest_of",
     "load_sweep",
+    "montecarlo_content",
     "run_sweep",
     "run_trial",
     "summarise",

@@ -19,7 +19,7 @@ from typing import Any
 
 from ..errors import SweepError
 from ..files import MARK, replace_files
-from ..serialize import csv_lines, to_csv
+from ..serialization import csv_lines, to_csv
 from .row import COLUMNS, Row, row_from_cells
 from .scenarios import Sweep
 

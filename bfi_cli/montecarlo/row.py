@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-from ..serialize import to_json
+from ..serialization import to_json
 
 __all__ = ["COLUMNS", "ERROR_DIGITS", "Row", "rounded", "row_from_cells"]
 

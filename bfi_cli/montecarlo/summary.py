@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..plain import to_plain
 from ..provenance import Provenance
+from ..serialization import to_plain
 from .row import Row, rounded
 from .scenarios import Sweep
 

@@ -1,8 +1,8 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
 from .detection import find_onset
-from .document import onset_document, onset_tables
-from .report import onset_exhibit
+from .document import onset_document
+from .report import onset_content
 from .result import (
     CalibrationUse,
     OnsetFault,
@@ -22,9 +22,8 @@ __all__ = [
     "ShapeProfile",
     "compare_with_injected",
     "find_onset",
+    "onset_content",
     "onset_document",
-    "onset_exhibit",
-    "onset_tables",
     "propose_dictionary",
     "table_of_windows",
     "windows_of",

@@ -15,7 +15,7 @@ from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..kernels.onset.scan import STARTING
 from ..kernels.progress import Progress, Report, parts, shares, unseen
-from ..wording import instant
+from ..report.text import instant
 from .assemble import assemble_result
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults

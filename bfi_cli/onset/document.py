@@ -1,4 +1,4 @@
-"""The JSON document and the CSV tables of `bfi start-time`."""
+"""The JSON document of `bfi start-time`."""
 
 from __future__ import annotations
 
@@ -7,20 +7,15 @@ from typing import Any
 import numpy as np
 
 from ..faults import fault_to_dict
-from ..plain import to_plain
 from ..provenance import Provenance
-from ..serialize import to_csv
+from ..serialization import to_plain
 from .result import OnsetResult
 
-__all__ = ["SCHEMA", "onset_document", "onset_tables"]
+__all__ = ["SCHEMA", "onset_document"]
 
 SCHEMA = 1
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
 PROFILE_KEYS = ("shape", "channel", "frequency_hz", "threshold", "unit")
-FAULT_COLUMNS = (
-    *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
-    *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
-)
 
 
 def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any]:
@@ -72,21 +67,3 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
         }
     )
     return document
-
-
-def onset_tables(result: OnsetResult) -> dict[str, bytes]:
-    """Return the CSV files of the faults and of the profiles, by file name."""
-    rows = []
-    for one in result.faults:
-        estimate, fault = one.estimate, one.estimate.fault
-        size = (estimate.magnitude, estimate.unit, estimate.sd, *estimate.ci95)
-        when = (fault.onset_s, *one.onset_ci95, fault.offset_s, fault.frequency_hz)
-        physical = (estimate.physical_value, estimate.physical_unit)
-        rows.append((fault.shape, fault.channel, *size, *physical, *when, one.statistic, one.p_value))
-    points = (
-        (one.shape, one.channel, *point)
-        for one in result.profiles
-        for point in zip(*(x.tolist() for x in (one.onset_s, one.statistic, one.magnitude, one.sd)), strict=True)
-    )
-    heads = ("shape", "channel", "onset_s", "statistic", "magnitude", "sd")
-    return {"faults.csv": to_csv(FAULT_COLUMNS, rows), "profile.csv": to_csv(heads, points)}

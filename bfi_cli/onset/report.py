@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
-from ..wording import instant, interval, number, quantity, shortened
+from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
+from ..report.text import HEADINGS, instant, interval, number, quantity, shortened
 
-__all__ = ["onset_exhibit"]
+__all__ = ["onset_content"]
 
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
@@ -22,7 +22,10 @@ LEAST = 0.1
 # The axis of magnitudes reaches so far beyond the best one and nine tenths of the others; the rest is cut off.
 INSIDE = 1.3
 WORDS = {"lagged_bias": "lagged bias", "ramp_hold": "ramp and hold", "samples": "sampled shape"}
-HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
+FAULT_COLUMNS = (
+    *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
+    *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
+)
 PROFILE_CAPTION = (
     "Left: likelihood-ratio statistic of every shape against its onset, with the threshold at the wanted rate of false "
     "alarms. Right: the magnitude that explains the record best at each onset, with two standard deviations. A stretch "
@@ -34,7 +37,7 @@ SERIES_CAPTION = (
 )
 
 
-def onset_exhibit(document: Plain) -> Exhibit:
+def onset_content(document: Plain) -> ReportContent:
     """Return the exhibit of a document of `bfi start-time`."""
     faults = document["faults"]
     said = [_sentence(fault) for fault in faults]
@@ -42,8 +45,8 @@ def onset_exhibit(document: Plain) -> Exhibit:
     if said:
         verdict = f"Fault: {said[0]}." if len(said) == 1 else f"{len(said)} faults: {'; '.join(said)}."
     shapes = _profiles(document["profile"])
-    return Exhibit(
-        kicker="Onset of a fault",
+    return ReportContent(
+        category="Onset of a fault",
         title=str(document["log"]["path"]),
         heading=HEADINGS[document["decision"]],
         verdict=verdict,
@@ -52,7 +55,28 @@ def onset_exhibit(document: Plain) -> Exhibit:
         tables=(*_fault_tables(faults), _shape_table(shapes)),
         drawings=(_profile_drawing(shapes, faults), _series_drawing(document["series"], faults)),
         notes=tuple(document["notes"]),
+        data=_data(faults, shapes),
     )
+
+
+def _data(faults: Sequence[Plain], profiles: Sequence[Plain]) -> dict[str, dict[str, Any]]:
+    """Return the CSV files of the faults and of the profiles at full precision."""
+    flat = []
+    for fault in faults:
+        ends = zip(
+            ("ci95_low", "ci95_high", "onset_low_s", "onset_high_s"),
+            (*fault["ci95"], *fault["onset_ci95"]),
+            strict=True,
+        )
+        physical = {f"physical_{key}": value for key, value in fault["physical"].items()}
+        flat.append({**fault, **dict(ends), **physical})
+    columns = {key: [fault[key] for fault in flat] for key in FAULT_COLUMNS}
+    lengths = [one["onset_s"].size for one in profiles]
+    points = {key: np.repeat([one[key] for one in profiles], lengths) for key in ("shape", "channel")}
+    values = {
+        key: np.concatenate([one[key] for one in profiles]) for key in ("onset_s", "statistic", "magnitude", "sd")
+    }
+    return {"faults.csv": columns, "profile.csv": {**points, **values}}
 
 
 def _sentence(fault: Plain) -> str:

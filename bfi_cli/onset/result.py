@@ -12,7 +12,7 @@ from ..dictionary import Dictionary
 from ..faults import Decision, Fault, FaultEstimate
 from ..identify.result import AgainstTruth
 from ..preprocessing.summary import LogSummary, ModelSummary
-from ..wording import instant
+from ..report.text import instant
 
 __all__ = [
     "CalibrationUse",

@@ -17,8 +17,8 @@ from ..faults import Fault, unit_signal
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.waveform import Waveform
+from ..report.text import instant
 from ..shapes import Shape
-from ..wording import instant
 
 __all__ = [
     "Sampling",

@@ -7,8 +7,8 @@ import pytest
 from made_results import fault_result
 
 from bfi_cli.commands import _run
-from bfi_cli.documents import identify_document
-from bfi_cli.serialize import to_json
+from bfi_cli.identify.document import identify_document
+from bfi_cli.serialization import to_json
 
 
 @pytest.fixture
@@ -46,7 +46,8 @@ def test_a_terminal_gets_the_tables(stored, tmp_path, capsys, monkeypatch):
     [
         (b"{", "x.json: not JSON (Expecting property name enclosed"),
         (b"[]", "x.json: not a result of this program, it has no 'kind'"),
-        (b'{"kind": "audit", "schema": 1}', "x.json: kind is 'audit', not 'identify'"),
+        (b'{"kind": "audit", "schema": 1}', "x.json: kind is 'audit', known: calibration, convert, detect,"),
+        (b'{"kind": [], "schema": 1}', "x.json: kind is '[]', known: "),
         (b'{"kind": "start-time", "schema": 9}', "x.json: schema is 9, this program reads 1"),
         (b'{"kind": "start-time", "schema": 1}', "x.json: no key 'provenance'"),
         (b'{"kind": "identify", "schema": 9}', "x.json: schema is 9, this program reads 1"),

@@ -10,7 +10,7 @@ from ..errors import ConfigError
 from ..faults import shown
 from ..provenance import Provenance
 from ..report.content import ReportContent, Table
-from ..serialization import from_plain, member, to_plain
+from ..serialization import from_plain, mapping, member, to_plain
 from .catalogue import REPRODUCTIONS
 
 __all__ = ["REPRODUCE_SCHEMA", "list_exhibit", "reproduce_document", "reproduce_exhibit", "summary_exhibit"]
@@ -25,11 +25,14 @@ def reproduce_document(name: str, exhibit: ReportContent, provenance: Provenance
     ----------
     name : of the reproduction, "all" or "list".
     """
+    body = to_plain(exhibit)
+    body["kicker"] = body.pop("category")  # as schema 1 calls it
+    del body["data"]
     return {
         "kind": "reproduce",
         "schema": REPRODUCE_SCHEMA,
         "name": name,
-        "exhibit": to_plain(exhibit),
+        "exhibit": body,
         "notes": list(exhibit.notes),
         "provenance": to_plain(provenance),
     }
@@ -42,7 +45,9 @@ def reproduce_exhibit(document: Mapping[str, Any], *, where: str = "reproduce") 
     ------
     ConfigError : a key is missing, or a value is of another kind.
     """
-    exhibit = from_plain(ReportContent, member(document, "exhibit", where=where), where=f"{where}: exhibit")
+    body = mapping(member(document, "exhibit", where=where), where=f"{where}: exhibit")
+    whole = {**body, "category": member(document, "exhibit.kicker", where=where), "data": {}}
+    exhibit = from_plain(ReportContent, whole, where=f"{where}: exhibit")
     for name in [one.name for one in exhibit.drawings] + [one.name for one in exhibit.tables]:
         if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
             raise ConfigError(f"{where}: exhibit: {shown(name)} is no name of a file; run the command again")

@@ -72,10 +72,10 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
 
 
 def _audited(dictionary: Dictionary, log: str | None, config: Config, options: dict[str, Any]) -> tuple[Audit, str]:
-    from ..audit import audit, audit_on_log
+    from ..audit import audit_dictionary, audit_on_log
 
     if log is None:
-        return audit(dictionary, config, duration_s=options["duration_s"]), ""
+        return audit_dictionary(dictionary, config, duration_s=options["duration_s"]), ""
     from threadpoolctl import threadpool_limits
 
     flight = log_of(log, options["group"], config)

@@ -16,7 +16,7 @@ from .progress import progress
 
 if TYPE_CHECKING:
     from ..montecarlo import Sweep
-    from ..montecarlo.row import Row
+    from ..montecarlo.trial import Row
     from ..provenance import Provenance
 
 __all__ = ["command"]
@@ -45,9 +45,9 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     """
     from ..files import check_folder
     from ..montecarlo import check_records, digest_of, load_sweep, montecarlo_content, summarise, summary_document
-    from ..montecarlo.journal import TIMING_COLUMNS, timing_cells
     from ..montecarlo.report import DRAWINGS, TABLES
-    from ..montecarlo.row import COLUMNS
+    from ..montecarlo.running import TIMING_COLUMNS, timing_cells
+    from ..montecarlo.trial import COLUMNS
     from ..report.files import content_names
 
     if options["workers"] is not None and options["scheduler"] is not None:

@@ -1,4 +1,4 @@
-"""What the report of a sweep holds, made from its `summary.json`: rates, and the figures 5-4 and 5-3 of T."""
+"""The document of a sweep, `summary.json`, and what its report holds: rates, and the figures 5-4 and 5-3 of T."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from ..provenance import Provenance
 from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
 from ..report.text import number
+from ..serialization import to_plain
+from .summary import Summary
 
-__all__ = ["DRAWINGS", "TABLES", "montecarlo_content"]
+__all__ = ["DRAWINGS", "TABLES", "montecarlo_content", "summary_document"]
 
 Plain = Mapping[str, Any]
 
+MONTECARLO_SCHEMA = 1
 DRAWINGS, TABLES = ("isolation", "magnitude_error"), ("scenarios", "trials", "timings")
 HEADS = ("scenario", "isolated, %", "trials", "false alarms, %", "missed, %", "coverage, %", "median error")
 # Curves that can be told apart by colour and marker; the others are in the table.
@@ -32,6 +36,29 @@ ERROR_CAPTION = (
     "Relative error of the magnitudes (2-norm of estimate less truth over that of the truth) of the trials with "
     "faults: median, quartiles, 5 and 95 % quantiles, and the largest."
 )
+
+
+def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -> dict[str, Any]:
+    """Return the document of `bfi montecarlo --json`, which is `summary.json`.
+
+    Parameters
+    ----------
+    digest : of the sweep and its records, by which --resume knows its own.
+    """
+    return {
+        "kind": "montecarlo",
+        "schema": MONTECARLO_SCHEMA,
+        "digest": digest,
+        "scenarios": [_flat(to_plain(scenario)) for scenario in summary.scenarios],
+        "notes": list(summary.notes),
+        "provenance": to_plain(provenance),
+    }
+
+
+def _flat(scenario: dict[str, Any]) -> dict[str, Any]:
+    rates = ("isolation", "false_alarm", "missed_detection")
+    named = {f"{key}_rate" if key in rates else key: value for key, value in scenario.items()}
+    return {**named, "magnitude_error": named["magnitude_error"] or None}
 
 
 def montecarlo_content(document: Plain) -> ReportContent:

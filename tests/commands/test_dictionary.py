@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from bfi_cli.audit import audit, audit_content, audit_document, audit_on_log
+from bfi_cli.audit import audit_content, audit_dictionary, audit_document, audit_on_log
 from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import read_log
@@ -177,7 +177,7 @@ def test_what_the_user_can_mend_is_one_line(bfi, tmp_path: Path, argv, code: int
 
 def content_of(path: Path, *, on_log: bool):
     entries = load_dictionary(path)
-    found = audit_on_log(read_log(BIAS), entries, Config()) if on_log else audit(entries, Config())
+    found = audit_on_log(read_log(BIAS), entries, Config()) if on_log else audit_dictionary(entries, Config())
     return audit_content(audit_document(found, provenance(log_sha256="")))
 
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from bfi_cli.montecarlo import running
-from bfi_cli.montecarlo.journal import Journal
-from bfi_cli.montecarlo.row import COLUMNS
+from bfi_cli.montecarlo.running import Journal
+from bfi_cli.montecarlo.trial import COLUMNS
 
 ROOT = Path(__file__).parents[2]
 FILES = {"trials.csv", "timings.csv", "summary.json", "scenarios.csv", "report.html"} | {

@@ -213,5 +213,5 @@ def _draw_map(axes: Axes, heat_map: HeatMap) -> None:
     for (i, j), value in np.ndenumerate(values):
         if np.isfinite(value):
             # What is nearly 1 must not read 1: a coherence of 1 means that two faults cannot be told apart.
-            text = f"{value:.2g}" if not 0.99 < value < 1.0 - 1e-9 else f"{min(value, 0.999):.3f}"
+            text = f"{value:.2g}" if not 0.995 <= value < 1.0 - 1e-9 else f"{min(value, 0.999):.3f}"
             axes.text(j, i, text, ha="center", va="center", color=BLACK if value > middle else "white")

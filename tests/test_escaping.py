@@ -172,7 +172,7 @@ def test_identify(run: Callable, tmp_path: Path):
 def test_dictionary(run: Callable, tmp_path: Path):
     run("dictionary", "d.yaml", "--duration", "60", "--out", tmp_path / f"without{LINK}")
     run("dictionary", "d.yaml", "log.h5", "-c", "c.yaml", "--out", tmp_path / "with")
-    assert check_files(tmp_path) == {".json", ".csv", ".svg", ".png"}
+    assert check_files(tmp_path) == {".json", ".html", ".csv", ".svg", ".png"}
 
 
 @pytest.mark.parametrize(

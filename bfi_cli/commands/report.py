@@ -86,7 +86,8 @@ def _content(document: object, where: str) -> ReportContent:
         raise ConfigError(
             f"{where}: schema is {document.get('schema')}, this program reads {schema}; run the command again"
         )
-    member(document, "provenance", where=where)
+    if kind not in READ_BACK:
+        member(document, "provenance", where=where)
     make = getattr(importlib.import_module(f"...{module}", __name__), function)
     try:
         content: ReportContent = make(document, where=where) if kind in READ_BACK else make(document)

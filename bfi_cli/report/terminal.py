@@ -18,7 +18,9 @@ MAX_ROWS, MAX_NOTES = 60, 20
 KEPT = 3
 # Letters that the lines of a table take at its edges and between two columns.
 FRAME, GAP = 2, 3
-NAME_LETTERS, CELL_LETTERS = 32, 60
+NAME_LETTERS, CELL_LETTERS = 32, 240
+# A longer word of a table is broken, so that the other columns have room.
+WORD_LETTERS = 60
 COLOURS = {"fault": "bold red", "no_fault": "bold green", "not_identifiable": "bold yellow", None: "bold"}
 
 
@@ -63,7 +65,7 @@ def _print_table(console: Console, heads: Sequence[str], body: Sequence[Sequence
     for i, head in enumerate(heads[:n]):
         table.add_column(Text(printable(head)), overflow="fold", width=None if widths is None else widths[i])
     for row in body:
-        table.add_row(*(Text(printable(cell)) for cell in row[:n]))
+        table.add_row(*map(Text, row[:n]))
     console.print(table)
     if n < len(heads):
         console.print(f"   without room for: {', '.join(heads[n:])}\n", style="dim")
@@ -79,9 +81,10 @@ def _widths(lines: Sequence[Sequence[str]], room: int) -> list[int] | None:
     columns = list(zip(*lines, strict=True))
     whole = [max(map(cell_len, cells)) for cells in columns]
     words = [max((cell_len(word) for cell in cells for word in cell.split()), default=0) for cells in columns]
-    numbers = [all(cell[:1] in "-0123456789" for cell in cells[1:]) for cells in columns]
-    bodies = [max(map(cell_len, cells[1:]), default=0) for cells in columns]
-    widths = [max(words[i], bodies[i]) if numbers[i] else words[i] for i in range(len(columns))]
+    for i, (_, *cells) in enumerate(columns):
+        if all(cell[:1] in "-0123456789" for cell in cells):
+            words[i] = max([words[i], *map(cell_len, cells)])
+    widths = [min(width, WORD_LETTERS) for width in words]
     for i, width in enumerate(widths):
         widths[i] = min(whole[i], width + max(room - sum(widths), 0))
     return widths if sum(widths) <= room else None

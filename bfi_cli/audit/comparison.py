@@ -15,9 +15,12 @@ __all__ = ["absorbed", "advised", "compare", "most_like", "own_channel", "pairs"
 
 FloatArray = NDArray[np.float64]
 
+# At this coherence the standard deviation of either magnitude is 1/sqrt(1 - 0.99^2) = 7 times that of the fault alone.
 NEARLY_ALIKE = 0.99
-NEARLY_DEPENDENT = 100.0
-TAKES_PART = 0.2
+# At this condition number some combination of unit signatures leaves a hundredth of what the strongest leaves; those
+# atoms are named whose part in it is at least a fifth of the largest.
+NEARLY_DEPENDENT, TAKES_PART = 100.0, 0.2
+# Of the equation a signal may obey: a drift has order 2, an oscillation 2, their sum with a bias 5. No tuning record.
 LARGEST_ORDER = 6
 MOST_NAMED = 5
 

@@ -17,7 +17,6 @@ from .progress import progress
 if TYPE_CHECKING:
     from ..montecarlo import Sweep
     from ..montecarlo.trial import Row
-    from ..provenance import Provenance
 
 __all__ = ["command"]
 
@@ -48,6 +47,7 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     from ..montecarlo.report import DRAWINGS, TABLES
     from ..montecarlo.running import TIMING_COLUMNS, timing_cells
     from ..montecarlo.trial import COLUMNS
+    from ..provenance import provenance
     from ..report.files import content_names
 
     if options["workers"] is not None and options["scheduler"] is not None:
@@ -55,7 +55,11 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     if options["resume"] and out is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
     sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
-    inputs = _inputs(sweep)
+    settings = list({id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values())
+    named = {sweep.path}
+    for one in settings:
+        named.update(inputs_of(one.config, getattr(one.record, "log", None), dictionary=one.dictionary))
+    inputs = tuple(named)
     if out is not None:
         check_folder(out, content_names(DRAWINGS, TABLES, stored=STORED), inputs=inputs, force=options["force"])
     records = check_records(sweep)
@@ -63,7 +67,12 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     total = sweep.n_trials * len(sweep.scenarios)
     with progress("trials", wanted=options["progress"]) as report:
         done, journal = _run(sweep, out, digest, options, lambda count: report(count, total))
-    origin = _origin(sweep, records)
+    origin = provenance(
+        log_sha256=" ".join(records.values()),
+        config_sha256=sweep.sha256,
+        dictionary_sha256=" ".join(sorted({one.dictionary.sha256 for one in settings})),
+        seed=sweep.seed,
+    )
     document = summary_document(summarise(sweep, done), origin, digest=digest)
     # Cells are texts already, so that these files are the same to the byte however often the sweep was stopped.
     rows, times = [row.cells() for row, _ in done], [timing_cells(*pair) for pair in done]
@@ -76,14 +85,6 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     if journal is not None:
         journal.remove()
     show(document, content, as_json=options["as_json"])
-
-
-def _inputs(sweep: Sweep) -> tuple[str, ...]:
-    """Return the files that a sweep reads."""
-    named = {sweep.path}
-    for setting in {id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values():
-        named.update(inputs_of(setting.config, getattr(setting.record, "log", None), dictionary=setting.dictionary))
-    return tuple(named)
 
 
 def _run(
@@ -107,15 +108,3 @@ def _run(
                 note(f"stopped; bfi montecarlo -c {sweep.path} --out {out} --resume continues")
             raise
     return done, journal
-
-
-def _origin(sweep: Sweep, records: dict[str, str]) -> Provenance:
-    from ..provenance import provenance
-
-    dictionaries = sorted({scenario.setting.dictionary.sha256 for scenario in sweep.scenarios})
-    return provenance(
-        log_sha256=" ".join(records.values()),
-        config_sha256=sweep.sha256,
-        dictionary_sha256=" ".join(dictionaries),
-        seed=sweep.seed,
-    )

@@ -14,6 +14,7 @@ from .trial import Row, rounded
 
 __all__ = ["Proportion", "ScenarioSummary", "Summary", "summarise", "wilson"]
 
+# The 97.5 % quantile of the normal distribution.
 NORMAL_975 = 1.959963984540054
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
 

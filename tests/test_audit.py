@@ -149,7 +149,7 @@ def test_an_atom_whose_onset_the_lags_swallow_is_seen_nowhere():
     assert (early.live, early.minimal_detectable, early.coherence) == (True, None, None)
     assert "obeys an equation of order 1 after the first 12 samples, which the model's lags use up" in early.note
     assert np.isnan(found.signatures.coherence[0]).all()
-    assert any(note.startswith("'early' leaves nothing") for note in found.notes)
+    assert any(note.startswith("the inputs and lags of the model explain all of 'early'") for note in found.notes)
     assert (found.signatures.rank, found.signatures.condition_number) == (1, pytest.approx(1.0))
 
 

@@ -7,25 +7,8 @@ returns a `FlightLog` of absolute values (airspeed near 100 m/s). `f16` is nonli
 from __future__ import annotations
 
 from .catalogue import MODELS, find_model
-from .manoeuvre import MANOEUVRES, manoeuvre
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, discretise, response
-from .simulate import simulate, time_axis
-from .turbulence import Dryden, dryden_gusts, with_gusts
+from .simulate import MANOEUVRES, Dryden, dryden_gusts, manoeuvre, simulate, time_axis, with_gusts
 
-__all__ = [
-    "MANOEUVRES",
-    "MODELS",
-    "Discretisation",
-    "Dryden",
-    "Flown",
-    "LinearModel",
-    "NonlinearModel",
-    "discretise",
-    "dryden_gusts",
-    "find_model",
-    "manoeuvre",
-    "response",
-    "simulate",
-    "time_axis",
-    "with_gusts",
-]
+__all__ = ["MANOEUVRES", "MODELS", "Discretisation", "Dryden", "Flown", "LinearModel", "NonlinearModel"]
+__all__ += ["discretise", "dryden_gusts", "find_model", "manoeuvre", "response", "simulate", "time_axis", "with_gusts"]

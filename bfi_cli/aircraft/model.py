@@ -1,15 +1,16 @@
-"""Models of an aircraft about a trimmed flight: linear with its discretisation and response, or flown by itself."""
+"""Models of an aircraft: linear about a trimmed flight, with its discretisation and response, or nonlinear."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from ..channels import STANDARD
 from ..flightlog.record import frozen_array
 
 __all__ = ["Discretisation", "Flown", "LinearModel", "NonlinearModel", "discretise", "propagate", "response"]
@@ -27,8 +28,8 @@ class LinearModel:
     ----------
     name, title : the name on the command line, and what it is.
     A, B, C, D : (n_x, n_x), (n_x, n_u), (n_y, n_x), (n_y, n_u), SI and radians.
-    states, inputs, outputs : standard channel names.
-    units : of every state, input and output, by name.
+    states, inputs, outputs : channel names.
+    units : of every state, input and output, by name; those of standard channels need not be given.
     trim : trim values of inputs and outputs, by name; zero where absent.
     airspeed_m_s : true airspeed of the trimmed flight.
     source : where the numbers come from.
@@ -48,11 +49,11 @@ class LinearModel:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    units: Mapping[str, str]
     trim: Mapping[str, float]
     airspeed_m_s: float
     source: str
     manoeuvred: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n_x, n_u, n_y = len(self.states), len(self.inputs), len(self.outputs)
@@ -61,6 +62,7 @@ class LinearModel:
             if matrix.shape != shape:
                 raise ValueError(f"{self.name}: {name} has shape {matrix.shape}, the names ask for {shape}")
             object.__setattr__(self, name, matrix)
+        object.__setattr__(self, "units", _all_units(self.units, (*self.states, *self.inputs, *self.outputs)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,8 +82,8 @@ class NonlinearModel:
     ----------
     name, title : the name on the command line, and what it is.
     inputs, outputs : standard channel names.
-    units : of every input and output, by name.
-    fly : the flight from trim with input deviations, (n_samples, n_u), held between samples, at a rate in Hz.
+    units : of every input and output, by name; those of standard channels need not be given.
+    fly : returns the flight from trim for input deviations, (n_samples, n_u), held between samples, at a rate in Hz.
     source : where the numbers come from.
     manoeuvred : inputs that a manoeuvre moves, all alike; the first one where none is named.
     """
@@ -90,10 +92,17 @@ class NonlinearModel:
     title: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    units: Mapping[str, str]
     fly: Callable[[FloatArray, float], Flown]
     source: str
     manoeuvred: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "units", _all_units(self.units, (*self.inputs, *self.outputs)))
+
+
+def _all_units(given: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:
+    return {name: given[name] if name in given else STANDARD[name].unit for name in names}
 
 
 def discretise(model: LinearModel, *, rate_hz: float, rule: Discretisation = "zoh") -> Matrices:

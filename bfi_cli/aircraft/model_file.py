@@ -47,16 +47,17 @@ class ModelDocument(Rules):
     """Default zero."""
 
     @property
-    def measured(self) -> tuple[str, ...]:
-        """The outputs, whether written down or not."""
+    def output_names(self) -> tuple[str, ...]:
+        """The outputs, or the states where the document names no outputs."""
         return self.outputs or self.states
 
     @model_validator(mode="after")
     def _fits_together(self) -> ModelDocument:
-        for key in ("states", "inputs", "measured"):
-            if len(set(getattr(self, key))) < len(getattr(self, key)):
-                raise ValueError(f"{key.replace('measured', 'outputs')}: a name stands twice; keep one")
-        n_x, n_u, n_y = len(self.states), len(self.inputs), len(self.measured)
+        outputs = self.output_names
+        for key, listed in {"states": self.states, "inputs": self.inputs, "outputs": outputs}.items():
+            if len(set(listed)) < len(listed):
+                raise ValueError(f"{key}: a name stands twice; keep one")
+        n_x, n_u, n_y = len(self.states), len(self.inputs), len(outputs)
         for key, shape in {"A": (n_x, n_x), "B": (n_x, n_u), "C": (n_y, n_x), "D": (n_y, n_u)}.items():
             rows = getattr(self, key)
             if rows is not None and [len(row) for row in rows] != [shape[1]] * shape[0]:
@@ -64,12 +65,12 @@ class ModelDocument(Rules):
                     f"{key}: the names ask for {shape[0]} rows of {shape[1]}, got {len(rows)} of "
                     f"{' or '.join(map(str, sorted({len(row) for row in rows})))}; write one list per row"
                 )
-        hidden = [name for name in self.measured if name not in self.states]
+        hidden = [name for name in outputs if name not in self.states]
         if self.C is None and hidden:
             raise ValueError(f"C: missing, and output '{hidden[0]}' is no state; add C")
-        names = dict.fromkeys((*self.states, *self.inputs, *self.measured))
+        names = dict.fromkeys((*self.states, *self.inputs, *outputs))
         for name in self.inputs:
-            if name in self.measured:
+            if name in outputs:
                 raise ValueError(f"inputs: '{name}' is an output too; rename one")
         for key in ("units", "trim"):
             for name in getattr(self, key):
@@ -94,9 +95,8 @@ def load_model(path: str | Path) -> LinearModel:
     ConfigError : the file cannot be read, or everything that is wrong with it, in one line.
     """
     document = validated(ModelDocument, load_yaml(Path(path)), where=str(path), error=ConfigError)
-    states, outputs = document.states, document.measured
+    states, outputs = document.states, document.output_names
     selection = np.array([[float(state == output) for state in states] for output in outputs])
-    names = dict.fromkeys((*states, *document.inputs, *outputs))
     return LinearModel(
         name=document.name,
         title=document.title or document.name,
@@ -107,7 +107,7 @@ def load_model(path: str | Path) -> LinearModel:
         states=states,
         inputs=document.inputs,
         outputs=outputs,
-        units={name: document.units.get(name) or STANDARD[name].unit for name in names},
+        units=document.units,
         trim=dict(document.trim),
         airspeed_m_s=document.airspeed_m_s,
         source=document.source or str(path),

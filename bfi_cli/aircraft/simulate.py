@@ -1,24 +1,35 @@
-"""A flight log from a model: manoeuvre, gusts, measurement noise, quantisation."""
+"""A flight log from a model: manoeuvre of the controls, Dryden gusts, measurement noise, quantisation."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigError
+from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, frozen_array
-from .model import Discretisation, Flown, LinearModel, NonlinearModel, response
-from .turbulence import Dryden, dryden_gusts, with_gusts
+from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
 
-__all__ = ["simulate", "time_axis"]
+__all__ = ["GUSTS", "MANOEUVRES", "Dryden", "dryden_gusts", "manoeuvre", "simulate", "time_axis", "with_gusts"]
 
 FloatArray = NDArray[np.float64]
 
 MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
 # Rules of thumb: below the stall of the wing, and sin(pitch) within 2 % of pitch.
 LINEAR_RANGE_RAD = {"aoa": 0.1, "pitch": 0.3}
+EDGE_TOLERANCE = 1e-9  # in unit steps: a sample at an edge belongs to the step that begins there
+MULTISINE_PERIOD = 10.0  # in unit steps
+MULTISINE_LINES = 16  # up to 1.6 per unit step: with a step of 1 s the short period lies among them
+
+GUSTS = ("headwind_gust", "updraught")
+# Dryden's filters (MIL-F-8785C): states (u, w1, w2) in time units of scale length / airspeed, driven by white noise to
+# the stationary covariance P; the gusts of unit intensity are C x.
+DRYDEN_A = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, -2.0]])
+DRYDEN_P = np.diag([1.0, 0.25, 0.25])
+DRYDEN_C = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, np.sqrt(3.0)]])
 
 
 def time_axis(*, duration_s: float = 31.72, rate_hz: float = 100.0) -> FloatArray:
@@ -35,6 +46,124 @@ def time_axis(*, duration_s: float = 31.72, rate_hz: float = 100.0) -> FloatArra
             "change --duration or --rate"
         )
     return np.arange(round(n)) / rate_hz
+
+
+def manoeuvre(
+    name: str, time_s: FloatArray, *, amplitude_rad: float = 0.035, start_s: float = 0.2, step_s: float = 1.0
+) -> FloatArray:
+    """Return the control deflection at `time_s`, (n,), zero before `start_s`.
+
+    Parameters
+    ----------
+    name : "3211" (steps of 3, 2, 1, 1 units with changing sign), "doublet" (one unit each way), "multisine" (16 lines
+        k/10 per unit with Schroeder's phases, up to the end of the record), or "none".
+    time_s : (n,) seconds, any values in any order.
+    amplitude_rad : largest deflection; the thesis's listing uses 0.5, far outside the linear range.
+    start_s : 0.2 s in the thesis's listing.
+    step_s : the unit step.
+
+    Raises
+    ------
+    ConfigError : no such manoeuvre, a step that is not positive, or a number that is not finite.
+    """
+    if name not in MANOEUVRES:
+        raise ConfigError(f"manoeuvre: unknown, got '{name}'{did_you_mean(name, tuple(MANOEUVRES))}")
+    if not (np.isfinite([amplitude_rad, start_s, step_s]).all() and step_s > 0):
+        raise ConfigError(
+            f"manoeuvre: needs finite numbers and a positive step, got amplitude {amplitude_rad:g} rad, "
+            f"start {start_s:g} s, step {step_s:g} s; change --amplitude, --start or --step"
+        )
+    units = (np.asarray(time_s, dtype=np.float64) - start_s) / step_s
+    return amplitude_rad * MANOEUVRES[name](units)
+
+
+def _steps(lengths: tuple[int, ...]) -> Callable[[FloatArray], FloatArray]:
+    edges = np.cumsum((0, *lengths)) - EDGE_TOLERANCE
+    levels = np.array([0.0, *((-1.0) ** np.arange(len(lengths))), 0.0])
+    return lambda units: levels[np.searchsorted(edges, units, side="right")]
+
+
+def _multisine(units: FloatArray) -> FloatArray:
+    """Return equal cosines whose phases keep the crest factor low (Schroeder 1970), their largest sum 1."""
+    k = np.arange(1, MULTISINE_LINES + 1)
+    phase = -np.pi * k * (k - 1) / MULTISINE_LINES
+
+    def cosines(at: FloatArray) -> FloatArray:
+        angle: FloatArray = 2.0 * np.pi * np.multiply.outer(at, k) / MULTISINE_PERIOD + phase
+        return np.asarray(np.cos(angle).sum(axis=-1))
+
+    fine = np.linspace(0.0, MULTISINE_PERIOD, 64 * MULTISINE_LINES, endpoint=False)
+    return np.where(units >= -EDGE_TOLERANCE, cosines(units) / np.abs(cosines(fine)).max(), 0.0)
+
+
+MANOEUVRES: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "3211": _steps((3, 2, 1, 1)),
+    "doublet": _steps((1, 1)),
+    "multisine": _multisine,
+    "none": np.zeros_like,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dryden:
+    """Intensity in m/s and scale length in m, alike in both directions (medium and high altitude: 533 m).
+
+    Raises
+    ------
+    ConfigError : the intensity is negative, the scale length not positive, or one of them not finite.
+    """
+
+    sigma_m_s: float
+    scale_length_m: float = 533.4
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sigma_m_s) and self.sigma_m_s >= 0):
+            raise ConfigError(f"turbulence: the intensity must be 0 or more, got {self.sigma_m_s:g} m/s; change it")
+        if not (np.isfinite(self.scale_length_m) and self.scale_length_m > 0):
+            raise ConfigError(
+                f"turbulence: the scale length must be positive, got {self.scale_length_m:g} m; change it"
+            )
+
+
+def dryden_gusts(
+    dryden: Dryden, n_samples: int, *, airspeed_m_s: float, rate_hz: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return headwind and upward gust velocity, (n_samples, 2), m/s, stationary from the first sample.
+
+    With T = scale length / airspeed the spectra are sigma^2 2T/(1 + (wT)^2) along and sigma^2 T (1 + 3(wT)^2)/(1 +
+    (wT)^2)^2 across the flight path (MIL-F-8785C). The filters are discretised exactly: at every rate the samples have
+    variance sigma^2 and autocorrelations exp(-t/T) and exp(-t/T) (1 - t/(2T)).
+    """
+    from scipy.linalg import expm
+
+    step = airspeed_m_s / (dryden.scale_length_m * rate_hz)
+    A = np.asarray(expm(DRYDEN_A * step))
+    variances, axes = np.linalg.eigh(DRYDEN_P - A @ DRYDEN_P @ A.T)
+    shocks = rng.standard_normal((n_samples + 1, len(A)))
+    drive = shocks[1:] @ (axes * np.sqrt(np.maximum(variances, 0.0))).T
+    states = propagate(A, drive, x0=np.sqrt(DRYDEN_P) @ shocks[0])
+    return np.asarray(dryden.sigma_m_s * states @ DRYDEN_C.T)
+
+
+def with_gusts(model: LinearModel) -> LinearModel:
+    """Return `model` with two more inputs, the gust velocities `GUSTS` in m/s.
+
+    The states are then motion over the ground; aerodynamic forces and air-data sensors see the motion through the air,
+    tas + headwind and aoa + updraught / airspeed. A steady wind therefore leaves the aircraft trimmed in the air. The
+    gust's gradient along the aircraft (a pitch rate) is left out, and so is a state the model does not have.
+    """
+    to_air = np.zeros((len(model.states), len(GUSTS)))
+    if "tas" in model.states:
+        to_air[model.states.index("tas"), 0] = 1.0
+    if "aoa" in model.states:
+        to_air[model.states.index("aoa"), 1] = 1.0 / model.airspeed_m_s
+    return replace(
+        model,
+        B=np.hstack([model.B, model.A @ to_air]),
+        D=np.hstack([model.D, model.C @ to_air]),
+        inputs=model.inputs + GUSTS,
+        units={**model.units, **dict.fromkeys(GUSTS, "m/s")},
+    )
 
 
 def simulate(
@@ -67,7 +196,7 @@ def simulate(
 
     Returns
     -------
-    FlightLog with the inputs and outputs, absolute values; `notes` says where the model is left behind.
+    FlightLog with the inputs and outputs, absolute values; `notes` says where the flight leaves the range of the model.
 
     Raises
     ------
@@ -76,14 +205,26 @@ def simulate(
     """
     noise_sd, quantum = dict(noise_sd or {}), dict(quantum or {})
     for what, sizes in (("noise", noise_sd), ("quantum", quantum)):
-        _require_sizes(model, sizes, what=what)
+        for name, value in sizes.items():
+            if name not in model.outputs:
+                has = ", ".join(model.outputs)
+                raise ConfigError(f"{model.name}: {what}: no output '{name}'; the model has: {has}")
+            if not (np.isfinite(value) and value >= 0):
+                raise ConfigError(
+                    f"{model.name}: {what} of {name}: must be 0 or more, got {value:g} {model.units[name]}; "
+                    "give 0 for none"
+                )
     u = np.asarray(u, dtype=np.float64)
     if u.ndim == 1:
         moved = model.manoeuvred or model.inputs[:1]
         u = np.outer(u, [float(name in moved) for name in model.inputs])
     gust_stream, *noise_streams = rng.spawn(1 + len(model.outputs))
     if isinstance(model, LinearModel):
-        flown = _fly_linear(model, u, rate_hz=rate_hz, rule=discretisation, gusts=turbulence, rng=gust_stream)
+        winds = None
+        if turbulence is not None:
+            airspeed = model.airspeed_m_s
+            winds = dryden_gusts(turbulence, len(u), airspeed_m_s=airspeed, rate_hz=rate_hz, rng=gust_stream)
+        flown = _fly_linear(model, u, winds, rate_hz, discretisation)
     elif turbulence is not None:
         raise ConfigError(f"{model.name}: turbulence: not modelled, got {turbulence.sigma_m_s:g} m/s; leave it out")
     elif discretisation != "zoh":
@@ -94,41 +235,19 @@ def simulate(
     for name, values, stream in zip(model.outputs, flown.outputs.T, noise_streams, strict=True):
         noisy, step = values + noise_sd.get(name, 0.0) * stream.standard_normal(len(u)), quantum.get(name, 0.0)
         signals[name] = np.round(noisy / step) * step if step > 0 else noisy
-    channels = {
-        name: Channel(
-            name=name, values=frozen_array(values), unit=model.units[name], source=name, source_unit=model.units[name]
-        )
-        for name, values in signals.items()
-    }
+    channels = {}
+    for name, values in signals.items():
+        unit, values = model.units[name], frozen_array(values)
+        channels[name] = Channel(name=name, values=values, unit=unit, source=name, source_unit=unit)
     time_s = frozen_array(np.arange(len(u)) / rate_hz)
     return FlightLog(path=model.name, time_s=time_s, channels=channels, notes=flown.notes)
 
 
-def _require_sizes(model: LinearModel | NonlinearModel, sizes: Mapping[str, float], *, what: str) -> None:
-    for name, value in sizes.items():
-        if name not in model.outputs:
-            raise ConfigError(f"{model.name}: {what}: no output '{name}'; the model has: {', '.join(model.outputs)}")
-        if not (np.isfinite(value) and value >= 0):
-            raise ConfigError(
-                f"{model.name}: {what} of {name}: not a size, got {value:g} {model.units[name]}; "
-                "give a positive number, or 0 for none"
-            )
-
-
 def _fly_linear(
-    model: LinearModel,
-    u: FloatArray,
-    *,
-    rate_hz: float,
-    rule: Discretisation,
-    gusts: Dryden | None,
-    rng: np.random.Generator,
+    model: LinearModel, u: FloatArray, winds: FloatArray | None, rate_hz: float, rule: Discretisation
 ) -> Flown:
     """Return the flight in absolute values, with a note where it leaves the range of a linear model."""
-    flown, moved = model, u
-    if gusts is not None:
-        winds = dryden_gusts(gusts, len(u), airspeed_m_s=model.airspeed_m_s, rate_hz=rate_hz, rng=rng)
-        flown, moved = with_gusts(model), np.hstack([u, winds])
+    flown, moved = (model, u) if winds is None else (with_gusts(model), np.hstack([u, winds]))
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             y = response(flown, moved, rate_hz=rate_hz, rule=rule)

@@ -55,20 +55,19 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
-    from ..detect import detect_content, detect_document, detect_faults, settings_of
+    from ..detect import detect_content, detect_document, detect_faults
     from ..files import check_folder
     from ..provenance import provenance
     from ..report.files import content_names
 
     config = _config(config_path, options)
-    settings = settings_of(config)
     inputs = inputs_of(config, log)
     if options["out"] is not None:
         names = content_names(("detection",), ("alarms", "channels"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
     flight = log_of(log, options["group"], config)
     with progress("channels", wanted=options["progress"]) as report:
-        result = detect_faults(flight, settings, report=report)
+        result = detect_faults(flight, config, report=report)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
     emit(detect_content(document), document, options, origin=origin, inputs=inputs)

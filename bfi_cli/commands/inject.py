@@ -26,8 +26,7 @@ def command(*, log: str, specs: tuple[str, ...], out: Path, force: bool, as_json
     """
     from ..faults import parse_spec
     from ..files import check_files
-    from ..flightlog import read_log
-    from ..flightlog.inject import inject
+    from ..flightlog import inject, read_log
 
     faults = [parse_spec(spec) for spec in specs]
     check_files([out], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)

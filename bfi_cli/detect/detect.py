@@ -1,44 +1,49 @@
-"""Detection from end to end: prepare the record, declare the channels that fail, make the result."""
+"""Detection from end to end: by the right null space for data without noise (paper H), else by parity residuals."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from ..config import Config
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
+from ..kernels.nullspace import criteria
 from ..preprocessing.summary import log_summary
 from ..report.text import instant
-from .nullspace import LEVEL, NullSpaceCriteria, null_space_criteria
-from .parity import DetectionThreshold, Failure, MonitoringPass, detect_sequentially
-from .preparation import DecimatedRecord, DetectSettings, PreparedRecord, decimate_record, prepare_record
+from .parity import DetectionThreshold, detect_sequentially
+from .preparation import PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
-
-__all__ = ["detect_faults"]
-
-FloatArray = NDArray[np.float64]
 
 # Seconds on either side of the onset that the next command analyses: about two of the records of T, 31.7 s each.
 AROUND_S = 60.0
+# Threshold of the criterion, relative to a channel's own size. Boeing 747 without noise: healthy channels stay 3e10
+# times below a failing one (docs/validation.md). The healthy time must stay below a tenth of it.
+LEVEL, MARGIN = 1e-7, 0.1
+# One lag where the outputs hold all states (H 15); two or four where they do not.
+LAGS = (1, 2, 4)
+# Columns of a window at least, and how many more than the rank, so that the null space is not empty.
+NARROWEST, SPARE = 10, 5
+# Share of the largest criterion below which a channel is not declared: what a failure inside the window leaves in the
+# other channels is smaller by orders of magnitude (H, after eq. 29).
+SELECTIVE = 1e-2
 SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
 
 
 def detect_faults(
-    log: FlightLog,
-    settings: DetectSettings,
-    *,
-    report: Callable[[int, int], None] = lambda _done, _total: None,
+    log: FlightLog, config: Config, *, report: Callable[[int, int], None] = lambda _done, _total: None
 ) -> DetectResult:
     """Say which channel of a log fails, and when, without a model and without a dictionary.
 
     Parameters
     ----------
     log : in SI units, see `bfi_cli.flightlog.read_log`.
-    settings : what to watch, and how.
-    report : told how many channels have been declared, of how many.
+    config : see `bfi_cli.config.Config`; `detect` holds what is special to the detection. Where inputs and outputs are
+        not given, they are the controls and accelerations, and the flight data, that the log has.
+    report : called with the number of channels declared so far, and that of all.
 
     Raises
     ------
@@ -46,39 +51,60 @@ def detect_faults(
     ConfigError : the healthy time is not in the log, or leaves nothing to watch.
     """
     with threadpool_limits(1):
-        prepared = prepare_record(log, settings)
-        if settings.method == "exact" or (settings.method == "auto" and prepared.exact):
-            exact = null_space_criteria(prepared)
-            if exact.explained or settings.method == "exact":
-                return _exact_result(log, prepared, settings, exact)
-        samples = decimate_record(prepared, prepared.choice.factor)
-        failures, passes = detect_sequentially(log.path, samples, false_alarm=settings.false_alarm, report=report)
-        return _parity_result(log, prepared, settings, samples, failures, passes)
+        prepared = prepare_record(log, config)
+        if config.detect.method == "exact" or (config.detect.method == "auto" and prepared.exact):
+            result = _exact_result(prepared, config)
+            if result.is_calibrated or config.detect.method == "exact":
+                return result
+        return _parity_result(prepared, config, report)
 
 
-def _exact_result(
-    log: FlightLog, prepared: PreparedRecord, settings: DetectSettings, exact: NullSpaceCriteria
-) -> DetectResult:
-    """Return what the right null space of the last samples says of each output, at the log's own rate (paper H)."""
-    record, channel, ready = prepared.record, exact.criteria.channel, exact.criteria.ready
-    alarms = [
-        Alarm(
-            channel=prepared.outputs[k],
-            time_s=float(record.time_s[i]),
-            onset_s=float(record.time_s[i]),
-            statistic=float(channel[i, k]),
-            threshold=LEVEL,
-            size=None,
-            unit=prepared.units[k],
-        )
-        for i, k in exact.failures
-    ]
-    first = {alarm.channel: alarm.time_s for alarm in reversed(alarms)}
-    if exact.explained:
+def _exact_result(prepared: PreparedRecord, config: Config) -> DetectResult:
+    """Return what the right null space of the last samples says of each output, at the log's own rate (paper H).
+
+    The past data have the fewest lags that explain the healthy time. A constant counts as an input, so that values need
+    not be deviations from a trim. For as long as a failure is inside the window, other channels may leave round-off too
+    (paper H, after eq. 29), by orders of magnitude less: they are not declared.
+    """
+    record = prepared.record
+    y, healthy = record.y, record.time_s < prepared.train[1]
+    u = np.column_stack([record.u, np.ones(len(record.u))])
+    both = np.hstack([y, u])
+    for lags in LAGS:
+        # Inputs bring the samples before the last one with them: z(i) then reaches `lags` samples back.
+        past = (np.vstack([np.zeros((lag, both.shape[1])), both[:-lag]]) for lag in range(1, lags))
+        inputs = np.hstack([u, *past])
+        rank = int(criteria(y[healthy], inputs[healthy], width=int(healthy.sum())).rank.max())
+        width = max(NARROWEST, rank + SPARE)
+        criterion = criteria(y, inputs, width=width)
+        explained = not bool((np.nan_to_num(criterion.channel[healthy]) > MARGIN * LEVEL).any())
+        if explained:
+            break
+    channel = np.nan_to_num(criterion.channel)
+    last = np.full(channel.shape[1], -width - 1)
+    alarms = []
+    for i in np.flatnonzero((channel > LEVEL).any(axis=1)):
+        above = channel[i] > max(LEVEL, SELECTIVE * float(channel[i].max()))
+        time_s = float(record.time_s[i])
+        alarms += [
+            Alarm(
+                channel=prepared.outputs[k],
+                time_s=time_s,
+                onset_s=time_s,
+                statistic=float(channel[i, k]),
+                threshold=LEVEL,
+                size=None,
+                unit=prepared.units[k],
+            )
+            for k in np.flatnonzero(above & (last < i - width))
+        ]
+        last[above] = i
+    failed_s = {alarm.channel: alarm.time_s for alarm in reversed(alarms)}
+    if explained:
         note = (
-            f"a linear model of order {exact.lags} explains the healthy time to round-off, so the criterion is that of "
-            f"data without noise: a channel fails where more than {LEVEL:g} of its own size is left in a window of "
-            f"{exact.width} samples"
+            f"a linear model of order {lags} explains the healthy time to round-off, so the criterion is that of "
+            f"data without noise: a channel fails where the model leaves more than {LEVEL:g} of its size unexplained "
+            f"in a window of {width} samples"
         )
     else:
         note = (
@@ -86,41 +112,37 @@ def _exact_result(
             "alarms mean nothing; give --method parity"
         )
     return DetectResult(
-        log=log_summary(log.path, record.time_s, rate_hz=record.rate_hz, native_rate_hz=prepared.native_rate_hz),
+        log=log_summary(record.path, record.time_s, rate_hz=record.rate_hz, native_rate_hz=prepared.native_rate_hz),
         decision="fault" if alarms else "no_fault",
         method="exact",
         inputs=prepared.inputs,
         outputs=prepared.outputs,
-        false_alarm=settings.false_alarm,
+        false_alarm=config.detect.false_alarm,
         alarms=tuple(alarms),
-        is_calibrated=exact.explained,
-        ready_s=None if ready is None else float(record.time_s[ready - 1]),
+        is_calibrated=explained,
+        ready_s=None if criterion.ready is None else float(record.time_s[criterion.ready - 1]),
         train=prepared.train,
         calibration=None,
         model=None,
-        width=exact.width,
+        width=width,
         time_s=frozen_array(record.time_s),
         series=tuple(
-            _series(prepared, k, record.y, channel[:, k], LEVEL, first.get(name))
+            _series(prepared, k, y, criterion.channel[:, k], LEVEL, failed_s.get(name))
             for k, name in enumerate(prepared.outputs)
         ),
-        commands=_next(prepared, alarms),
-        notes=(note, *(() if ready is None else (f"ready after {ready} samples",))),
+        commands=_identify_command(prepared, alarms),
+        notes=(note, *(() if criterion.ready is None else (f"ready after {criterion.ready} samples",))),
     )
 
 
-def _parity_result(
-    log: FlightLog,
-    prepared: PreparedRecord,
-    settings: DetectSettings,
-    samples: DecimatedRecord,
-    failures: list[Failure],
-    passes: list[MonitoringPass],
-) -> DetectResult:
-    """Return what the parity residuals of the record say at the rate of the analysis; the first pass is calibrated."""
+def _parity_result(prepared: PreparedRecord, config: Config, report: Callable[[int, int], None]) -> DetectResult:
+    """Return what the parity residuals say at the rate of the analysis; the calibration is that of the first pass."""
+    samples, outputs = decimate_record(prepared, prepared.choice.factor), prepared.outputs
+    path, false_alarm = prepared.record.path, config.detect.false_alarm
+    failures, passes = detect_sequentially(path, samples, false_alarm=false_alarm, report=report)
     alarms = [
         Alarm(
-            channel=prepared.outputs[failure.output],
+            channel=outputs[failure.output],
             time_s=float(samples.time_s[failure.sample] + samples.reach_s),
             onset_s=float(samples.time_s[failure.onset]),
             statistic=failure.deviate,
@@ -132,7 +154,7 @@ def _parity_result(
     ]
     failed_s = {failure.output: float(samples.time_s[failure.sample]) for failure in failures}
     series = []
-    for i in range(len(prepared.outputs)):
+    for i in range(len(outputs)):
         last = next(monitoring for monitoring in reversed(passes) if i in monitoring.channels)
         k, own = last.channels.index(i), last.model
         statistic = np.full(len(samples.time_s), np.nan)
@@ -140,39 +162,40 @@ def _parity_result(
         level = float(last.threshold.level[k])
         series.append(_series(prepared, i, samples.y, statistic, level, failed_s.get(i)))
     model, threshold = passes[0].model, passes[0].threshold
-    held_back = model.samples[model.errors.start], model.samples[model.n_healthy - 1]
+    heavy = threshold.tail is not None and threshold.tail > threshold.white
+    first_held, last_held = model.samples[model.errors.start], model.samples[model.n_healthy - 1]
     return DetectResult(
-        log=log_summary(log.path, samples.time_s, rate_hz=samples.rate_hz, native_rate_hz=prepared.native_rate_hz),
+        log=log_summary(path, samples.time_s, rate_hz=samples.rate_hz, native_rate_hz=prepared.native_rate_hz),
         decision="fault" if alarms else "no_fault",
         method="parity",
         inputs=prepared.inputs,
-        outputs=prepared.outputs,
-        false_alarm=settings.false_alarm,
+        outputs=outputs,
+        false_alarm=false_alarm,
         alarms=tuple(alarms),
         is_calibrated=threshold.tail is not None,
         ready_s=prepared.watch_s,
         train=prepared.train,
         calibration=Calibration(
-            held_back_s=(float(samples.time_s[held_back[0]]), float(samples.time_s[held_back[1]])),
+            held_back_s=(float(samples.time_s[first_held]), float(samples.time_s[last_held])),
             n_blocks=len(threshold.maxima),
             white_level=threshold.white,
             level=threshold.white if threshold.tail is None else max(threshold.tail, threshold.white),
-            heavy=threshold.tail is not None and threshold.tail > threshold.white,
-            scale=dict(zip(prepared.outputs, threshold.scale.tolist(), strict=True)),
+            heavy=heavy,
+            scale=dict(zip(outputs, threshold.scale.tolist(), strict=True)),
             block_maxima=frozen_array(threshold.maxima),
         ),
         model=ParityModel(
             lags=model.lags,
             rank=model.rank,
-            n_stacked=model.lags * len(prepared.outputs),
+            n_stacked=model.lags * len(outputs),
             forgetting=model.forgetting,
             n_fitted=model.n_healthy,
-            noise_sd=dict(zip(prepared.outputs, model.unit.tolist(), strict=True)),
+            noise_sd=dict(zip(outputs, model.unit.tolist(), strict=True)),
         ),
         width=None,
         time_s=frozen_array(samples.time_s),
         series=tuple(series),
-        commands=_next(prepared, alarms),
+        commands=_identify_command(prepared, alarms),
         notes=(*prepared.notes, f"rate: {prepared.choice.reason}", SLOW, *_threshold_notes(prepared, threshold)),
     )
 
@@ -206,19 +229,19 @@ def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) ->
     higher = [name for name, scale in zip(prepared.outputs, threshold.scale, strict=True) if scale > 1.0]
     if higher:
         notes.append(
-            f"{', '.join(higher)}: held-back healthy data came close to the threshold of white noise or passed it, "
-            "so it is higher there: the model predicts the healthy time badly"
+            f"{', '.join(higher)}: the threshold is raised, since held-back healthy data came close to that of white "
+            "noise or exceeded it; the model predicts the healthy time badly"
         )
     return notes
 
 
-def _next(prepared: PreparedRecord, alarms: list[Alarm]) -> tuple[str, ...]:
+def _identify_command(prepared: PreparedRecord, alarms: list[Alarm]) -> tuple[str, ...]:
     """Return the command that identifies the failure of the first channel."""
     if not alarms:
         return ()
-    first, start_s, stop_s = alarms[0], float(prepared.record.time_s[0]), float(prepared.record.time_s[-1])
-    from_s, to_s = max(start_s, first.onset_s - AROUND_S), min(stop_s, first.onset_s + AROUND_S)
+    record, first = prepared.record, alarms[0]
+    from_s = max(float(record.time_s[0]), first.onset_s - AROUND_S)
+    to_s = min(float(record.time_s[-1]), first.onset_s + AROUND_S)
     inputs = "".join(f" --input {name}" for name in prepared.inputs)
     window = f"--from {instant(from_s)} --to {instant(to_s)}"
-    command = f"bfi identify {prepared.record.path}{inputs} --output {first.channel} {window}"
-    return (command,)
+    return (f"bfi identify {record.path}{inputs} --output {first.channel} {window}",)

@@ -1,32 +1,224 @@
-"""Detection by parity residuals: declare the channel whose failure explains most of them, then monitor the others."""
+"""Detection by parity residuals: predict the watched channels, declare the one that fails, monitor the others.
+
+The residuals are those of a regression on the past, chosen on the healthy time by how well it predicts. The channel is
+declared whose failure explains most of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import LogError
+from ..kernels import FloatArray
 from ..kernels.exponential_tail import block_maxima, fit_tail, white_excess, white_level
-from ..kernels.parity import Drops, largest_drops
-from .predictor import Predictor, fit_predictor
+from ..kernels.lagged import lagged
+from ..kernels.parity import Drops, largest_drops, past_basis
+from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
 from .preparation import DecimatedRecord
 
-__all__ = ["DetectionThreshold", "Failure", "MonitoringPass", "detect_sequentially"]
-
-FloatArray = NDArray[np.float64]
-
-# Rows and seconds that a step is looked back for: a failure that shows later is found by later onsets.
+# A step is sought among the onsets of the last rows, or of the last second if that is more: a failure that shows later
+# is detected as a step with a later onset.
 SHORTEST_WINDOW, WINDOW_S = 10, 1.0
 # Rows a deviate has to last: a gust is over in one, a failure is not (docs/theory.md, 11.2).
 LASTING = 2
-# On the level of white noise. With it 1 of 400 healthy flights of the Boeing 747 alarms (docs/validation.md).
+# Factor on the level of white noise. With it 1 of 400 healthy flights of the Boeing 747 alarms (docs/validation.md).
 ALLOWANCE = 1.1
 # Quantile of the held-back deviates by which a channel is scaled (docs/theory.md, 11.3).
 HIGH = 0.95
 # Independent onsets in the window of a row, of which the largest deviate of white noise is the maximum.
 WHITE_ONSETS = 3.0
+# Lags tried: short pasts whole, long ones by the components that move more than EDGE times the noise. Candidates only:
+# the healthy time decides between them (docs/theory.md, 11.2).
+SHORT_PASTS, LONG_PASTS, EDGE = (1, 2, 4, 6), (10, 20), 1.5
+# Weights of a row relative to the next that are tried, likewise: a memory without end down to one of fifty rows.
+FORGETTING = (1.0, 0.998, 0.995, 0.99, 0.98)
+# Lags of the inputs beside lag 0; their means and first moments between samples hold what happens in between.
+INPUT_LAGS = 2
+# Rows more than regressors, so that the first predictions have a variance.
+SPARE = 5
+# An input that moves less in the healthy time, relative to its extent, rests there and is scaled by its extent.
+STILL = 1e-6
+# Standard deviation of a coefficient of which the healthy time tells nothing. Without it 35 of 40 healthy
+# flights of a Boeing 747 raised an alarm when the phugoid followed the manoeuvre, with it none (docs/theory.md, 11.2).
+UNSEEN_SD = 0.1
+# Least prediction error, relative to an output's spread: data without noise have none.
+RELATIVE_FLOOR = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Predictor:
+    """The regression of the watched channels on the rows before, and its errors.
+
+    Attributes
+    ----------
+    samples : (n_rows,) the sample each row predicts; rows of the healthy and of the watched time.
+    n_healthy : rows of the healthy time; those from `errors.start` on are predicted, not fitted.
+    lags, rank, forgetting : samples of the past, directions of it, weight of a row relative to the next.
+    basis : (at least lags * n_outputs, r) maps the stacked past to the last r regressors.
+    unit : (n_outputs,) standard deviation of the noise, the unit of the errors.
+    """
+
+    samples: NDArray[np.intp]
+    n_healthy: int
+    lags: int
+    rank: int
+    forgetting: float
+    basis: FloatArray
+    unit: FloatArray
+    errors: RecursiveResiduals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Scaled:
+    """Outputs in units of their noise, inputs in units of their motion; the first `n_healthy` samples are healthy."""
+
+    y: FloatArray
+    u: FloatArray
+    weak: NDArray[np.bool_]
+    kept: NDArray[np.bool_]
+    n_healthy: int
+    unit: FloatArray
+
+    @property
+    def half(self) -> int:
+        """The healthy sample from which on samples are predicted."""
+        return self.n_healthy // 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rows:
+    """Regressors [1 | inputs | components of the past] and outputs, from sample `first` on.
+
+    `prior` is one over the standard deviation to which each coefficient is known, see `recursive_residuals`; `basis`
+    maps the stacked past to its components.
+    """
+
+    X: FloatArray
+    Y: FloatArray
+    prior: FloatArray
+    basis: FloatArray
+    first: int
+
+
+def fit_predictor(path: str, samples: DecimatedRecord, channels: Sequence[int]) -> Predictor:
+    """Predict the channels, each row from the rows before it.
+
+    Past and forgetting are those with which the second half of the healthy time is predicted best.
+
+    Parameters
+    ----------
+    path : of the log, for messages.
+    channels : which outputs are watched; the others are no regressors either.
+
+    Raises
+    ------
+    LogError : the healthy time is too short for any model.
+    """
+    data = _scaled(samples, channels)
+    # Lags and rank that half of the healthy time can fit: short pasts whole, long ones without their null space.
+    pasts = []
+    for lags in (*SHORT_PASTS, *LONG_PASTS):
+        spare = data.half - max(lags, INPUT_LAGS) - _n_regressors(data, 0) - len(channels) - SPARE
+        if spare > 0:
+            edge = 0.0 if lags in SHORT_PASTS else EDGE
+            rank = past_basis(data.y[: data.n_healthy], lags=lags, edge=edge)[0].shape[1]
+            if 0 < rank <= spare:
+                pasts.append((lags, rank))
+    if not pasts:
+        needed = 2 * (INPUT_LAGS + _n_regressors(data, len(channels)) + len(channels) + SPARE)
+        raise LogError(
+            f"{path}: the healthy time has {data.n_healthy} samples at {samples.rate_hz:.4g} Hz, {needed} are needed; "
+            "give a longer --train, a higher --rate, or fewer channels"
+        )
+    lags, rank = max(pasts, key=lambda past: _score(data, *past, forgetting=1.0))
+    forgetting = max(FORGETTING, key=lambda weight: _score(data, lags, rank, forgetting=weight))
+    chosen = _rows(data, lags, rank)
+    rows = _with_unseen(data, chosen)
+    kept = data.kept[rows.first :]
+    return Predictor(
+        samples=rows.first + np.flatnonzero(kept),
+        n_healthy=data.n_healthy - rows.first,
+        lags=lags,
+        rank=rank,
+        forgetting=forgetting,
+        basis=rows.basis,
+        unit=data.unit,
+        errors=recursive_residuals(
+            rows.X[kept], rows.Y[kept], start=data.half - rows.first, forgetting=forgetting, prior=rows.prior
+        ),
+    )
+
+
+def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
+    """Return the rows with one more regressor per direction in which a long healthy past did not stand out of noise.
+
+    The healthy time does not tell how the outputs depend on such a direction, and noise in the regressors makes the
+    dependence look like zero. With a coefficient known to UNSEEN_SD only, a prediction becomes less certain the further
+    the past moves along the direction, and the coefficient is learnt then.
+    """
+    q = data.y.shape[1]
+    own = len(chosen.basis) // q
+    longest = max(own, LONG_PASTS[0])
+    if data.half - longest - int(np.count_nonzero(chosen.prior == PRIOR)) - q < SPARE:
+        longest = own
+    seen = past_basis(data.y[: data.n_healthy], lags=longest, edge=EDGE)[0]
+    unseen = np.linalg.qr(seen, mode="complete")[0][:, seen.shape[1] :]
+    first = max(chosen.first, longest)
+    past = lagged(data.y, range(1, longest + 1), first=first) @ unseen
+    basis = np.pad(chosen.basis, ((0, (longest - own) * q), (0, 0)))
+    later = first - chosen.first
+    return _Rows(
+        X=np.hstack([chosen.X[later:], past]),
+        Y=chosen.Y[later:],
+        prior=np.append(chosen.prior, np.full(unseen.shape[1], 1.0 / UNSEEN_SD)),
+        basis=np.hstack([basis, unseen]),
+        first=first,
+    )
+
+
+def _scaled(samples: DecimatedRecord, channels: Sequence[int]) -> _Scaled:
+    n = int(np.count_nonzero(samples.healthy))
+    y = samples.y[:, list(channels)] - samples.y[:n, list(channels)].mean(axis=0)
+    u = samples.u - samples.u[:n].mean(axis=0)
+    extent, spread = np.abs(u).max(axis=0, initial=0.0), u[:n].std(axis=0)
+    u = u / np.where(spread > STILL * extent, spread, np.where(extent > 0.0, extent, 1.0))
+    spread = y[:n].std(axis=0)
+    spread = np.where(spread > 0.0, spread, np.maximum(np.abs(y).max(axis=0), np.finfo(float).tiny))
+    # The noise is what one lag of all channels leaves of each.
+    scaled = y[:n] / spread
+    X = np.hstack([np.ones((n - 1, 1)), lagged(scaled, [1]), u[1:n]])
+    left = scaled[1:] - X @ np.linalg.lstsq(X, scaled[1:], rcond=None)[0]
+    noise_sd = np.sqrt(np.sum(left**2, axis=0) / max(len(X) - X.shape[1], 1))
+    unit = spread * np.maximum(noise_sd, RELATIVE_FLOOR)
+    return _Scaled(y=y / unit, u=u, weak=samples.weak, kept=samples.healthy | samples.watched, n_healthy=n, unit=unit)
+
+
+def _n_regressors(data: _Scaled, rank: int) -> int:
+    return 1 + (INPUT_LAGS + 1) * int(np.count_nonzero(~data.weak)) + rank
+
+
+def _score(data: _Scaled, lags: int, rank: int, *, forgetting: float) -> float:
+    rows = _rows(data, lags, rank)
+    healthy = slice(data.n_healthy - rows.first)
+    start = data.half - rows.first
+    X, Y = rows.X[healthy], rows.Y[healthy]
+    return predictive_score(recursive_residuals(X, Y, start=start, forgetting=forgetting, prior=rows.prior))
+
+
+def _rows(data: _Scaled, lags: int, rank: int) -> _Rows:
+    first = max(lags, INPUT_LAGS)
+    basis, spread = past_basis(data.y[: data.n_healthy], lags=lags, rank=rank)
+    basis = basis / spread
+    past = lagged(data.y, range(1, lags + 1), first=first) @ basis
+    inputs = lagged(data.u, range(INPUT_LAGS + 1), first=first) if data.u.shape[1] else np.zeros((len(past), 0))
+    X = np.hstack([np.ones((len(past), 1)), inputs, past])
+    prior = np.full(X.shape[1], PRIOR)
+    prior[1 : 1 + inputs.shape[1]][np.tile(data.weak, INPUT_LAGS + 1)] = 1.0 / UNSEEN_SD
+    return _Rows(X=X, Y=data.y[first:], prior=prior, basis=basis, first=first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,19 +246,18 @@ class MonitoringPass:
 
     Attributes
     ----------
-    channels : indices of the outputs watched; window : rows a step is looked back for.
+    channels : indices of the outputs watched.
     """
 
     channels: tuple[int, ...]
     model: Predictor
     drops: Drops
     threshold: DetectionThreshold
-    window: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failure:
-    """A channel declared: index of the output, sample of the decision, of the onset, deviate, its level, step in SI."""
+    """A channel that fails: index of the output, samples of decision and onset, deviate and its level, step in SI."""
 
     output: int
     sample: int
@@ -97,14 +288,28 @@ def detect_sequentially(
         padded = np.vstack([np.zeros((LASTING - 1, len(channels))), drops.deviate])
         drops = replace(drops, deviate=np.lib.stride_tricks.sliding_window_view(padded, LASTING, axis=0).min(axis=2))
         threshold = _threshold(model, drops, window, false_alarm)
-        passes.append(
-            MonitoringPass(channels=tuple(channels), model=model, drops=drops, threshold=threshold, window=window)
-        )
-        failure = _first_failure(passes[-1], failures[-1].onset if failures else 0)
-        if failure is None:
+        passes.append(MonitoringPass(channels=tuple(channels), model=model, drops=drops, threshold=threshold))
+        # The first row, after the onset of the failure before, whose deviate is above its level.
+        at = model.samples[model.errors.start :]
+        begin = failures[-1].onset if failures else 0
+        watched = (np.arange(len(at)) >= model.n_healthy - model.errors.start) & (at >= begin)
+        above = np.flatnonzero(watched & (drops.deviate > threshold.level).any(axis=1))
+        if not above.size:
             break
-        failures.append(failure)
-        channels.remove(failure.output)
+        row = int(above[0])
+        k = int(drops.deviate[row].argmax())
+        # The size of the step is read where it is seen best, up to a window later.
+        clearest = row + int(drops.deviate[row : row + window, k].argmax())
+        failures.append(
+            Failure(
+                output=channels.pop(k),
+                sample=int(at[row]),
+                onset=int(at[row] - drops.age[row, k]),
+                deviate=float(drops.deviate[row, k]),
+                level=float(threshold.level[k]),
+                size=float(drops.size[clearest, k] * model.unit[k]),
+            )
+        )
     return failures, passes
 
 
@@ -123,24 +328,3 @@ def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float) 
         return DetectionThreshold(level=white * reached, white=white, tail=None, scale=reached, maxima=maxima)
     level = tail.level(max(n_watched / window, 1.0), false_alarm)
     return DetectionThreshold(level=scale * max(level, white), white=white, tail=level, scale=scale, maxima=maxima)
-
-
-def _first_failure(monitored: MonitoringPass, begin: int) -> Failure | None:
-    """Return the first time after sample `begin` at which a deviate is above its level; its size is told after that."""
-    model, drops = monitored.model, monitored.drops
-    at = model.samples[model.errors.start :]
-    watched = (np.arange(len(at)) >= model.n_healthy - model.errors.start) & (at >= begin)
-    above = np.flatnonzero(watched & (drops.deviate > monitored.threshold.level).any(axis=1))
-    if not above.size:
-        return None
-    row = int(above[0])
-    k = int(drops.deviate[row].argmax())
-    clearest = row + int(drops.deviate[row : row + monitored.window, k].argmax())
-    return Failure(
-        output=monitored.channels[k],
-        sample=int(at[row]),
-        onset=int(at[row] - drops.age[row, k]),
-        deviate=float(drops.deviate[row, k]),
-        level=float(monitored.threshold.level[k]),
-        size=float(drops.size[clearest, k] * model.unit[k]),
-    )

@@ -1,10 +1,8 @@
-"""The settings of a detection and the record it works on: channels and healthy time, directions of inputs, rate."""
+"""The record of a detection: its channels, healthy time and rate, and the directions in which its inputs move."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +11,14 @@ from ..channels import INPUTS
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog, require_usable, resample
+from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
 from ..report.text import instant
 
-__all__ = ["DecimatedRecord", "DetectSettings", "PreparedRecord", "decimate_record", "directions", "independent"]
-__all__ += ["moments", "prepare_record", "settings_of"]
-
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-Method = Literal["auto", "exact", "parity"]
 
 # What is watched where the user names nothing, and the controls of the other axes, which then are no inputs.
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
@@ -32,82 +26,18 @@ LATERAL = ("aileron", "rudder")
 # Accelerations feel gusts and thrust at once, which the controls do not: with them 3 of 3 biases of the airspeed are
 # localised in recorded flights, with the elevator alone 2 (docs/validation.md).
 FELT = ("longitudinal_acc", "normal_acc")
-# What a turn needs to be explained, and the outputs that it changes.
+# The channels that describe a turn, and the outputs that it changes.
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
-TURNS = "what turns do to longitudinal motion is explained by more inputs made of roll and yaw_rate (--no-turns: not)"
+TURNS = "further inputs made of roll and yaw_rate explain what turns do to longitudinal motion (--no-turns omits them)"
 # Cosine of the steepest bank, 78 degrees: the load factor of a turn has no bound.
 STEEPEST = 0.2
-# Relative to the channel's extent: what moves less only shows round-off.
+# A channel that moves less, relative to its extent, shows round-off only.
 STILL = 1e-9
-# Of a column's norm left by the columns before it, above the round-off of their filtering.
+# A column of which those before it leave less, relative to its norm, depends on them: above the round-off of filtering.
 DEPENDENT = 1e-6
-# Of the largest singular value: inputs that move together differ by their noise.
+# A direction with a smaller share of the largest singular value is weak: inputs that move together differ by noise.
 TOGETHER = 0.01
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DetectSettings:
-    """Settings of `detect_faults`; times on the log's own axis.
-
-    Attributes
-    ----------
-    inputs, outputs : channels; where empty, those of the log that suit: controls and accelerations, flight data.
-    from_s, to_s : window, None for the ends of the log.
-    train : healthy time, None for the first third of the window.
-    false_alarm : accepted probability that a healthy record of the monitored length raises an alarm.
-    rate_hz : a number, "none" for the log's own, "auto" to choose.
-    method : "exact" for data without noise, "parity" for measured data, "auto" to choose.
-    turns : what a turn does to longitudinal motion is explained by roll and yaw_rate where the log has them.
-
-    Raises
-    ------
-    ConfigError : a probability outside (0, 1), a healthy time that ends before it starts, a rate that is not positive.
-    """
-
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    from_s: float | None = None
-    to_s: float | None = None
-    train: tuple[float, float] | None = None
-    false_alarm: float = 0.01
-    rate_hz: float | Literal["none", "auto"] = "auto"
-    method: Method = "auto"
-    turns: bool = True
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.false_alarm < 1.0:
-            raise ConfigError(f"--false-alarm: must lie between 0 and 1, got {self.false_alarm:g}; give one like 0.01")
-        if self.train is not None and not self.train[0] < self.train[1]:
-            raise ConfigError(
-                f"--train: must end after it starts, got {self.train[0]:g}:{self.train[1]:g}; give one like 0:8"
-            )
-        if not isinstance(self.rate_hz, str) and not self.rate_hz > 0.0:
-            raise ConfigError(f"--rate: must be a positive number, none or auto, got {self.rate_hz:g}")
-        both = sorted(set(self.inputs) & set(self.outputs))
-        if both:
-            raise ConfigError(f"--output: '{both[0]}' is both an input and an output; keep one")
-
-
-def settings_of(config: Config) -> DetectSettings:
-    """Return the settings a configuration states; inputs and outputs it leaves to their defaults are those of the log.
-
-    Raises
-    ------
-    ConfigError : see `DetectSettings`.
-    """
-    given = config.model_fields_set
-    return DetectSettings(
-        inputs=config.inputs if "inputs" in given else (),
-        outputs=config.outputs if "outputs" in given else (),
-        from_s=config.window.from_s,
-        to_s=config.window.to_s,
-        train=config.detect.train,
-        false_alarm=config.detect.false_alarm,
-        rate_hz=config.conditioning.rate_hz,
-        method=config.detect.method,
-        turns=config.detect.turns,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,8 +73,8 @@ class DecimatedRecord:
     ----------
     time_s : (n,) of the samples; reach_s : how much later the last sample is that each of them was made of.
     y : (n, n_outputs).
-    u : (n, k) mean and first moment, since the sample before, of each direction the inputs move in.
-    weak : (k,) which of them are hardly more than noise in the healthy time.
+    u : (n, k) mean and first moment, over the time since the sample before, of each direction the inputs move in.
+    weak : (k,) which of them hardly stand out of the noise in the healthy time.
     healthy : (n,) samples of the healthy time; watched : (n,) samples that are watched.
     """
 
@@ -158,7 +88,7 @@ class DecimatedRecord:
     watched: BoolArray
 
 
-def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
+def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     """Cut, check and, where the rate asks for it, resample a log.
 
     Raises
@@ -166,20 +96,23 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
     LogError : it cannot be analysed.
     ConfigError : the healthy time is not in the log, or leaves nothing to watch.
     """
-    part = log.window(settings.from_s, settings.to_s)
+    from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
+    given_inputs = config.inputs if "inputs" in config.model_fields_set else ()
+    given_outputs = config.outputs if "outputs" in config.model_fields_set else ()
+    part = log.window(from_s, to_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
-    train = settings.train or (first_s, first_s + (last_s - first_s) / 3.0)
-    start_s = train[0] if settings.train or settings.from_s is None else max(train[0], settings.from_s)
-    inputs, outputs = _channels(log.window(start_s, settings.to_s), settings)
+    train = config.detect.train or (first_s, first_s + (last_s - first_s) / 3.0)
+    start_s = train[0] if config.detect.train or from_s is None else max(train[0], from_s)
+    inputs, outputs = _channels(log.window(start_s, to_s), given_inputs, given_outputs)
     free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
-    bank = BANK if settings.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
+    bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
     helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
-    part, needed = log.window(start_s, settings.to_s), (*inputs, *outputs, *bank, *helping)
-    if must_resample(part, needed, settings.rate_hz):
-        assert not isinstance(settings.rate_hz, str)
-        part = resample(log, settings.rate_hz, from_s=start_s, to_s=settings.to_s)
+    part, needed = log.window(start_s, to_s), (*inputs, *outputs, *bank, *helping)
+    if must_resample(part, needed, rate_hz):
+        assert not isinstance(rate_hz, str)
+        part = resample(log, rate_hz, from_s=start_s, to_s=to_s)
         require_usable(part, needed)
-    watch_s = max(train[1], train[1] if settings.from_s is None else settings.from_s)
+    watch_s = max(train[1], train[1] if from_s is None else from_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
     if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
         raise ConfigError(
@@ -188,12 +121,21 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
         )
     if watch_s >= last_s:
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
+    signals = [part.channel(name).values for name in inputs]
+    if bank:
+        # What a turn adds to longitudinal motion: the pitch angle changes with q cos(roll) - r sin(roll), not with q,
+        # and the load factor is 1 / cos(roll).
+        roll, yaw_rate = (part.channel(name).values for name in bank)
+        level = np.maximum(np.cos(roll), STEEPEST)
+        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
+        if "pitch_rate" in part.channels:
+            signals.append(part.channel("pitch_rate").values * (1.0 - level))
     record = Signals(
         path=part.path,
         rate_hz=part.rate_hz,
         factor=1,
         time_s=part.time_s,
-        u=np.column_stack([np.zeros((part.n_samples, 0)), *_inputs(part, inputs, bank)]),
+        u=np.column_stack([np.zeros((part.n_samples, 0)), *signals]),
         y=part.signals(outputs),
         theta=np.zeros((part.n_samples, len(outputs), 0)),
     )
@@ -201,6 +143,22 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
     healthy = replace(
         record, time_s=part.time_s[before], u=record.u[before], y=record.y[before], theta=record.theta[before]
     )
+    notes = []
+    if config.detect.train is None:
+        notes.append(
+            f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
+            "is taken to be free of faults; a fault in it would be learnt as normal (give --train A:B)"
+        )
+    elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
+        notes.append(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed")
+    felt = [name for name in FELT if name in inputs and not given_inputs]
+    if felt:
+        notes.append(
+            f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
+            "(--input chooses)"
+        )
+    if bank:
+        notes.append(TURNS)
     return PreparedRecord(
         record=record,
         native_rate_hz=log.rate_hz,
@@ -209,17 +167,17 @@ def prepare_record(log: FlightLog, settings: DetectSettings) -> PreparedRecord:
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
-        choice=choose_rate(healthy, (), exact=False, asked=settings.rate_hz),
+        choice=choose_rate(healthy, (), exact=False, asked=rate_hz),
         exact=is_exact(healthy),
-        notes=(*_notes(log, settings, train, inputs), *((TURNS,) if bank else ())),
+        notes=tuple(notes),
     )
 
 
 def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
     """Return the record filtered and decimated by `factor`.
 
-    Between two samples an input may move in any way; its mean and first moment over that time say nearly all of what it
-    does to rigid-body motion, a single value at the sample does not.
+    Between two samples an input may move in any way. Its mean and first moment over that time determine nearly all of
+    its effect on rigid-body motion; its value at the sample does not.
 
     Raises
     ------
@@ -247,10 +205,10 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
 
 
 def directions(u: FloatArray, healthy: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Return (n_samples, k) signals that span the inputs, the strongest first, and which are hardly more than noise.
+    """Return (n_samples, k) signals that span the inputs, the strongest first, and which hardly stand out of the noise.
 
-    Surfaces that move together are logged one by one, each with its own noise: together they say better where they are,
-    and their differences say nothing. Inputs that rest in the healthy time stay as they are.
+    Surfaces that move together are logged one by one, each with its own noise: their mean is more precise than each of
+    them, and their differences are noise. Inputs that rest in the healthy time stay as they are.
 
     Parameters
     ----------
@@ -290,13 +248,16 @@ def independent(u: FloatArray) -> NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    inputs = settings.inputs or tuple(
+def _channels(
+    part: FlightLog, given_inputs: tuple[str, ...], given_outputs: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the channels that are given, else the controls and accelerations, and the flight data, that move."""
+    inputs = given_inputs or tuple(
         name
         for name in (*INPUTS, *FELT)
-        if name not in (*LATERAL, *settings.outputs) and name in part.channels and _moves(part, name)
+        if name not in (*LATERAL, *given_outputs) and name in part.channels and _moves(part, name)
     )
-    outputs = settings.outputs or tuple(
+    outputs = given_outputs or tuple(
         name for name in OUTPUTS if name in part.channels and name not in inputs and _moves(part, name)
     )
     if not outputs:
@@ -311,38 +272,7 @@ def _channels(part: FlightLog, settings: DetectSettings) -> tuple[tuple[str, ...
     return inputs, outputs
 
 
-def _inputs(part: FlightLog, inputs: Sequence[str], bank: Sequence[str]) -> list[FloatArray]:
-    """Return the inputs and, where the log has the bank angle, what a turn adds to longitudinal motion.
-
-    The pitch angle changes with q cos(roll) - r sin(roll), not with q; the load factor of a turn is 1 / cos(roll).
-    """
-    signals = [part.channel(name).values for name in inputs]
-    if bank:
-        roll, yaw_rate = (part.channel(name).values for name in bank)
-        level = np.maximum(np.cos(roll), STEEPEST)
-        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
-        if "pitch_rate" in part.channels:
-            signals.append(part.channel("pitch_rate").values * (1.0 - level))
-    return signals
-
-
 def _moves(part: FlightLog, name: str) -> bool:
     values = part.channel(name).values
     finite = values[np.isfinite(values)]
     return bool(finite.size and np.ptp(finite) > STILL * np.max(np.abs(finite)))
-
-
-def _notes(log: FlightLog, settings: DetectSettings, train: tuple[float, float], inputs: Sequence[str]) -> list[str]:
-    notes = []
-    if settings.train is None:
-        notes.append(
-            f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
-            "is taken to be free of faults; a fault that is in it is part of what is normal (--train A:B)"
-        )
-    elif train[0] > (float(log.time_s[0]) if settings.from_s is None else settings.from_s) + 1.0 / log.rate_hz:
-        notes.append(f"what is before the healthy time, before {instant(train[0])} s, is not looked at")
-    felt = [name for name in FELT if name in inputs and not settings.inputs]
-    if felt:
-        names = ", ".join(felt)
-        notes.append(f"taken as inputs, and to be right: {names}, which feel gusts and thrust (--input chooses)")
-    return notes

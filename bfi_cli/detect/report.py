@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -44,102 +44,78 @@ def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, A
 
 
 def detect_content(document: Plain) -> ReportContent:
-    """Return the exhibit of a document of `bfi detect`."""
-    return ReportContent(
-        category="Detection of a failing channel",
-        title=str(document["log"]["path"]),
-        heading=HEADINGS[document["decision"]],
-        verdict=_verdict(document),
-        tone=document["decision"],
-        facts=tuple(_facts(document)),
-        tables=(*_alarms(document["alarms"]), _channels(document)),
-        drawings=(_drawing(document),),
-        notes=(*document["notes"], *(f"next: {command}" for command in document["commands"])),
-    )
-
-
-def _verdict(document: Plain) -> str:
-    alarms = document["alarms"]
-    if not alarms:
-        share = number(100.0 * document["false_alarm"])
-        return f"No channel of {', '.join(document['outputs'])} fails at a false-alarm rate of {share} %."
-    sentences = []
+    """Return what the report of a document of `bfi detect` holds."""
+    log, model, use, alarms = (document[key] for key in ("log", "model", "calibration", "alarms"))
+    train, series, exact = document["train"], document["series"], document["method"] == "exact"
+    failing = []
     for alarm in alarms:
         step = "" if alarm["size"] is None else f" (a step of {quantity(alarm['size'], alarm['unit'])})"
-        sentences.append(f"{alarm['channel']} from {instant(alarm['onset_s'])} s{step}")
-    return f"Failing: {'; '.join(sentences)}."
+        failing.append(f"{alarm['channel']} from {instant(alarm['onset_s'])} s{step}")
+    verdict = f"Failing: {'; '.join(failing)}."
+    if not alarms:
+        share = number(100.0 * document["false_alarm"])
+        verdict = f"No channel of {', '.join(document['outputs'])} fails at a false-alarm rate of {share} %."
 
-
-def _facts(document: Plain) -> list[tuple[str, str]]:
-    log, model, use = document["log"], document["model"], document["calibration"]
-    rows = [
+    facts = [
         ("Window", f"{number(log['start_s'], digits=6)} to {number(log['stop_s'], digits=6)} s"),
         ("Samples", f"{log['n_samples']} at {number(log['rate_hz'])} Hz"),
         ("Inputs", ", ".join(document["inputs"]) or "none"),
         ("Method", METHODS[document["method"]]),
         ("Ready", f"{number(document['ready_s'], digits=6)} s"),
     ]
-    if document["train"] is not None:
-        rows.append(("Healthy time", f"{instant(document['train'][0])} to {instant(document['train'][1])} s"))
+    if train is not None:
+        facts.append(("Healthy time", f"{instant(train[0])} to {instant(train[1])} s"))
     if model is not None:
         past = f"{model['rank']} of {model['n_stacked']} components of {model['lags']} lags"
-        rows.append(("Predictor", f"{past}, forgetting {model['forgetting']:g}"))
+        facts.append(("Predictor", f"{past}, forgetting {model['forgetting']:g}"))
     if use is not None:
         held = f"{instant(use['held_back_s'][0])} to {instant(use['held_back_s'][1])} s, {use['n_blocks']} stretches"
-        rows.append(("Calibrated on", f"{held} held back"))
-        rows.append(("Level", f"{number(use['level'])} (white noise: {number(use['white_level'])})"))
-    return rows
+        facts.append(("Calibrated on", f"{held} held back"))
+        facts.append(("Level", f"{number(use['level'])} (white noise: {number(use['white_level'])})"))
 
-
-def _alarms(alarms: Sequence[Plain]) -> tuple[Table, ...]:
-    if not alarms:
-        return ()
-    rows = tuple(
-        (
-            str(alarm["channel"]),
-            f"{instant(alarm['onset_s'])} s",
-            f"{instant(alarm['time_s'])} s",
-            number(alarm["statistic"]),
-            number(alarm["threshold"]),
-            quantity(alarm["size"], alarm["unit"]),
-        )
-        for alarm in alarms
-    )
-    heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step")
-    return (Table(name="alarms", title="Alarms", heads=heads, rows=rows),)
-
-
-def _channels(document: Plain) -> Table:
-    noise = {} if document["model"] is None else document["model"]["noise_sd"]
-    rows = []
-    for one in document["series"]["channels"]:
-        values = np.array(one["statistic"], dtype=np.float64)
+    spans = [] if train is None else [Span(label="healthy time", low=train[0], high=train[1])]
+    spans += [Span(label="alarm", low=alarm["time_s"], high=alarm["time_s"]) for alarm in alarms]
+    rows, panels = [], []
+    for channel in series["channels"]:
+        values = np.array(channel["statistic"], dtype=np.float64)
         most = float(np.nanmax(values)) if np.isfinite(values).any() else None
-        sd = quantity(noise.get(one["channel"]), one["unit"])
-        rows.append((shortened(one["channel"], 40), sd, number(most), number(one["threshold"])))
-    heads = ("channel", "prediction error", "largest statistic", "threshold")
-    return Table(name="channels", title="Channels watched", heads=heads, rows=tuple(rows))
-
-
-def _drawing(document: Plain) -> Drawing:
-    time_s = document["series"]["time_s"]
-    exact = document["method"] == "exact"
-    spans = []
-    if document["train"] is not None:
-        spans.append(Span(label="healthy time", low=document["train"][0], high=document["train"][1]))
-    spans += [Span(label="alarm", low=alarm["time_s"], high=alarm["time_s"]) for alarm in document["alarms"]]
-    panels = []
-    for one in document["series"]["channels"]:
-        values = np.array(one["statistic"], dtype=np.float64)
+        sd = quantity(None if model is None else model["noise_sd"].get(channel["channel"]), channel["unit"])
+        rows.append((shortened(channel["channel"], 40), sd, number(most), number(channel["threshold"])))
         panels.append(
             Panel(
-                title=str(one["channel"]),
+                title=str(channel["channel"]),
                 x_label="time [s]",
                 y_label="criterion [-]" if exact else "deviate [sd]",
-                curves=(curve("", time_s, np.maximum(values, LEAST) if exact else values),),
+                curves=(curve("", series["time_s"], np.maximum(values, LEAST) if exact else values),),
                 log_y=exact,
-                levels=(("threshold", one["threshold"]),),
+                levels=(("threshold", channel["threshold"]),),
                 spans=tuple(spans),
             )
         )
-    return Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2)
+    heads = ("channel", "prediction error", "largest statistic", "threshold")
+    tables = [Table(name="channels", title="Channels watched", heads=heads, rows=tuple(rows))]
+    if alarms:
+        alarm_heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step")
+        declared = tuple(
+            (
+                str(alarm["channel"]),
+                f"{instant(alarm['onset_s'])} s",
+                f"{instant(alarm['time_s'])} s",
+                number(alarm["statistic"]),
+                number(alarm["threshold"]),
+                quantity(alarm["size"], alarm["unit"]),
+            )
+            for alarm in alarms
+        )
+        tables.insert(0, Table(name="alarms", title="Alarms", heads=alarm_heads, rows=declared))
+    return ReportContent(
+        category="Detection of a failing channel",
+        title=str(log["path"]),
+        heading=HEADINGS[document["decision"]],
+        verdict=verdict,
+        tone=document["decision"],
+        facts=tuple(facts),
+        tables=tuple(tables),
+        drawings=(Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2),),
+        notes=(*document["notes"], *(f"next: {command}" for command in document["commands"])),
+    )

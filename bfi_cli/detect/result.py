@@ -6,15 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..faults import Decision
+from ..kernels import FloatArray
 from ..preprocessing.summary import LogSummary
-
-__all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "ParityModel"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +19,8 @@ class Alarm:
     ----------
     time_s : of the last sample the decision needed, the filter's reach included.
     onset_s : estimated beginning of the failure.
-    statistic, threshold : at that time; drop of chi-square, or the criterion relative to the channel's scale.
+    statistic, threshold : at that time; the deviate of the parity residuals, or the criterion relative to the
+        channel's own size.
     size : estimated step in the channel's unit, None where the method gives none.
     """
 
@@ -44,11 +39,11 @@ class Calibration:
 
     Attributes
     ----------
-    held_back_s : healthy time that was predicted, not fitted, by the recursion.
-    n_blocks : independent stretches in it.
+    held_back_s : the part of the healthy time that was predicted, not fitted.
+    n_blocks : number of independent stretches in it.
     white_level : deviate that white noise exceeds with the wanted probability.
-    level : that of the threshold before it is scaled to a channel.
-    heavy : the held-back deviates are heavier than white noise, so that the tail decides.
+    level : the threshold before it is scaled for a channel.
+    heavy : whether the held-back deviates have a heavier tail than white noise, which then sets the threshold.
     scale : by channel, how much larger its deviates are than those of white noise.
     block_maxima : (n_blocks,) largest deviate of each stretch.
     """
@@ -68,8 +63,8 @@ class ParityModel:
 
     Attributes
     ----------
-    lags : of the stacked past; rank : its components that are used, of lags times outputs.
-    forgetting : weight of a row relative to the next; n_fitted : healthy rows.
+    lags : of the stacked past, which has `n_stacked` components; rank : number of those that are used.
+    forgetting : weight of a row relative to the next; n_fitted : number of healthy rows.
     noise_sd : by output, one-step prediction error on the held-back rows.
     """
 
@@ -104,10 +99,11 @@ class DetectResult:
     ----------
     method : "exact", the right null space of the paper, or "parity", its form for noisy records.
     inputs, outputs : those used.
-    is_calibrated : the threshold is known to hold: noise-free data are explained to round-off, or the healthy time was
-        long enough to see how heavy the tails of its errors are.
+    is_calibrated : whether the rate of false alarms can be relied on: noise-free data are explained to round-off, or
+        the healthy time was long enough to estimate the tails of its errors.
     ready_s : when the detector began to watch.
     train : healthy time, None where none was needed.
+    width : columns of a window of the exact method, None for parity residuals.
     time_s : (n_samples,) of the series.
     commands : what to run next to identify the first failure.
     """

@@ -1,4 +1,4 @@
-"""The assessment of a log, and the result of any number of records of one flight."""
+"""How well the faults of a dictionary can be diagnosed in a log: the result, and how it is assembled from records."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config
 from ..dictionary import Dictionary
@@ -14,21 +13,100 @@ from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
-from ..kernels.distinguishability import window_bits
-from .divergence import divergences, minimal_detectable, single_sample_bits
-from .result import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
-from .signatures import Signatures, signatures
+from ..kernels import FloatArray
+from ..kernels.divergence import window_bits
+from ..preprocessing.summary import LogSummary, ModelSummary
+from .signatures import FaultSignatures, divergences, minimal_detectable, signatures, single_sample_bits
 
-__all__ = ["UNIT", "Magnitudes", "assess", "finite", "magnitudes_of", "result_of"]
-
-FloatArray = NDArray[np.float64]
-
-# Bits. Below a tenth of the answer a fault is named in a note; nothing is decided by it.
+# In bits. A fault of which the window tells less is named in a note; nothing else depends on it.
 HARDLY = 0.1
-# Magnitude over its standard deviation, from where nothing shows to where everything does, 15 to a decade to draw.
+# Magnitudes over their standard deviation at which curves are drawn, from 0 bits to 1 bit, 15 to a decade.
 DEVIATIONS = np.logspace(-1.0, 4.0, 76)
 # Faults that the notes name one by one, so that the table stays in sight.
 MOST_NAMED = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiagnosedAtom:
+    """One entry of the dictionary; numbers are None where it is left out, or the record does not tell them.
+
+    Attributes
+    ----------
+    live : whether it can be looked for in the window; note : why not.
+    magnitude : root mean square at which it is assessed, in `unit`.
+    divergence_bits : information of the window on whether the fault is there, 0 to 1.
+    sample_bits : divergence of single prediction errors from the onset on, as the paper compares them; None in a large
+        dictionary too.
+    minimal_detectable : magnitude declared with 90 % power if it is the only fault.
+    most_like : the entry it is most easily taken for.
+    apart_bits : information on whether it is this fault or that entry, whatever the size of that entry's fault.
+    """
+
+    name: str
+    channel: str
+    live: bool
+    note: str | None
+    magnitude: float | None
+    unit: str
+    divergence_bits: float | None
+    sample_bits: float | None
+    minimal_detectable: float | None
+    most_like: str | None
+    apart_bits: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManoeuvreScore:
+    """A manoeuvre flown on a model, the mean over draws of the noise.
+
+    Attributes
+    ----------
+    bits : mean over the faults of `DiagnosedAtom.apart_bits`; None where the flight could not be used.
+    standard_error : of it over the draws; None for one draw.
+    weakest, weakest_bits : the fault with the fewest of these bits, and their number.
+    divergence_bits, minimal_detectable : of each fault, in the order of the atoms.
+    problem : why the flight could not be used.
+    """
+
+    name: str
+    bits: float | None = None
+    standard_error: float | None = None
+    weakest: str | None = None
+    weakest_bits: float | None = None
+    divergence_bits: tuple[float | None, ...]
+    minimal_detectable: tuple[float | None, ...]
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DiagnosabilityResult:
+    """The whole answer of `bfi diagnosability`.
+
+    Attributes
+    ----------
+    dictionary : where it was read from.
+    draws : number of records behind the numbers, 1 for a log.
+    in_limits : whether the magnitudes were given as multiples of the minimal detectable ones.
+    limit_deviations : the minimal detectable magnitude in its standard deviations.
+    atoms : every entry.
+    between : (n_atoms, n_atoms) bits, NaN for entries left out.
+    deviations, bits : (n,) magnitude over its standard deviation, and the information at it.
+    manoeuvres : best first, empty for a log; best : the name of the first, None for a log.
+    """
+
+    log: LogSummary
+    model: ModelSummary
+    dictionary: str
+    draws: int
+    in_limits: bool
+    limit_deviations: float
+    atoms: tuple[DiagnosedAtom, ...]
+    between: FloatArray
+    deviations: FloatArray
+    bits: FloatArray
+    manoeuvres: tuple[ManoeuvreScore, ...]
+    best: str | None
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,9 +115,9 @@ class Magnitudes:
 
     Attributes
     ----------
-    common : of those not named.
+    common : of every fault that is not named.
     named : by name of the entry.
-    in_limits : they are multiples of the minimal detectable magnitude of each fault; else in the magnitude's unit.
+    in_limits : whether they are multiples of each fault's minimal detectable magnitude; else in the magnitude's unit.
 
     Raises
     ------
@@ -58,7 +136,7 @@ class Magnitudes:
                 )
 
     def of_atoms(self, names: Sequence[str], limits: FloatArray) -> FloatArray:
-        """Return (n_atoms,) magnitudes; not finite where they count in limits and there is none.
+        """Return (n_atoms,) magnitudes; not finite where they are multiples of a limit that is not.
 
         Parameters
         ----------
@@ -89,7 +167,7 @@ def assess(
 ) -> DiagnosabilityResult:
     """Say how well each fault of a dictionary could be seen in a log, and told from the others.
 
-    The predictor is that of the log without fault terms, so a fault counts by what its inputs and lags leave of it.
+    The predictor is that of the log without fault terms: only what the predictor does not explain of a fault counts.
 
     Parameters
     ----------
@@ -110,7 +188,7 @@ def assess(
 
 
 def result_of(
-    records: Sequence[Signatures],
+    records: Sequence[FaultSignatures],
     magnitudes: FloatArray,
     *,
     dictionary: str,
@@ -144,6 +222,15 @@ def result_of(
         )
         for j, other in enumerate(bits.most_like)
     )
+    hard = []
+    for atom in atoms:
+        size = f"'{atom.name}' of {atom.magnitude or 0.0:.3g} {atom.unit}".rstrip()
+        if atom.divergence_bits is not None and atom.divergence_bits < HARDLY:
+            hard.append(f"{size} can hardly be seen ({atom.divergence_bits:.2g} bit)")
+        elif atom.apart_bits is not None and atom.apart_bits < HARDLY:
+            hard.append(f"{size} can be seen but hardly told from '{atom.most_like}' ({atom.apart_bits:.2g} bit)")
+    if len(hard) > MOST_NAMED:
+        hard[MOST_NAMED:] = [f"{len(hard) - MOST_NAMED} more faults are as hard; see the table"]
     curves = [window_bits(record.separation, DEVIATIONS) for record in records]
     return DiagnosabilityResult(
         log=first.log,
@@ -158,23 +245,10 @@ def result_of(
         bits=frozen_array(np.mean(curves, axis=0)),
         manoeuvres=manoeuvres,
         best=manoeuvres[0].name if manoeuvres else None,
-        notes=(*notes, *_hard(atoms), *dict.fromkeys(note for record in records for note in record.notes)),
+        notes=(*notes, *hard, *dict.fromkeys(note for record in records for note in record.notes)),
     )
 
 
 def finite(value: float) -> float | None:
     """Return None for a number that is not finite."""
     return float(value) if np.isfinite(value) else None
-
-
-def _hard(atoms: Sequence[DiagnosedAtom]) -> list[str]:
-    """Name what can hardly be seen, and what can be seen but hardly told from another."""
-    notes = []
-    for atom in atoms:
-        size = f"'{atom.name}' of {atom.magnitude or 0.0:.3g} {atom.unit}".rstrip()
-        if atom.divergence_bits is not None and atom.divergence_bits < HARDLY:
-            notes.append(f"{size} can hardly be seen ({atom.divergence_bits:.2g} bit)")
-        elif atom.apart_bits is not None and atom.apart_bits < HARDLY:
-            notes.append(f"{size} can be seen but hardly told from '{atom.most_like}' ({atom.apart_bits:.2g} bit)")
-    more = len(notes) - MOST_NAMED
-    return [*notes[:MOST_NAMED], *([f"{more} more faults are as hard; see the table"] if more > 0 else [])]

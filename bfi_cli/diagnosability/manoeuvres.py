@@ -1,4 +1,4 @@
-"""Before the flight: which manoeuvre of a set lets a model show most of the faults."""
+"""Before the flight: which of several manoeuvres of a model tells most of the faults of a dictionary."""
 
 from __future__ import annotations
 
@@ -6,21 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
-from .assess import UNIT, Magnitudes, finite, result_of
-from .divergence import apart_bits, divergences, minimal_detectable
-from .result import DiagnosabilityResult, ManoeuvreScore
-from .signatures import Signatures, signatures
-
-__all__ = ["ModelFlights", "assess_manoeuvres", "flights_of"]
-
-FloatArray = NDArray[np.float64]
+from ..kernels import FloatArray
+from .assess import UNIT, DiagnosabilityResult, Magnitudes, ManoeuvreScore, finite, result_of
+from .signatures import FaultSignatures, apart_bits, divergences, minimal_detectable, signatures
 
 # Standard errors of the paired difference, about 95 % confidence; it only decides whether a note asks for more draws.
 CLEAR = 2.0
@@ -113,19 +107,19 @@ def assess_manoeuvres(
 ) -> DiagnosabilityResult:
     """Return the assessment of the best manoeuvre, with the score of every one, best first.
 
-    Magnitudes that count in minimal detectable ones count in the geometric mean of them over the manoeuvres: every
-    manoeuvre meets the same faults.
+    Magnitudes given as multiples of the minimal detectable ones are multiples of their geometric mean over the
+    manoeuvres, so that every manoeuvre meets the same faults.
 
     Parameters
     ----------
-    report : told how many records are done, (done, total).
+    report : called with the number of records done, and that of all.
 
     Raises
     ------
     LogError, ExcitationError : no manoeuvre gives a record that can be used.
     DictionaryError, ConfigError : see `assess`.
     """
-    flown: dict[str, list[Signatures]] = {}
+    flown: dict[str, list[FaultSignatures]] = {}
     problems: dict[str, LogError] = {}
     for n, name in enumerate(flights.manoeuvres):
         try:
@@ -140,9 +134,25 @@ def assess_manoeuvres(
         raise next(iter(problems.values()))
     everything = [record for records in flown.values() for record in records]
     values = magnitudes.of_atoms(everything[0].names, minimal_detectable(everything))
-    scores = sorted(
-        (_score(name, records, values) for name, records in flown.items()), key=lambda score: -(score.bits or 0.0)
-    )
+    by_record = {name: _record_scores(records, values) for name, records in flown.items()}
+    scores = []
+    for name, records in flown.items():
+        bits, mean = divergences(records, values), float(np.mean(by_record[name]))
+        spread = float(np.std(by_record[name], ddof=1) / np.sqrt(len(records))) if len(records) > 1 else None
+        live = np.flatnonzero(np.isfinite(bits.apart))
+        weakest = min(live, key=lambda j: bits.apart[j], default=None)
+        scores.append(
+            ManoeuvreScore(
+                name=name,
+                bits=mean,
+                standard_error=spread,
+                weakest=None if weakest is None else records[0].names[weakest],
+                weakest_bits=None if weakest is None else float(bits.apart[weakest]),
+                divergence_bits=tuple(map(finite, bits.whole)),
+                minimal_detectable=tuple(map(finite, minimal_detectable(records))),
+            )
+        )
+    scores.sort(key=lambda score: -(score.bits or 0.0))
     nothing = (None,) * len(values)
     unusable = (
         ManoeuvreScore(name=name, divergence_bits=nothing, minimal_detectable=nothing, problem=str(problem))
@@ -150,8 +160,7 @@ def assess_manoeuvres(
     )
     notes = []
     if len(scores) > 1 and flights.draws > 1:  # all manoeuvres have met the same draws
-        best, second = (_record_scores(flown[score.name], values) for score in scores[:2])
-        ahead = best - second
+        ahead = by_record[scores[0].name] - by_record[scores[1].name]
         if not np.mean(ahead) > CLEAR * np.std(ahead, ddof=1) / np.sqrt(len(ahead)):
             names = f"'{scores[0].name}' is not clearly better than '{scores[1].name}'"
             notes.append(f"{names}: give more --draws to tell them apart")
@@ -165,23 +174,7 @@ def assess_manoeuvres(
     )
 
 
-def _score(name: str, records: Sequence[Signatures], magnitudes: FloatArray) -> ManoeuvreScore:
-    bits, by_record = divergences(records, magnitudes), _record_scores(records, magnitudes)
-    live = np.flatnonzero(np.isfinite(bits.apart))
-    weakest = min(live, key=lambda j: bits.apart[j], default=None)
-    several = len(records) > 1
-    return ManoeuvreScore(
-        name=name,
-        bits=float(np.mean(by_record)),
-        standard_error=float(np.std(by_record, ddof=1) / np.sqrt(len(by_record))) if several else None,
-        weakest=None if weakest is None else records[0].names[weakest],
-        weakest_bits=None if weakest is None else float(bits.apart[weakest]),
-        divergence_bits=tuple(finite(value) for value in bits.whole),
-        minimal_detectable=tuple(finite(limit) for limit in minimal_detectable(records)),
-    )
-
-
-def _record_scores(records: Sequence[Signatures], magnitudes: FloatArray) -> FloatArray:
+def _record_scores(records: Sequence[FaultSignatures], magnitudes: FloatArray) -> FloatArray:
     """Return the score of each record: the mean over the faults that can be looked for."""
     live = [j for j in range(len(magnitudes)) if j not in records[0].reasons and np.isfinite(magnitudes[j])]
     return np.array([np.sum(apart_bits(record, magnitudes)[live]) / max(len(live), 1) for record in records])

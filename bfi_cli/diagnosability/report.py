@@ -7,17 +7,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import FloatArray
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve
 from ..report.text import number, quantity, shortened
 from ..serialization import to_plain
-from .result import DiagnosabilityResult
+from .assess import DiagnosabilityResult
 
 __all__ = ["diagnosability_content", "diagnosability_document"]
 
-FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
 SCHEMA = 1
@@ -26,16 +25,16 @@ ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 NAME_LETTERS, MOST_IN_MAP, MOST_CURVES = 24, 30, 8
 SHOWN_BITS = (0.01, 0.99)
 MAP_CAPTION = (
-    "Jensen-Shannon divergence of the prediction errors, fault against no fault and fault against fault: what the "
-    "window tells of 1 bit on which of the two it is. 0: cannot be told."
+    "Jensen-Shannon divergence of the prediction errors, fault against no fault and fault against fault. Which of the "
+    "two is there is a question of 1 bit; shown is how much of it the window answers. 0: they cannot be told apart."
 )
 CURVE_CAPTION = (
-    "What the window tells of 1 bit on whether the fault is there, against the root mean square of its magnitude. "
-    "The dashed line is what it tells at the minimal detectable magnitude."
+    "How much of the 1 bit, whether the fault is there, the window answers, against the root mean square of its "
+    "magnitude. Dashed: at the minimal detectable magnitude."
 )
 MANOEUVRE_CAPTION = (
-    "What the record of each manoeuvre tells of 1 bit on whether each fault is there; first column: the mean over the "
-    "faults of what it tells on each against the other fault most like it."
+    "How much of the 1 bit, whether each fault is there, the record of each manoeuvre answers. First column: the mean "
+    "over the faults of the same for each fault against the most similar other one."
 )
 ATOM_HEADS = (
     *("fault", "magnitude", "divergence, bit", "minimal detectable", "most like", "told apart, bit"),
@@ -65,24 +64,80 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
 
 
 def diagnosability_content(document: Plain) -> ReportContent:
-    """Return the exhibit of a document of `bfi diagnosability`."""
-    best = document["best"]
-    live = [j for j, atom in enumerate(document["atoms"]) if atom["divergence_bits"] is not None]
-    tables = (_atoms(document["atoms"]), *([_manoeuvres(document)] if document["manoeuvres"] else []))
-    drawings = []
+    """Return what the report of a document of `bfi diagnosability` holds."""
+    best, atoms, manoeuvres, log, model = (document[key] for key in ("best", "atoms", "manoeuvres", "log", "model"))
+    live = [j for j, atom in enumerate(atoms) if atom["divergence_bits"] is not None]
+    names = tuple(_short(atoms[j]["name"]) for j in live)
+
+    ranked = sorted(atoms, key=lambda atom: (atom["divergence_bits"] is None, -(atom["divergence_bits"] or 0.0)))
+    rows = tuple(
+        (
+            atom["name"],
+            quantity(atom["magnitude"], atom["unit"]),
+            number(atom["divergence_bits"], digits=3),
+            quantity(atom["minimal_detectable"], atom["unit"]),
+            atom["most_like"] or "-",
+            number(atom["apart_bits"], digits=3),
+            number(atom["sample_bits"], digits=2),
+            atom["note"] or "",
+        )
+        for atom in ranked
+    )
+    tables, drawings = [Table(name="faults", title="Faults, easiest to see first", heads=ATOM_HEADS, rows=rows)], []
     if 0 < len(live) <= MOST_IN_MAP:
-        drawings.append(_map(document, live))
+        bits = ([atoms[j]["divergence_bits"], *(document["between"][j][i] for i in live)] for j in live)
+        heat_map = HeatMap(
+            title="Fault against no fault, and against each other fault",
+            rows=names,
+            columns=("no fault", *names),
+            values=tuple(map(_numbers, bits)),
+            label="divergence [bit]",
+        )
+        drawings.append(Drawing(name="divergence", caption=MAP_CAPTION, heat_maps=(heat_map,)))
     if live:
         drawings.append(_curves(document, live))
-    if document["manoeuvres"]:
-        drawings.append(_flown(document, live[:MOST_IN_MAP]))
+    if manoeuvres:
+        score_rows = tuple(
+            (
+                score["name"],
+                number(score["bits"], spread=score["standard_error"], extra=1),
+                number(score["standard_error"], digits=1),
+                score["weakest"] or "-",
+                number(score["weakest_bits"], digits=2),
+                score["problem"] or "",
+            )
+            for score in manoeuvres
+        )
+        tables.append(Table(name="manoeuvres", title="Manoeuvres, best first", heads=MANOEUVRE_HEADS, rows=score_rows))
+        flown, shown = [score for score in manoeuvres if score["bits"] is not None], live[:MOST_IN_MAP]
+        heat_map = HeatMap(
+            title="Manoeuvres, best first",
+            rows=tuple(_short(score["name"]) for score in flown),
+            columns=("told apart, mean", *names[:MOST_IN_MAP]),
+            values=tuple(_numbers([score["bits"], *(score["divergence_bits"][j] for j in shown)]) for score in flown),
+            label="divergence [bit]",
+        )
+        drawings.append(Drawing(name="manoeuvres", caption=MANOEUVRE_CAPTION, heat_maps=(heat_map,)))
+
+    noise = (f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
+    sizes = "multiples of the minimal detectable ones" if document["in_limits"] else "as given"
+    facts = [
+        ("Window", f"{number(log['start_s'])} to {number(log['stop_s'])} s, {log['n_samples']} samples"),
+        ("Rate", f"{number(log['rate_hz'])} Hz (recorded at {number(log['native_rate_hz'])} Hz)"),
+        ("Model", f"VARX of order {model['order']}, inputs {', '.join(model['inputs']) or 'none'}"),
+        ("Prediction error", ", ".join(noise)),
+        ("Dictionary", f"{document['dictionary']}, {len(atoms)} faults"),
+        ("Magnitudes", f"root mean squares, {sizes}"),
+    ]
+    if best is not None:
+        facts.append(("Draws of the noise", str(document["draws"])))
     return ReportContent(
         category="Diagnosability",
-        title=str(document["log"]["path"]),
+        title=str(log["path"]),
         heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
         verdict=_verdict(document, live),
-        facts=_facts(document),
-        tables=tables,
+        facts=tuple(facts),
+        tables=tuple(tables),
         drawings=tuple(drawings),
         notes=tuple(document["notes"]),
     )
@@ -91,7 +146,7 @@ def diagnosability_content(document: Plain) -> ReportContent:
 def _verdict(document: Plain, live: Sequence[int]) -> str:
     atoms = [document["atoms"][j] for j in live]
     if not atoms:
-        return "Nothing is known of any fault of the dictionary."
+        return "No fault of the dictionary could be assessed."
     hardest = min(atoms, key=lambda atom: atom["divergence_bits"])
     limit = quantity(hardest["minimal_detectable"], hardest["unit"])
     sentences = [f"Hardest to see: {_bits(hardest, 'divergence_bits')}, detected from {limit} on."]
@@ -114,69 +169,6 @@ def _bits(atom: Plain, key: str) -> str:
 
 def _short(name: str) -> str:
     return shortened(name, NAME_LETTERS)
-
-
-def _facts(document: Plain) -> tuple[tuple[str, str], ...]:
-    log, model = document["log"], document["model"]
-    noise = (f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
-    sizes = "in minimal detectable ones" if document["in_limits"] else "as given"
-    rows = [
-        ("Window", f"{number(log['start_s'])} to {number(log['stop_s'])} s, {log['n_samples']} samples"),
-        ("Rate", f"{number(log['rate_hz'])} Hz (recorded at {number(log['native_rate_hz'])} Hz)"),
-        ("Model", f"VARX of order {model['order']}, inputs {', '.join(model['inputs']) or 'none'}"),
-        ("Prediction error", ", ".join(noise)),
-        ("Dictionary", f"{document['dictionary']}, {len(document['atoms'])} faults"),
-        ("Magnitudes", f"root mean squares, {sizes}"),
-    ]
-    if document["best"] is not None:
-        rows.append(("Draws of the noise", str(document["draws"])))
-    return tuple(rows)
-
-
-def _atoms(atoms: Sequence[Plain]) -> Table:
-    ranked = sorted(atoms, key=lambda atom: (atom["divergence_bits"] is None, -(atom["divergence_bits"] or 0.0)))
-    rows = tuple(
-        (
-            atom["name"],
-            quantity(atom["magnitude"], atom["unit"]),
-            number(atom["divergence_bits"], digits=3),
-            quantity(atom["minimal_detectable"], atom["unit"]),
-            atom["most_like"] or "-",
-            number(atom["apart_bits"], digits=3),
-            number(atom["sample_bits"], digits=2),
-            atom["note"] or "",
-        )
-        for atom in ranked
-    )
-    return Table(name="faults", title="Faults, easiest to see first", heads=ATOM_HEADS, rows=rows)
-
-
-def _manoeuvres(document: Plain) -> Table:
-    rows = tuple(
-        (
-            score["name"],
-            number(score["bits"], spread=score["standard_error"], extra=1),
-            number(score["standard_error"], digits=1),
-            score["weakest"] or "-",
-            number(score["weakest_bits"], digits=2),
-            score["problem"] or "",
-        )
-        for score in document["manoeuvres"]
-    )
-    return Table(name="manoeuvres", title="Manoeuvres, best first", heads=MANOEUVRE_HEADS, rows=rows)
-
-
-def _map(document: Plain, live: Sequence[int]) -> Drawing:
-    names = tuple(_short(document["atoms"][j]["name"]) for j in live)
-    rows = ([document["atoms"][j]["divergence_bits"], *(document["between"][j][i] for i in live)] for j in live)
-    heat_map = HeatMap(
-        title="Fault against no fault, and against each other fault",
-        rows=names,
-        columns=("no fault", *names),
-        values=tuple(map(_numbers, rows)),
-        label="divergence [bit]",
-    )
-    return Drawing(name="divergence", caption=MAP_CAPTION, heat_maps=(heat_map,))
 
 
 def _curves(document: Plain, live: Sequence[int]) -> Drawing:
@@ -202,18 +194,6 @@ def _curves(document: Plain, live: Sequence[int]) -> Drawing:
             )
         )
     return Drawing(name="information", caption=CURVE_CAPTION, panels=tuple(panels))
-
-
-def _flown(document: Plain, live: Sequence[int]) -> Drawing:
-    flown = [score for score in document["manoeuvres"] if score["bits"] is not None]
-    heat_map = HeatMap(
-        title="Manoeuvres, best first",
-        rows=tuple(_short(score["name"]) for score in flown),
-        columns=("told apart, mean", *(_short(document["atoms"][j]["name"]) for j in live)),
-        values=tuple(_numbers([score["bits"], *(score["divergence_bits"][j] for j in live)]) for score in flown),
-        label="divergence [bit]",
-    )
-    return Drawing(name="manoeuvres", caption=MANOEUVRE_CAPTION, heat_maps=(heat_map,))
 
 
 def _numbers(values: Sequence[float | None]) -> FloatArray:

@@ -1,46 +1,46 @@
-"""The filtered signature of every fault of a dictionary in one fault-free record, whatever its magnitude."""
+"""The filtered signature of every fault in a fault-free record, and the divergences in bits that signatures give."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..config import Config
 from ..dictionary import Dictionary
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
+from ..kernels import FloatArray
 from ..kernels.coherence import mutual_coherence, whiten
-from ..kernels.distinguishability import Distinguishability, distinguishability
+from ..kernels.divergence import Distinguishability, distinguishability, sample_bits, window_bits
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.overdispersion import overdispersion
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..preprocessing.window import prepare_window
 
-__all__ = ["Signatures", "signatures"]
-
-FloatArray = NDArray[np.float64]
+# Largest number of faults compared in single samples. Each needs the estimate of a density and its integral; more
+# faults take minutes.
+MOST_IN_SAMPLES = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Signatures:
+class FaultSignatures:
     """A fault-free record, and what each fault of the dictionary leaves in its prediction errors.
 
     Attributes
     ----------
-    log, model : what was analysed, and the predictor without fault terms.
+    log, model : the analysed window, and the predictor without fault terms.
     faults, names, units : (n_atoms,) entries, times on the log's axis, with the unit of each magnitude.
     reasons : why an entry is left out, by index.
-    sd : (n_atoms,) standard deviation of each magnitude if that fault alone is estimated, infinite where nothing shows;
-        multiplied as in `identify` by how much the shape stands out at other onsets of the fault-free record.
-    deviations : how many of these are the minimal detectable magnitude.
-    coherence : (n_atoms, n_atoms) of the filtered signatures, NaN where there is none.
-    separation : bits against deviations, from the prediction errors.
+    sd : (n_atoms,) standard deviation of each magnitude if that fault alone is estimated, multiplied as in `identify`
+        by the overdispersion of its shape; infinite for a fault that leaves nothing in the prediction errors.
+    deviations : the minimal detectable magnitude in these standard deviations.
+    coherence : (n_atoms, n_atoms) of the filtered signatures, NaN where a fault has none.
+    separation : bits against the magnitude in standard deviations, from the prediction errors.
     errors : (n_rows, n_outputs) prediction errors, SI.
-    traces : (n_rows, n_atoms) what magnitude 1 adds to those of the entry's own channel, NaN outside the fault.
+    traces : (n_rows, n_atoms) what magnitude 1 adds to the errors of the entry's own channel, NaN outside the fault.
     outputs : (n_atoms,) index of the own channel among the outputs.
     notes : on the log.
     """
@@ -66,7 +66,7 @@ class Signatures:
         return self.deviations * self.sd
 
 
-def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> Signatures:
+def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> FaultSignatures:
     """Fit the record without fault terms and filter each fault through that fit.
 
     Raises
@@ -82,6 +82,10 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> Signat
     visible = np.isfinite(fitted.sd)
     sd[live] = np.where(visible, fitted.sd * np.sqrt(overdispersion(window, regression, fit)), np.inf)
     coherence[np.ix_(live, live)] = mutual_coherence(whiten(fitted.unfolded.signatures, fit.sigma) * visible)
+    units = []
+    for fault in window.faults:
+        channels = window.log.channels if fault.channel in window.log.channels else STANDARD
+        units.append(magnitude_unit(fault, channels[fault.channel].unit if fault.channel in channels else ""))
     # An entry whose channel is no output counts in the first one.
     outputs = tuple(config.outputs.index(f.channel) if f.channel in config.outputs else 0 for f in window.faults)
     # A trace runs from the onset until the lags have forgotten the end.
@@ -91,12 +95,12 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> Signat
         stop_s = np.inf if fault.offset_s is None else fault.offset_s + fit.order / window.signals.rate_hz
         inside = (regression.rows_s >= fault.onset_s) & (regression.rows_s <= stop_s)
         traces[inside, j] = (fitted.unfolded.signatures[:, k, column] * regression.unit[k])[inside]
-    return Signatures(
+    return FaultSignatures(
         log=window.summary,
         model=fitted.model,
         faults=window.faults,
         names=window.names,
-        units=tuple(magnitude_unit(fault, _unit(window.log, fault.channel)) for fault in window.faults),
+        units=tuple(units),
         reasons=window.reasons,
         sd=sd,
         deviations=fitted.deviations,
@@ -109,7 +113,87 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> Signat
     )
 
 
-def _unit(log: FlightLog, channel: str) -> str:
-    if channel in log.channels:
-        return log.channel(channel).unit
-    return STANDARD[channel].unit if channel in STANDARD else ""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Divergences:
+    """Bits of every entry, NaN for those left out.
+
+    Attributes
+    ----------
+    whole : (n_atoms,) fault against no fault, in the whole window.
+    between : (n_atoms, n_atoms) fault against fault, symmetric.
+    apart : (n_atoms,) the fault against the most similar other fault, whatever the size of that.
+    most_like : (n_atoms,) index of the most similar other fault, -1 where there is none.
+    """
+
+    whole: FloatArray
+    between: FloatArray
+    apart: FloatArray
+    most_like: tuple[int, ...]
+
+
+def minimal_detectable(records: Sequence[FaultSignatures]) -> FloatArray:
+    """Return (n_atoms,) minimal detectable magnitudes, the geometric mean over the records."""
+    return np.asarray(np.exp(np.mean([np.log(record.limits) for record in records], axis=0)))
+
+
+def divergences(records: Sequence[FaultSignatures], magnitudes: FloatArray) -> Divergences:
+    """Return the bits of faults of these magnitudes, the mean over the records.
+
+    Two faults are told apart by the prediction error along the part of one signature that is orthogonal to the other:
+    this does not depend on the magnitude of the other fault, which is unknown. Either fault can be taken as the other;
+    the choice with more bits counts.
+
+    Parameters
+    ----------
+    records : with the same entries.
+    magnitudes : (n_atoms,) root mean squares.
+    """
+    coherence = np.mean([np.nan_to_num(record.coherence) for record in records], axis=0)
+    np.fill_diagonal(coherence, 0.0)
+    whole, between, apart = [], [], []
+    for record in records:
+        deviations = _deviations(record, magnitudes)
+        larger = np.maximum(deviations[:, None], deviations)
+        bits = window_bits(record.separation, larger * np.sqrt(1.0 - np.nan_to_num(record.coherence) ** 2))
+        np.fill_diagonal(bits, 0.0)
+        between.append(bits)
+        whole.append(window_bits(record.separation, deviations))
+        apart.append(apart_bits(record, magnitudes))
+    means = np.mean(whole, axis=0), np.mean(between, axis=0), np.mean(apart, axis=0)
+    out = [j for j in range(len(magnitudes)) if j in records[0].reasons or not np.isfinite(magnitudes[j])]
+    for values in (*means, means[1].T):
+        values[out] = np.nan
+    return Divergences(
+        whole=means[0],
+        between=means[1],
+        apart=means[2],
+        most_like=tuple(int(np.argmax(row)) if np.any(row > 0.0) else -1 for row in coherence),
+    )
+
+
+def apart_bits(record: FaultSignatures, magnitudes: FloatArray) -> FloatArray:
+    """Return (n_atoms,) bits of each fault against the most similar other one, or no fault if it is the only one."""
+    rivals = np.where(np.eye(len(magnitudes), dtype=bool), np.nan, record.coherence)
+    closest = np.max(np.nan_to_num(rivals), axis=1, initial=0.0)
+    return window_bits(record.separation, _deviations(record, magnitudes) * np.sqrt(1.0 - closest**2))
+
+
+def single_sample_bits(records: Sequence[FaultSignatures], magnitudes: FloatArray) -> FloatArray:
+    """Return (n_atoms,) bits of fault against no fault in single prediction errors, the mean over the records.
+
+    NaN where there are more than `MOST_IN_SAMPLES` faults: each has a density of its own to be estimated.
+    """
+    if len(magnitudes) - len(records[0].reasons) > MOST_IN_SAMPLES:
+        return np.full(len(magnitudes), np.nan)
+    finite = np.where(np.isfinite(magnitudes), magnitudes, np.nan)
+    bits = np.empty((len(records), len(magnitudes)))
+    for n, record in enumerate(records):
+        for output in set(record.outputs):
+            own = np.flatnonzero(np.array(record.outputs) == output)
+            bits[n, own] = sample_bits(record.errors[:, output], finite[own] * record.traces[:, own])
+    return np.asarray(np.mean(bits, axis=0))
+
+
+def _deviations(record: FaultSignatures, magnitudes: FloatArray) -> FloatArray:
+    """Return the magnitudes in units of their standard deviations, 0 for a fault that leaves nothing in the errors."""
+    return np.where(np.isfinite(magnitudes), magnitudes, 0.0) / record.sd

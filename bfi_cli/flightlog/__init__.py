@@ -3,24 +3,11 @@
 A log has one time axis and channels under standard names in SI units and radians; see `record.FlightLog`.
 """
 
-from .inject import inject
 from .quality import LogReport, inspect_log, require_usable
 from .read import read_log
-from .record import Channel, FlightLog, Segment, Truth
+from .record import Channel, FlightLog, Segment, Truth, inject
 from .resampling import resample, resample_with
 from .write import write_log
 
-__all__ = [
-    "Channel",
-    "FlightLog",
-    "LogReport",
-    "Segment",
-    "Truth",
-    "inject",
-    "inspect_log",
-    "read_log",
-    "require_usable",
-    "resample",
-    "resample_with",
-    "write_log",
-]
+__all__ = ["Channel", "FlightLog", "LogReport", "Segment", "Truth", "inject", "inspect_log", "read_log"]
+__all__ += ["require_usable", "resample", "resample_with", "write_log"]

@@ -1,9 +1,13 @@
-"""HDF5 logs, and MATLAB v7.3 files, which are HDF5 with arrays on their side and structs as groups."""
+"""HDF5 logs, and MATLAB v7.3 files, which are HDF5 with arrays on their side and structs as groups.
+
+h5py's own look-ups (`in`, `get`, `[]`) follow every link, also into other files; here links are read as links first,
+and storage, kind and size of a dataset before its values.
+"""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +16,6 @@ from numpy.typing import NDArray
 
 from ..errors import LogError, first_line
 from ..units import to_si
-from .hdf5_layout import attribute, is_text, member, members, require_readable, text, unfit
 from .raw import (
     LARGEST,
     RawColumn,
@@ -21,11 +24,13 @@ from .raw import (
     TimeOf,
     choose_group,
     different_length,
+    is_signal,
     left_out,
     rate_of,
-    require_memory,
+    require_few,
+    unfit_kind,
 )
-from .record import Segment, faults_from_json, nothing_between, segments_from_json
+from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 
 if TYPE_CHECKING:
     import h5py
@@ -33,11 +38,15 @@ if TYPE_CHECKING:
 __all__ = ["read_hdf5"]
 
 TRUTH = "truth"
-CLEAN = "_clean"
-LONGEST_UNIT = 80
+LONGEST_UNIT = 80  # characters of MATLAB's text, which is an array of numbers like any other
 # Bytes up to which a log is read whole although a window would do: filters and clocks of held channels then see what
 # lies around it. A day at 100 Hz in 14 channels.
 WHOLE = 10**9
+MOST_LINKS = 100  # followed for one name; a log needs one or two, a loop never ends
+MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at most as many bytes into one
+LARGEST_CHUNK = 2**28  # bytes; a chunk is unpacked whole, and is below 1 MiB where h5py or MATLAB choose its size
+LARGEST_ATTRIBUTE = 2**24  # bytes; a unit takes ten, a list of a thousand segments 100 000
+OWN_DATA = "a log must hold its own data, copy it into the file"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,9 +93,8 @@ def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf) -> R
 def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
     import h5py
 
-    root = dict(members(path, file))
+    root = dict(_members(path, file))
     truth = root.pop(TRUTH, None)
-    truth = truth if isinstance(truth, h5py.Group) else None
     signals, unlike = _signals(path, root)
     groups = [
         name
@@ -96,20 +104,26 @@ def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: Ti
     chosen = choose_group(path, group, groups, has_signals=bool(signals))
     node = file if chosen is None else root[chosen]
     if chosen is not None:
-        signals, unlike = _signals(path, dict(members(path, node, (file,))))
-    clean, _ = ({}, {}) if truth is None else _signals(path, dict(members(path, truth, (file,))))
-    clean = {name: signal for name, signal in clean.items() if name.endswith(CLEAN)}
-    rate = _rate(path, node, file)
-    rows, notes = _rows(path, signals, clean, rate, span, time_of)
+        signals, unlike = _signals(path, dict(_members(path, node, (file,))))
+    clean, faults = {}, None
+    if isinstance(truth, h5py.Group):
+        injected, _ = _signals(path, dict(_members(path, truth, (file,))))
+        clean = {name.removesuffix(CLEAN): signal for name, signal in injected.items() if name.endswith(CLEAN)}
+    stated = next((one for one in (node, file) if "sample_rate_hz" in one.attrs), None)
+    rate = None if stated is None else rate_of(path, _attribute(stated, "sample_rate_hz"))
+    rows, notes = _rows(path, signals, list(clean.values()), rate, span, time_of)
+    columns = [signal.column(rows) for signal in signals.values()]
+    texts = (_text(_attribute(one, "segments")) or "[]" for one in (node, file))
+    segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
+    if isinstance(truth, h5py.Group):
+        faults = faults_from_json(_text(_attribute(truth, "faults")) or "[]", where=f"{path}: /truth faults")
     return RawLog(
-        columns=[signal.column(rows) for signal in signals.values()],
+        columns=columns,
         sample_rate_hz=rate,
         first_sample=rows.start,
-        segments=_segments(path, node) or _segments(path, file),
-        faults=None
-        if truth is None
-        else faults_from_json(text(attribute(truth, "faults")) or "[]", where=f"{path}: /truth faults"),
-        clean={name.removesuffix(CLEAN): signal.column(rows) for name, signal in clean.items()},
+        segments=segments,
+        faults=faults,
+        clean={name: signal.column(rows) for name, signal in clean.items()},
         notes=(*notes, *(left_out(name, why) for name, why in unlike.items())),
     )
 
@@ -124,60 +138,49 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
     signals, unlike = {}, {}
     for name, child in children.items():
         is_struct = isinstance(child, h5py.Group)
-        data = member(path, child, "data") if is_struct else child
+        data = _member(path, child, "data") if is_struct else child
         if not isinstance(data, h5py.Dataset):
             continue
-        why = unfit(data) if not (is_struct and "MATLAB_sparse" in child.attrs) else "is a sparse matrix"
+        why = "is a sparse matrix" if is_struct and "MATLAB_sparse" in child.attrs else _unfit(data)
         if why is None:
-            unit = _unit(data) or (_unit_of_struct(path, child) if is_struct else None)
+            unit = _text(_attribute(data, "units")) or _text(_attribute(data, "unit")) or None
+            if unit is None and is_struct:
+                unit = _unit_of_struct(path, child)
             signals[name] = _Signal(name=name, data=data, unit=unit)
         else:
             unlike[name] = why
     return signals, unlike
 
 
-def _unit(data: h5py.Dataset) -> str | None:
-    return text(attribute(data, "units")) or text(attribute(data, "unit")) or None
-
-
 def _unit_of_struct(path: str, struct: h5py.Group) -> str | None:
     import h5py
 
-    field = member(path, struct, "units")
+    field = _member(path, struct, "units")
     if not isinstance(field, h5py.Dataset) or "MATLAB_empty" in field.attrs or not field.size:
         return None
-    if field.size > LONGEST_UNIT or not (is_text(field) or field.dtype.kind in "iu"):
+    if field.size > LONGEST_UNIT or not (_is_text(field) or field.dtype.kind in "iu"):
         return None
     values = np.ravel(field[()])
     if values.dtype.kind in "iu":
         return "".join(chr(int(code)) for code in values if 0 < code <= 0xFFFF).strip() or None
-    return text(values[0]).strip() or None
-
-
-def _rate(path: str, *nodes: h5py.Group) -> float | None:
-    stated = next((node for node in nodes if "sample_rate_hz" in node.attrs), None)
-    return None if stated is None else rate_of(path, attribute(stated, "sample_rate_hz"))
+    return _text(values[0]).strip() or None
 
 
 def _rows(
-    path: str,
-    signals: Mapping[str, _Signal],
-    clean: Mapping[str, _Signal],
-    rate: float | None,
-    span: Span,
-    time_of: TimeOf,
+    path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, span: Span, time_of: TimeOf
 ) -> tuple[slice, tuple[str, ...]]:
-    """Return the rows to read: all of them, or those of the window where all are too many; and what to say of it."""
-    every = [*signals.values(), *clean.values()]
+    """Return the rows to read, and the note on them: all, or where all are too many those of the window.
+
+    The rows of the window and one more to either side are found by bisection of the time axis.
+    """
+    every = [*signals.values(), *clean]
     for signal in every:
-        require_readable(path, signal.name, signal.data)
+        _require_readable(path, signal.name, signal.data)
     sizes = [signal.data.size for signal in every] or [0]
-    is_cut = span != (None, None)
-    whole = slice(0, max(sizes))
-    if 8 * sum(sizes) <= (WHOLE if is_cut else LARGEST):
-        return whole, ()
-    if not is_cut:
-        require_memory(path, len(every), max(sizes), "give --from/--to for a part of it", total=sum(sizes))
+    if 8 * sum(sizes) <= (LARGEST if span == (None, None) else WHOLE):
+        return slice(0, max(sizes)), ()
+    if span == (None, None):
+        raise _too_large(path, len(every), max(sizes), sum(sizes), "give --from/--to for a part of it")
     time = time_of([RawColumn(source=s.name, values=np.empty(0), unit=s.unit) for s in signals.values()])
     n = sizes[0] if time is None else signals[time.source].data.size
     for signal in every:
@@ -191,15 +194,9 @@ def _rows(
             return k / float(rate or 1.0)
         return float(to_si(signals[time.source].values(slice(k, k + 1)), time.unit or "", where=path)[0][0])
 
-    rows = _between(path, at, n, span, "sample_rate_hz" if time is None else time.source)
-    require_memory(path, len(every), rows.stop - rows.start, "shorten the window")
-    return rows, (f"of {n} samples only {rows.stop - rows.start} were read, those around the window",)
-
-
-def _between(path: str, at: Callable[[int], float], n: int, span: Span, source: str) -> slice:
-    """Return the rows of a window and one more to either side, found by bisection of the time axis."""
     first, last = at(0), at(n - 1)
     if not first < last:
+        source = "sample_rate_hz" if time is None else time.source
         raise LogError(
             f"{path}: '{source}' does not increase, got {first:.6g} s at sample 0 and {last:.6g} s at sample {n - 1}; "
             "sort or mend the time axis"
@@ -210,9 +207,157 @@ def _between(path: str, at: Callable[[int], float], n: int, span: Span, source: 
     begin, end = (bisect_left(range(n), time_s - rounding, key=at) for time_s in (start, stop))
     if end - begin < 2:
         raise nothing_between(path, (start, stop), (first, last))
-    return slice(max(begin - 1, 0), min(end + 1, n))
+    rows = slice(max(begin - 1, 0), min(end + 1, n))
+    count = rows.stop - rows.start
+    if 8 * len(every) * count > LARGEST:
+        raise _too_large(path, len(every), count, len(every) * count, "shorten the window")
+    return rows, (f"of {n} samples only {count} were read, those around the window",)
 
 
-def _segments(path: str, node: h5py.Group) -> tuple[Segment, ...]:
-    stated = text(attribute(node, "segments"))
-    return segments_from_json(stated, where=f"{path}: segments") if stated else ()
+def _too_large(path: str, n_channels: int, n_samples: int, total: int, advice: str) -> LogError:
+    """Return the error of channels of `total` samples that do not fit into memory."""
+    return LogError(
+        f"{path}: {n_channels} channels of {n_samples} samples need {8 * total / 1e9:.1f} GB of memory, the limit is "
+        f"{LARGEST / 1e9:.0f} GB; {advice}"
+    )
+
+
+def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -> Iterator[tuple[str, Any]]:
+    """Yield name and object of every member of a group; `inside` are the groups around it.
+
+    Raises
+    ------
+    LogError : a member lies in another file or nowhere, or is one of the groups around it.
+    """
+    require_few(path, len(node), "members of a group")
+    for name in node:
+        yield name, _member(path, node, name, inside)
+
+
+def _member(path: str, node: h5py.Group, name: str, inside: tuple[h5py.Group, ...] = ()) -> Any:
+    """Return what stands under a name of a group, None where there is nothing.
+
+    Raises
+    ------
+    LogError : as `_members`.
+    """
+    import h5py
+
+    child = _followed(path, node, name, [])
+    if isinstance(child, h5py.Group) and any(child == group for group in (node, *inside)):
+        raise LogError(f"{path}: '{name}' is a group that holds itself; take the link out of the file")
+    return child
+
+
+def _followed(path: str, node: h5py.Group, name: str, trail: list[str]) -> Any:
+    """Return what stands under a name; `trail` is the names of the soft links on the way to it."""
+    import h5py
+
+    key, links = name.encode("utf-8", "surrogateescape"), node.id.links
+    if not links.exists(key):
+        return None
+    asked, kind = (trail or [name])[0], links.get_info(key).type
+    if kind == h5py.h5l.TYPE_HARD:
+        child = node[name]
+        if isinstance(child, h5py.Dataset):
+            created = child.id.get_create_plist()
+            if created.get_layout() == h5py.h5d.VIRTUAL:
+                other = created.get_virtual_filename(0) if created.get_virtual_count() else "nothing"
+                raise LogError(f"{path}: '{asked}' is a virtual dataset of '{other}'; {OWN_DATA}")
+            if created.get_external_count():
+                other = created.get_external(0)[0].decode("utf-8", "replace")
+                raise LogError(f"{path}: '{asked}' keeps its values in another file, '{other}'; {OWN_DATA}")
+        return child
+    if kind == h5py.h5l.TYPE_EXTERNAL:
+        other = ":".join(part.decode("utf-8", "replace") for part in links.get_val(key))
+        raise LogError(f"{path}: '{asked}' is an external link to '{other}'; {OWN_DATA}")
+    if kind != h5py.h5l.TYPE_SOFT:
+        raise LogError(f"{path}: '{asked}' is a link of another program's kind; {OWN_DATA}")
+    trail.append(name)
+    target = links.get_val(key).decode("utf-8", "surrogateescape")
+    if len(trail) > MOST_LINKS:
+        raise LogError(f"{path}: '{asked}' is a loop of soft links, got one to '{target}'; {OWN_DATA}")
+    here: Any = node.file if target.startswith("/") else node
+    for part in target.split("/"):
+        if part not in ("", "."):
+            here = _followed(path, here, part, trail) if isinstance(here, h5py.Group) else None
+    if here is None:
+        raise LogError(f"{path}: '{asked}' is a soft link to '{target}', which is not in the file; {OWN_DATA}")
+    return here
+
+
+def _unfit(child: h5py.Dataset) -> str | None:
+    """Return why a dataset is no signal, None where it is one."""
+    import h5py
+
+    if "MATLAB_sparse" in child.attrs:
+        return "is a sparse matrix"
+    if "MATLAB_empty" in child.attrs or child.shape is None or 0 in child.shape:
+        return "is empty"
+    if _text(_attribute(child, "MATLAB_class")) == "cell":
+        return "is a cell array"
+    try:
+        dtype = child.dtype
+    except TypeError:
+        return "holds no numbers (a type of its own)"
+    if _is_text(child):
+        return "holds text"
+    if h5py.check_vlen_dtype(dtype) is not None:
+        return "is ragged (rows of different length)"
+    if dtype.kind == "c" or dtype.names == ("real", "imag"):
+        return "holds complex numbers"
+    if dtype.names:
+        return f"is a table of named columns ({', '.join(dtype.names[:5])})"
+    if h5py.check_ref_dtype(dtype):
+        return "holds references, no numbers"
+    return None if dtype.kind in "fiub" and is_signal(child.shape) else unfit_kind(dtype.kind, child.shape)
+
+
+def _is_text(data: h5py.Dataset) -> bool:
+    """Say whether a dataset holds text, also that of MATLAB, which is numbers."""
+    import h5py
+
+    is_string = h5py.check_string_dtype(data.dtype) is not None or data.dtype.kind == "S"
+    return is_string or _text(_attribute(data, "MATLAB_class")) == "char"
+
+
+def _require_readable(path: str, name: str, data: h5py.Dataset) -> None:
+    """Check that a dataset can hold what it claims, and that a part of it can be read without the whole.
+
+    Raises
+    ------
+    LogError : it cannot.
+    """
+    chunk = int(np.prod(data.chunks or (0,), dtype=object)) * data.dtype.itemsize
+    if chunk > LARGEST_CHUNK:
+        raise LogError(
+            f"{path}: '{name}' is stored in chunks of {chunk / 1e9:.2g} GB, the limit is "
+            f"{LARGEST_CHUNK / 1e9:.2g} GB; store it in smaller ones (h5repack does)"
+        )
+    stored = data.id.get_storage_size()
+    if data.nbytes > MOST_PACKED * stored:
+        raise LogError(
+            f"{path}: '{name}' claims {data.size} samples, more than its {stored} bytes in the file can hold; "
+            "export it again"
+        )
+
+
+def _attribute(node: Any, name: str) -> str | bytes | float | np.number[Any] | None:
+    """Return the first value of an attribute, None where there is none or it is neither text nor a number."""
+    if name not in node.attrs:
+        return None
+    try:
+        if node.attrs.get_id(name).get_storage_size() > LARGEST_ATTRIBUTE:
+            return None
+        value = np.ravel(node.attrs[name])
+    except (TypeError, ValueError, RuntimeError):  # empty, or of a type that numpy does not have
+        return None
+    first = value[0] if value.size else None
+    return first if isinstance(first, str | bytes | int | float | np.number) else None
+
+
+def _text(value: str | bytes | float | np.number[Any] | None) -> str:
+    """Return an attribute as text, "" where there is none."""
+    if isinstance(value, bytes):
+        return value.decode("utf-8", errors="replace")
+    return "" if value is None else str(value)

@@ -51,42 +51,30 @@ def find_hold(x: FloatArray, position: FloatArray) -> Hold | None:
     change = np.flatnonzero(x[1:] != x[:-1]) + 1
     if change.size < FEWEST_CHANGES or 3 * change.size > 2 * x.size:
         return None
-    at = position[change]
-    if not _is_varied(x[change], np.diff(x)[change - 1]):
+    # Values and steps must differ as a sensor's do, unlike the strokes of a control or single quanta.
+    at, values, size = position[change], x[change], np.abs(np.diff(x)[change - 1])
+    smallest = float(np.quantile(size, 0.05))
+    single = np.mean(np.abs(size - smallest) <= 0.01 * smallest + ROUNDING * float(np.max(np.abs(values))))
+    if np.unique(values).size < FEWEST_VALUES or not single < MOST_UNIT_STEPS:
         return None
-    period = _period(at)
-    return _fit_clock(at, period) if period is not None and _covers(at, period) else None
-
-
-def _period(at: FloatArray) -> float | None:
-    """Refine the short intervals between changes to the period with the most coherent phase."""
-    rough = float(np.quantile(np.diff(at), 0.1))
+    interval = np.diff(at)
+    rough = float(np.quantile(interval, 0.1))
     if rough < 1.5:
         return None
+    # The short intervals refined to the period at which the phases of the changes are most coherent. Ticks of a period
+    # between two whole numbers come after either of them; the shorter one may be the rough one.
     ticks = np.bincount(np.round(at).astype(np.intp))
     padded = 4 << int(ticks.size).bit_length()
-    # Ticks of a period between two whole numbers come after either of them; the shorter one may be the rough one.
     low, high = int(min(0.75 / rough, 1.0 / (rough + 1.0)) * padded), min(int(1.35 / rough * padded), padded // 2)
     coherence = np.abs(np.fft.rfft(ticks, padded)[low : high + 1]) / at.size
     best = int(np.argmax(coherence))
-    return padded / (low + best) if coherence[best] >= LEAST_COHERENCE else None
-
-
-def _covers(at: FloatArray, period: float) -> bool:
-    interval = np.diff(at)
+    if coherence[best] < LEAST_COHERENCE:
+        return None
+    period = padded / (low + best)
     active = interval[interval <= QUIET_PERIODS * period]
-    return bool(active.size >= FEWEST_CHANGES - 1 and active.size * period >= LEAST_COVERAGE * active.sum())
-
-
-def _is_varied(values: FloatArray, steps: FloatArray) -> bool:
-    """Say whether values and steps differ as a sensor's do, unlike steps of a control or single quanta."""
-    size = np.abs(steps)
-    smallest = float(np.quantile(size, 0.05))
-    single = np.mean(np.abs(size - smallest) <= 0.01 * smallest + ROUNDING * float(np.max(np.abs(values))))
-    return np.unique(values).size >= FEWEST_VALUES and bool(single < MOST_UNIT_STEPS)
-
-
-def _fit_clock(at: FloatArray, period: float) -> Hold:
+    if active.size < FEWEST_CHANGES - 1 or active.size * period < LEAST_COVERAGE * active.sum():
+        return None
+    # Period and phase of the line through all changes over their ticks.
     phase = float(np.angle(np.mean(np.exp(2j * np.pi * at / period)))) / (2.0 * np.pi) * period
     tick = np.round((at - phase) / period)
     slope, start = np.polyfit(tick, at, 1) if np.ptp(tick) > 0 else (period, phase)
@@ -106,29 +94,22 @@ def find_quantum(x: FloatArray) -> float | None:
     """
     tolerance = ROUNDING * float(np.max(np.abs(x), initial=0.0))
     levels = np.unique(x)
-    keep = np.concatenate([[True], np.diff(levels) > tolerance]) if levels.size else np.ones(0, dtype=bool)
-    levels = levels[keep]
+    levels = levels[np.diff(levels, prepend=-np.inf) > tolerance]
     if levels.size < 4:
         return None
-    step = _common_divisor(np.diff(levels), tolerance)
-    return None if step is None else _refined(levels, step, tolerance)
-
-
-def _common_divisor(steps: FloatArray, tolerance: float) -> float | None:
-    """Euclid's algorithm on noisy numbers: replace the divisor by the smallest remainder until none is left."""
-    divisor = float(np.quantile(steps, 0.01))
-    while divisor > 8.0 * tolerance:
-        remainder = np.abs(steps - divisor * np.round(steps / divisor))
-        left = remainder > np.maximum(2.0 * tolerance, 0.02 * divisor)
+    # Euclid's algorithm on noisy numbers: the smallest remainder replaces the divisor until hardly one is left.
+    steps = np.diff(levels)
+    step = float(np.quantile(steps, 0.01))
+    while step > 8.0 * tolerance:
+        remainder = np.abs(steps - step * np.round(steps / step))
+        left = remainder > np.maximum(2.0 * tolerance, 0.02 * step)
         if np.mean(left) <= 0.01:
-            return divisor
-        divisor = float(np.quantile(remainder[left], 0.01))
-    return None
-
-
-def _refined(levels: FloatArray, step: float, tolerance: float) -> float | None:
-    """Fit the step over all levels and check that they lie on its grid."""
-    count = np.concatenate([[0.0], np.cumsum(np.round(np.diff(levels) / step))])
+            break
+        step = float(np.quantile(remainder[left], 0.01))
+    else:
+        return None
+    # The step fitted over all levels, which must lie on its grid.
+    count = np.concatenate([[0.0], np.cumsum(np.round(steps / step))])
     fitted = float(np.polyfit(count, levels, 1)[0])
     offset = (levels - levels[0]) / fitted
     off_grid = np.abs(offset - np.round(offset)) * fitted > np.maximum(4.0 * tolerance, 0.1 * fitted)

@@ -1,30 +1,40 @@
-"""MATLAB v5 logs: one variable per channel, or a struct of structs with `data` and `units`."""
+"""MATLAB v5 logs: one variable per channel, or a struct of structs with `data` and `units`.
+
+The layout of a file is checked before scipy parses it: the parser trusts sizes and crashes on wrong ones. Names follow
+"MAT-File Format" by The MathWorks: a file is a sequence of data elements, each a tag (type, size) and data padded to
+eight bytes; an array is an element made of elements.
+"""
 
 from __future__ import annotations
 
+import math
+import struct
 import warnings
+import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import LogError, first_line
-from .matlab_layout import unpacked_size, variables
-from .raw import (
-    RawColumn,
-    RawLog,
-    choose_group,
-    is_signal,
-    left_out,
-    numeric,
-    rate_of,
-    require_bytes,
-    require_few,
-    unfit_kind,
-)
+from .raw import LARGEST, RawColumn, RawLog, choose_group, is_signal, left_out, rate_of, require_few, unfit_kind
 
-__all__ = ["read_matlab"]
+__all__ = ["Variable", "read_matlab", "unpacked_size", "variables"]
+
+# Types of elements, the bytes of their numbers and characters, and classes of arrays.
+MATRIX, COMPRESSED = 14, 15
+INT8, INT32, UINT32, UTF8 = 1, 5, 6, 16
+SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
+TEXT = {1: 1, 2: 1, 4: 2, 16: 1, 17: 2, 18: 4}
+CELL, STRUCT, CHAR = 1, 2, 4
+UNLIKE = {3: "is an object", 5: "is a sparse matrix", 16: "is a function", 17: "is an object"}
+NUMERIC = range(6, 16)
+COMPLEX = 0x0800
+# Structs and cells inside each other, of which a log has two or three. Chosen without tuning record: the limit
+# only has to stop a file that nests them without end.
+DEEPEST = 20
 
 
 def read_matlab(path: str, *, group: str | None = None) -> RawLog:
@@ -48,44 +58,51 @@ def read_matlab(path: str, *, group: str | None = None) -> RawLog:
         raise LogError(f"{path}: damaged or truncated MATLAB file, {first_line(error)}; export it again") from None
     root = {name: value for name, value in loaded.items() if not name.startswith("__")}
     groups = [name for name, value in root.items() if isinstance(value, Mapping) and "data" not in value]
-    chosen = choose_group(path, group, groups, has_signals=any(_signals(root)))
+    columns = _signals(root)
+    chosen = choose_group(path, group, groups, has_signals=bool(columns))
     node = root if chosen is None else root[chosen]
+    columns = columns if chosen is None else _signals(node)
     notes = [first_line(warning.message) for warning in caught if isinstance(warning.message, Warning)]
     notes += [left_out(name, why) for name, why in unlike.items() if name and why]
+    kept = {"sample_rate_hz", *(column.source for column in columns)}
+    for name, value in node.items():
+        is_struct = isinstance(value, Mapping)
+        if name not in kept and (not is_struct or "data" in value):
+            notes.append(left_out(name, _why(value["data"] if is_struct else value)))
     rate = rate_of(path, node["sample_rate_hz"]) if "sample_rate_hz" in node else None
-    return RawLog(columns=list(_signals(node)), sample_rate_hz=rate, notes=(*notes, *_left_out(node)))
+    return RawLog(columns=columns, sample_rate_hz=rate, notes=tuple(notes))
 
 
 def _unlike(path: str) -> dict[str, str | None]:
     """Return why each variable of a file is no signal, None where it can be one, if all of them fit into memory."""
-    require_bytes(path, Path(path).stat().st_size)
+    _require_memory(path, Path(path).stat().st_size)
     file = Path(path).read_bytes()
-    require_bytes(path, unpacked_size(file))
-    found = variables(file)
-    require_bytes(path, 8 * sum(variable.count for variable in found))
-    require_few(path, len(found), "variables")
-    return {variable.name: variable.unlike for variable in found}
+    _require_memory(path, unpacked_size(file))
+    arrays = variables(file)
+    _require_memory(path, 8 * sum(variable.count for variable in arrays))
+    require_few(path, len(arrays), "variables")
+    return {variable.name: variable.unlike for variable in arrays}
 
 
-def _signals(node: Mapping[str, Any]) -> Iterator[RawColumn]:
+def _require_memory(path: str, count: int) -> None:
+    """Check that `count` bytes, those of a file or what it unpacks to, fit into memory."""
+    if count > LARGEST:
+        raise LogError(
+            f"{path}: its variables need {count / 1e9:.1f} GB of memory, the limit is {LARGEST / 1e9:.0f} GB; "
+            "save fewer of them, or a part of the flight"
+        )
+
+
+def _signals(node: Mapping[str, Any]) -> list[RawColumn]:
+    columns = []
     for name, value in node.items():
-        data = value.get("data") if isinstance(value, Mapping) else value
-        if isinstance(data, np.ndarray) and is_signal(data.shape):
-            values = numeric(data)
-            if values is not None:
-                yield RawColumn(source=name, values=values, unit=_unit(value))
-
-
-def _unit(value: Any) -> str | None:
-    unit = value.get("units", value.get("unit")) if isinstance(value, Mapping) else None
-    return unit.strip() or None if isinstance(unit, str) else None
-
-
-def _left_out(node: Mapping[str, Any]) -> Iterator[str]:
-    kept = {column.source for column in _signals(node)}
-    for name, value in node.items():
-        if name not in (*kept, "sample_rate_hz") and (not isinstance(value, Mapping) or "data" in value):
-            yield left_out(name, _why(value["data"] if isinstance(value, Mapping) else value))
+        is_struct = isinstance(value, Mapping)
+        data = value.get("data") if is_struct else value
+        if isinstance(data, np.ndarray) and is_signal(data.shape) and data.dtype.kind in "fiub":
+            unit = value.get("units", value.get("unit")) if is_struct else None
+            unit = unit.strip() or None if isinstance(unit, str) else None
+            columns.append(RawColumn(source=name, values=data.astype(np.float64).ravel(), unit=unit))
+    return columns
 
 
 def _why(value: Any) -> str:
@@ -96,3 +113,148 @@ def _why(value: Any) -> str:
     parts = list(value) if isinstance(value, list | np.ndarray) else []
     is_struct = isinstance(value, Mapping) or (parts and all(isinstance(part, Mapping) for part in parts))
     return "is an array of structs" if is_struct else "is a cell array"
+
+
+@dataclass(frozen=True, slots=True)
+class _Element:
+    kind: int
+    data: memoryview
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """An array: `count` numbers, its fields and cells included; `unlike` says why it holds no signals, or None."""
+
+    name: str
+    count: int
+    unlike: str | None
+
+
+def unpacked_size(file: bytes) -> int:
+    """Return the bytes that the variables of a file claim to take unpacked; nothing is unpacked for it.
+
+    Raises
+    ------
+    ValueError : as `variables`.
+    """
+    return sum(
+        len(element.data) if element.kind != COMPRESSED else _claimed(zlib.decompressobj(), element, order)
+        for element, order in _top(file)
+    )
+
+
+def variables(file: bytes) -> list[Variable]:
+    """Return the variables of a file; what is compressed is unpacked no further than it claims.
+
+    Raises
+    ------
+    ValueError : sizes that contradict each other or the length of the file.
+    """
+    arrays = []
+    for element, order in _top(file):
+        array = _unpacked(element, order) if element.kind == COMPRESSED else element
+        if array.kind != MATRIX:
+            raise ValueError(f"an element of type {array.kind} is no variable")
+        arrays.append(_array(array.data, order, depth=0))
+    return arrays
+
+
+def _top(file: bytes) -> Iterator[tuple[_Element, str]]:
+    """Yield the variables of a file, each with the byte order of the file."""
+    if len(file) < 136 or file[126:128] not in (b"IM", b"MI"):
+        raise ValueError("the header is damaged")
+    order = "<" if file[126:128] == b"IM" else ">"
+    for element in _elements(memoryview(file)[128:], order):
+        yield element, order
+
+
+def _elements(data: memoryview, order: str) -> Iterator[_Element]:
+    at = 0
+    while at < len(data):
+        if len(data) - at < 8:
+            raise ValueError("the last element is cut off")
+        word, size = struct.unpack_from(f"{order}II", data, at)
+        start, step = at + 8, 8 + (size if word == COMPRESSED else -(-size // 8) * 8)
+        if word >> 16:  # a small element: type, size and up to four bytes of data in eight
+            word, size, start, step = word & 0xFFFF, word >> 16, at + 4, 8
+            if size > 4:
+                raise ValueError("a small element claims more than four bytes")
+        if start + size > len(data):
+            raise ValueError("an element claims more bytes than there are")
+        yield _Element(word, data[start : start + size])
+        at += step
+
+
+def _claimed(unpacking: Any, element: _Element, order: str) -> int:
+    """Unpack the tag of a compressed array and return the size it claims."""
+    try:
+        tag = unpacking.decompress(element.data, 8)
+    except zlib.error as error:
+        raise ValueError(f"compressed data are damaged ({error})") from None
+    if len(tag) < 8:
+        raise ValueError("compressed data are cut off")
+    kind, size = struct.unpack(f"{order}II", tag)
+    if kind != MATRIX:
+        raise ValueError(f"an element of type {kind} is no variable")
+    return int(size)
+
+
+def _unpacked(element: _Element, order: str) -> _Element:
+    unpacking = zlib.decompressobj()
+    size = _claimed(unpacking, element, order)
+    try:
+        data = unpacking.decompress(unpacking.unconsumed_tail, max(size, 1))
+        unpacking.decompress(unpacking.unconsumed_tail, 8)  # the padding, and with it the check sum
+    except zlib.error as error:
+        raise ValueError(f"compressed data are damaged ({error})") from None
+    if len(data) < size or not unpacking.eof:
+        raise ValueError(f"compressed data are damaged (they claim {size} bytes and hold others)")
+    return _Element(MATRIX, memoryview(data)[:size])
+
+
+def _array(data: memoryview, order: str, *, depth: int) -> Variable:
+    """Check one array, and those in it."""
+    parts = list(_elements(data, order))
+    if depth > DEEPEST or len(parts) < 3:
+        raise ValueError("an array lacks its flags, size or name")
+    flags, size, name, *body = parts
+    kinds_fit = flags.kind == UINT32 and size.kind in (INT32, UINT32) and name.kind in (INT8, UTF8)
+    if not kinds_fit or len(flags.data) != 8 or len(size.data) % 4:
+        raise ValueError("the head of an array is damaged")
+    word = struct.unpack_from(f"{order}I", flags.data)[0]
+    shape = np.frombuffer(size.data, f"{order}i4").tolist()
+    if len(shape) < 2 or min(shape) < 0:
+        raise ValueError(f"an array has the size {shape}")
+    kind, count, text = word & 0xFF, math.prod(shape), bytes(name.data).decode("latin-1")
+    nested: list[_Element] | None = None
+    if kind in NUMERIC:
+        if len(body) != (2 if word & COMPLEX else 1):
+            raise ValueError(f"an array of numbers has {len(body)} parts")
+        for part in body:
+            if part.kind not in SIZES or len(part.data) != count * SIZES[part.kind]:
+                raise ValueError(f"an array of {count} numbers has {len(part.data)} bytes of type {part.kind}")
+    elif kind == CHAR:
+        characters = [TEXT.get(part.kind, 0) for part in body]
+        if (body or count) and (len(body) != 1 or not characters[0] or len(body[0].data) % characters[0]):
+            raise ValueError("a text is damaged")
+    elif kind == STRUCT:
+        if len(body) < 2 or (body[0].kind, len(body[0].data)) != (INT32, 4) or body[1].kind != INT8:
+            raise ValueError("the fields of a struct are damaged")
+        length = int(struct.unpack_from(f"{order}i", body[0].data)[0])
+        if length < 1 or len(body[1].data) % length:
+            raise ValueError("the field names of a struct are damaged")
+        count, nested = count * (len(body[1].data) // length), body[2:]
+    elif kind == CELL:
+        nested = body
+    else:
+        return Variable(name=text, count=0, unlike=UNLIKE.get(kind, "holds no numbers"))
+    if nested is None:
+        return Variable(name=text, count=count, unlike=None)
+    if len(nested) != count or any(part.kind != MATRIX for part in nested):
+        raise ValueError(f"{count} arrays should be nested, got {len(nested)}")
+    inner = [_array(part.data, order, depth=depth + 1) for part in nested if len(part.data)]
+    return Variable(
+        name=text,
+        count=sum(part.count for part in inner) if inner else math.prod(shape),
+        unlike=next((f"has a part that {part.unlike}" for part in inner if part.unlike), None),
+    )

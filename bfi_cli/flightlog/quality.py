@@ -1,4 +1,4 @@
-"""What a log is good for: rate, gaps, NaN, held samples, quantisation, excitation."""
+"""What a log is good for: rate, gaps, NaN, held samples, quantisation, excitation and the windows worth analysing."""
 
 from __future__ import annotations
 
@@ -10,19 +10,26 @@ from numpy.typing import NDArray
 
 from ..channels import INPUTS
 from ..errors import LogError
-from .excitation import Excitation, ExcitedWindow, excitation, suggest_windows
 from .holds import Hold, find_hold, find_quantum, repeat_fraction
 from .record import FlightLog, FloatArray, Segment
 
-__all__ = ["ChannelReport", "LogReport", "advice_on_windows", "gap_starts", "hold_of", "inspect_log", "is_uniform"]
-__all__ += ["position", "require_usable", "time_jitter", "uneven_step"]
+__all__ = ["ChannelReport", "Excitation", "ExcitedWindow", "LogReport", "advice_on_windows", "gap_starts", "hold_of"]
+__all__ += ["inspect_log", "is_uniform", "require_usable", "time_jitter"]
 
-# In SI units; no measurement, and squares of it still are numbers.
-LARGEST = 1e30
-# Of the median time step: what a recorder's clock may wander, and between one step and two, where a sample is missing.
-UNEVEN, GAP = 0.02, 1.75
-# From here on the dynamics change within a record, and a scan takes minutes: a window is worth a word.
+LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
+UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
+GAP = 1.75  # median time steps, between one and two: a sample is missing from here on
+# Seconds. In a longer record the dynamics change and a scan takes minutes, so windows are suggested, this many.
 LONG_S, MOST_NAMED = 600.0, 3
+# Means of this long are compared: shorter than a pilot's stroke, longer than the noise of a position sensor.
+BLOCK_S = 0.25
+MOVE = 0.05  # of the range of an input, what counts as a move
+POWER = 0.95  # of the variance of an input, what the bandwidth holds
+SEGMENT_S = 60.0  # slower changes are those of the trim
+# Kept before the first and after the last move; two moves further apart than both belong to two windows.
+BEFORE_S, AFTER_S = 5.0, 15.0
+FEWEST_MOVES = 3  # a window with fewer holds a single correction, no manoeuvre
+SLOWEST_AIRSPEED = 0.3  # of the airspeed in flight: below it the aircraft stands or rolls
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +57,34 @@ class ChannelReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Excitation:
+    """How an input moves.
+
+    Attributes
+    ----------
+    range : between its 0.5 % and 99.5 % quantiles, in `unit`.
+    moves : how often it travels by more than 5 % of that range in one direction.
+    bandwidth_hz : 95 % of its variance about its mean over a minute lies below; None where it does not move.
+    """
+
+    channel: str
+    unit: str
+    range: float
+    moves: int
+    bandwidth_hz: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExcitedWindow:
+    """A stretch without gaps in which `channel` moves `moves` times."""
+
+    start_s: float
+    stop_s: float
+    channel: str
+    moves: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LogReport:
     """A log as `bfi info` shows it.
 
@@ -74,7 +109,7 @@ class LogReport:
     notes: tuple[str, ...]
 
 
-def position(time_s: FloatArray) -> FloatArray:
+def _position(time_s: FloatArray) -> FloatArray:
     """Return (n_samples,) time in samples: (t - t[0]) over the median time step."""
     return np.asarray((time_s - time_s[0]) / np.median(np.diff(time_s)))
 
@@ -87,11 +122,11 @@ def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:
 
 def time_jitter(time_s: FloatArray) -> float:
     """Return the largest deviation of a time step from the median step, relative to it, gaps left out."""
-    relative = np.diff(position(time_s))
+    relative = np.diff(_position(time_s))
     return float(np.max(np.abs(relative[relative <= GAP] - 1.0), initial=0.0))
 
 
-def uneven_step(time_s: FloatArray) -> int | None:
+def _uneven_step(time_s: FloatArray) -> int | None:
     """Return the first sample k whose step t[k] - t[k-1] is off by more than 2 % and float32 rounding, else None."""
     step = np.diff(time_s)
     median = float(np.median(step))
@@ -103,13 +138,12 @@ def uneven_step(time_s: FloatArray) -> int | None:
 
 def is_uniform(time_s: FloatArray) -> bool:
     """Say whether the samples lie on a uniform grid."""
-    return uneven_step(time_s) is None
+    return _uneven_step(time_s) is None
 
 
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
-    gaps, inputs = _gaps(log), _inputs(log)
-    channels = []
+    channels, flying = [], _flying(log)
     for channel in log.channels.values():
         finite = channel.values[np.isfinite(channel.values)]
         hold = hold_of(log, channel.values)
@@ -133,10 +167,10 @@ def inspect_log(log: FlightLog) -> LogReport:
         rate_hz=float(f"{log.rate_hz:.9g}"),
         uniform=is_uniform(log.time_s),
         jitter=time_jitter(log.time_s),
-        gaps=gaps,
+        gaps=_gaps(log),
         channels=tuple(channels),
-        excitation=tuple(excitation(log, name) for name in inputs),
-        windows=suggest_windows(log, inputs, gaps),
+        excitation=tuple(_excitation(log, name, flying) for name in _inputs(log)),
+        windows=_suggested_windows(log, at_most=10),
         segments=log.segments,
         notes=log.notes,
     )
@@ -147,26 +181,18 @@ def advice_on_windows(log: FlightLog) -> str | None:
     duration_s = float(log.time_s[-1] - log.time_s[0])
     if duration_s <= LONG_S:
         return None
-    windows = suggest_windows(log, _inputs(log), _gaps(log), at_most=MOST_NAMED)
-    named = [f"--from {one.start_s:.10g} --to {one.stop_s:.10g} ({one.channel})" for one in windows]
+    windows = _suggested_windows(log, at_most=MOST_NAMED)
+    named = [f"--from {w.start_s:.10g} --to {w.stop_s:.10g} ({w.channel})" for w in windows]
     return (
         f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}; "
         "the whole record is analysed"
     )
 
 
-def _inputs(log: FlightLog) -> list[str]:
-    return [name for name in INPUTS if name in log.channels]
-
-
-def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
-    return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
-
-
 def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
     """Return the clock of a held signal (n_samples,) of the log, NaN left out; None where it is not held."""
     finite = np.isfinite(values)
-    return find_hold(values[finite], position(log.time_s)[finite])
+    return find_hold(values[finite], _position(log.time_s)[finite])
 
 
 def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = False) -> None:
@@ -183,7 +209,7 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
     """
     channels = [log.channel(name) for name in names]
     for channel in channels:
-        huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST))
+        huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST_VALUE))
         if huge.size:
             raise LogError(
                 f"{log.path}: '{channel.name}' is no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), "
@@ -197,7 +223,7 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
             )
     if resampling:
         return
-    k = uneven_step(log.time_s)
+    k = _uneven_step(log.time_s)
     if k is not None:
         step = float(log.time_s[k] - log.time_s[k - 1])
         raise LogError(
@@ -205,10 +231,88 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
             "give --rate to resample, or cut the window with --from/--to"
         )
     for channel in channels:
-        hold = hold_of(log, channel.values)
-        if hold is not None:
+        if (hold := hold_of(log, channel.values)) is not None:
             rate, repeated = f"{log.rate_hz / hold.period:.3g}", 100.0 * repeat_fraction(channel.values)
             raise LogError(
                 f"{log.path}: '{channel.name}' repeats its value {repeated:.0f} % of the time (held samples, about "
                 f"{rate} Hz); give --rate {rate} to decimate"
             )
+
+
+def _inputs(log: FlightLog) -> list[str]:
+    return [name for name in INPUTS if name in log.channels]
+
+
+def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
+    return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
+
+
+def _flying(log: FlightLog) -> NDArray[np.bool_]:
+    """Mark the samples at which the airspeed, where there is one, does not say that the aircraft stands or rolls."""
+    airspeed = next((log.channels[name].values for name in ("tas", "cas", "ias") if name in log.channels), None)
+    if airspeed is None or not np.isfinite(airspeed).any():
+        return np.ones(log.n_samples, dtype=bool)
+    return np.asarray(airspeed >= SLOWEST_AIRSPEED * np.quantile(airspeed[np.isfinite(airspeed)], 0.95))
+
+
+def _excitation(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> Excitation:
+    """Return how the channel `name` moves in flight (a parked elevator would dwarf it); NaN are left out."""
+    channel = log.channels[name]
+    x = channel.values[flying & np.isfinite(channel.values)]
+    extent = _extent(x)
+    size, bandwidth_hz = min(x.size, round(SEGMENT_S * log.rate_hz)), None
+    if extent > 0.0 and size >= 8:
+        pieces = x[: x.size // size * size].reshape(-1, size)
+        pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(size)
+        power = np.cumsum((np.abs(np.fft.rfft(pieces, axis=1)) ** 2).sum(axis=0))
+        if power[-1] > 0.0:
+            bandwidth_hz = float(np.searchsorted(power, POWER * power[-1]) * log.rate_hz / size)
+    moves = _move_times(log, name, flying).size
+    return Excitation(channel=name, unit=channel.unit, range=extent, moves=moves, bandwidth_hz=bandwidth_hz)
+
+
+def _extent(x: FloatArray) -> float:
+    return float(np.ptp(np.quantile(x, [0.005, 0.995]))) if x.size else 0.0
+
+
+def _move_times(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> FloatArray:
+    """Return the times at which moves begin: runs of block means that travel one way by more than the threshold."""
+    good = flying & np.isfinite(log.channels[name].values)
+    x, t = log.channels[name].values[good], log.time_s[good]
+    size = max(1, round(BLOCK_S * log.rate_hz))
+    n = x.size // size
+    travel = np.diff(x[: n * size].reshape(n, size).mean(axis=1))
+    if not travel.size or _extent(x) == 0.0:
+        return np.empty(0)
+    way = np.sign(travel)
+    starts = np.flatnonzero(np.concatenate([[True], way[1:] != way[:-1]]))
+    runs = np.add.reduceat(travel, starts)
+    return np.asarray(t[starts[np.abs(runs) > MOVE * _extent(x)] * size])
+
+
+def _suggested_windows(log: FlightLog, *, at_most: int) -> tuple[ExcitedWindow, ...]:
+    """Return the stretches without gaps in which the first input that moves at all does so, in order of time.
+
+    Parameters
+    ----------
+    at_most : the stretches with the most moves are kept.
+    """
+    gaps, flying = _gaps(log), _flying(log)
+    for name in _inputs(log):
+        times = _move_times(log, name, flying)
+        # Moves are apart where the input rests for longer than the margins, or the log has a gap.
+        rests = np.diff(times) > BEFORE_S + AFTER_S
+        for start, _ in gaps:
+            rests |= (times[:-1] <= start) & (times[1:] > start)
+        windows = []
+        for group in np.split(times, np.flatnonzero(rests) + 1):
+            if group.size >= FEWEST_MOVES:
+                low = max([log.time_s[0], *(stop for _, stop in gaps if stop <= group[0])])
+                high = min([log.time_s[-1], *(start for start, _ in gaps if start >= group[-1])])
+                start_s = round(float(max(low, group[0] - BEFORE_S)), 3)
+                stop_s = round(float(min(high, group[-1] + AFTER_S)), 3)
+                windows.append(ExcitedWindow(start_s=start_s, stop_s=stop_s, channel=name, moves=group.size))
+        if windows:
+            best = sorted(windows, key=lambda w: -w.moves)[:at_most]
+            return tuple(sorted(best, key=lambda w: w.start_s))
+    return ()

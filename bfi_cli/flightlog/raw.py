@@ -1,10 +1,9 @@
-"""What a reader hands over: the columns of a file under their own names and units, nothing interpreted yet."""
+"""The columns of a file as read, under their own names and units, and the checks that all formats share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,23 +12,8 @@ from ..errors import LogError
 from ..faults import Fault
 from .record import Segment
 
-__all__ = [
-    "LARGEST",
-    "RawColumn",
-    "RawLog",
-    "Span",
-    "TimeOf",
-    "choose_group",
-    "different_length",
-    "is_signal",
-    "left_out",
-    "numeric",
-    "rate_of",
-    "require_bytes",
-    "require_few",
-    "require_memory",
-    "unfit_kind",
-]
+__all__ = ["LARGEST", "RawColumn", "RawLog", "Span", "TimeOf", "choose_group", "different_length", "is_signal"]
+__all__ += ["left_out", "rate_of", "require_few", "unfit_kind"]
 
 # Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
 LARGEST = 4 * 10**9
@@ -59,7 +43,7 @@ class RawLog:
     notes: tuple[str, ...] = ()
 
 
-# The window that is wanted, None for the ends of the log; and what finds the time axis among columns without values.
+# The wanted window, None for an end of the log; and the function that finds the time axis among columns without values.
 Span = tuple[float | None, float | None]
 TimeOf = Callable[[Sequence[RawColumn]], RawColumn | None]
 
@@ -67,12 +51,6 @@ TimeOf = Callable[[Sequence[RawColumn]], RawColumn | None]
 def is_signal(shape: Sequence[int]) -> bool:
     """Say whether an array of this shape is one signal: a vector, a row or a column of more than one sample."""
     return len(shape) >= 1 and max(shape) > 1 and sum(n > 1 for n in shape) == 1
-
-
-def numeric(values: Any) -> NDArray[np.float64] | None:
-    """Return values as a flat float64 array, None where they are no real numbers."""
-    array = np.asarray(values)
-    return array.astype(np.float64).ravel() if array.dtype.kind in "fiub" else None
 
 
 def unfit_kind(kind: str, shape: tuple[int, ...]) -> str:
@@ -102,7 +80,7 @@ def different_length(path: str, name: str, n: int, n_times: int) -> LogError:
 
 
 def require_few(path: str, count: int, what: str) -> None:
-    """Check that a file has no more channels (or `what` else) than a recorder writes.
+    """Check that a file has no more channels, or columns or variables, than a recorder writes; `what` names them.
 
     Raises
     ------
@@ -110,35 +88,6 @@ def require_few(path: str, count: int, what: str) -> None:
     """
     if count > MOST_CHANNELS:
         raise LogError(f"{path}: {count} {what}, the limit is {MOST_CHANNELS}; export fewer channels")
-
-
-def require_bytes(path: str, count: int) -> None:
-    """Check that what a file unpacks to fits into memory.
-
-    Raises
-    ------
-    LogError : it does not.
-    """
-    if count > LARGEST:
-        raise LogError(
-            f"{path}: its variables need {count / 1e9:.1f} GB of memory, the limit is {LARGEST / 1e9:.0f} GB; "
-            "save fewer of them, or a part of the flight"
-        )
-
-
-def require_memory(path: str, n_channels: int, n_samples: int, advice: str, *, total: int | None = None) -> None:
-    """Check that channels fit into memory before they are read; `total` samples where their lengths differ.
-
-    Raises
-    ------
-    LogError : they do not.
-    """
-    needed = 8 * (n_channels * n_samples if total is None else total)
-    if needed > LARGEST:
-        raise LogError(
-            f"{path}: {n_channels} channels of {n_samples} samples need {needed / 1e9:.1f} GB of memory, the limit is "
-            f"{LARGEST / 1e9:.0f} GB; {advice}"
-        )
 
 
 def rate_of(path: str, stated: object) -> float:

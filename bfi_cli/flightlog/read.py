@@ -1,23 +1,32 @@
-"""Read a flight log of any supported format into standard channels and SI units."""
+"""Read a flight log of any supported format into standard channels, SI units and one time axis."""
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from ..errors import LogError
-from .assembly import assemble, time_column
-from .raw import RawLog, Span, TimeOf
-from .record import FlightLog
+import numpy as np
+
+from ..channels import STANDARD, NameMatch, match_name
+from ..errors import ConfigError, LogError
+from ..units import si_unit, to_si
+from .raw import RawColumn, RawLog, Span, TimeOf, different_length
+from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
 
 __all__ = ["read_log"]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
 FOREIGN = {b"ULog\x01\x12\x35": "a PX4 ULog", b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
+# Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
+LATEST = 1e12
+# Hz. Above every flight recorder; audio is at 2e5.
+FASTEST = 1e9
 
 
 def read_log(
@@ -29,16 +38,19 @@ def read_log(
     from_s: float | None = None,
     to_s: float | None = None,
 ) -> FlightLog:
-    """Read a flight log; the format is told by the content of the file.
+    """Read a flight log; the content of the file, not its name, decides the format.
+
+    Two columns for one standard name: a mapped one wins, then one of exactly that name, then the first; the other
+    keeps its own name.
 
     Parameters
     ----------
     path : HDF5, CSV, MATLAB v5 or v7.3.
-    group : HDF5 group or MATLAB struct that holds the channels; found by itself where there is just one.
+    group : HDF5 group or MATLAB struct that holds the channels; may be left out where there is just one.
     channel_map : standard name -> name in the file, for names that are not known.
     unit_map : name in the file, or standard name -> its unit, for channels that state none or a wrong one.
-    from_s, to_s : what is wanted of the log, on its time axis. More may be returned, so cut it with `window`: only of
-        an HDF5 log that is large are the samples outside left unread.
+    from_s, to_s : the window that is wanted, on the log's time axis. The log may come back longer, so cut it with
+        `FlightLog.window`: samples outside are left unread only in a large HDF5 log.
 
     Returns
     -------
@@ -48,36 +60,31 @@ def read_log(
     Raises
     ------
     ConfigError : a unit of `unit_map` that is unknown or of another quantity.
-    LogError : the file cannot be read, or has no usable time axis, channels of different length, or data in other
-        files; or it needs more memory than a log should.
+    LogError : the file cannot be read, or has no usable time axis, channels of different length, an unknown unit, or
+        data in other files; or it needs more memory than a log should; or `channel_map` names no column of it.
     """
-    name = str(path)
-    _require_file(name)
-    channel_map, unit_map = channel_map or {}, unit_map or {}
-    time_of = partial(time_column, channel_map=channel_map, unit_map=unit_map)
-    raw = _read(name, group, (from_s, to_s), time_of)
-    with open(name, "rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    return assemble(raw, path=name, sha256=sha256, channel_map=channel_map, unit_map=unit_map)
-
-
-def _require_file(path: str) -> None:
-    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
-        raise LogError(f"{path}: is no file but a device or a pipe; write the log to a file first")
+    name, channel_map, unit_map = str(path), channel_map or {}, unit_map or {}
+    if os.path.exists(name) and not os.path.isfile(name) and not os.path.isdir(name):
+        raise LogError(f"{name}: is a device or a pipe, not a file; write the log to a file first")
     try:
-        open(path, "rb").close()
+        with open(name, "rb") as file:
+            head = file.read(4096)
     except IsADirectoryError:
-        raise LogError(f"{path}: is a directory; give a log file in it") from None
+        raise LogError(f"{name}: is a directory; give a log file in it") from None
     except FileNotFoundError:
-        raise LogError(f"{path or repr(path)}: no such file; give the path of a log") from None
+        raise LogError(f"{name or repr(name)}: no such file; give the path of a log") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise LogError(f"{path!r}: cannot be read, {reason.lower()}; give the path of a log") from None
+        raise LogError(f"{name!r}: cannot be read, {reason.lower()}; give the path of a log") from None
+    time_of = partial(_time_column, channel_map=channel_map, unit_map=unit_map)
+    raw = _read(name, head, group, (from_s, to_s), time_of)
+    with open(name, "rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    return _assemble(raw, name, sha256, channel_map, unit_map)
 
 
-def _read(path: str, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
-    with open(path, "rb") as file:
-        head = file.read(4096)
+def _read(path: str, head: bytes, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
+    """Return the columns of a file, in the format that its first bytes show."""
     if not head:
         raise LogError(f"{path}: the file is empty; copy or export it again")
     if any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)):
@@ -98,3 +105,161 @@ def _read(path: str, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
     from .text import read_csv
 
     return read_csv(path)
+
+
+def _assemble(
+    raw: RawLog, path: str, sha256: str, channel_map: Mapping[str, str], unit_map: Mapping[str, str]
+) -> FlightLog:
+    """Name the columns, convert them to SI and check the time axis."""
+    columns = {column.source: column for column in raw.columns}
+    _check_maps(path, columns, channel_map, unit_map)
+    taken: dict[str, Channel] = {}
+    notes = list(raw.notes)
+    for column, match in _by_precedence(columns, channel_map, unit_map):
+        stated = column.unit if column.unit is not None else (match.unit if match else None)
+        name = column.source
+        if match is not None:
+            if match.rank >= 0 and not _fits(match.name, stated):
+                notes.append(f"'{name}' is in '{stated}', so it is not taken for {match.name}")
+            elif match.name in taken:
+                notes.append(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
+            else:
+                name = match.name
+        spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
+        name = next(candidate for candidate in spare if candidate not in taken)
+        if stated is not None and si_unit(stated) is None and name not in STANDARD:
+            notes.append(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
+            values, unit = column.values, ""
+        else:
+            values, unit = to_si(column.values, stated or "", where=f"{path}: '{column.source}'")
+        values = frozen_array(values)
+        taken[name] = Channel(name=name, values=values, unit=unit, source=column.source, source_unit=stated)
+    if not taken.keys() - {"time"}:
+        raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
+    time = taken.pop("time", None)
+    if time is not None:
+        time_s = _checked_time(path, time)
+    else:
+        time_s = _counted_time(path, taken, raw)
+        notes.append(f"time is counted from sample_rate_hz = {raw.sample_rate_hz:g} Hz")
+    order = [column.source for column in raw.columns]
+    channels = dict(sorted(taken.items(), key=lambda item: order.index(item[1].source)))
+    for channel in channels.values():
+        if channel.values.size != time_s.size:
+            raise different_length(path, channel.source, channel.values.size, time_s.size)
+    bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
+    units = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
+    if units:
+        notes.append(
+            f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
+        )
+    clean = {}
+    for name, column in raw.clean.items() if raw.faults is not None else ():
+        values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
+        if values.size != time_s.size:
+            raise different_length(path, f"{name}_clean", values.size, time_s.size)
+        clean[name] = frozen_array(values)
+    truth = None if raw.faults is None else Truth(faults=raw.faults, clean=clean)
+    return FlightLog(
+        path=path,
+        time_s=time_s,
+        channels=channels,
+        truth=truth,
+        segments=raw.segments,
+        sha256=sha256,
+        notes=tuple(notes),
+    )
+
+
+def _time_column(
+    columns: Sequence[RawColumn], channel_map: Mapping[str, str], unit_map: Mapping[str, str]
+) -> RawColumn | None:
+    """Return the column that `_assemble` takes for the time axis, with its unit; None where there is none."""
+    for column, match in _by_precedence({column.source: column for column in columns}, channel_map, unit_map):
+        if match is not None and match.name == "time":
+            stated = column.unit if column.unit is not None else match.unit
+            if match.rank < 0 or _fits("time", stated):
+                return replace(column, unit=stated)
+    return None
+
+
+def _check_maps(
+    path: str, columns: Mapping[str, RawColumn], channel_map: Mapping[str, str], unit_map: Mapping[str, str]
+) -> None:
+    """Check that the columns the user names exist, and that the units fit them."""
+    has = ", ".join(sorted(columns))
+    for name, source in channel_map.items():
+        if source not in columns:
+            close = difflib.get_close_matches(source, columns, n=1)
+            hint = f"did you mean '{close[0]}'?" if close else f"the log has: {has}"
+            raise LogError(f"{path}: --channel {name}={source}: no channel '{source}'; {hint}")
+    names = {*columns, *channel_map, *(m.name for m in map(match_name, columns) if m)}
+    for name, unit in unit_map.items():
+        where = f"--unit {name}={unit}"
+        if name not in names:
+            raise LogError(f"{path}: {where}: no channel '{name}'; the log has: {has}")
+        try:
+            _, si = to_si(0.0, unit, where=where)
+        except LogError as error:
+            raise ConfigError(str(error)) from None
+        match = match_name(name)
+        if match is not None and not _fits(match.name, unit):
+            expected = STANDARD[match.name].unit
+            raise ConfigError(f"{where}: '{match.name}' is in {expected}, got a unit of {si}; give one like {expected}")
+
+
+def _by_precedence(
+    columns: Mapping[str, RawColumn], channel_map: Mapping[str, str], unit_map: Mapping[str, str]
+) -> list[tuple[RawColumn, NameMatch | None]]:
+    """Pair columns with their standard names, the ones with the first claim on a name first."""
+    wanted = {source: name for name, source in channel_map.items()}
+    paired = []
+    for source, column in columns.items():
+        match = match_name(source)
+        if source in wanted:
+            match = NameMatch(name=wanted[source], unit=match.unit if match else None, rank=-1)
+        given = unit_map.get(source) or (unit_map.get(match.name) if match else None)
+        paired.append((replace(column, unit=given) if given else column, match))
+    return sorted(paired, key=lambda pair: pair[1].rank if pair[1] else 9)
+
+
+def _fits(name: str, unit: str | None) -> bool:
+    """Say whether a unit can be that of a standard channel, as far as the unit is known."""
+    known = si_unit(unit) if unit else None
+    return known is None or known in (STANDARD[name].unit, "1") or STANDARD[name].unit == "1"
+
+
+def _checked_time(path: str, channel: Channel) -> FloatArray:
+    time_s, source = channel.values, channel.source
+    bad = np.flatnonzero(~np.isfinite(time_s))
+    if bad.size:
+        raise LogError(f"{path}: '{source}' is not a number at sample {bad[0]} ({bad.size} in all); mend the time axis")
+    if time_s.size < 2:
+        raise LogError(f"{path}: {time_s.size} samples, at least 2 are needed; give a longer log")
+    late = np.flatnonzero(np.abs(time_s) > LATEST)
+    if late.size:
+        raise LogError(
+            f"{path}: '{source}' is no time of a flight at sample {late[0]}, got {time_s[late[0]]:.6g} s; state its "
+            f"unit with --unit {source}=us, or mend the time axis"
+        )
+    back = np.flatnonzero(np.diff(time_s) <= 0.0)
+    if back.size:
+        k = int(back[0]) + 1
+        raise LogError(
+            f"{path}: '{source}' does not increase at sample {k} ({time_s[k]:.6g} s after {time_s[k - 1]:.6g} s, "
+            f"{back.size} such steps); sort or mend the time axis"
+        )
+    return time_s
+
+
+def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog) -> FloatArray:
+    rate_hz = raw.sample_rate_hz
+    if rate_hz is None:
+        raise LogError(
+            f"{path}: no time axis, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: "
+            f"{', '.join(sorted(channels))}; map one with --channel time=NAME"
+        )
+    samples = raw.first_sample + np.arange(next(iter(channels.values())).values.size)
+    if not (0.0 < rate_hz <= FASTEST) or samples[-1] / rate_hz > LATEST:
+        raise LogError(f"{path}: sample_rate_hz is no rate of a recorder, got {rate_hz:g} Hz; mend it")
+    return frozen_array(samples / rate_hz)

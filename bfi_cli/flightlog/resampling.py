@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ConfigError, LogError
+from ..kernels.decimation import decimate, lost_samples
 from .holds import Hold
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
 
 __all__ = ["resample", "resample_with", "with_reach"]
 
-# Median time steps: up to three missing samples are interpolated.
-LONGEST_BRIDGE = 4.5
-# Relative: a recorder's clock; and how far the median step of an uneven axis may be from its mean.
-SAME_RATE, UNEVEN_RATE = 1e-3, 0.05
-# Periods of the new rate, a little more than what the sinc reaches.
-MARGIN_PERIODS = 12.0
-# Of the ratio of two rates: within 1e-6 of any ratio.
-LARGEST_DENOMINATOR = 1000
-# Half the length of the sinc in its own periods, and its cutoff in the new Nyquist frequency: 80 % of it pass.
-SINC_LOBES, CUTOFF = 10, 0.8
+LONGEST_BRIDGE = 4.5  # median time steps: up to three missing samples are interpolated
+SAME_RATE = 1e-3  # relative error of a recorder's clock
+UNEVEN_RATE = 0.05  # how far the median step of an uneven axis may be from its mean
+MARGIN_PERIODS = 12.0  # of the new rate, a little more than what the sinc reaches
+LARGEST_DENOMINATOR = 1000  # of the ratio of two rates: within 1e-6 of any ratio
+SINC_LOBES = 10  # half the length of the sinc in its own periods
+CUTOFF = 0.8  # of the sinc, over the new Nyquist frequency
+KAISER_BETA = 8.0  # of the sinc's window: a stop band 80 dB down
 
 
 def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_s: float | None = None) -> FlightLog:
@@ -63,29 +62,33 @@ def resample_with(
     ------
     ConfigError, LogError : see `resample`.
     """
-    _check_rate(log, rate_hz)
+    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+        raise ConfigError(f"--rate: must be a positive number, got {rate_hz:g} Hz; give one like {log.rate_hz:.4g}")
+    span = float(log.time_s[-1] - log.time_s[0])
+    if rate_hz * span < 1.0:
+        raise LogError(f"{log.path}: {span:.4g} s long, shorter than one step at {rate_hz:g} Hz; give a higher --rate")
+    tolerance = SAME_RATE if is_uniform(log.time_s) else UNEVEN_RATE
+    if rate_hz > log.rate_hz * (1.0 + tolerance):
+        raise LogError(
+            f"{log.path}: recorded at {log.rate_hz:.4g} Hz, it cannot be resampled to {rate_hz:g} Hz; "
+            f"give --rate {log.rate_hz:.4g} or less"
+        )
     part = log.window(*with_reach(rate_hz, from_s, to_s))
     holds = _holds(part, log)
-    carried = _cut_alike(extra.reshape(log.n_samples, -1), log, part)
-    if not holds and is_uniform(part.time_s) and abs(part.rate_hz / rate_hz - 1.0) < SAME_RATE:
-        resampled, filtered = part, carried
-    else:
+    first = int(np.searchsorted(log.time_s, part.time_s[0]))
+    resampled, filtered = part, extra.reshape(log.n_samples, -1)[first : first + part.n_samples]
+    if holds or not is_uniform(part.time_s) or abs(part.rate_hz / rate_hz - 1.0) >= SAME_RATE:
         grid = _grid(part, rate_hz)
         # Beyond the last value of a held channel nothing is interpolated.
         last_s = min([part.time_s[-1], *(_renewals(part, hold)[-1] for hold in holds.values())])
         grid = grid[grid <= float(last_s) + 1e-9]
         try:
-            resampled, filtered = _through_filter(part, carried, grid, rate_hz, holds=holds)
+            resampled, filtered = _through_filter(part, filtered, grid, rate_hz, holds=holds)
         except ValueError as error:
             raise LogError(f"{log.path}: {error}; give a higher --rate or a longer window") from None
     cut = resampled.window(from_s, to_s)
-    return cut, _cut_alike(filtered, resampled, cut).reshape(cut.n_samples, *extra.shape[1:])
-
-
-def _cut_alike(extra: FloatArray, whole: FlightLog, part: FlightLog) -> FloatArray:
-    """Return the rows of `extra` that belong to a window of a log."""
-    first = int(np.searchsorted(whole.time_s, part.time_s[0]))
-    return extra[first : first + part.n_samples]
+    first = int(np.searchsorted(resampled.time_s, cut.time_s[0]))
+    return cut, filtered[first : first + cut.n_samples].reshape(cut.n_samples, *extra.shape[1:])
 
 
 def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) -> tuple[float | None, float | None]:
@@ -94,24 +97,9 @@ def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) 
     return None if from_s is None else from_s - margin, None if to_s is None else to_s + margin
 
 
-def _check_rate(log: FlightLog, rate_hz: float) -> None:
-    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
-        raise ConfigError(f"--rate: must be a positive number, got {rate_hz:g} Hz; give one like {log.rate_hz:.4g}")
-    span = float(log.time_s[-1] - log.time_s[0])
-    if rate_hz * span < 1.0:
-        raise LogError(f"{log.path}: {span:.4g} s long, nothing is left of it at {rate_hz:g} Hz; give a higher --rate")
-    tolerance = SAME_RATE if is_uniform(log.time_s) else UNEVEN_RATE
-    if rate_hz > log.rate_hz * (1.0 + tolerance):
-        raise LogError(
-            f"{log.path}: recorded at {log.rate_hz:.4g} Hz, it cannot be resampled to {rate_hz:g} Hz; "
-            f"give --rate {log.rate_hz:.4g} or less"
-        )
-
-
 def _holds(part: FlightLog, log: FlightLog) -> dict[str, Hold]:
-    """Return the clocks of the held channels of a part of a log; a part too short to show one has the whole log's."""
-    samples_before = (part.time_s[0] - log.time_s[0]) * log.rate_hz
-    holds = {}
+    """Return the clocks of the held channels of a part of a log, of the whole log where the part is too short."""
+    samples_before, holds = (part.time_s[0] - log.time_s[0]) * log.rate_hz, {}
     for name, channel in part.channels.items():
         hold = hold_of(part, channel.values)
         if hold is None and (whole := hold_of(log, log.channels[name].values)) is not None:
@@ -148,8 +136,21 @@ def _renewals(log: FlightLog, hold: Hold) -> FloatArray:
 def _through_filter(
     log: FlightLog, extra: FloatArray, grid: FloatArray, rate_hz: float, *, holds: Mapping[str, Hold]
 ) -> tuple[FlightLog, FloatArray]:
+    """Return the log and the signals `extra`, (n_samples, n), laid on a grid, low-passed and decimated to the rate.
+
+    Row i of the result stands at row `lead + i * stride` of the grid and uses `lead` rows of it to either side.
+    """
     step = float(np.mean(np.diff(grid))) if grid.size > 1 else 1.0 / log.rate_hz
-    lowpass = _lowpass(1.0 / (step * rate_hz))
+    ratio = 1.0 / (step * rate_hz)
+    factor = round(ratio)
+    lowpass: Callable[[FloatArray], FloatArray]
+    if abs(ratio - factor) <= SAME_RATE * ratio:
+        lowpass, lead, stride = partial(decimate, factor=factor), float(lost_samples(factor)[0]), float(factor)
+    else:
+        part = Fraction(1.0 / ratio).limit_denominator(LARGEST_DENOMINATOR)
+        up, down = part.numerator, part.denominator
+        lowpass, lead, stride = partial(_polyphase, up=up, down=down), SINC_LOBES * down / up, down / up
+    centre = lead + stride * np.arange(lowpass(np.zeros(grid.size)).size)
 
     def new(name: str, values: FloatArray) -> FloatArray:
         bad = ~np.isfinite(values)
@@ -157,27 +158,29 @@ def _through_filter(
             values = np.zeros(values.shape)
         elif bad.any():
             values = np.where(bad, np.interp(log.time_s, log.time_s[~bad], values[~bad]), values)
-        filtered = lowpass.apply(_on_grid(log, values, grid, hold=holds.get(name)))
-        if bad.any():
+        filtered = lowpass(_on_grid(log, values, grid, hold=holds.get(name)))
+        if bad.any():  # every row of the result is NaN that a NaN of the grid reaches
             touched = np.interp(grid, log.time_s, bad.astype(np.float64)) > 0.0
-            filtered[lowpass.spread(touched, filtered.size)] = np.nan
+            count = np.concatenate([[0], np.cumsum(touched)])
+            first = np.floor(centre - lead).astype(np.intp).clip(0, grid.size)
+            stop = (np.ceil(centre + lead).astype(np.intp) + 1).clip(0, grid.size)
+            filtered[count[stop] > count[first]] = np.nan
         return frozen_array(filtered)
 
     channels = {name: replace(c, values=new(name, c.values)) for name, c in log.channels.items()}
     truth = log.truth
     if truth is not None:
         truth = replace(truth, clean={name: new(name, values) for name, values in truth.clean.items()})
-    n = lowpass.apply(np.zeros(grid.size)).size
-    time_s = frozen_array(grid[0] + step * (lowpass.lead + lowpass.stride * np.arange(n)))
-    filtered = np.zeros((n, extra.shape[1]))
+    filtered = np.zeros((centre.size, extra.shape[1]))
     for j in np.flatnonzero(np.any(extra, axis=0)):
-        filtered[:, j] = lowpass.apply(_on_grid(log, extra[:, j], grid, hold=None))
+        filtered[:, j] = lowpass(_on_grid(log, extra[:, j], grid, hold=None))
     notes = [
-        f"'{name}' is renewed at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz the values between are "
+        f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
         "interpolated"
         for name, hold in holds.items()
         if log.rate_hz / hold.period < rate_hz * (1.0 - SAME_RATE)
     ]
+    time_s = frozen_array(grid[0] + step * centre)
     return replace(log, time_s=time_s, channels=channels, truth=truth, notes=(*log.notes, *notes)), filtered
 
 
@@ -194,35 +197,6 @@ def _on_grid(log: FlightLog, values: FloatArray, grid: FloatArray, *, hold: Hold
     return np.asarray(CubicSpline(renewed, values[nearest])(grid))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Lowpass:
-    """A filter whose output row i stands at input row `lead + i * stride` and uses `lead` rows to either side."""
-
-    apply: Callable[[FloatArray], FloatArray]
-    lead: float
-    stride: float
-
-    def spread(self, bad: NDArray[np.bool_], n: int) -> NDArray[np.bool_]:
-        """Return (n,) which output rows a bad input row reaches."""
-        count = np.concatenate([[0], np.cumsum(bad)])
-        centre = self.lead + self.stride * np.arange(n)
-        first = np.floor(centre - self.lead).astype(np.intp).clip(0, bad.size)
-        stop = (np.ceil(centre + self.lead).astype(np.intp) + 1).clip(0, bad.size)
-        return np.asarray(count[stop] > count[first])
-
-
-def _lowpass(ratio: float) -> _Lowpass:
-    """Return the filter and decimation by `ratio`, the old rate over the new one."""
-    from ..kernels.decimation import decimate, lost_samples
-
-    factor = round(ratio)
-    if abs(ratio - factor) <= SAME_RATE * ratio:
-        return _Lowpass(apply=lambda x: decimate(x, factor), lead=lost_samples(factor)[0], stride=factor)
-    part = Fraction(1.0 / ratio).limit_denominator(LARGEST_DENOMINATOR)
-    up, down = part.numerator, part.denominator
-    return _Lowpass(apply=lambda x: _polyphase(x, up, down), lead=SINC_LOBES * down / up, stride=down / up)
-
-
 def _polyphase(x: FloatArray, up: int, down: int) -> FloatArray:
     """Resample by up/down < 1 with a windowed sinc, dropping the rows without full support."""
     from scipy import signal
@@ -231,7 +205,7 @@ def _polyphase(x: FloatArray, up: int, down: int) -> FloatArray:
     last = (x.size - 1) * up // down
     if last < 2 * SINC_LOBES:
         raise ValueError(f"{x.size} samples are fewer than the filter of the resampling by {up}/{down} needs")
-    taps = signal.firwin(2 * half + 1, CUTOFF / down, window=("kaiser", 8.0))
+    taps = signal.firwin(2 * half + 1, CUTOFF / down, window=("kaiser", KAISER_BETA))
     for phase in range(up):  # each must pass a constant unchanged: an airspeed is a large one
         taps[phase::up] /= taps[phase::up].sum()
     return np.asarray(signal.upfirdn(taps, x, up, down)[2 * SINC_LOBES : last + 1])

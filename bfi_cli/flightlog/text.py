@@ -11,19 +11,16 @@ from itertools import chain, islice
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import split_unit
 from ..errors import LogError
-from ..faults import Fault
 from .raw import RawColumn, RawLog, require_few
-from .record import Segment, faults_from_json, segments_from_json
+from .record import CLEAN, faults_from_json, segments_from_json
 
-__all__ = ["CLEAN", "FAULTS", "SEGMENTS", "read_csv"]
+__all__ = ["FAULTS", "SEGMENTS", "read_csv"]
 
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
-CLEAN = "_clean"
 # Bytes; a cell of two characters becomes a number of eight bytes, and a log is held twice while it is put together.
 LARGEST_TEXT = 10**9
 # Characters. The longest lines are the JSON of the faults of a log; a row of 10 000 channels has 250 000.
@@ -51,23 +48,44 @@ def read_csv(path: str) -> RawLog:
 
 
 def _read(path: str, encoding: str) -> RawLog:
+    comments: dict[str, str] = {}
     with open(path, encoding=encoding) as file:
-        comments: dict[str, str] = {}
         rows = _rows(path, file, comments)
         header = next(rows, None)
         if header is None:
             raise LogError(f"{path}: no header line, the file holds no text but comments; give a log with channels")
-        delimiter = _delimiter(header[1])
+        delimiter = next((sign for sign in (";", "\t") if sign in header[1]), ",")
         names = _header(path, *header, delimiter=delimiter)
-        columns = _columns(names, _numbers(path, rows, names, delimiter=delimiter))
+        first = list(islice(rows, 2))
+        if len(first) < 2:
+            raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
+        numbers = array("d")  # eight bytes a number while it grows
+        for line, text in chain(first, rows):
+            cells = text.split(delimiter)
+            try:
+                if "_" in text or len(cells) != len(names):
+                    raise ValueError
+                numbers.extend([float(cell) for cell in cells])
+            except ValueError:
+                numbers.extend(_careful(f"{path}: line {line}", _cells(text, delimiter), names))
+    values = np.frombuffer(numbers).reshape(-1, len(names))
+    columns = []
+    for i, name in enumerate(names):
+        source, unit = split_unit(name)
+        columns.append(RawColumn(source=source, values=values[:, i].copy(), unit=unit or None))
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
     if FAULTS not in comments:
         return RawLog(columns=columns, segments=segments)
-    return _with_truth(columns, segments, faults_from_json(comments[FAULTS], where=f"{path}: faults"))
+    return RawLog(
+        columns=[c for c in columns if not c.source.endswith(CLEAN)],
+        segments=segments,
+        faults=faults_from_json(comments[FAULTS], where=f"{path}: faults"),
+        clean={c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)},
+    )
 
 
 def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:
-    """Yield number and text of the lines that are neither empty nor comments; keep those comments that say something.
+    """Yield number and text of the lines that are neither empty nor comments; keep comments on faults and segments.
 
     Raises
     ------
@@ -89,32 +107,26 @@ def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[i
             yield line, text.rstrip("\n")
 
 
-def _with_truth(columns: list[RawColumn], segments: tuple[Segment, ...], faults: tuple[Fault, ...]) -> RawLog:
-    clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
-    return RawLog(
-        columns=[c for c in columns if not c.source.endswith(CLEAN)], segments=segments, faults=faults, clean=clean
-    )
-
-
-def _delimiter(header: str) -> str:
-    return next((sign for sign in (";", "\t") if sign in header), ",")
-
-
 def _cells(line: str, delimiter: str) -> list[str]:
-    if '"' not in line:
-        return line.split(delimiter)
-    try:
-        return next(csv.reader([line], delimiter=delimiter))
-    except csv.Error:
-        return line.split(delimiter)
+    if '"' in line:
+        try:
+            return next(csv.reader([line], delimiter=delimiter))
+        except csv.Error:
+            pass
+    return line.split(delimiter)
 
 
 def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
     cells = [cell.strip() for cell in _cells(text, delimiter)]
     if cells and not cells[-1]:
         cells.pop()
-    if any(_is_number(cell) for cell in cells):
-        raise LogError(f"{path}: no header, line {line} holds numbers; write the channels' names above them")
+    for cell in cells:
+        try:
+            is_number = math.isfinite(float(cell))
+        except ValueError:
+            continue
+        if is_number:
+            raise LogError(f"{path}: no header, line {line} holds numbers; write the channels' names above them")
     require_few(path, len(cells), "columns")
     places: dict[str, int] = {}
     for i, cell in enumerate(cells, start=1):
@@ -126,52 +138,20 @@ def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
     return cells
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        return math.isfinite(float(cell))
-    except ValueError:
-        return False
-
-
-def _numbers(
-    path: str, rows: Iterator[tuple[int, str]], names: Sequence[str], *, delimiter: str
-) -> NDArray[np.float64]:
-    first = list(islice(rows, 2))
-    if len(first) < 2:
-        raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
-    values = array("d")  # eight bytes a number while it grows
-    for line, text in chain(first, rows):
-        cells = text.split(delimiter)
-        try:
-            if "_" in text or len(cells) != len(names):
-                raise ValueError
-            values.extend([float(cell) for cell in cells])
-        except ValueError:
-            values.extend(_careful(f"{path}: line {line}", _cells(text, delimiter), names))
-    return np.frombuffer(values).reshape(-1, len(names))
-
-
 def _careful(where: str, cells: list[str], names: Sequence[str]) -> list[float]:
+    """Return the numbers of a row with empty cells, quotes or a delimiter at its end."""
     if len(cells) == len(names) + 1 and not cells[-1].strip():
         cells = cells[:-1]
     if len(cells) != len(names):
         raise LogError(f"{where} has {len(cells)} values, the header names {len(names)} channels; mend the line")
-    return [_number(where, cell.strip(), name) for cell, name in zip(cells, names, strict=True)]
-
-
-def _number(where: str, cell: str, name: str) -> float:
-    if cell.lower() in ABSENT:
-        return math.nan
-    try:
-        if "_" in cell:
-            raise ValueError
-        return float(cell)
-    except ValueError:
-        raise LogError(
-            f"{where}, column '{name}': not a number, got '{cell[:40]}'; mend the cell or empty it"
-        ) from None
-
-
-def _columns(names: Sequence[str], values: NDArray[np.float64]) -> list[RawColumn]:
-    split = [split_unit(name) for name in names]
-    return [RawColumn(source=s, values=values[:, i].copy(), unit=u or None) for i, (s, u) in enumerate(split)]
+    numbers = []
+    for cell, name in zip(map(str.strip, cells), names, strict=True):
+        try:
+            if "_" in cell:  # which Python reads as a part of a number
+                raise ValueError
+            numbers.append(math.nan if cell.lower() in ABSENT else float(cell))
+        except ValueError:
+            raise LogError(
+                f"{where}, column '{name}': not a number, got '{cell[:40]}'; mend the cell or empty it"
+            ) from None
+    return numbers

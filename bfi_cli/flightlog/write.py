@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,8 +14,8 @@ import numpy as np
 from ..errors import ConfigError
 from ..files import ATTRIBUTE, MARK, OWNER, aside
 from ..printable import SHOWN, printable
-from .record import FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
-from .text import CLEAN, FAULTS, SEGMENTS
+from .record import CLEAN, FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
+from .text import FAULTS, SEGMENTS
 
 if TYPE_CHECKING:
     import h5py
@@ -49,75 +48,63 @@ def write_log(log: FlightLog, path: str | Path) -> None:
 def _write_hdf5(log: FlightLog, path: Path) -> None:
     import h5py
 
+    def add(node: h5py.Group, name: str, values: FloatArray, unit: str) -> None:
+        node.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
+        node[name].attrs["units"] = unit
+
     names = _names(log, _link_name)
     # Made in memory: on a full disk the HDF5 library prints tracebacks and ends the process.
     with h5py.File(path, "w", driver="core", backing_store=False) as file:
         file.attrs[ATTRIBUTE] = OWNER
-        _dataset(file, "time", log.time_s, unit="s")
+        add(file, "time", log.time_s, "s")
         for name, channel in log.channels.items():
-            _dataset(file, names[name], channel.values, unit=channel.unit)
+            add(file, names[name], channel.values, channel.unit)
         if log.segments:
             file.attrs["segments"] = segments_to_json(log.segments)
         if log.truth is not None:
             truth = file.create_group("truth")
             truth.attrs["faults"] = _faults(log.truth, names)
             for name, clean in log.truth.clean.items():
-                _dataset(truth, names[name] + CLEAN, clean, unit=_unit_of(log, name))
+                add(truth, names[name] + CLEAN, clean, log.channels[name].unit if name in log.channels else "")
         file.flush()
         path.write_bytes(file.id.get_file_image())
-
-
-def _dataset(node: h5py.Group, name: str, values: FloatArray, *, unit: str) -> None:
-    node.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
-    node[name].attrs["units"] = unit
-
-
-def _link_name(name: str) -> str:
-    """Return a name HDF5 takes: no path, not the name of the group of the truth."""
-    plain = name.replace("/", "_").replace("\0", "_")
-    return f"{plain}_" if plain in ("", ".", "..", "time", "truth") else plain
-
-
-def _names(log: FlightLog, plain: Callable[[str], str]) -> dict[str, str]:
-    """Return the name of each channel in the file; underscores tell those apart that would be alike there."""
-    names: dict[str, str] = {}
-    taken = set()
-    for name in (*log.channels, *(log.truth.clean if log.truth else ())):
-        if name not in names:
-            new = plain(name)
-            while new in taken:
-                new += "_"
-            taken.add(new)
-            names[name] = new
-    return names
-
-
-def _faults(truth: Truth, names: Mapping[str, str]) -> str:
-    return faults_to_json([replace(fault, channel=names.get(fault.channel, fault.channel)) for fault in truth.faults])
-
-
-def _unit_of(log: FlightLog, name: str) -> str:
-    return log.channels[name].unit if name in log.channels else ""
 
 
 def _write_csv(log: FlightLog, path: Path) -> None:
     names = _names(log, _column_name)
     columns = {"time [s]": log.time_s}
-    for name, channel in log.channels.items():
-        columns[_header(names[name], channel.unit)] = channel.values
-    for name, clean in (log.truth.clean if log.truth else {}).items():
-        columns[_header(names[name] + CLEAN, _unit_of(log, name))] = clean
+    signals = [(name, names[name], channel.values) for name, channel in log.channels.items()]
+    signals += [(name, names[name] + CLEAN, clean) for name, clean in (log.truth.clean if log.truth else {}).items()]
+    for name, title, values in signals:
+        unit = log.channels[name].unit if name in log.channels else ""
+        columns[f"{title} [{unit}]" if unit else title] = values
     with open(path, "w", encoding="utf-8", errors=SHOWN, newline="") as file:
         file.write(f"{MARK}\n")
         if log.segments:
             file.write(f"{SEGMENTS}{segments_to_json(log.segments)}\n")
         if log.truth is not None:
             file.write(f"{FAULTS}{_faults(log.truth, names)}\n")
-        header = io.StringIO()
-        csv.writer(header, lineterminator="\n").writerow(columns)
-        file.write(header.getvalue())
+        csv.writer(file, lineterminator="\n").writerow(columns)
         for row in np.column_stack(list(columns.values())).tolist():
             file.write(",".join(map(repr, row)) + "\n")
+
+
+def _names(log: FlightLog, allowed: Callable[[str], str]) -> dict[str, str]:
+    """Return the name of each channel in the file; underscores tell those apart that would be alike there."""
+    names: dict[str, str] = {}
+    for name in (*log.channels, *(log.truth.clean if log.truth else ())):
+        if name not in names:
+            new = allowed(name)
+            while new in names.values():
+                new += "_"
+            names[name] = new
+    return names
+
+
+def _link_name(name: str) -> str:
+    """Return a name HDF5 takes: no path, not the name of the group of the truth."""
+    link = name.replace("/", "_").replace("\0", "_")
+    return f"{link}_" if link in ("", ".", "..", "time", "truth") else link
 
 
 def _column_name(name: str) -> str:
@@ -125,5 +112,5 @@ def _column_name(name: str) -> str:
     return printable(re.sub(r"[\s\"#;]+", " ", name).strip()) or "_"
 
 
-def _header(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
+def _faults(truth: Truth, names: Mapping[str, str]) -> str:
+    return faults_to_json([replace(fault, channel=names.get(fault.channel, fault.channel)) for fault in truth.faults])

@@ -1,4 +1,4 @@
-"""The plain test of the one-step residual: what any method of identification has to beat.
+"""The plain test of the one-step residual, the baseline of every method of identification.
 
 A model without fault terms (ARX) is fitted at the order with the best criterion; a residual of more than five robust
 standard deviations is an alarm. The test sees every abrupt step at its very sample and never a slow drift, and it knows
@@ -54,25 +54,25 @@ def identify_by_residual(
             beginning = np.flatnonzero(onsets_s == onset_s)
             declared.add(int(beginning[np.argmax(statistic[beginning])]))
     atoms = tuple(sorted(declared))
-    # At these magnitudes, each estimated alone; the model stays that without faults.
+    # The declared magnitudes, each estimated alone, in one fit; the model stays that without faults.
     z = estimates.value[list(atoms)] / regression.magnitude_unit[list(atoms)]
     with_faults = fit_magnitudes(regression.problem(fit.order), atoms, z, max_iterations=1)
     together = magnitudes_of_fit(regression, ScoredFit(criterion=0.0, fit=with_faults), plain.penalty)
-    found = unfold(regression.layout, with_faults)
+    unfolded = unfold(regression.layout, with_faults)
     shown = ", ".join(f"{time_s:.6g}" for time_s in alarms_s[:5])
     return MethodResult(
         atoms=atoms,
         magnitudes=together,
-        error=found.error * regression.unit,
+        error=unfolded.error * regression.unit,
         plain_error=error * regression.unit,
         order=fit.order,
         feedthrough=regression.layout.feedthrough,
-        condition_number=found.condition_number,
+        condition_number=unfolded.condition_number,
         solver=SolverSummary(
             method=config.method,
             termination="one fit without faults for every order",
             iterations=len(regression.orders),
-            condition_number=found.condition_number,
+            condition_number=unfolded.condition_number,
         ),
         decision="fault" if alarms_s.size else None,
         notes=(

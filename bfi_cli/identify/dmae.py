@@ -7,7 +7,7 @@ fault so slow that the aircraft could have moved like that is put down to the ai
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,9 +21,8 @@ from ..faults import did_you_mean
 from ..flightlog import FlightLog, require_usable
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
-from ..kernels.kalman import Gaussian, StateSpace
+from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, Reset, StateSpace, double_model, state_and_fault
 from ..kernels.model_selection import Penalty
-from ..kernels.multimodel import FAULT, NO_FAULT, BankRun, Reset, double_model, state_and_fault
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows
 from ..preprocessing.regression import RegressionData
@@ -37,7 +36,10 @@ FloatArray = NDArray[np.float64]
 Variances = float | Sequence[float]
 Reference = Literal["trim", "start"]
 
-START_S = 1.0
+START_S = 1.0  # over which "start" averages: many samples of noise, and no manoeuvre yet
+# Variance of the noise of a measured output where the configuration has none: 0.01 (m/s)^2 in the thesis; of angles
+# and their rates (0.01 rad)^2, 0.6 degrees, so that attitude and vanes tell a slow fault of the airspeed from motion.
+NOISE, ANGULAR_NOISE = 0.01, 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +97,8 @@ class DmaeResult:
     time_s : (n_samples,) of the log.
     channel, unit : the sensor that may be faulty.
     measured : (n_samples,) the log's channel.
-    fault, fault_sd : (n_samples,) the fault, exactly zero under the hypothesis of none; the floor of that one's
-        probability alone makes an sd of sqrt(floor) times the fault.
+    fault, fault_sd : (n_samples,) the fault, exactly zero under the hypothesis of none, whose probability does not
+        fall below `floor`; the sd is therefore at least sqrt(floor) times the fault.
     fault_if_any : (n_samples,) the fault as the filter with a fault sees it, whatever its probability.
     probability : (n_samples,) of a fault.
     states : names of the columns of `state` and `state_sd`, (n_samples, n_x), absolute values.
@@ -155,18 +157,48 @@ def dmae(
     fault, so the split rests on the process noise: what is slow enough for it becomes motion.
     """
     settings, measured = settings or DmaeSettings(), tuple(measured or (channel,))
-    _check(log, model, channel, measured)
-    origin = _origin(log, model, measured, reference)
+    for name in (channel, *measured):
+        if name not in model.outputs:
+            raise ConfigError(f"dmae: model '{model.name}' has no output '{name}'{did_you_mean(name, model.outputs)}")
+    if channel not in measured or len(set(measured)) < len(measured):
+        raise ConfigError(
+            f"dmae: measured: must name every output once, and '{channel}' among them, got {', '.join(measured)}; "
+            "change it"
+        )
+    require_usable(log, [*model.inputs, *measured])
+    # What the deviations of every state, input and output count from.
+    origin = {name: model.trim.get(name, 0.0) for name in (*model.states, *model.inputs, *measured)}
+    if reference == "start":
+        first = log.time_s < log.time_s[0] + START_S
+        origin |= {name: float(log.channel(name).values[first].mean()) for name in (*model.inputs, *measured)}
     y = log.signals(measured) - [origin[name] for name in measured]
     u = log.signals(model.inputs) - [origin[name] for name in model.inputs]
-    n_x = len(model.states)
-    system = _system(model, log.rate_hz, measured, settings)
+    A, B, C, D = discretise(model, rate_hz=log.rate_hz, rule=settings.discretisation)
+    rows, n_x = [model.outputs.index(name) for name in measured], len(model.states)
+    Q = _diagonal("process_variance", settings.process_variance, n_x)
+    R = _diagonal("measurement_variance", settings.measurement_variance, len(rows))
+    system = StateSpace(A=A, B=B, C=C[rows], D=D[rows], Q=Q, R=R)
     initial = Gaussian(mean=np.zeros(n_x), covariance=_diagonal("initial_variance", settings.initial_variance, n_x))
-    run = _run(system, y, u, channel=measured.index(channel), initial=initial, settings=settings)
+    try:
+        run = double_model(
+            system,
+            y,
+            u,
+            channel=measured.index(channel),
+            initial=initial,
+            prior_fault=settings.prior_fault,
+            floor=settings.floor,
+            reset=Reset(value=settings.reset_value, variance=settings.reset_variance),
+            fault_variance=settings.fault_variance,
+            window=settings.adaptive_window,
+        )
+    except ValueError as problem:
+        raise ConfigError(f"dmae: {problem}; bring the variances of the settings closer together") from None
     both = state_and_fault(run)
     sd = np.sqrt(np.diagonal(both.covariance, axis1=1, axis2=2))
     estimate = both.mean[:, :-1] @ system.C.T + u @ system.D.T
     probability = run.probability[:, FAULT]
+    innovation_sd = [np.sqrt(np.diagonal(each.innovation_covariance, axis1=1, axis2=2)) for each in run.filters]
     return DmaeResult(
         time_s=log.time_s,
         channel=channel,
@@ -181,60 +213,10 @@ def dmae(
         state_sd=frozen_array(sd[:, :-1]),
         outputs=measured,
         estimate=frozen_array(estimate + [origin[name] for name in measured]),
-        innovation=frozen_array(np.stack([one.innovation for one in run.filters], axis=1)),
-        innovation_sd=frozen_array(np.stack([_sd(one.innovation_covariance) for one in run.filters], axis=1)),
+        innovation=frozen_array(np.stack([each.innovation for each in run.filters], axis=1)),
+        innovation_sd=frozen_array(np.stack(innovation_sd, axis=1)),
         onset_s=float(log.time_s[np.argmax(probability > 0.5)]) if np.any(probability > 0.5) else None,
     )
-
-
-def _run(
-    system: StateSpace, y: FloatArray, u: FloatArray, *, channel: int, initial: Gaussian, settings: DmaeSettings
-) -> BankRun:
-    try:
-        return double_model(
-            system,
-            y,
-            u,
-            channel=channel,
-            initial=initial,
-            prior_fault=settings.prior_fault,
-            floor=settings.floor,
-            reset=Reset(value=settings.reset_value, variance=settings.reset_variance),
-            fault_variance=settings.fault_variance,
-            window=settings.adaptive_window,
-        )
-    except ValueError as problem:
-        raise ConfigError(f"dmae: {problem}; bring the variances of the settings closer together") from None
-
-
-def _check(log: FlightLog, model: LinearModel, channel: str, measured: tuple[str, ...]) -> None:
-    for name in (channel, *measured):
-        if name not in model.outputs:
-            raise ConfigError(f"dmae: model '{model.name}' has no output '{name}'{did_you_mean(name, model.outputs)}")
-    if channel not in measured or len(set(measured)) < len(measured):
-        raise ConfigError(
-            f"dmae: measured: must name every output once, and '{channel}' among them, got {', '.join(measured)}; "
-            "change it"
-        )
-    require_usable(log, [*model.inputs, *measured])
-
-
-def _origin(log: FlightLog, model: LinearModel, measured: tuple[str, ...], reference: Reference) -> Mapping[str, float]:
-    """Return what the deviations of every state, input and output count from."""
-    names = (*model.states, *model.inputs, *measured)
-    origin = {name: model.trim.get(name, 0.0) for name in names}
-    if reference == "start":
-        first = log.time_s < log.time_s[0] + START_S
-        origin |= {name: float(log.channel(name).values[first].mean()) for name in (*model.inputs, *measured)}
-    return origin
-
-
-def _system(model: LinearModel, rate_hz: float, measured: tuple[str, ...], settings: DmaeSettings) -> StateSpace:
-    A, B, C, D = discretise(model, rate_hz=rate_hz, rule=settings.discretisation)
-    rows = [model.outputs.index(name) for name in measured]
-    Q = _diagonal("process_variance", settings.process_variance, len(A))
-    R = _diagonal("measurement_variance", settings.measurement_variance, len(rows))
-    return StateSpace(A=A, B=B, C=C[rows], D=D[rows], Q=Q, R=R)
 
 
 def _diagonal(key: str, variances: Variances, n: int) -> FloatArray:
@@ -248,15 +230,6 @@ def _least(variances: Variances) -> float:
     """Return the least of the variances, NaN where one is not finite or there is none."""
     values = np.atleast_1d(np.asarray(variances, dtype=np.float64))
     return float(values.min()) if values.size and np.isfinite(values).all() else float("nan")
-
-
-def _sd(covariance: FloatArray) -> FloatArray:
-    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-
-
-# Variance of the noise of a measured output where the configuration has none: 0.01 (m/s)^2 in the thesis; of angles
-# and their rates (0.01 rad)^2, 0.6 degrees, so that attitude and vanes tell a slow fault of the airspeed from motion.
-NOISE, ANGULAR_NOISE = 0.01, 1e-4
 
 
 def identify_by_dmae(
@@ -308,29 +281,43 @@ def identify_by_dmae(
     value = np.full(len(window.live), np.nan)
     value[list(atoms)] = z
     output = model.outputs.index(run.channel)
+    if run.onset_s is None:
+        notes: tuple[str, ...] = (
+            f"the probability of a fault of '{run.channel}' never exceeds {float(run.probability.max()):.3g}",
+        )
+    else:
+        rest = course - theta[:, list(atoms)] @ z
+        share = 100.0 * (1.0 - float(rest @ rest) / float(course @ course))
+        notes = (
+            f"a fault of '{run.channel}' is more probable than not from {run.onset_s:.6g} s on, with a probability of "
+            f"{run.probability[-1]:.3g} at the end of the window",
+            f"the entries of the dictionary explain {share:.3g} % of the fault's estimated course; their magnitudes "
+            "have no intervals",
+        )
+    unknown, nan = np.full(value.size, np.nan), float("nan")
     error = [at_rate(run.innovation[:, hypothesis, output])[:, None] for hypothesis in (NO_FAULT, FAULT)]
     return MethodResult(
         atoms=atoms,
         magnitudes=MagnitudeEstimates(
             value=value,
-            variance=np.full(value.size, np.nan),
-            minimal_detectable=np.full(value.size, np.nan),
-            covariance=np.full((len(atoms), len(atoms)), np.nan),
-            degrees=float("nan"),
+            variance=unknown,
+            minimal_detectable=unknown,
+            covariance=np.full((len(atoms), len(atoms)), nan),
+            degrees=nan,
         ),
         error=error[NO_FAULT if run.onset_s is None else FAULT],
         plain_error=error[NO_FAULT],
         order=len(model.states),
         feedthrough=bool(np.any(model.D)),
-        condition_number=float("nan"),
+        condition_number=nan,
         solver=SolverSummary(
             method=config.method,
             termination="one pass of both filters over the samples",
             iterations=log.n_samples,
-            condition_number=float("nan"),
+            condition_number=nan,
         ),
         decision="no_fault" if run.onset_s is None else "fault",
-        notes=_about(run, course, course - theta[:, list(atoms)] @ z),
+        notes=notes,
     )
 
 
@@ -362,17 +349,3 @@ def _explained(course: FloatArray, theta: FloatArray, config: Config) -> tuple[t
         atoms, rest = [*atoms, best], left
     chosen = sorted(atoms)
     return tuple(chosen), fitted(chosen)[0]
-
-
-def _about(run: DmaeResult, course: FloatArray, rest: FloatArray) -> tuple[str, ...]:
-    """Return what is to be said of the hypotheses, and of how much of the course the dictionary explains."""
-    if run.onset_s is None:
-        highest = float(run.probability.max())
-        return (f"the probability of a fault of '{run.channel}' never exceeds {highest:.3g}",)
-    share = 100.0 * (1.0 - float(rest @ rest) / float(course @ course))
-    return (
-        f"a fault of '{run.channel}' is more probable than not from {run.onset_s:.6g} s on, with a probability of "
-        f"{run.probability[-1]:.3g} at the end of the window",
-        f"the entries of the dictionary explain {share:.3g} % of the fault's estimated course; their magnitudes have "
-        "no intervals",
-    )

@@ -1,9 +1,9 @@
-"""Magnitudes in SI units with variances that admit what a single model does not know about itself."""
+"""Magnitudes in SI units, whose variances include the spread between orders and rates of the model."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from ..faults import Decision
 from ..kernels.covariance import covariance, single_additions, unfold
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, silent
-from ..kernels.variable_projection import Fit
 from ..preprocessing.fault_free_model import detectable_at
 from ..preprocessing.regression import RegressionData
 from .result import SolverSummary
@@ -23,15 +22,15 @@ __all__ = ["MagnitudeEstimates", "MethodResult", "averaged_magnitudes", "magnitu
 FloatArray = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-# Orders whose criterion is further from the best weigh less than exp(-10) and are not worth their time.
-CLOSE = 20.0
-# Of the squared change between two rates, half is the variance of either.
-RATE_WEIGHT = 0.5
+CLOSE = 20.0  # orders whose criterion is further from the best weigh less than exp(-10) and are not worth their time
+RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the variance of either
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MagnitudeEstimates:
-    """Of every live atom in SI: the estimate if declared, else what adding it alone would give (NaN where not known).
+    """Magnitudes of all live atoms in SI: of a declared atom its estimate, of another that of the atom added alone.
+
+    They are NaN where the method does not estimate them.
 
     Attributes
     ----------
@@ -54,7 +53,7 @@ class MagnitudeEstimates:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MethodResult:
-    """What a method of identification finds, whatever its model is.
+    """The result of a method of identification, whatever its model is.
 
     Attributes
     ----------
@@ -98,15 +97,24 @@ def averaged_magnitudes(
     fits : of one support at every order.
     penalty : the criterion they are scored by.
     overdispersion : (n_live,) see `bfi_cli.preprocessing.overdispersion`.
-    report : told how far it is.
+    report : receives the progress.
     """
     criteria = np.array([scored.criterion for scored in fits])
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     best = int(np.argmin(criteria))
     keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
-    layers = {n: _at_order(regression, fits[n].fit, overdispersion) for n, _ in parts(report, keep)}
-    value, _, cov = layers[best]
-    spread = np.array([layers[n][1] + (layers[n][0] - value) ** 2 for n in keep])
+    values, variances, covariances = {}, {}, {}
+    for n, _ in parts(report, keep):
+        fit = fits[n].fit
+        unfolded, active = unfold(regression.layout, fit), list(fit.atoms)
+        single, scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
+        z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
+        z[active], variance[active] = fit.z, np.diag(scaled)
+        wider = np.sqrt(overdispersion[active]) * unit[active]
+        values[n], variances[n] = z * unit, variance * overdispersion * unit**2
+        covariances[n] = scaled * np.outer(wider, wider)
+    value, cov = values[best], covariances[best]
+    spread = np.array([variances[n] + (values[n] - value) ** 2 for n in keep])
     weight = weights[keep, None] * np.isfinite(spread)
     total = weight.sum(axis=0)
     variance = np.where(total > 0.0, np.nansum(weight * np.nan_to_num(spread), axis=0), np.nan)
@@ -131,7 +139,7 @@ def magnitudes_of_fit(regression: RegressionData, scored: ScoredFit, penalty: Pe
 def with_rate_spread(
     estimates: MagnitudeEstimates, coarse: MagnitudeEstimates, active: Sequence[int], penalty: Penalty
 ) -> MagnitudeEstimates:
-    """Return the magnitudes with what they change at half the rate, as far as sampling does not explain it.
+    """Return the magnitudes with the part of their change at half the rate that sampling does not explain.
 
     Parameters
     ----------
@@ -141,25 +149,9 @@ def with_rate_spread(
     excess = (coarse.value - estimates.value) ** 2 - np.maximum(estimates.variance, coarse.variance)
     variance = estimates.variance + RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
     wider = np.sqrt(variance / np.where(estimates.variance > 0, estimates.variance, 1.0))[list(active)]
-    return MagnitudeEstimates(
-        value=estimates.value,
+    return replace(
+        estimates,
         variance=variance,
         minimal_detectable=detectable_at(penalty) * np.sqrt(variance),
         covariance=estimates.covariance * np.outer(wider, wider),
-        degrees=estimates.degrees,
     )
-
-
-def _at_order(
-    regression: RegressionData, fit: Fit, overdispersion: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return magnitudes and variances of all atoms at one fit, and the covariance of its support, in SI."""
-    unfolded = unfold(regression.layout, fit)
-    single = single_additions(fit, unfolded)
-    scaled = covariance(fit, unfolded)
-    value, variance = single.magnitude.copy(), single.variance.copy()
-    active = list(fit.atoms)
-    value[active], variance[active] = fit.z, np.diag(scaled)
-    unit = regression.magnitude_unit
-    wider = np.sqrt(overdispersion[active]) * unit[active]
-    return value * unit, variance * overdispersion * unit**2, scaled * np.outer(wider, wider)

@@ -13,13 +13,13 @@ class Method:
 
     Attributes
     ----------
-    summary : in a few words, for the reader of a result.
-    function : "module:function" of this package, which takes a `PreparedWindow`, its `RegressionData`, the `Config`
-        and the `Progress` to tell, and returns a `MethodResult`; imported when it is used.
-    intervals : its standard deviations are meant to cover the truth.
-    several_outputs : it works on more than one output.
-    candidates : it says of every entry how large it might be, whether declared or not.
-    feedthrough : the inputs act in the same sample too, unless the configuration says otherwise.
+    summary : of the method in a few words, for the reader of a result.
+    function : "module:function" of this package, imported when it is used. It takes a `PreparedWindow`, its
+        `RegressionData`, the `Config` and a `Progress` to report to, and returns a `MethodResult`.
+    intervals : whether its intervals are meant to cover the true magnitude.
+    several_outputs : whether it works on more than one output.
+    candidates : whether it estimates the magnitude of every entry, declared or not.
+    feedthrough : whether the inputs act in the same sample too by default.
     needs : keys of the configuration without which it cannot work.
     """
 

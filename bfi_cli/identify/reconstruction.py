@@ -1,4 +1,4 @@
-"""The answer along time: signals, residuals, the plain 5-sigma test, and the comparison with an injected truth."""
+"""The result over time: signals, residuals, the plain 5-sigma test, and the comparison with injected faults."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ FloatArray = NDArray[np.float64]
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6
-MAX_LAGS = 40
+MAX_LAGS = 40  # of the autocorrelation: over more the Ljung-Box test loses power; chosen without tuning record
 
 
 def output_series(
-    window: PreparedWindow, found: MethodResult, true: Mapping[str, FloatArray]
+    window: PreparedWindow, outcome: MethodResult, true: Mapping[str, FloatArray]
 ) -> tuple[OutputSeries, ...]:
     """Return measured, corrected and predicted signals of every output, in SI.
 
@@ -36,13 +36,13 @@ def output_series(
     true : injected fault by output, see `true_faults`.
     """
     y = window.signals.y
-    atoms = list(found.atoms)
+    atoms = list(outcome.atoms)
     theta = window.signals.theta[:, :, [window.live[n] for n in atoms]]
-    fault = theta @ found.magnitudes.value[atoms]
-    variance = np.einsum("koi,ij,koj->ko", theta, found.magnitudes.covariance, theta)
+    fault = theta @ outcome.magnitudes.value[atoms]
+    variance = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
     spread = np.sqrt(np.maximum(variance, 0.0))
-    head = np.full((len(y) - len(found.error), y.shape[1]), np.nan)
-    error, plain = np.vstack([head, found.error]), np.vstack([head, found.plain_error])
+    head = np.full((len(y) - len(outcome.error), y.shape[1]), np.nan)
+    error, plain = np.vstack([head, outcome.error]), np.vstack([head, outcome.plain_error])
     return tuple(
         OutputSeries(
             channel=name,
@@ -60,21 +60,21 @@ def output_series(
     )
 
 
-def residual_summaries(window: PreparedWindow, found: MethodResult) -> tuple[ResidualSummary, ...]:
+def residual_summaries(window: PreparedWindow, outcome: MethodResult) -> tuple[ResidualSummary, ...]:
     """Return whiteness of the prediction error and the alarms of the plain 5-sigma test, per output."""
-    time_s = window.signals.time_s[len(window.signals.time_s) - len(found.error) :]
-    n_lags = max(1, min(MAX_LAGS, len(found.error) // 4))
+    time_s = window.signals.time_s[len(window.signals.time_s) - len(outcome.error) :]
+    n_lags = max(1, min(MAX_LAGS, len(outcome.error) // 4))
     return tuple(
         ResidualSummary(
             channel=name,
             lags=tuple(range(1, n_lags + 1)),
             autocorrelation=tuple(float(r) for r in autocorrelation(error, n_lags)),
             band=1.96 / float(np.sqrt(len(error))),
-            ljung_box_p=ljung_box(error, n_lags, found.order),
+            ljung_box_p=ljung_box(error, n_lags, outcome.order),
             plain_alarms_s=tuple(float(time_s[k]) for k in exceedances(plain)),
             plain_sd=robust_sd(plain),
         )
-        for name, error, plain in zip(window.outputs, found.error.T, found.plain_error.T, strict=True)
+        for name, error, plain in zip(window.outputs, outcome.error.T, outcome.plain_error.T, strict=True)
     )
 
 
@@ -90,12 +90,12 @@ def true_faults(window: PreparedWindow) -> dict[str, FloatArray]:
     return signals
 
 
-def against_truth(window: PreparedWindow, found: MethodResult, series: Sequence[OutputSeries]) -> AgainstTruth | None:
+def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequence[OutputSeries]) -> AgainstTruth | None:
     """Compare with the injected faults; None where the log has no truth."""
     truth = window.log.truth
     if truth is None:
         return None
-    declared = {window.names[window.live[n]]: float(found.magnitudes.value[n]) for n in found.atoms}
+    declared = {window.names[window.live[n]]: float(outcome.magnitudes.value[n]) for n in outcome.atoms}
     wanted: dict[int, float] = {}
     unknown: list[str] = []
     time_s, start_s = window.native.time_s, window.window_start_s
@@ -115,6 +115,13 @@ def against_truth(window: PreparedWindow, found: MethodResult, series: Sequence[
             unknown.append(name)
         else:
             wanted[entry] = wanted.get(entry, 0.0) + z
+    # Variance accounted for of the fault (thesis eq. 5-2), %; None where there is no fault in the window.
+    vaf_fault: dict[str, float | None] = {}
+    for output in series:
+        true, vaf = output.true_fault, None
+        if true is not None and np.any(true):
+            vaf = float(max(0.0, 100.0 * (1.0 - np.sum((true - output.fault) ** 2) / np.sum(true**2))))
+        vaf_fault[output.channel] = vaf
     injected = {window.names[j]: z for j, z in wanted.items() if z != 0.0}
     comparison = compare_faults(declared, injected, unknown=unknown)
     return AgainstTruth(
@@ -122,16 +129,8 @@ def against_truth(window: PreparedWindow, found: MethodResult, series: Sequence[
         false_alarms=comparison.false_alarms,
         missed=comparison.missed,
         magnitude_error=comparison.magnitude_error,
-        vaf_fault={output.channel: _vaf(output) for output in series},
+        vaf_fault=vaf_fault,
     )
-
-
-def _vaf(output: OutputSeries) -> float | None:
-    """Variance accounted for of the fault (thesis eq. 5-2), %; None where there is no fault in the window."""
-    if output.true_fault is None or not np.any(output.true_fault):
-        return None
-    missing = np.sum((output.true_fault - output.fault) ** 2) / np.sum(output.true_fault**2)
-    return float(max(0.0, 100.0 * (1.0 - missing)))
 
 
 def _entry_of(window: PreparedWindow, channel: str, signal: FloatArray) -> tuple[int | None, float]:

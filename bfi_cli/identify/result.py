@@ -1,4 +1,4 @@
-"""What an identification found: plain frozen data that renders to a table, JSON, CSV, figures and a report."""
+"""The result of an identification: frozen data, from which table, JSON, CSV, figures and report are made."""
 
 from __future__ import annotations
 
@@ -11,21 +11,14 @@ from numpy.typing import NDArray
 from ..faults import Decision, FaultEstimate
 from ..preprocessing.summary import LogSummary, ModelSummary
 
-__all__ = [
-    "AgainstTruth",
-    "Candidate",
-    "IdentifyResult",
-    "OutputSeries",
-    "ResidualSummary",
-    "SolverSummary",
-]
+__all__ = ["AgainstTruth", "Candidate", "IdentifyResult", "OutputSeries", "ResidualSummary", "SolverSummary"]
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One dictionary entry. `magnitude` is the estimate when active, else what it would be if it were added."""
+    """One entry of the dictionary; `magnitude` is that of the entry added alone unless the entry is active."""
 
     name: str
     channel: str
@@ -39,7 +32,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolverSummary:
-    """How the answer was computed: `method` is its name in the registry, `termination` a sentence."""
+    """How the result was computed: `method` is its name in the registry, `termination` a sentence."""
 
     method: str
     termination: str
@@ -90,7 +83,7 @@ class ResidualSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgainstTruth:
-    """Against the injected truth of the log: isolation, magnitude error, variance accounted for by the fault."""
+    """The result against the faults injected into the log: isolation, magnitude error, variance accounted for."""
 
     isolated: bool
     false_alarms: tuple[str, ...]
@@ -101,7 +94,7 @@ class AgainstTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IdentifyResult:
-    """The whole answer of `bfi identify`."""
+    """The whole result of `bfi identify`."""
 
     log: LogSummary
     decision: Decision

@@ -1,4 +1,4 @@
-"""What the reader must know beside the numbers: blindness, late onsets, slow shapes, jumps, how the rate was chosen."""
+"""Notes beside the numbers of a result: what this window cannot show, late onsets, slow shapes, jumps, the rate."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BLIND_NOTE = "only a fault larger than the output's whole movement would be seen
 
 
 def hidden_atoms(window: PreparedWindow, magnitudes: MagnitudeEstimates) -> tuple[bool, ...]:
-    """Say of each live atom whether only a fault far larger than the output's whole movement could be seen."""
+    """Say for each live atom whether only a fault far larger than the output's whole movement could be seen."""
     hidden = []
     for j, detectable in zip(window.live, magnitudes.minimal_detectable, strict=True):
         theta = np.abs(window.signals.theta[:, :, j])
@@ -42,20 +42,20 @@ def hidden_atoms(window: PreparedWindow, magnitudes: MagnitudeEstimates) -> tupl
 
 def warnings_of(
     window: PreparedWindow,
-    found: MethodResult,
+    outcome: MethodResult,
     series: Sequence[OutputSeries],
     residuals: Sequence[ResidualSummary],
     hidden: Sequence[bool],
 ) -> list[str]:
-    """Return the sentences that hold for any method, those on the declared faults first.
+    """Return the notes that every method gives, those on the declared faults first.
 
     Parameters
     ----------
     hidden : of each live atom, see `hidden_atoms`.
     """
     time_s, native = window.signals.time_s, window.native
-    first = len(time_s) - len(found.error)
-    declared = [window.live[n] for n in found.atoms]
+    first = len(time_s) - len(outcome.error)
+    declared = [window.live[n] for n in outcome.atoms]
     late = [window.names[j] for j in declared if np.sum(time_s >= window.faults[j].onset_s) < 2 * first]
     duration_s = len(native.time_s) / native.rate_hz
     slow = [
@@ -65,11 +65,11 @@ def warnings_of(
         or (fault.frequency_hz is not None and fault.frequency_hz * duration_s < SLOW_CYCLES)
     ]
     unseen = [window.names[j] for j, is_hidden in zip(window.live, hidden, strict=True) if is_hidden]
-    said = []
+    notes = []
     if late:
-        said.append(f"{_named(late)}: fewer than {2 * first} samples after its onset; choose a window that ends later")
+        notes.append(f"{_named(late)}: fewer than {2 * first} samples after its onset; choose a window that ends later")
     if slow:
-        said.append(
+        notes.append(
             f"{_named(slow)}: a change of thrust, configuration or wind that is not among the inputs can look like a "
             "slow fault; add inputs that explain it (--input)"
         )
@@ -78,26 +78,27 @@ def warnings_of(
         jumps_s = time_s[first:][exceedances(error)]
         if 0 < jumps_s.size <= max(1.0, RARE * len(error)):
             shown = ", ".join(f"{t:.4g}" for t in jumps_s[:MOST_NAMED])
-            said.append(
-                f"the prediction error of '{output.channel}' still exceeds five standard deviations {jumps_s.size} "
-                f"times (first at {shown} s): something abrupt there that the dictionary does not hold, or gusts"
+            count = "once (at" if jumps_s.size == 1 else f"{jumps_s.size} times (first at"
+            notes.append(
+                f"the prediction error of '{output.channel}' still exceeds five standard deviations {count} "
+                f"{shown} s): an abrupt event that is not in the dictionary, or gusts"
             )
-    said.append(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}")
+    notes.append(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}")
     if unseen:
-        said.append(f"{_named(unseen)}: {BLIND_NOTE}")
-    said += [reason for _, reason in sorted(window.reasons.items())]
-    if found.condition_number > ILL_CONDITIONED:
-        said.append(
-            f"the regressors are nearly dependent (condition number {found.condition_number:.1e}): little excitation, "
-            "or a rate far above the dynamics"
+        notes.append(f"{_named(unseen)}: {BLIND_NOTE}")
+    notes += [reason for _, reason in sorted(window.reasons.items())]
+    if outcome.condition_number > ILL_CONDITIONED:
+        notes.append(
+            f"the regressors are nearly dependent (condition number {outcome.condition_number:.1e}): the inputs hardly "
+            "move, or the rate is far above the dynamics"
         )
-    said += [
+    notes += [
         f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): "
         "the intervals may be too narrow"
         for each in residuals
-        if each.ljung_box_p < WHITE_P and np.isfinite(found.magnitudes.degrees)
+        if each.ljung_box_p < WHITE_P and np.isfinite(outcome.magnitudes.degrees)
     ]
-    return said
+    return notes
 
 
 def _named(names: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""How alike and how visible the signatures of a dictionary are."""
+"""Coherence, linear dependence and detectability of the signatures of a dictionary."""
 
 from __future__ import annotations
 
@@ -117,7 +117,8 @@ def detectable_deviations(n_candidates: int, *, charge: float, false_alarm: floa
     Parameters
     ----------
     n_candidates : signals that share the false-alarm rate, two-sided.
-    charge : what a criterion on the scale of twice the log-likelihood asks of one more signal; 0 for none.
+    charge : penalty of the selection criterion for one more signal, on the scale of twice the log-likelihood; 0 for
+        none.
     """
     tail = -float(special.ndtri(false_alarm / (2.0 * max(n_candidates, 1))))
     return max(tail, float(np.sqrt(max(charge, 0.0)))) + float(special.ndtri(power))

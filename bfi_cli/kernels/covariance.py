@@ -1,4 +1,4 @@
-"""How sure the magnitudes are: a fit evaluated row by row, and a covariance that admits serial correlation."""
+"""The covariance of the magnitudes, with serially correlated errors admitted, from a fit evaluated row by row."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .coherence import whiten
 from .lagged import lagged
 from .variable_projection import Fit
 
-# An atom of which the regressors leave less than this share of its power is not seen: what is left is round-off.
+# An atom whose power the regressors absorb but for less than this share is not seen: the rest is round-off.
 BLIND = 1e-10
 # Smallest singular value of the scaled regressors, relative to the largest, that is not round-off.
 RANK_TOLERANCE = 1e-12
@@ -19,12 +19,12 @@ RANK_TOLERANCE = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Layout:
-    """A record as a fit sees it.
+    """A record, and the samples at which the rows of a regression begin.
 
     Attributes
     ----------
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms), all scaled.
-    first : sample of the first row (the largest order of the study).
+    first : sample of the first row, the largest of the orders that are compared.
     feedthrough : inputs act in the same sample too.
     """
 
@@ -42,7 +42,7 @@ class FitRows:
     Attributes
     ----------
     error : (n_rows, n_outputs) prediction error.
-    signatures : (n_rows, n_outputs, n_atoms) filtered signatures of all atoms off the regressors.
+    signatures : (n_rows, n_outputs, n_atoms) filtered signatures of all atoms, orthogonal to the regressors.
     raw_norm : (n_atoms,) their norms before the projection.
     coefficients : (n_regressors, n_outputs) of [1, u lags, corrected y lags].
     condition_number : of the regressors, columns scaled.
@@ -59,7 +59,7 @@ class FitRows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SingleAdditions:
-    """What adding one atom to the support would give, linearised at the fit: NaN where the data cannot see it."""
+    """Magnitude and variance of each atom if it alone joined the support, linearised at the fit; NaN where unseen."""
 
     magnitude: FloatArray
     variance: FloatArray
@@ -137,6 +137,6 @@ def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
 
 
 def _small_sample_factor(fit: Fit, unfolded: FitRows) -> float:
-    """Return rows over degrees of freedom: the fit's covariance divides by the rows alone."""
+    """Return the number of rows over the degrees of freedom; the covariance of the fit divides by the rows alone."""
     rows, n_y = unfolded.error.shape
     return float(rows / max(rows - unfolded.n_regressors - len(fit.atoms) / n_y, 1.0))

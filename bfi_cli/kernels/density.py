@@ -14,9 +14,9 @@ import numpy as np
 
 from . import FloatArray
 
-# Samples that a bandwidth can be told from.
+# Fewest samples from which a bandwidth is estimated.
 FEWEST = 3
-# Distances between points and kernels that are in memory at a time: half a megabyte, which stays in the cache.
+# Distances between points and kernels that are held at a time: half a megabyte, which stays in the cache.
 BLOCK = 1 << 16
 # Sums of exponentials this far from overflow and underflow need no scaling by the largest.
 SMALL = 1e-250
@@ -135,7 +135,7 @@ def _density(samples: FloatArray, bandwidths: FloatArray, *, pilot_bandwidth: fl
 
 
 def _left_out(samples: FloatArray, bandwidths: FloatArray) -> float:
-    """Sum of the logarithms of (25), without the terms that no bandwidth changes."""
+    """Return the sum of the logarithms of (25), without the terms that do not depend on the bandwidths."""
     total = 0.0
     for rows in _blocks(samples.size, samples.size):
         off = (samples[rows, None] - samples) / bandwidths
@@ -146,7 +146,7 @@ def _left_out(samples: FloatArray, bandwidths: FloatArray) -> float:
 
 
 def _log_sum_exp(exponents: FloatArray) -> FloatArray:
-    """Row by row; the largest is taken out only where all others would vanish beside 1, which is rare and slow."""
+    """Return the logarithm of the sum of exponentials of each row, scaled by the largest only where that is needed."""
     total = np.sum(np.exp(exponents), axis=1)
     far = ~((total > SMALL) & (total < 1.0 / SMALL))
     total[far] = 1.0
@@ -158,6 +158,6 @@ def _log_sum_exp(exponents: FloatArray) -> FloatArray:
 
 
 def _blocks(n_points: int, n_kernels: int) -> Iterator[slice]:
-    """Ranges of points whose distances to all kernels fit into the cache."""
+    """Yield ranges of points whose distances to all kernels fit into the cache."""
     size = max(1, BLOCK // n_kernels)
     yield from (slice(start, start + size) for start in range(0, n_points, size))

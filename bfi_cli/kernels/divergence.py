@@ -1,19 +1,35 @@
-"""The Jensen-Shannon divergence of two densities, in bits: 0 where they are one, 1 where nothing is common to both.
+"""How far a fault separates the prediction errors of a record from those without it: a divergence, in bits.
 
-With the factors 1/2 of (15) in both terms and logarithms to base 2, which the range (0, 1) of its source asks for;
+The Jensen-Shannon divergence of two densities is 0 bits where they are one and 1 bit where nothing is common to both.
+It has the factors 1/2 of (15) in both terms and logarithms to base 2, which the range (0, 1) of its source asks for;
 (17) as printed lacks the halves and estimates twice the divergence. Source: see `density`.
+
+The paper on diagnosability (see `density`) compares the densities of single residuals, as if a fault moved all of
+them alike; `sample_bits` is that index. But a bias, for instance, leaves one large prediction error and then next to
+none, and among all samples of a window the large one hardly counts.
+
+All that a window tells of a fault is in one number, the prediction error along the fault's filtered signature: along
+every direction orthogonal to it the density is the same with the fault and without. White errors have the same density
+along any direction of norm 1, so that each of them is a sample of it. A fault of magnitude z shifts that number by z
+over the standard deviation of the magnitude. `window_bits` compares the density without the fault with that of a fault
+whose magnitude is normally distributed with a given root mean square; a fixed magnitude would give 1 bit to the last
+digit as soon as it is easily seen. The divergence is then how much of the 1 bit, whether the fault is there or not,
+the window tells.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy import special
 
 from . import FloatArray
-from .density import Density, draw, log_density
+from .density import Density, convolve, draw, kernel_density, log_density
 
 # Bandwidths from its centre at which a kernel ends: beyond, 2e-19 of it.
 REACH = 9.0
-# Bandwidths that a kernel's centre or end must lie off the last edge to make one.
+# Bandwidths that a kernel's centre or end must lie from the last edge to become an edge itself.
 CLOSE = 2.0
 # Error of the whole integral that the panels share equally, and bisections of a panel at most.
 TOLERANCE = 1e-8
@@ -33,6 +49,14 @@ GAUSS = (
     0.417959183673469387755102040816327, 0.0, 0.381830050505118944950369775488975, 0.0,
     0.279705391489276667901467771423780, 0.0, 0.129484966168869693270611432679082, 0.0,
 )  # fmt: skip
+# Kernels of a density: more samples are thinned to so many evenly spaced order statistics, since the quadrature costs
+# the square of their number. Chosen without tuning record; fewer would thin the tails.
+MOST_SAMPLES = 512
+# Sizes of the fault in deviations: from 0.03, where next to nothing is seen of it, to three million, powers of ten.
+DECADES = (-1.5, 6.5)
+PER_DECADE = 3
+# Bits nearer to 0 or 1 are the quadrature's error.
+ACCURACY = 1e-9
 
 
 def jensen_shannon_quadrature(p: Density, q: Density) -> float:
@@ -51,17 +75,22 @@ def jensen_shannon_quadrature(p: Density, q: Density) -> float:
             kept.append(point)
     edges = np.array(kept)
     left, right = edges[:-1], edges[1:]
+    nodes = np.concatenate([-np.array(NODES[:0:-1]), NODES])
+    kronrod, gauss = (np.concatenate([w[:0:-1], w]) for w in (KRONROD, GAUSS))
     total = 0.0
-    for _ in range(ROUNDS):
-        value, error = _panels(p, q, left, right)
-        rough = error > TOLERANCE / edges.size
-        total += float(np.sum(value[~rough]))
+    for bisections_left in range(ROUNDS, -1, -1):
+        # The integral of (15) over each panel in nats, and its difference from the rule of seven nodes.
+        half = 0.5 * (right - left)
+        points = 0.5 * (left + right)[:, None] + half[:, None] * nodes
+        log_p, log_q = log_density(p, points), log_density(q, points)
+        log_mean = np.logaddexp(log_p, log_q) - np.log(2.0)
+        height = 0.5 * (np.exp(log_p) * (log_p - log_mean) + np.exp(log_q) * (log_q - log_mean))
+        rough = (half * np.abs(height @ (kronrod - gauss)) > TOLERANCE / edges.size) & (bisections_left > 0)
+        total += float(np.sum((half * (height @ kronrod))[~rough]))
         if not np.any(rough):
             break
         middle = 0.5 * (left[rough] + right[rough])
         left, right = np.concatenate([left[rough], middle]), np.concatenate([middle, right[rough]])
-    else:
-        total += float(np.sum(_panels(p, q, left, right)[0]))
     return float(np.clip(total / np.log(2.0), 0.0, 1.0))
 
 
@@ -92,13 +121,78 @@ def jensen_shannon_montecarlo(p: Density, q: Density, n: int, *, rng: np.random.
     return value, float(np.sqrt(variance))
 
 
-def _panels(p: Density, q: Density, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The integral of (15) over each panel, natural logarithm, and how far seven nodes are from it."""
-    nodes = np.concatenate([-np.array(NODES[:0:-1]), NODES])
-    kronrod, gauss = (np.concatenate([w[:0:-1], w]) for w in (KRONROD, GAUSS))
-    half = 0.5 * (right - left)
-    points = 0.5 * (left + right)[:, None] + half[:, None] * nodes
-    log_p, log_q = log_density(p, points), log_density(q, points)
-    log_mean = np.logaddexp(log_p, log_q) - np.log(2.0)
-    height = 0.5 * (np.exp(log_p) * (log_p - log_mean) + np.exp(log_q) * (log_q - log_mean))
-    return half * (height @ kronrod), half * np.abs(height @ (kronrod - gauss))
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Distinguishability:
+    """The information of a window on a fault, against the fault's size.
+
+    Attributes
+    ----------
+    errors : density of the standardised prediction errors.
+    deviations : (n,) root mean square of the magnitude in units of its standard deviation, ascending.
+    bits : (n,) Jensen-Shannon divergence, ascending from 0 to 1.
+    """
+
+    errors: Density
+    deviations: FloatArray
+    bits: FloatArray
+
+
+def distinguishability(errors: FloatArray) -> Distinguishability:
+    """Return the information of a window as a function of the size of a fault.
+
+    Parameters
+    ----------
+    errors : prediction errors of the record without the fault, whitened between outputs, any shape and scale; where
+        they are all alike (no noise) a Gaussian density is used.
+    """
+    errors = np.asarray(errors, dtype=np.float64).reshape(-1)
+    spread = float(np.sqrt(np.mean(errors**2)))
+    density = _density(errors / spread if spread > 0.0 else errors)
+    density = density or Density(samples=np.zeros(1), bandwidths=np.ones(1), pilot_bandwidth=1.0, exponent=0.0)
+    low, high = DECADES
+    deviations = np.logspace(low, high, round((high - low) * PER_DECADE) + 1)
+    bits = [jensen_shannon_quadrature(density, convolve(density, float(d))) for d in deviations]
+    return Distinguishability(errors=density, deviations=deviations, bits=np.maximum.accumulate(bits))
+
+
+def window_bits(known: Distinguishability, deviations: FloatArray) -> FloatArray:
+    """Return the information at an array of sizes, 0 below the tabulated range and for NaN, 1 above it.
+
+    Monotone cubic interpolation of the logarithmic odds over the logarithm of the size, to about 1e-3 of the value.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    inside = (known.bits > ACCURACY) & (known.bits < 1.0 - ACCURACY)
+    at = np.nan_to_num(np.asarray(deviations, dtype=np.float64), nan=0.0, posinf=np.inf)
+    sizes = known.deviations[inside]
+    curve = PchipInterpolator(np.log(sizes), special.logit(known.bits[inside]))
+    bits = special.expit(curve(np.log(np.clip(at, sizes[0], sizes[-1]))))
+    return np.where(at < sizes[0], 0.0, np.where(at > sizes[-1], 1.0, bits))
+
+
+def sample_bits(errors: FloatArray, traces: FloatArray) -> FloatArray:
+    """Return the divergence of single prediction errors with a fault from those without, as the paper compares them.
+
+    Parameters
+    ----------
+    errors : (n_rows,) of one output without the fault.
+    traces : (n_rows, n_faults) what each fault adds to them, NaN at samples outside it.
+
+    Returns
+    -------
+    (n_faults,), NaN where the fault shows in fewer than three samples, or the errors are all alike.
+    """
+    without = _density(errors)
+    present = [_density((errors + trace)[np.isfinite(trace)]) for trace in traces.T]
+    bits = [jensen_shannon_quadrature(without, faulty) if without and faulty else np.nan for faulty in present]
+    return np.array(bits, dtype=np.float64)
+
+
+def _density(samples: FloatArray) -> Density | None:
+    """Return the density of the samples, thinned where they are many; None where they have none."""
+    if samples.size > MOST_SAMPLES:
+        samples = np.sort(samples)[np.linspace(0, samples.size - 1, MOST_SAMPLES).round().astype(int)]
+    try:
+        return kernel_density(samples)
+    except ValueError:
+        return None

@@ -1,8 +1,8 @@
-"""Thresholds of the largest of many deviates: what white noise gives, and what healthy data show beyond it.
+"""Thresholds for the largest of many deviates: that of white noise, and that of the heavier tail of healthy data.
 
 Gusts come in patches, so that amplitudes fall off exponentially, not as a normal density does (the exceedance model of
-gust statistics). The tail is fitted to the maxima of blocks of healthy data; how well few of them tell it is part of
-the threshold.
+gust statistics). The tail is fitted to the maxima of blocks of healthy data; the threshold includes the uncertainty of
+a tail that few blocks tell (docs/theory.md, 11.3).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ExponentialTail:
     Attributes
     ----------
     start : the median of the block maxima.
-    excess : mean of what lies above it, less it; that of white noise counts as `WHITE_WEIGHT` observed ones.
+    excess : mean excess of the maxima above the median, of which that of white noise counts as `WHITE_WEIGHT`.
     weight : number of excesses in that mean.
     """
 
@@ -40,7 +40,7 @@ class ExponentialTail:
     def level(self, n_blocks: float, false_alarm: float) -> float:
         """Return what the largest of `n_blocks` blocks exceeds with probability `false_alarm`.
 
-        The mean excess being estimated from few, the next excess is Pareto, not exponentially, distributed.
+        With a mean excess that is estimated from few values, the next excess is Pareto, not exponentially, distributed.
         """
         odds = max(0.5 * n_blocks / false_alarm, 1.0)
         return self.start + self.weight * self.excess * float(np.expm1(np.log(odds) / self.weight))
@@ -55,7 +55,7 @@ def white_level(n_tests: float, false_alarm: float) -> float:
 
 
 def white_excess(n_tests: float) -> float:
-    """Return by how much the largest of `n_tests` absolute normal deviates exceeds its median, in the mean where so."""
+    """Return the mean excess of the largest of `n_tests` absolute normal deviates over its median, where it has one."""
     upper = (np.arange(QUANTILES) + 0.5) / (2 * QUANTILES) + 0.5
     largest = special.ndtri(0.5 * (1.0 + np.append(0.5, upper) ** (1.0 / n_tests)))
     return float(np.mean(largest[1:]) - largest[0])

@@ -1,12 +1,19 @@
-"""The Kalman filter of a linear time-invariant system, with the likelihood of every sample.
+"""The Kalman filter of a linear time-invariant system, and several of them weighed by Bayes.
 
 The system is x(k+1) = A x(k) + B u(k) + w(k), y(k) = C x(k) + D u(k) + v(k), w and v white with covariances Q and R.
 The Joseph form of the update keeps the covariance positive for any gain.
+
+Probabilities of models live in logarithms: an innovation of a thousand standard deviations costs a log-likelihood of
+-5e5, far beyond what a product of densities survives. Two filters make the double-model adaptive estimator, algorithm 1
+of the thesis (Lu et al. 2015, 2016): one without a fault, one with the fault as a further state, and after every sample
+the less probable of the two restarts from the other.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from math import log, pi
 
 import numpy as np
@@ -14,8 +21,11 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 
-# An eigenvalue of Q below zero by less than this share of its largest entry is round-off.
+# An eigenvalue of Q below zero by less than this share of its largest entry is round-off: 1e4 times the precision of a
+# double.
 NEGATIVE = 1e-12
+# The two filters of the double model.
+NO_FAULT, FAULT = 0, 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,6 +80,11 @@ class FilterStep:
     log_likelihood: float
 
 
+Systems = tuple[StateSpace, ...]
+Estimates = tuple[Gaussian, ...]
+Exchange = Callable[[Systems, tuple[FilterStep, ...], int], tuple[Systems, Estimates]]
+
+
 def predict(posterior: Gaussian, system: StateSpace, *, u: FloatArray) -> Gaussian:
     """Return the estimate of the next state, `u` (n_u,) being the input of the present sample."""
     A = system.A
@@ -81,7 +96,7 @@ def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray)
 
     Raises
     ------
-    ValueError : the covariance of the innovation is not positive definite (the prior's is none, or not finite).
+    ValueError : the covariance of the innovation is not positive definite, since that of the prior is no covariance.
     """
     C, P = system.C, prior.covariance
     innovation = y - C @ prior.mean - system.D @ u
@@ -100,6 +115,226 @@ def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray)
         innovation_covariance=S,
         log_likelihood=-0.5 * (len(y) * log(2.0 * pi) + log_det + float(white @ white)),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FilterRun:
+    """A filter over a record, row k after sample k.
+
+    Attributes
+    ----------
+    mean, covariance : (n_samples, n_x) and (n_samples, n_x, n_x), estimates that know y(0) to y(k).
+    innovation, innovation_covariance : (n_samples, n_y) and (n_samples, n_y, n_y), y(k) minus its prediction.
+    log_likelihood : (n_samples,), of y(k) given what came before.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    innovation: FloatArray
+    innovation_covariance: FloatArray
+    log_likelihood: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BankRun:
+    """A bank of filters over a record: every filter's own run, and (n_samples, n_filters) probabilities."""
+
+    filters: tuple[FilterRun, ...]
+    probability: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reset:
+    """Value and variance that the fault is given when the filter with the fault restarts."""
+
+    value: float = 1e-3
+    variance: float = 100.0
+
+
+def update_probabilities(log_probability: FloatArray, log_likelihood: FloatArray, *, floor: float = 0.0) -> FloatArray:
+    """Return log-probabilities after a sample, by Bayes.
+
+    Parameters
+    ----------
+    log_probability, log_likelihood : (n_models,); any finite log-likelihood will do.
+    floor : probabilities are raised to it and all divided by their sum, so that no model is given up for good.
+    """
+    joint = log_probability + log_likelihood
+    log_p = joint - joint.max()
+    log_p -= np.log(np.exp(log_p).sum())
+    if floor > 0.0:
+        log_p = np.maximum(log_p, np.log(floor))
+        log_p -= np.log(np.exp(log_p).sum())
+    return np.asarray(log_p)
+
+
+def filter_bank(
+    systems: Systems,
+    y: FloatArray,
+    u: FloatArray,
+    *,
+    initial: Estimates,
+    probability: Sequence[float],
+    floor: float = 0.001,
+    exchange: Exchange | None = None,
+) -> BankRun:
+    """Run filters on the same record and weigh them.
+
+    Parameters
+    ----------
+    systems : one per filter, of the same outputs and inputs.
+    y, u : (n_samples, n_y) and (n_samples, n_u).
+    initial : per filter, of the state at sample 0, before y(0).
+    probability : (n_filters,), before y(0), positive.
+    floor : see `update_probabilities`.
+    exchange : from the systems, their steps and the index of the most probable one to the systems and the estimates
+        the next sample starts from; by default the filters know nothing of each other.
+    """
+    log_p = np.log(np.asarray(probability, dtype=np.float64))
+    priors, steps, history = initial, [], []
+    for y_k, u_k in zip(y, u, strict=True):
+        now = tuple(update(prior, system, y=y_k, u=u_k) for prior, system in zip(priors, systems, strict=True))
+        log_p = update_probabilities(log_p, np.array([step.log_likelihood for step in now]), floor=floor)
+        steps.append(now)
+        history.append(log_p)
+        posteriors = tuple(step.estimate for step in now)
+        if exchange is not None:
+            systems, posteriors = exchange(systems, now, int(np.argmax(log_p)))
+        priors = tuple(predict(p, system, u=u_k) for p, system in zip(posteriors, systems, strict=True))
+    runs = (
+        FilterRun(
+            mean=np.array([step.estimate.mean for step in of_filter]),
+            covariance=np.array([step.estimate.covariance for step in of_filter]),
+            innovation=np.array([step.innovation for step in of_filter]),
+            innovation_covariance=np.array([step.innovation_covariance for step in of_filter]),
+            log_likelihood=np.array([step.log_likelihood for step in of_filter]),
+        )
+        for of_filter in zip(*steps, strict=True)
+    )
+    return BankRun(filters=tuple(runs), probability=np.exp(np.array(history)))
+
+
+def mixture(mean: FloatArray, covariance: FloatArray, probability: FloatArray) -> Gaussian:
+    """Return mean and covariance of a mixture, sample by sample.
+
+    Parameters
+    ----------
+    mean, covariance, probability : (n_samples, n_models, n), (n_samples, n_models, n, n), (n_samples, n_models).
+    """
+    centre = np.einsum("km,kmi->ki", probability, mean)
+    off = mean - centre[:, None]
+    spread = covariance + off[..., :, None] * off[..., None, :]
+    return Gaussian(mean=centre, covariance=np.einsum("km,kmij->kij", probability, spread))
+
+
+def augment(system: StateSpace, channel: int, *, fault_variance: float = 0.0) -> StateSpace:
+    """Return `system` with a last state, the additive fault of output `channel`.
+
+    The fault is a random walk whose steps have the variance `fault_variance`, a constant where that is 0.
+    """
+    n_u, n_y = system.B.shape[1], len(system.C)
+    return replace(
+        system,
+        A=_bordered(system.A, 1.0),
+        B=np.vstack([system.B, np.zeros((1, n_u))]),
+        C=np.hstack([system.C, np.eye(n_y)[:, [channel]]]),
+        Q=_bordered(system.Q, fault_variance),
+    )
+
+
+def restart(state: Gaussian, reset: Reset) -> Gaussian:
+    """Return the estimate of state and fault that takes over `state` and the fault of `reset`, uncorrelated."""
+    return Gaussian(mean=np.append(state.mean, reset.value), covariance=_bordered(state.covariance, reset.variance))
+
+
+class SelectiveReinitialisation:
+    """The exchange of the double model: the less probable filter restarts from the more probable one.
+
+    Parameters
+    ----------
+    reset : of the fault, when the filter without it wins.
+    channel : the faulty output.
+    window : number of samples over which the process noise of the fault is adapted: the excess of the mean squared
+        innovation of `channel` over its expected variance is attributed to the fault. None for no adaptation.
+    """
+
+    def __init__(self, reset: Reset, *, channel: int, window: int | None = None) -> None:
+        self.reset = reset
+        self.channel = channel
+        self.squares: deque[float] = deque(maxlen=window or 0)
+        self.excess = 0.0
+
+    def __call__(self, systems: Systems, steps: tuple[FilterStep, ...], winner: int) -> tuple[Systems, Estimates]:
+        """Return what the next sample starts from; `winner` is `NO_FAULT` or `FAULT`."""
+        free, faulty = (step.estimate for step in steps)
+        if self.squares.maxlen:
+            c, system, step = self.channel, systems[FAULT], steps[FAULT]
+            self.squares.append(float(step.innovation[c]) ** 2)
+            expected = float(step.innovation_covariance[c, c]) - self.excess
+            least = max(0.0, float(system.Q[-1, -1]) - self.excess)
+            self.excess = max(0.0, float(np.mean(self.squares)) - expected)
+            systems = systems[NO_FAULT], replace(system, Q=_bordered(system.Q[:-1, :-1], least + self.excess))
+        if winner == NO_FAULT:
+            return systems, (free, restart(free, self.reset))
+        return systems, (Gaussian(mean=faulty.mean[:-1], covariance=faulty.covariance[:-1, :-1]), faulty)
+
+
+def double_model(
+    system: StateSpace,
+    y: FloatArray,
+    u: FloatArray,
+    *,
+    channel: int,
+    initial: Gaussian,
+    prior_fault: float = 0.05,
+    floor: float = 0.001,
+    reset: Reset | None = None,
+    fault_variance: float = 0.0,
+    window: int | None = None,
+) -> BankRun:
+    """Run the double-model adaptive estimator for a fault of one output (algorithm 1 of the thesis).
+
+    Parameters
+    ----------
+    system : without a fault.
+    y, u : (n_samples, n_y) and (n_samples, n_u).
+    channel : the output that may be faulty.
+    initial : of the state at sample 0, before y(0).
+    prior_fault : probability of a fault before y(0).
+    floor : of both probabilities.
+    reset, window : see `SelectiveReinitialisation`; the fault also starts from `reset`.
+    fault_variance : process noise of the fault per step, its least value with a `window`.
+
+    Returns
+    -------
+    BankRun with the filters `NO_FAULT` and `FAULT`; the last state of the latter is the fault.
+    """
+    reset = reset or Reset()
+    return filter_bank(
+        (system, augment(system, channel, fault_variance=fault_variance)),
+        y,
+        u,
+        initial=(initial, restart(initial, reset)),
+        probability=(1.0 - prior_fault, prior_fault),
+        floor=floor,
+        exchange=SelectiveReinitialisation(reset, channel=channel, window=window),
+    )
+
+
+def state_and_fault(run: BankRun) -> Gaussian:
+    """Return state and fault of a double model, the mixture of both hypotheses; the fault is 0 in that without one."""
+    free, faulty = run.filters[NO_FAULT], run.filters[FAULT]
+    mean = np.stack([np.pad(free.mean, ((0, 0), (0, 1))), faulty.mean], axis=1)
+    covariance = np.stack([np.pad(free.covariance, ((0, 0), (0, 1), (0, 1))), faulty.covariance], axis=1)
+    return mixture(mean, covariance, run.probability)
+
+
+def _bordered(M: FloatArray, corner: float) -> FloatArray:
+    """Return `M` with one more row and column, zero but for the corner."""
+    bordered = np.zeros((len(M) + 1, len(M) + 1))
+    bordered[:-1, :-1] = M
+    bordered[-1, -1] = corner
+    return bordered
 
 
 def _smallest_eigenvalue(M: FloatArray) -> float:

@@ -148,7 +148,7 @@ def compress(
     order : largest lag s, at least 1.
     feedthrough : inputs act in the same sample too.
     block_rows : lagged rows formed at a time.
-    report : told how far it is.
+    report : called with the fraction that is done.
 
     Raises
     ------

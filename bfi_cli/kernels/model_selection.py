@@ -105,7 +105,7 @@ def search_orders(
     candidates : live atoms.
     penalty : the criterion.
     max_active : largest support; None for all candidates.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     limit = len(candidates) if max_active is None else min(max_active, len(candidates))
     exploring, comparing = shares(report, 3, 1)

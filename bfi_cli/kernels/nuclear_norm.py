@@ -92,11 +92,7 @@ def nuclear_least_squares(
                 factor = 1.0 / RESCALE
             rho, price = rho * factor, price / factor
     return NuclearSolution(
-        X=X,
-        misfit=float(np.linalg.norm(y - np.tensordot(A, X))),
-        gap=gap,
-        iterations=count,
-        termination=termination,
+        X=X, misfit=float(np.linalg.norm(y - np.tensordot(A, X))), gap=gap, iterations=count, termination=termination
     )
 
 

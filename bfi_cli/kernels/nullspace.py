@@ -1,8 +1,8 @@
 """Null-space detector: the right null space of the past data matrix, applied to each output (paper H, eq. 17 to 30).
 
-For a linear system y(i) = Omega z(i) with z(i) = [y(i-1); u(i-1); u(i)], whatever Omega is. A window of h columns gives
-Y = Omega Z, so Y N = 0 for the right null space N of Z: no model is identified. A failure of sensor k breaks that in
-row k alone at the sample where it begins.
+A linear system whose outputs hold all states obeys y(i) = Omega z(i) with z(i) = [y(i-1); u(i-1); u(i)]. A window of h
+columns gives Y = Omega Z, hence Y N = 0 for the right null space N of Z, whatever Omega is: no model is identified. A
+failure of sensor k breaks this in row k alone, at the sample where it begins.
 
 The criterion of row k is the distance of Y(k) from the row space of Z, so a triangular factor of [Z' Y'] holds all of
 it. `SlidingWindow` keeps factors of the last h samples as a queue made of two stacks: every factor is made by adding
@@ -95,8 +95,8 @@ def criteria(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float 
     ValueError : shapes disagree, the record has a single sample or a value is not finite.
     """
     y, u = _checked(y, u, width)
-    # Columns that span the rest, one at least: none that stays zero, none that is a multiple of another. Surfaces that
-    # move together are logged one by one; their columns change no distance and cost as much as others do.
+    # Columns that stay zero or are a multiple of another one are left out, but for one column at least: surfaces that
+    # move together are logged one by one, and their columns change no distance but cost as much as others.
     Z = np.hstack([y[:-1], u[:-1], u[1:]])
     size = np.abs(Z).max(axis=0)
     moving = np.flatnonzero(size > 0.0)
@@ -131,8 +131,8 @@ class SlidingWindow:
     """The last `width` rows appended, condensed to about twice as many rows as there are columns.
 
     Rows enter a running triangular factor, a block at a time. When the window has moved on by its width, the rows in
-    it are factorised once from the newest block back to the oldest and each partial factor is kept: dropping the oldest
-    block is then taking the partial factor before. What stands between blocks is kept as it is.
+    it are factorised once from the newest block back to the oldest and each partial factor is kept: to drop the oldest
+    block is then to take the partial factor without it. Rows that fill no block are kept as they are.
     """
 
     def __init__(self, n_columns: int, width: int) -> None:

@@ -5,10 +5,10 @@ record have a left null space; its basis with the identity on y(i) is [I, -Theta
 y(i) - Theta' x(i) is a prediction error. Where noise is measured and motion slow, the past itself has a left null
 space: only the components of the stacked past outputs that stand out of the noise enter x (`past_basis`).
 
-Theta is estimated on the rows before (`recursion`); the residuals are independent and of equal covariance as long as
-the record is healthy. A sensor that goes wrong by a step adds a known pattern to them; by how much the chi-square drops
-when the step is admitted, channel by channel, says where it is. What the record was filtered with smears the step's
-first row, which therefore has a height of its own.
+Theta is estimated on the rows before (`recursive_least_squares`); the residuals are independent and of equal covariance
+as long as the record is healthy. A step failure of a sensor adds a known pattern to them. The failure is in the channel
+whose step, once admitted, lowers the chi-square most. The filter of the record smears the first row of the step, which
+therefore has a height of its own.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from .recursive_least_squares import RecursiveResiduals, running_covariances
 
 # Motion or power below this share of the largest is round-off.
 FLOOR = 1e-12
-# A step after its first row is not told from that row where less than this share of its power is at right angles to it.
+# The height after the first row is not estimated where less than this share of its pattern's power is orthogonal to the
+# pattern of the first row.
 DEPENDENT = 1e-6
 # Heights that a step has: that of its first row, smeared by the filter, and that of all later ones.
 STEP_FREEDOM = 2
@@ -38,7 +39,7 @@ class Drops:
     ----------
     deviate : (n_rows, n_outputs) the drop, as the standard normal deviate that is as rare in a healthy record.
     age : (n_rows, n_outputs) rows from the best onset to the row.
-    size : (n_rows, n_outputs) the step there after its first row, in the outputs' units; 0 in the first row itself.
+    size : (n_rows, n_outputs) height of that step after its first row, in the outputs' units; 0 at the first row.
     """
 
     deviate: FloatArray
@@ -117,7 +118,7 @@ def largest_drops(errors: RecursiveResiduals, basis: FloatArray, *, window: int,
     n, q = errors.residual.shape
     covariances, freedoms = running_covariances(errors, window=window, recent=recent)
     every, r, ages = np.arange(q), basis.shape[1], np.arange(window)
-    # By age of the onset and rows since then: whether there is such a row, and its place among the last, oldest first.
+    # By age of the onset and rows since then: whether there is such a row, and its index among the last, oldest first.
     since = ages <= ages[:, None]
     place = np.where(since, window - 1 - ages[:, None] + ages, 0)
     spare = np.maximum(q * (ages + 1) - STEP_FREEDOM, 1)[:, None]

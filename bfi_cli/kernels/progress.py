@@ -1,8 +1,8 @@
-"""How far a long loop is: the part of it that is done, 0 to 1, told to a function that the caller gives.
+"""Progress of long work: the fraction that is done, 0 to 1, is passed to a function that the caller gives.
 
-A loop hands its own loops shares of what it was given, so that what is told at the top never falls and ends at 1. Of
-work whose length is not known before it is done, such as a search that goes on until no fault is left, every stage has
-a name and is told from 0 to 1 by itself.
+A loop gives each inner loop a share of its own fraction, so that the fraction at the top never falls and ends at 1.
+Work of unknown length, such as a search that ends when no fault is left, consists of named stages; the fraction of each
+stage runs from 0 to 1.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ Step = Callable[[], None]
 
 
 def silent(_done: float) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 def unseen(_stage: str, _done: float) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 def shares(report: Report, *weights: float) -> list[Report]:
-    """Return what each of several pieces of work reports to, their lengths in proportion to the weights."""
+    """Return one report for each of several pieces of work, whose durations are in proportion to the weights."""
     ends = [end / sum(weights) for end in accumulate(weights)]
     return [_between(report, low, high) for low, high in pairwise([0.0, *ends])]
 
@@ -38,7 +38,7 @@ def _between(report: Report, low: float, high: float) -> Report:
 
 
 def parts(report: Report, items: Sequence[T]) -> Iterator[tuple[T, Report]]:
-    """Yield the items of a loop and what the work on each reports to; an item is done when the next is asked for."""
+    """Yield the items of a loop, each with the report for the work on it; it is done when the next is requested."""
     n = len(items)
     for k, item in enumerate(items):
         yield item, _between(report, k / n, (k + 1) / n)
@@ -46,7 +46,7 @@ def parts(report: Report, items: Sequence[T]) -> Iterator[tuple[T, Report]]:
 
 
 def steps(report: Report, about: int) -> Step:
-    """Return what a loop of unknown length calls at each step: half is said to be done after `about`, never all."""
+    """Return a function for each step of a loop of unknown length; it reports 1/2 after `about` steps and never 1."""
     done = count(1)
 
     def step() -> None:

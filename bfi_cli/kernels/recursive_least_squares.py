@@ -15,11 +15,11 @@ from scipy.linalg import lapack
 from . import FloatArray
 from .lagged import add_rows
 
-# What is known of a coefficient before the record: it is about noise / PRIOR, that is, next to nothing.
+# A coefficient is known before the record to about noise / PRIOR, that is, next to nothing is known.
 PRIOR = 1e-3
 # A coefficient known a priori to the noise or better takes no degree of freedom.
 KNOWN = 1.0
-# Recent rows from which a channel's variance is told.
+# Fewest recent rows from which the variance of a channel is estimated.
 FEWEST_RECENT = 20
 # Floor of the residuals' standard deviation, in the units of the noise.
 SMALLEST_SD = 1e-3
@@ -98,17 +98,17 @@ def recursive_residuals(
 
 
 def running_covariances(errors: RecursiveResiduals, *, window: int, recent: int) -> tuple[FloatArray, FloatArray]:
-    """Return (n, n_outputs, n_outputs) and (n,): what is known at each row of the residuals' covariance.
+    """Return for each row the covariance of the residuals, estimated on the rows before, and its degrees of freedom.
 
     Parameters
     ----------
-    window : the last rows, this one included, of which nothing is taken to be known.
-    recent : rows before these; a channel whose residuals were larger there than over all rows has its variance
-        enlarged to that. 0 for none.
+    window : number of last rows, this one included, that are left out of the estimate.
+    recent : number of rows before these; the variance of a channel is enlarged to that of these rows where it is larger
+        there than over all rows. 0 for none.
 
     Returns
     -------
-    Covariances with a floor, residuals being in units near their standard deviation, and degrees of freedom.
+    (n, n_outputs, n_outputs), with a floor for residuals in units near their standard deviation, and (n,).
     """
     w = errors.residual
     n, q = w.shape

@@ -1,4 +1,4 @@
-"""Why an iteration ended, and the one loop that decides it without knowing the truth."""
+"""Why an iteration ended, and the loop that decides when one ends, from its iterates and their misfits alone."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import numpy as np
 
 from . import FloatArray
 
-# Steps without a smaller misfit before the misfit is taken to have reached its floor.
+# Steps without a smaller misfit before the misfit is taken to have reached its floor. Chosen without tuning record:
+# fewer may stop where the misfit only pauses, more cost time.
 PATIENCE = 8
-# Misfit beside the data's norm that is a sum of rounding errors.
+# Misfit relative to the data's norm that is a sum of rounding errors.
 ROUND_OFF = 10 * np.finfo(float).eps
-# Misfit beside the data's norm, which X = 0 leaves, at which the iteration is given up.
+# Misfit relative to the data's norm, which is the misfit of X = 0, at which the iteration is given up.
 RUNAWAY = 1e6
 
 
@@ -31,7 +32,7 @@ class Termination(Enum):
 
 
 class Iterate(Protocol):
-    """What `iterate` looks at: the estimate and the norm of what it leaves unexplained."""
+    """What `iterate` needs of an iterate: the estimate, and the norm of what it leaves unexplained."""
 
     @property
     def X(self) -> FloatArray: ...
@@ -88,7 +89,7 @@ def iterate(
     start : first iterate; its misfit is not looked at.
     scale : norm of the data, to which the misfit is compared.
     settings : when to stop.
-    between : applied after every step but the last; convergence is judged before it.
+    between : applied after every step but the last; convergence is tested before it.
     """
     previous, best, waited = start, start, 0
     for count in range(1, settings.max_iterations + 1):

@@ -27,7 +27,7 @@ def ljung_box(e: FloatArray, n_lags: int, n_fitted: int) -> float:
 def effective_rows(e: FloatArray) -> float:
     """Return how many independent rows the prediction error amounts to (Bartlett), the least over the outputs.
 
-    A deterministic leftover is predictable from its past; its rows do not each bring evidence.
+    A deterministic remainder is predictable from its past, so its rows are not independent evidence.
 
     Parameters
     ----------

@@ -7,26 +7,21 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..errors import ConfigError
 from ..flightlog import FlightLog
+from ..kernels import FloatArray
 from ..kernels.onset.scan import STARTING
 from ..kernels.progress import Progress, Report, parts, shares, unseen
 from ..report.text import instant
-from .assemble import assemble_result
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
-from .result import OnsetFault, OnsetResult
+from .result import OnsetFault, OnsetResult, assemble_result
+from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
-from .sweep import Sweep, lasting_peak, scan_hypothesis, scan_of, sweep
 from .thesis import find_onset_as_published
-
-__all__ = ["find_onset"]
-
-FloatArray = NDArray[np.float64]
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5
@@ -47,8 +42,8 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
     """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
 
     1. Scan the record: every shape at every onset, the order of the model chosen together with the shape.
-    2. Compare the statistic that stands out most with its null distribution. While it is a fault: estimate it at the
-       log's own samples, re-estimate the faults before it, subtract all of them and scan again.
+    2. Compare the statistic that stands out most with its null distribution. While it exceeds its threshold, estimate
+       the fault at the log's own samples, re-estimate those before it, subtract all of them and scan again.
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
 
@@ -57,7 +52,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
         published search, one solution per onset.
-    progress : told the name of every stage and how far it is.
+    progress : called with the name of the stage and the fraction of it that is done.
 
     Raises
     ------
@@ -70,30 +65,19 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
         if config.method == "risro":
             return find_onset_as_published(log, config, progress)
         record = prepare_record(log, config, partial(progress, "the window"))
-        first = sweep(record, record.y, report=partial(progress, "scan of all onsets"))
+        first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
         rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
         verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
-        order = last.plain_order
+        order = last.fault_free_order
         if estimates:
             estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
         eliminate(record, verdicts, estimates, order, rule, progress)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
-    p_values = [one.p_value if rule.use.matches else None for one in verdicts]
-    result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.plain_order)
-    profiles = tuple(replace(one, threshold=rule.threshold(one.shape)) for one in result.profiles)
-    result = replace(
-        result,
-        decision="fault" if estimates else "no_fault",
-        false_alarm=rule.false_alarm,
-        p_value=verdict.p_value if rule.use.matches else None,
-        statistic=verdict.statistic,
-        threshold=verdict.threshold,
-        calibration=rule.use,
-        profiles=profiles,
-    )
+    p_values = [own.p_value if rule.use.matches else None for own in verdicts]
+    result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.fault_free_order)
     notes = [*rule.notes, *_notes(record, result.faults, first.order)]
-    if not result.faults and not rule.use.matches:
-        profile = next(one for one in profiles if one.shape == verdict.shape)
+    if not estimates and not rule.use.matches:
+        profile = next(profile for profile in result.profiles if profile.shape == verdict.shape)
         best = int(profile.statistic.argmax())
         size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
         notes.insert(
@@ -103,15 +87,26 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
             f"{verdict.threshold:.3g}; a table for these settings "
             "(bfi calibrate), or --calibration gaussian, may decide otherwise",
         )
-    return replace(result, notes=tuple(notes))
+    return replace(
+        result,
+        decision="fault" if estimates else "no_fault",
+        false_alarm=rule.false_alarm,
+        p_value=verdict.p_value if rule.use.matches else None,
+        statistic=verdict.statistic,
+        threshold=verdict.threshold,
+        calibration=rule.use,
+        profiles=tuple(replace(profile, threshold=rule.threshold(profile.shape)) for profile in result.profiles),
+        notes=tuple(notes),
+    )
 
 
 def detect_sequentially(
-    record: ScanRecord, first: Sweep, rule: Rule, progress: Progress
-) -> tuple[list[Verdict], list[Estimate], Sweep]:
-    """Return the faults in the order of their evidence, and the sweep in which there was none any more.
+    record: ScanRecord, first: HypothesisScan, rule: Rule, progress: Progress
+) -> tuple[list[Verdict], list[Estimate], HypothesisScan]:
+    """Return the faults in the order of their evidence, and the scan that no longer shows one.
 
-    All are re-estimated as soon as another is known: what an error of the first leaves behind looks like a fault.
+    Whenever a fault is added, those before it are re-estimated: what an error of the first leaves behind looks like a
+    fault.
     """
     verdicts: list[Verdict] = []
     faults: list[Estimate] = []
@@ -126,14 +121,17 @@ def detect_sequentially(
             faults = refine_jointly(record, faults, last.order, again)
         report(1.0)
         y = subtract_faults(record.y, *faults)
-        last = sweep(record, y, report=partial(progress, f"scan of all onsets without {n} fault{'s' * (n > 1)}"))
+        stage = f"scan of all onsets without {n} fault{'s' * (n > 1)}"
+        last = scan_hypotheses(record, y, report=partial(progress, stage))
     return verdicts, faults, last
 
 
 def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int, report: Report) -> Estimate:
-    """Return the fault of the likeliest shape; of an oscillation that is known only once its phase has been freed.
+    """Return the fault of the likeliest shape, or an oscillation that explains more once its phase has been freed.
 
-    What the first shape leaves unexplained counts against the parameters that the oscillation has more.
+    The scan knows only oscillations of phase 0 at their onset, so one of another phase may look less likely than a
+    step. It is preferred where its frequency is known and its gain exceeds the charge for its further parameters,
+    multiplied by the dispersion that the first shape leaves.
     """
     likeliest = verdict.significant[0]
     of_steps, of_likeliest, of_sine = shares(report, 1, 2, 2)
@@ -157,8 +155,8 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
 def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, report: Report) -> list[Estimate]:
     """Re-estimate every fault with the others subtracted, and all magnitudes together, until none moves.
 
-    All is done at the order chosen when all were subtracted. An update that lowers the likelihood is rejected: another
-    order may not look where the fault begins.
+    The order stays the one chosen after all faults had been subtracted. An update that lowers the likelihood is
+    rejected: a higher order leaves out more onsets near the ends of the record, the true one perhaps among them.
     """
     misfit = _misfit(record, faults, order)
     for _, of_round in parts(report, range(MOST_ROUNDS)):
@@ -188,7 +186,7 @@ def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, repor
 
 
 def reestimate(record: ScanRecord, faults: list[Estimate], i: int, order: int, report: Report) -> Estimate:
-    """Return fault i estimated anew; its deviation admits what its shape shows elsewhere in the record."""
+    """Return fault i estimated anew, its standard deviation enlarged by the dispersion of its shape in the record."""
     y = subtract_faults(record.y, *faults[:i], *faults[i + 1 :])
     form = faults[i].form
     dispersion = _dispersion(record, subtract_faults(y, faults[i]), faults[i], order)
@@ -198,12 +196,7 @@ def reestimate(record: ScanRecord, faults: list[Estimate], i: int, order: int, r
 
 
 def eliminate(
-    record: ScanRecord,
-    verdicts: list[Verdict],
-    faults: list[Estimate],
-    order: int,
-    rule: Rule,
-    progress: Progress,
+    record: ScanRecord, verdicts: list[Verdict], faults: list[Estimate], order: int, rule: Rule, progress: Progress
 ) -> None:
     """Remove from both lists, one by one, the faults without which the others explain the record as well.
 
@@ -225,9 +218,9 @@ def eliminate(
 
 
 def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> float:
-    """Return the mean statistic of a shape in a record that no longer holds it; white errors make it 1.
+    """Return the mean statistic, over all onsets, of a fault's shape in a record less that fault; 1 for white errors.
 
-    Of a fault that ends the shape without an end is asked: at the best end of many even white errors make it more.
+    A fault that ends is scanned as one that lasts: the largest statistic of many ends exceeds 1 for white errors too.
     """
     rest = lasting_peak(record, scan_of(record, y, order, output=fault.form.output), fault.form)
     return max(1.0, float(np.mean(rest.profile.statistic)))
@@ -242,19 +235,18 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
     notes = [
         f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
-        f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; a fault from before is absorbed by "
-        "the model",
+        f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; the model absorbs an earlier fault",
     ]
     changes = np.abs(np.diff(record.u, axis=0))
     large = changes >= MOST * changes.max(axis=0, initial=0.0)
     moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
-    for one in faults:
-        low, high = one.onset_ci95
+    for fault in faults:
+        low, high = fault.onset_ci95
         if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
             notes.append(
-                f"'{one.estimate.name}' begins while the inputs move most, where an error of the model looks like a "
+                f"'{fault.estimate.name}' begins while the inputs move most, where an error of the model looks like a "
                 "fault; see whether another --rate or more --input confirm it"
             )
         if high - low > HARDLY_KNOWN * record.settings.duration_s:
-            notes.append(f"the onset of '{one.estimate.name}' is hardly known: {instant(low)} to {instant(high)} s")
+            notes.append(f"the onset of '{fault.estimate.name}' is hardly known: {instant(low)} to {instant(high)} s")
     return notes

@@ -1,7 +1,7 @@
 """From the peak of a scan to an onset with its interval and a magnitude with its standard deviation.
 
-The scans know onsets on conditioned samples, and with an end only sharp edges. What that costs is small for finding a
-fault and large for measuring it: here starts and ends lie on the log's own samples, the filter's smear included.
+The scans know onsets on conditioned samples only, and of faults that end only sharp edges. That suffices to detect a
+fault but not to estimate it: here starts and ends lie on the log's own samples, smeared by the filter as in the record.
 """
 
 from __future__ import annotations
@@ -10,21 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import FloatArray
 from ..kernels.onset import waveform as waveforms
-from ..kernels.onset.correlations import Scan
-from ..kernels.onset.scan import scan_shape
+from ..kernels.onset.scan import Scan, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
 from .oscillation import estimate_oscillation, oscillation_search
+from .scan import Peak, scan_of
 from .scan_record import DECIMALS, Likelihood, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, waveform
-from .sweep import Peak, scan_of
-
-__all__ = ["NORMAL", "Estimate", "estimate", "subtract_faults"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 # Quantile of the normal distribution for an interval of 95 %; an onset's holds what is within its square of the best
 # statistic (chi-square of one degree of freedom).
@@ -51,11 +45,12 @@ class Estimate:
     ----------
     form : the hypothesis, with its frequency or time constant.
     onset_s, onset_ci95 : on the log's axis.
-    offset_s : None where the fault lasts.
-    z, sd : magnitude; the spread over the onsets in question is in `sd`.
-    signal : (n_samples,) what it adds to its output, conditioned and scaled.
+    offset_s : time at which the fault ends, None where it lasts.
+    z, sd : magnitude and its standard deviation, which includes the spread of the magnitude over the likely onsets.
+    signal : (n_samples,) what the fault adds to its output, conditioned and scaled.
     statistic : of its shape at this onset.
-    frequency_is_known : by the record, of an oscillation; if not, other slow shapes explain it as well.
+    frequency_is_known : False for an oscillation whose frequency the record hardly tells, so that other slow shapes
+        would explain it as well.
     """
 
     form: ShapeHypothesis
@@ -71,14 +66,13 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SubsampleProfile:
-    """A profile over onsets between the conditioned samples, `step_s` apart near its maximum."""
+    """A profile over onsets that may lie between the conditioned samples; arrays are (n_onsets,)."""
 
     places: tuple[SubsampleIndex, ...]
     onset_s: FloatArray
     z: FloatArray
     sd: FloatArray
     statistic: FloatArray
-    step_s: float
 
     @property
     def best(self) -> int:
@@ -108,39 +102,52 @@ def estimate(
 
     Parameters
     ----------
-    y : (n_samples, n_outputs) what was scanned.
+    y : (n_samples, n_outputs) the outputs that were scanned.
     order : of the model.
-    dispersion : how many times the statistic of other onsets exceeds what white noise would make it, at least 1.
-    jump_s : where a step was seen, on the log's axis: where an oscillation of another phase than 0 may begin.
-    report : told how far it is.
+    dispersion : ratio of the mean statistic of other onsets to that of white noise, at least 1.
+    jump_s : onset of a step, on the log's axis: an oscillation of another phase than 0 may begin there.
+    report : called with the fraction that is done.
     """
     step, form, drop = steps(report, STEPS), peak.form, DROP * dispersion
     if form.shape == "sine":
         search = oscillation_search(Likelihood(record=record, y=y, order=order, step=step), peak)
         jump = None if jump_s is None else record.native(jump_s)
-        one = estimate_oscillation(search, dispersion=dispersion, jump=jump)
-        form = replace(form, parameter=one.frequency_hz, phase_rad=one.phase_rad)
+        sinusoid = estimate_oscillation(search, dispersion=dispersion, jump=jump)
+        form = replace(form, parameter=sinusoid.frequency_hz, phase_rad=sinusoid.phase_rad)
         # The profile over the start: conditioned samples within half a period, the log's own near the maximum.
         factor = record.sampling.factor
-        half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / one.frequency_hz))
+        half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / sinusoid.frequency_hz))
         near = range(-BESIDE * factor, BESIDE * factor + 1, -_phases(record).step)
         earliest = (order + record.sampling.lead) * factor
-        latest = (record.sampling.n_samples - order) * factor if one.end is None else one.end - factor
+        latest = (record.sampling.n_samples - order) * factor if sinusoid.end is None else sinusoid.end - factor
         offsets = {*range(-half, half + 1, factor), *near, 0}
-        starts = sorted(one.start + k for k in offsets if k == 0 or earliest <= one.start + k < latest)
-        statistic, amplitude = search.profile(one, starts)
-        statistic[starts.index(one.start)] = max(one.statistic, statistic.max())
+        starts = sorted(sinusoid.start + k for k in offsets if k == 0 or earliest <= sinusoid.start + k < latest)
+        statistic, amplitude = search.profile(sinusoid, starts)
+        statistic[starts.index(sinusoid.start)] = max(sinusoid.statistic, statistic.max())
         places = [subsample_index(start, factor) for start in starts]
-        fine = _profile(record, places, amplitude, np.full(len(starts), one.sd), statistic)
-        end = None if one.end is None else subsample_index(one.end, factor)
-        z, frequency_is_known = one.z, one.frequency_is_known
+        fine = _profile(record, places, amplitude, np.full(len(starts), sinusoid.sd), statistic)
+        end = None if sinusoid.end is None else subsample_index(sinusoid.end, factor)
+        z, frequency_is_known = sinusoid.z, sinusoid.frequency_is_known
     else:
         scan = scan_of(record, y, order, output=form.output)
-        if peak.end is None or record.sampling.factor == 1:
-            end = None if peak.end is None else (peak.end, 0)
-            fine = _lasting(record, scan, peak, drop, step)
+        end = None if peak.end is None else (peak.end, 0)
+        if end is not None and record.sampling.factor > 1:
+            fine, end = _move_start_and_end(record, scan, form, (peak.onset, 0), end, drop, step)
         else:
-            fine, end = _ending(record, scan, form, (peak.onset, 0), (peak.end, 0), drop, step)
+            profiles = [(0, peak.profile)]
+            if record.sampling.factor > 1:
+                # Onsets between the conditioned samples, where they matter.
+                close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
+                nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
+                profiles = []
+                for phase in _phases(record):
+                    step()
+                    profile = scan_shape(scan, waveform(form, record.sampling, phase), nearby - record.sampling.lead)
+                    profiles.append((phase, replace(profile, onsets=nearby)))
+            places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
+            values = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
+            ranked = np.argsort([record.onset_s(*place) for place in places])
+            fine = _profile(record, [places[i] for i in ranked], *(value[ranked] for value in values))
         z, frequency_is_known = float(fine.z[fine.best]), True
     report(1.0)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
@@ -151,10 +158,13 @@ def estimate(
         weight = np.exp(-0.5 * missing / dispersion)[seen]
         squares = dispersion * fine.sd[seen] ** 2 + (fine.z[seen] - fine.z[best]) ** 2
         sd = float(np.sqrt(np.sum(weight * squares) / np.sum(weight)))
+    # The interval ends at the first onsets, on either side, that the profile no longer admits.
+    step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
+    edges = np.concatenate([fine.onset_s[:1] - step_s, fine.onset_s, fine.onset_s[-1:] + step_s])
     return Estimate(
         form=form,
         onset_s=float(fine.onset_s[best]),
-        onset_ci95=(_beyond(fine, int(inside[0]), -1), _beyond(fine, int(inside[-1]), 1)),
+        onset_ci95=(round(float(edges[inside[0]]), DECIMALS), round(float(edges[inside[-1] + 2]), DECIMALS)),
         offset_s=None if end is None else record.onset_s(*end),
         z=z,
         sd=sd,
@@ -162,13 +172,6 @@ def estimate(
         statistic=float(fine.statistic[best]),
         frequency_is_known=frequency_is_known,
     )
-
-
-def _beyond(fine: SubsampleProfile, last: int, side: int) -> float:
-    """Return the first onset that the profile does not admit, beyond the last that it does."""
-    k = last + side
-    onset_s = fine.onset_s[k] if 0 <= k < len(fine.onset_s) else fine.onset_s[last] + side * fine.step_s
-    return round(float(onset_s), DECIMALS)
 
 
 def _phases(record: ScanRecord) -> range:
@@ -180,29 +183,11 @@ def _phases(record: ScanRecord) -> range:
 def _profile(
     record: ScanRecord, places: Sequence[SubsampleIndex], z: FloatArray, sd: FloatArray, statistic: FloatArray
 ) -> SubsampleProfile:
-    step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
     onset_s = np.array([record.onset_s(*place) for place in places])
-    return SubsampleProfile(places=tuple(places), onset_s=onset_s, z=z, sd=sd, statistic=statistic, step_s=step_s)
+    return SubsampleProfile(places=tuple(places), onset_s=onset_s, z=z, sd=sd, statistic=statistic)
 
 
-def _lasting(record: ScanRecord, scan: Scan, peak: Peak, drop: float, step: Step) -> SubsampleProfile:
-    """Return the profile with the onsets between the conditioned samples where they matter."""
-    profiles = [(0, peak.profile)]
-    if record.sampling.factor > 1:
-        close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
-        nearby: IntArray = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
-        profiles = []
-        for phase in _phases(record):
-            step()
-            profile = scan_shape(scan, waveform(peak.form, record.sampling, phase), nearby - record.sampling.lead)
-            profiles.append((phase, replace(profile, onsets=nearby)))
-    places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
-    z, sd, statistic = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
-    ranked = np.argsort([record.onset_s(*place) for place in places])
-    return _profile(record, [places[i] for i in ranked], z[ranked], sd[ranked], statistic[ranked])
-
-
-def _ending(
+def _move_start_and_end(
     record: ScanRecord,
     scan: Scan,
     form: ShapeHypothesis,
@@ -211,9 +196,10 @@ def _ending(
     drop: float,
     step: Step,
 ) -> tuple[SubsampleProfile, SubsampleIndex]:
-    """Move end and start in turn between the conditioned samples; the search for both knew sharp edges only.
+    """Move end and start in turn to the likeliest of the log's own samples; return the profile over starts and the end.
 
-    The filter smears the edges, so the best start of sharp ones may be far off: starts everywhere are asked again.
+    The search for both knew sharp edges only. The filter smears them, so the best start of sharp edges may be far off,
+    and starts are tried over the whole record once more.
     """
     sampling, phases = record.sampling, _phases(record)
 
@@ -225,7 +211,9 @@ def _ending(
             samples = np.zeros(sampling.n_samples)
             samples[: sampling.n_samples - first] = signal(form, sampling, begun, ended)[first:]
             points.append(scan_shape(scan, waveforms.sampled(samples), np.array([first])))
-        z, sd, statistic = (np.array([getattr(one, name)[0] for one in points]) for name in ("z", "sd", "statistic"))
+        z, sd, statistic = (
+            np.array([getattr(point, name)[0] for point in points]) for name in ("z", "sd", "statistic")
+        )
         return _profile(record, [begun for begun, _ in spans], z, sd, statistic)
 
     def allowed(places: set[SubsampleIndex]) -> list[SubsampleIndex]:

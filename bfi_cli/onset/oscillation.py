@@ -13,18 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import STRONG_EVIDENCE
+from ..kernels import FloatArray
 from ..kernels.onset.frequency import MIN_CYCLES
 from ..kernels.variable_projection import Fit
+from .scan import Peak
 from .scan_record import Likelihood, ScanRecord
 from .shapes import ShapeHypothesis, signal, subsample_index
-from .sweep import Peak
-
-__all__ = ["OscillationSearch", "Sinusoid", "estimate_oscillation", "oscillation_search"]
-
-FloatArray = NDArray[np.float64]
 
 # Frequencies are counted in 1 / duration, the width of a peak of the likelihood over frequency. Steps below half
 # of it miss no peak; the counts bound the time and were set by trial on simulated flights with one and two faults.
@@ -51,14 +47,15 @@ WORSE = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sinusoid:
-    """A sine on [start, end), samples of the log's own rate from the first conditioned one; None where it lasts.
+    """A sine on [start, end), in samples of the log's own rate counted from the first conditioned sample.
 
     Attributes
     ----------
-    phase_rad : at the start; 0 where it is not `free`.
+    end : None where the oscillation lasts to the end of the record.
+    free : whether the phase is estimated; phase_rad : at the start, 0 where it is not estimated.
     z, sd : amplitude, scaled; statistic : 2 log of the likelihood ratio.
     sizes : magnitudes of its signals, scaled, None before a fit.
-    frequency_sd_hz : standard deviation of the frequency, infinite before a fit; duration_s : to its end.
+    frequency_sd_hz : standard deviation of the frequency, infinite before a fit; duration_s : from start to end.
     """
 
     frequency_hz: float
@@ -75,9 +72,10 @@ class Sinusoid:
 
     @property
     def frequency_is_known(self) -> bool:
-        """Whether the frequency is known as well as an oscillation of this statistic tells it (the Cramer-Rao bound).
+        """Whether the standard deviation of the frequency is near the Cramer-Rao bound for this statistic.
 
-        A slow one that does no more than bend the record at its start is not: any other bend would do.
+        It is far from the bound where a slow oscillation does no more than bend the record at its start, which any
+        other slow shape would do as well.
         """
         bound = np.sqrt(12.0) / (2.0 * np.pi * self.duration_s * np.sqrt(max(self.statistic, 1.0)))
         return bool(self.frequency_sd_hz < WORSE * bound)
@@ -85,12 +83,12 @@ class Sinusoid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OscillationSearch:
-    """What is searched: a likelihood around a peak of the scan.
+    """The likelihood that is searched, around a peak of the scan.
 
     Attributes
     ----------
-    form : the hypothesis, its phase 0; begin : the oscillation at the peak.
-    first, last : least and largest start, samples of the log's own rate.
+    form : the hypothesis, of phase 0; begin : the oscillation at the peak.
+    first, last : earliest and latest start, samples of the log's own rate.
     log_det : of the residual covariance without the oscillation.
     """
 
@@ -111,27 +109,32 @@ class OscillationSearch:
         """Rate of the log."""
         return self.record.sampling.rate_hz * self.record.sampling.factor
 
-    def end(self, one: Sinusoid) -> int:
+    def end(self, wave: Sinusoid) -> int:
         """Return the sample at which a sinusoid ends, the last where it lasts."""
-        return self.last if one.end is None else one.end
+        return self.last if wave.end is None else wave.end
 
-    def duration_s(self, one: Sinusoid) -> float:
+    def duration_s(self, wave: Sinusoid) -> float:
         """Return the time from start to end."""
-        return (self.end(one) - one.start) / self.native_hz
+        return (self.end(wave) - wave.start) / self.native_hz
 
-    def signals(self, one: Sinusoid) -> FloatArray:
-        """(n_samples, 1) of phase 0 at the start, or (n_samples, 2): sine and cosine, phase 0 amid the pulse."""
-        factor, middle = self.record.sampling.factor, (one.start + self.end(one)) // 2
-        forms = [replace(self.form, parameter=one.frequency_hz)]
-        if one.free:
+    def signals(self, wave: Sinusoid) -> FloatArray:
+        """Return (n_samples, 1), phase 0 at the start, or for a free phase (n_samples, 2), sine and cosine.
+
+        These have phase 0 in the middle, where frequency and phase are the least correlated.
+        """
+        factor, middle = self.record.sampling.factor, (wave.start + self.end(wave)) // 2
+        forms = [replace(self.form, parameter=wave.frequency_hz)]
+        if wave.free:
             forms = [replace(forms[0], phase_rad=phase, anchor=middle) for phase in (0.0, 0.5 * np.pi)]
-        start = subsample_index(one.start, factor)
-        end = None if one.end is None else subsample_index(one.end, factor)
+        start = subsample_index(wave.start, factor)
+        end = None if wave.end is None else subsample_index(wave.end, factor)
         return np.stack([signal(form, self.record.sampling, start, end) for form in forms], axis=1)
 
     def fit(self, signals: FloatArray, start: FloatArray | None) -> Fit:
         """Return the fit of the magnitudes of signals (n_samples, n_signals) of the output."""
-        return self.likelihood.on_output(signals, self.form.output, start)
+        theta = np.zeros((*self.likelihood.y.shape, signals.shape[1]))
+        theta[:, self.form.output] = signals
+        return self.likelihood.fit(theta, start)
 
     def statistic(self, fit: Fit) -> float:
         """Return 2 log of the likelihood ratio of a fit."""
@@ -139,19 +142,16 @@ class OscillationSearch:
 
     def ranked(self, candidates: Sequence[Sinusoid]) -> list[Sinusoid]:
         """Return the candidates with their magnitudes, the likeliest first."""
-        fits = [self.fit(self.signals(one), one.sizes) for one in candidates]
+        fits = [self.fit(self.signals(wave), wave.sizes) for wave in candidates]
         order = np.argsort([fit.log_det for fit in fits], kind="stable")
         return [replace(candidates[int(k)], sizes=fits[int(k)].z) for k in order]
 
-    def profile(self, one: Sinusoid, starts: Sequence[int]) -> FloatArray:
-        """Return (statistic, amplitude), (2, n_starts), of the sinusoid begun at other samples of the log's own rate.
-
-        A free phase stays in time.
-        """
+    def profile(self, wave: Sinusoid, starts: Sequence[int]) -> FloatArray:
+        """Return (statistic, amplitude), (2, n_starts), of the sinusoid with other starts, amplitude and phase anew."""
         points = []
         for start in starts:
-            fit = self.fit(self.signals(replace(one, start=start)), one.sizes)
-            points.append((self.statistic(fit), float(np.linalg.norm(fit.z)) if one.free else float(fit.z[0])))
+            fit = self.fit(self.signals(replace(wave, start=start)), wave.sizes)
+            points.append((self.statistic(fit), float(np.linalg.norm(fit.z)) if wave.free else float(fit.z[0])))
         return np.array(points).T
 
 
@@ -175,7 +175,7 @@ def oscillation_search(likelihood: Likelihood, peak: Peak) -> OscillationSearch:
         ),
         first=(order + lead) * factor,
         last=(n - 1 - order) * factor,
-        log_det=likelihood.on_output(np.zeros((n, 0)), peak.form.output).log_det,
+        log_det=likelihood.fit(np.zeros((*likelihood.y.shape, 0))).log_det,
     )
 
 
@@ -184,21 +184,21 @@ def estimate_oscillation(search: OscillationSearch, *, dispersion: float = 1.0, 
 
     Parameters
     ----------
-    dispersion : how many times the statistic exceeds what white noise would make it, at least 1.
-    jump : sample of the log's own rate at which a step was seen: an oscillation that does not begin at zero begins with
-        one, and its other frequencies and phases have hills of their own.
+    dispersion : ratio of the mean statistic of other onsets to that of white noise, at least 1.
+    jump : sample of the log's own rate at which a step was seen. An oscillation that does not begin at zero begins with
+        a step, and its frequency may be far from that of the scan, which assumes phase 0.
     """
     begin, (low, high) = search.begin, search.record.band_hz
     width = 1.0 / search.duration_s(begin)
     near = [(k, replace(begin, frequency_hz=begin.frequency_hz + k * width)) for k in BESIDE]
-    tried = [one for k, one in near if k == 0.0 or low <= one.frequency_hz <= high]
+    tried = [wave for k, wave in near if k == 0.0 or low <= wave.frequency_hz <= high]
     if jump is not None and search.first <= jump < search.end(begin):
         begun = replace(begin, start=jump)
         duration_s = search.duration_s(begun)
         frequencies = np.arange(max(low, MIN_CYCLES / duration_s), high, APART / duration_s)
         nearest = np.argsort(np.abs(frequencies - begin.frequency_hz))[:MOST_FREQUENCIES]
         tried += search.ranked([replace(begun, frequency_hz=float(frequencies[k])) for k in nearest])[:REFINED]
-    free = max([_refine_frequency(search, one) for one in tried], key=lambda one: one.statistic)
+    free = max([_refine_frequency(search, wave) for wave in tried], key=lambda wave: wave.statistic)
     for _ in range(ROUNDS):
         free = _refine_frequency(search, _move_edges(search, free))
     tied = _with_phase_zero(search, free)
@@ -206,40 +206,40 @@ def estimate_oscillation(search: OscillationSearch, *, dispersion: float = 1.0, 
     return free if free.statistic > tied.statistic + wanted else tied
 
 
-def _refine_frequency(search: OscillationSearch, one: Sinusoid) -> Sinusoid:
-    """Return the sinusoid with amplitude, phase and frequency at their maximum, start and end kept (Gauss-Newton)."""
-    duration_s, (lowest, highest) = search.duration_s(one), search.record.band_hz
+def _refine_frequency(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
+    """Return the sinusoid with the likeliest amplitude, phase and frequency, start and end kept (Gauss-Newton)."""
+    duration_s, (lowest, highest) = search.duration_s(wave), search.record.band_hz
     delta, limit = DIFFERENCE / duration_s, LARGEST_STEP / duration_s
     lowest = min(max(lowest, MIN_CYCLES / duration_s), highest)
-    signals, start = search.signals(one), one.sizes
+    signals, start = search.signals(wave), wave.sizes
     for _ in range(ITERATIONS):
         sizes = search.fit(signals, start).z
-        slope = [search.signals(replace(one, frequency_hz=one.frequency_hz + d)) @ sizes for d in (-delta, delta)]
+        slope = [search.signals(replace(wave, frequency_hz=wave.frequency_hz + d)) @ sizes for d in (-delta, delta)]
         change = (slope[1] - slope[0])[:, None] / (2.0 * delta)
         size = float(np.linalg.norm(change)) or 1.0
         joint = search.fit(np.hstack([signals, change / size]), np.append(sizes, 0.0))
         step = float(np.clip(joint.z[-1] / size, -limit, limit))
-        one = replace(one, frequency_hz=float(np.clip(one.frequency_hz + step, lowest, highest)))
-        signals, start = search.signals(one), joint.z[:-1]
+        wave = replace(wave, frequency_hz=float(np.clip(wave.frequency_hz + step, lowest, highest)))
+        signals, start = search.signals(wave), joint.z[:-1]
         if abs(step) < CONVERGED * limit:
             break
-    # The deviation of the amplitude includes what the frequency adds; that of the frequency is infinite where the
-    # record says nothing of it.
+    # The standard deviation of the amplitude includes the uncertainty of the frequency; that of the frequency is
+    # infinite where the record tells nothing of it.
     information, k = joint.information, signals.shape[1]
     covariance = np.linalg.pinv(information, hermitian=True)[:k, :k]
     cross = information[:k, k]
     own = float(information[k, k] - cross @ np.linalg.pinv(information[:k, :k], hermitian=True) @ cross)
     fit = search.fit(signals, start)
     z, phase = float(fit.z[0]), 0.0
-    if one.free:
-        z, middle = float(np.linalg.norm(fit.z)), (one.start + search.end(one)) // 2
+    if wave.free:
+        z, middle = float(np.linalg.norm(fit.z)), (wave.start + search.end(wave)) // 2
         turned = replace(
-            search.form, parameter=one.frequency_hz, phase_rad=float(np.arctan2(fit.z[1], fit.z[0])), anchor=middle
+            search.form, parameter=wave.frequency_hz, phase_rad=float(np.arctan2(fit.z[1], fit.z[0])), anchor=middle
         )
-        phase = turned.phase_at(one.start, search.native_hz)
+        phase = turned.phase_at(wave.start, search.native_hz)
     along = fit.z / z if z else np.ones(k)
     return replace(
-        one,
+        wave,
         z=z,
         sd=float(np.sqrt(along @ covariance @ along)),
         phase_rad=phase,
@@ -250,25 +250,25 @@ def _refine_frequency(search: OscillationSearch, one: Sinusoid) -> Sinusoid:
     )
 
 
-def _move_edges(search: OscillationSearch, one: Sinusoid) -> Sinusoid:
-    """Move start, then end, to where the statistic is largest: by parts of a period first, by single samples last."""
-    period = search.native_hz / one.frequency_hz
+def _move_edges(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
+    """Move start, then end, to the largest statistic, in strides that shrink from a twelfth of a period to a sample."""
+    period = search.native_hz / wave.frequency_hz
     stride, reach = max(1, round(period / PARTS)), PARTS // 2
     while True:
-        starts = (one.start + k * stride for k in range(-reach, reach + 1))
-        latest = search.end(one) - MIN_CYCLES * period
-        one = search.ranked([one, *(replace(one, start=k) for k in starts if search.first <= k <= latest)])[0]
-        if one.end is not None:
-            ends = (one.end + k * stride for k in range(-reach, reach + 1))
-            earliest = one.start + MIN_CYCLES * period
-            one = search.ranked([one, *(replace(one, end=k) for k in ends if earliest <= k <= search.last)])[0]
+        starts = (wave.start + k * stride for k in range(-reach, reach + 1))
+        latest = search.end(wave) - MIN_CYCLES * period
+        wave = search.ranked([wave, *(replace(wave, start=k) for k in starts if search.first <= k <= latest)])[0]
+        if wave.end is not None:
+            ends = (wave.end + k * stride for k in range(-reach, reach + 1))
+            earliest = wave.start + MIN_CYCLES * period
+            wave = search.ranked([wave, *(replace(wave, end=k) for k in ends if earliest <= k <= search.last)])[0]
         if stride == 1:
-            return one
+            return wave
         stride, reach = max(1, stride // 4), 4
 
 
 def _with_phase_zero(search: OscillationSearch, free: Sinusoid) -> Sinusoid:
-    """Return the best sinusoid of phase 0 at its start, sought where the free one passes zero and at the peak."""
+    """Return the likeliest sinusoid of phase 0 at its start, sought at the free one's zero crossings and the peak."""
     period = search.native_hz / free.frequency_hz
     since = free.phase_rad / (2.0 * np.pi) * period
     crossings = [round(free.start - since + 0.5 * k * period) for k in range(-2, 4)]
@@ -276,11 +276,11 @@ def _with_phase_zero(search: OscillationSearch, free: Sinusoid) -> Sinusoid:
     starts = [k for k in crossings if search.first <= k <= latest]
     candidates = [replace(free, free=False, start=k, sizes=None) for k in starts]
     refined = []
-    for one in search.ranked([*candidates, replace(search.begin, free=False)])[:ROUNDS]:
-        one = _refine_frequency(search, one)
+    for wave in search.ranked([*candidates, replace(search.begin, free=False)])[:ROUNDS]:
+        wave = _refine_frequency(search, wave)
         for stride in (4, 2, 1):
-            beside = [one.start + k * stride for k in (-1, 0, 1)]
-            near = [replace(one, start=k) for k in beside if search.first <= k < (one.end or search.last)]
-            one = max([_refine_frequency(search, at) for at in near], key=lambda at: at.statistic, default=one)
-        refined.append(one)
-    return max(refined, key=lambda one: one.statistic)
+            beside = [wave.start + k * stride for k in (-1, 0, 1)]
+            near = [replace(wave, start=k) for k in beside if search.first <= k < (wave.end or search.last)]
+            wave = max([_refine_frequency(search, at) for at in near], key=lambda at: at.statistic, default=wave)
+        refined.append(wave)
+    return max(refined, key=lambda wave: wave.statistic)

@@ -1,4 +1,4 @@
-"""What the report of a scan shows, made from its JSON document alone."""
+"""The JSON document of `bfi start-time`, and what its report holds, made from the document alone."""
 
 from __future__ import annotations
 
@@ -9,23 +9,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..faults import fault_to_dict
+from ..provenance import Provenance
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
 from ..report.text import HEADINGS, instant, interval, number, quantity, shortened
+from ..serialization import to_plain
+from .result import OnsetResult
 
-__all__ = ["onset_content"]
+__all__ = ["SCHEMA", "onset_content", "onset_document"]
 
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
+SCHEMA = 1
+KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
+DECISION_KEYS = ("log", "decision", "false_alarm", "p_value", "statistic", "threshold", "calibration")
+PROFILE_KEYS = ("shape", "channel", "frequency_hz", "threshold", "unit")
+FAULT_COLUMNS = (
+    *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
+    *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
+)
 # A statistic below this is drawn at it: the axis is logarithmic.
 LEAST = 0.1
 # The axis of magnitudes reaches so far beyond the best one and nine tenths of the others; the rest is cut off.
 INSIDE = 1.3
 WORDS = {"lagged_bias": "lagged bias", "ramp_hold": "ramp and hold", "samples": "sampled shape"}
-FAULT_COLUMNS = (
-    *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
-    *("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz", "statistic", "p_value"),
-)
 PROFILE_CAPTION = (
     "Left: likelihood-ratio statistic of every shape against its onset, with the threshold at the wanted rate of false "
     "alarms. Right: the magnitude that explains the record best at each onset, with two standard deviations. A stretch "
@@ -37,8 +45,48 @@ SERIES_CAPTION = (
 )
 
 
+def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi start-time --json`; numbers that are not finite are None.
+
+    `profile` has one entry per shape, and channel where there are several, in each of its lists but `onset_s`.
+    """
+    profiles, onset_s = result.profiles, [profile.onset_s for profile in result.profiles]
+    # Each shape has onsets of its own only where the search for ends made them differ.
+    same = all(np.array_equal(own, onset_s[0]) for own in onset_s)
+    document: dict[str, Any] = to_plain(
+        {
+            "kind": "start-time",
+            "schema": SCHEMA,
+            **{key: getattr(result, key) for key in DECISION_KEYS},
+            "faults": [
+                {
+                    **{key: getattr(fault.estimate.fault, key) for key in KEYS},
+                    "phase_rad": fault.estimate.fault.phase_rad if fault.estimate.fault.shape == "sine" else None,
+                    **{key: getattr(fault.estimate, key) for key in ("name", "magnitude", "unit")},
+                    "physical": {"value": fault.estimate.physical_value, "unit": fault.estimate.physical_unit},
+                    **{key: getattr(fault.estimate, key) for key in ("sd", "ci95")},
+                    **{key: getattr(fault, key) for key in ("onset_ci95", "statistic", "p_value")},
+                }
+                for fault in result.faults
+            ],
+            "model": result.model,
+            "method": result.method,
+            "profile": {
+                **{key: [getattr(profile, key) for profile in profiles] for key in PROFILE_KEYS},
+                "onset_s": onset_s[0] if same else onset_s,
+                **{key: [getattr(profile, key) for profile in profiles] for key in ("statistic", "magnitude", "sd")},
+            },
+            "series": {"time_s": result.time_s, "outputs": result.series},
+            "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
+            "notes": result.notes,
+            "provenance": provenance,
+        }
+    )
+    return document
+
+
 def onset_content(document: Plain) -> ReportContent:
-    """Return the exhibit of a document of `bfi start-time`."""
+    """Return what the report of a document of `bfi start-time` holds."""
     faults = document["faults"]
     said = [_sentence(fault) for fault in faults]
     verdict = f"No fault stands out at a false-alarm rate of {number(100.0 * document['false_alarm'])} %."

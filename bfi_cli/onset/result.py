@@ -1,4 +1,4 @@
-"""The result of the scan over all onsets, the dictionary it proposes, and its comparison with injected faults."""
+"""The result of the scan over all onsets, how it is assembled, the dictionary it proposes, and the injected faults."""
 
 from __future__ import annotations
 
@@ -6,25 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..dictionary import Dictionary
-from ..faults import Decision, Fault, FaultEstimate
+from ..faults import Decision, Fault, FaultEstimate, magnitude_unit, physical
+from ..flightlog.record import frozen_array
 from ..identify.result import AgainstTruth
-from ..preprocessing.summary import LogSummary, ModelSummary
+from ..kernels import FloatArray
+from ..kernels.whiteness import exceedances, robust_sd
+from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
 from ..report.text import instant
-
-__all__ = [
-    "CalibrationUse",
-    "OnsetFault",
-    "OnsetResult",
-    "OnsetSeries",
-    "ShapeProfile",
-    "compare_with_injected",
-    "propose_dictionary",
-]
-
-FloatArray = NDArray[np.float64]
+from .estimate import NORMAL, Estimate, subtract_faults
+from .scan import HypothesisScan
+from .scan_record import ScanRecord
+from .shapes import fault_of
 
 # What the proposed dictionary is called where a file would be named.
 DICTIONARY_NAME = "onset scan"
@@ -37,8 +31,8 @@ class CalibrationUse:
     Attributes
     ----------
     source : "shipped", "self", "gaussian", or the path of a table.
-    matches : it was made for the settings in use.
-    n_windows : fault-free windows, or trials, behind it.
+    matches : whether the table was made for the settings in use.
+    n_windows : number of fault-free windows, or of simulated records, behind it.
     """
 
     source: str
@@ -48,14 +42,14 @@ class CalibrationUse:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnsetFault:
-    """One fault; times on the log's axis.
+    """One declared fault; times are on the log's axis.
 
     Attributes
     ----------
-    estimate : shape, times, magnitude.
+    estimate : its shape, times and magnitude.
     onset_ci95 : earliest and latest onset that the likelihood profile admits.
-    statistic : of its shape, the faults before it taken off.
-    p_value : None where no calibration fits.
+    statistic : that of its shape, with the other faults subtracted from the record.
+    p_value : None where no calibration fits the settings.
     """
 
     estimate: FaultEstimate
@@ -66,11 +60,11 @@ class OnsetFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShapeProfile:
-    """One shape over all onsets, before any fault is taken off; arrays (n_onsets,).
+    """One shape at every onset of the record as measured; arrays are (n_onsets,).
 
     Attributes
     ----------
-    frequency_hz : the best, None where the shape has none.
+    frequency_hz : the likeliest frequency, None for a shape that has none.
     threshold : of the statistic, None where the method has none.
     """
 
@@ -87,12 +81,13 @@ class ShapeProfile:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OnsetSeries:
-    """One output along time, arrays (n_samples,) in `unit`.
+    """One output along time; arrays are (n_samples,), in `unit`.
 
     Attributes
     ----------
-    measured, corrected : conditioned, and less the faults found.
-    plain_alarms_s : where the plain 5-sigma test on the residual of the fault-free model fires; plain_sd : its sigma.
+    measured, corrected : the filtered output, and the same less the declared faults.
+    plain_alarms_s : times at which the 5-sigma test on the residual of the fault-free model raises an alarm.
+    plain_sd : the sigma of that test.
     """
 
     channel: str
@@ -109,10 +104,10 @@ class OnsetResult:
 
     Attributes
     ----------
-    statistic, threshold : of the shape that stands out most, 2 log of the likelihood ratio.
-    p_value : of the largest standardised statistic; None where no calibration fits.
+    statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
+    p_value : of the largest standardised statistic; None where no calibration fits the settings.
     time_s : (n_samples,) of the series.
-    truth : injected faults the log states, times on its axis; None where it states none.
+    truth : injected faults that the log states, times on its axis; None where it states none.
     """
 
     log: LogSummary
@@ -132,9 +127,108 @@ class OnsetResult:
     notes: tuple[str, ...]
 
 
+def assemble_result(
+    record: ScanRecord,
+    scan: HypothesisScan,
+    estimates: Sequence[Estimate],
+    p_values: Sequence[float | None],
+    *,
+    order: int,
+    series_order: int,
+) -> OnsetResult:
+    """Return the result of a search that declares a fault, in SI, without threshold, null distribution and notes.
+
+    Parameters
+    ----------
+    scan : of the outputs as measured; its criteria over the order are shown.
+    estimates, p_values : of each fault.
+    order : of the model without the faults; series_order : of that of the outputs as measured, which may hold faults.
+    """
+    settings, log = record.settings, record.window.log
+    y = subtract_faults(record.y, *estimates)
+    several = len(scan.orders) > 1
+    residual = record.without_fault(record.y, series_order).error * record.unit
+    measured = record.window.signals.y
+    corrected = measured - (record.y - y) * record.unit
+    faults = []
+    for estimate, p_value in zip(estimates, p_values, strict=True):
+        channel, scale = settings.outputs[estimate.form.output], float(record.unit[estimate.form.output])
+        unit, magnitude, sd = log.channel(channel).unit, scale * estimate.z, scale * estimate.sd
+        onset_s, offset_s = estimate.onset_s, estimate.offset_s
+        fault = fault_of(estimate.form, channel, magnitude=magnitude, onset_s=onset_s, offset_s=offset_s)
+        value, physical_unit = physical(fault, magnitude, unit)
+        declared = FaultEstimate(
+            name=fault.name or fault.shape,
+            fault=fault,
+            magnitude=magnitude,
+            unit=magnitude_unit(fault, unit),
+            physical_value=value,
+            physical_unit=physical_unit,
+            sd=sd,
+            ci95=(magnitude - NORMAL * sd, magnitude + NORMAL * sd),
+        )
+        onset_ci95, statistic = estimate.onset_ci95, estimate.statistic
+        faults.append(OnsetFault(estimate=declared, onset_ci95=onset_ci95, statistic=statistic, p_value=p_value))
+    profiles = []
+    for shape in dict.fromkeys(peak.form.shape for peak in scan.peaks):
+        peak = scan.of(shape)
+        channel, scale = settings.outputs[peak.form.output], float(record.unit[peak.form.output])
+        fault = fault_of(peak.form, channel, magnitude=1.0, onset_s=0.0)
+        profiles.append(
+            ShapeProfile(
+                shape=shape,
+                channel=channel,
+                unit=magnitude_unit(fault, log.channel(channel).unit),
+                frequency_hz=fault.frequency_hz,
+                onset_s=frozen_array([record.onset_s(int(k)) for k in peak.profile.onsets]),
+                statistic=frozen_array(peak.profile.statistic),
+                magnitude=frozen_array(scale * peak.profile.z),
+                sd=frozen_array(scale * peak.profile.sd),
+                threshold=None,
+            )
+        )
+    return OnsetResult(
+        log=record.window.summary,
+        decision="fault",
+        false_alarm=0.0,
+        p_value=None,
+        statistic=estimates[0].statistic if estimates else 0.0,
+        threshold=None,
+        calibration=None,
+        faults=tuple(faults),
+        model=model_summary(
+            record.without_fault(y, order).error * record.unit,
+            order=order,
+            rate_hz=settings.rate_hz,
+            feedthrough=record.feedthrough,
+            inputs=settings.inputs,
+            outputs=settings.outputs,
+            orders=scan.orders if several else (),
+            criterion_no_fault=scan.without_fault if several else (),
+            criterion_best=scan.with_fault if several else (),
+        ),
+        method="scan",
+        profiles=tuple(profiles),
+        time_s=frozen_array(record.time_s),
+        series=tuple(
+            OnsetSeries(
+                channel=name,
+                unit=log.channel(name).unit,
+                measured=frozen_array(measured[:, i]),
+                corrected=frozen_array(corrected[:, i]),
+                plain_alarms_s=tuple(float(record.time_s[series_order + k]) for k in exceedances(residual[:, i])),
+                plain_sd=robust_sd(residual[:, i]),
+            )
+            for i, name in enumerate(settings.outputs)
+        ),
+        truth=None if log.truth is None else log.truth.faults,
+        notes=(),
+    )
+
+
 def propose_dictionary(result: OnsetResult) -> Dictionary:
-    """Return the faults that the scan declared; where it declared none, every shape of known form at its best onset."""
-    atoms = [one.estimate.fault for one in result.faults]
+    """Return the declared faults; where there is none, each scanned bias, drift and sine at its best onset."""
+    atoms = [fault.estimate.fault for fault in result.faults]
     if not atoms:
         for profile in result.profiles:
             if profile.shape in ("bias", "drift", "sine"):
@@ -161,18 +255,18 @@ def compare_with_injected(
     Parameters
     ----------
     plain : the comparison that asks for the very same signal, which an estimated onset or frequency never is.
-    tolerance_s : onsets that differ by no more are the same.
+    tolerance_s : largest difference of two onsets that count as the same.
     """
     partner: dict[int, int] = {}
     for i, fault in enumerate(true):
-        for j, one in enumerate(declared):
-            same = (one.fault.shape, one.fault.channel) == (fault.shape, fault.channel)
-            if same and abs(one.fault.onset_s - fault.onset_s) <= tolerance_s:
+        for j, estimate in enumerate(declared):
+            same = (estimate.fault.shape, estimate.fault.channel) == (fault.shape, fault.channel)
+            if same and abs(estimate.fault.onset_s - fault.onset_s) <= tolerance_s:
                 partner[i] = j
                 break
     isolated = set(partner.values())
     missed = tuple(f"{fault.shape}_{instant(fault.onset_s)}" for i, fault in enumerate(true) if i not in partner)
-    extra = tuple(one.name for j, one in enumerate(declared) if j not in isolated)
+    extra = tuple(estimate.name for j, estimate in enumerate(declared) if j not in isolated)
     error = None
     if true and not missed and not extra and len(isolated) == len(true):
         sizes = np.array([[abs(declared[j].magnitude), abs(true[i].magnitude)] for i, j in partner.items()])

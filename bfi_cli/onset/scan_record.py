@@ -1,12 +1,11 @@
-"""The record a scan works on: a window of a log, conditioned and scaled as for an identification, and its fits."""
+"""The record of a scan: a window of a log, conditioned and scaled as for an identification, and its likelihood."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..calibration import CalibrationSettings
 from ..config import Config
@@ -14,19 +13,15 @@ from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
+from ..kernels import FloatArray
 from ..kernels.covariance import FitRows, Layout, unfold
 from ..kernels.lagged import compress
-from ..kernels.onset.correlations import FLOOR
-from ..kernels.onset.scan import ENDING, STARTING
+from ..kernels.onset.scan import ENDING, FLOOR, STARTING
 from ..kernels.progress import Report, Step, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
 from ..sample_file import sample_bytes
 from .shapes import Sampling, ShapeHypothesis, shape_hypotheses
-
-__all__ = ["DECIMALS", "Likelihood", "ScanRecord", "prepare_record"]
-
-FloatArray = NDArray[np.float64]
 
 # Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told
 # from a drift, and at least five samples per period.
@@ -40,18 +35,18 @@ TOLERANCE = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ScanRecord:
-    """What is scanned, in scaled units.
+    """The inputs and outputs that are scanned, scaled, and the hypotheses to test.
 
     Attributes
     ----------
-    window : as it was filtered and decimated.
-    u : (n_samples, n_inputs), y : (n_samples, n_outputs), of unit spread; y in SI is scaled y times `unit`, and a
-        constant more.
-    orders : to choose from.
+    window : the filtered and decimated window of the log.
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs), of unit spread; y in SI is `unit` times the scaled y plus a
+        constant.
+    orders : of the model, to choose from.
     floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
     forms : hypotheses to test.
-    band_hz : of the oscillations.
-    settings : of the scan, as a calibration names them.
+    band_hz : lowest and highest frequency of an oscillation.
+    settings : of the scan, as a calibration table states them.
     """
 
     window: PreparedWindow
@@ -94,7 +89,7 @@ class Likelihood:
     Attributes
     ----------
     y : (n_samples, n_outputs) scaled outputs.
-    step : called at every fit, so that whoever fits many can tell how far it is.
+    step : called at every fit; it reports the progress of a search that makes many fits.
     """
 
     record: ScanRecord
@@ -115,15 +110,9 @@ class Likelihood:
         problem = project_inputs(data, self.order, floor=FLOOR if self.record.floor is None else self.record.floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
 
-    def on_output(self, signals: FloatArray, output: int, start: FloatArray | None = None) -> Fit:
-        """Return the maximum over the magnitudes of signals (n_samples, n_signals) of one output."""
-        theta = np.zeros((*self.y.shape, signals.shape[1]))
-        theta[:, output] = signals
-        return self.fit(theta, start)
-
 
 def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> ScanRecord:
-    """Return the window of a log made ready for the scan; `report` is told how far it is.
+    """Return the window of a log made ready for the scan; `report` is called with the fraction that is done.
 
     Raises
     ------
@@ -133,13 +122,11 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
     wanted = config.start_time
     # The rate is chosen for a step amid the window and the fastest oscillation asked for.
     part = log.window(config.window.from_s, config.window.to_s)
-    step = Fault(
-        shape="bias", channel=config.outputs[0], onset_s=float(part.time_s[part.n_samples // 2]), name="a step"
-    )
-    atoms = [step]
+    channel, onset_s = config.outputs[0], float(part.time_s[part.n_samples // 2])
+    atoms = [Fault(shape="bias", channel=channel, onset_s=onset_s, name="a step")]
     if wanted.frequency_hz is not None and "sine" in wanted.shapes:
-        fastest = {"shape": "sine", "frequency_hz": wanted.frequency_hz[1], "name": "an oscillation"}
-        atoms.append(Fault(channel=step.channel, onset_s=step.onset_s, **fastest))  # type: ignore[arg-type]
+        fastest = Fault(shape="sine", channel=channel, onset_s=onset_s, frequency_hz=wanted.frequency_hz[1])
+        atoms.append(replace(fastest, name="an oscillation"))
     probes = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
     window = prepare_window(log, probes, config, report)
     regression = regression_of(window, config)

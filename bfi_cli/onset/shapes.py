@@ -1,7 +1,7 @@
-"""The shapes to look for, as the scan sees them after conditioning.
+"""The shapes that are scanned, as the low-pass and the decimation of the record leave them.
 
-The low-pass of the conditioning smears the start of a fault over a few samples. A shape is made at the log's own rate
-and passed through the same filter, so that it starts a few samples before its onset and can start between two samples.
+The low-pass smears the start of a fault over a few samples. A shape is therefore made at the log's own rate and passed
+through the same filter: it starts a few conditioned samples before its onset, which may lie between two of them.
 """
 
 from __future__ import annotations
@@ -10,28 +10,16 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import StartTime
 from ..faults import Fault, unit_signal
+from ..kernels import FloatArray
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.waveform import Waveform
 from ..report.text import instant
 from ..shapes import Shape
 
-__all__ = [
-    "Sampling",
-    "ShapeHypothesis",
-    "SubsampleIndex",
-    "fault_of",
-    "shape_hypotheses",
-    "signal",
-    "subsample_index",
-    "waveform",
-]
-
-FloatArray = NDArray[np.float64]
 # A conditioned sample, and the phase of one of the log's own samples before it, see `waveform`.
 SubsampleIndex = tuple[int, int]
 
@@ -43,7 +31,7 @@ LARGEST_SHARE = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """Samples of the conditioned record, and how they came from `factor` times as many; of factor 1 unfiltered."""
+    """Number and rate of the conditioned samples, and the low-pass and factor they were decimated with (1: neither)."""
 
     n_samples: int
     rate_hz: float
@@ -63,10 +51,10 @@ class ShapeHypothesis:
     Attributes
     ----------
     output : its index.
-    parameter : frequency, time constant or duration, in Hz or s; None where the shape has none, or it is sought.
-    file : of samples.
-    phase_rad : of a sine at the sample `anchor` of the log's own rate, counted from the first conditioned one; at the
-        onset where there is no anchor.
+    parameter : frequency, time constant or duration, in Hz or s; None where the shape has none, or the scan seeks it.
+    file : that holds a sampled shape.
+    phase_rad : phase of a sine at the sample `anchor`, or at the onset where there is no anchor.
+    anchor : sample of the log's own rate, counted from the first conditioned sample.
     """
 
     shape: Shape
@@ -86,17 +74,15 @@ class ShapeHypothesis:
 
 def shape_hypotheses(wanted: StartTime, n_outputs: int, duration_s: float) -> tuple[ShapeHypothesis, ...]:
     """Return every shape on every output; time constants and durations on a grid up to a quarter of the window."""
-    hypotheses = []
-    for output in range(n_outputs):
-        for shape in wanted.shapes:
-            grid: tuple[float | None, ...] = (None,)
-            if shape in ("lagged_bias", "ramp_hold"):
-                grid = tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
-            file = wanted.samples if shape == "samples" else None
-            hypotheses += [
-                ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=file) for parameter in grid
-            ]
-    return tuple(hypotheses)
+    grid = tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
+    return tuple(
+        ShapeHypothesis(
+            shape=shape, output=output, parameter=parameter, file=wanted.samples if shape == "samples" else None
+        )
+        for output in range(n_outputs)
+        for shape in wanted.shapes
+        for parameter in (grid if shape in ("lagged_bias", "ramp_hold") else (None,))
+    )
 
 
 def waveform(form: ShapeHypothesis, sampling: Sampling, phase: int = 0) -> Waveform:

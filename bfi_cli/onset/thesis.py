@@ -19,12 +19,11 @@ from ..kernels.onset.scan import Profile, default_onsets
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import risro_varx
 from ..kernels.termination import StoppingRule
-from .assemble import assemble_result
 from .estimate import Estimate
-from .result import OnsetResult
+from .result import OnsetResult, assemble_result
+from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import prepare_record
 from .shapes import signal
-from .sweep import Peak, Sweep, fault_free_bic, scan_of
 
 __all__ = ["find_onset_as_published"]
 
@@ -94,8 +93,13 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         statistic=float(peak.profile.statistic[best]),
     )
     criteria = tuple(plain)
-    curve = Sweep(
-        order=order, plain_order=order, peaks=tuple(peaks), orders=orders, plain=criteria, with_fault=criteria
+    curve = HypothesisScan(
+        order=order,
+        fault_free_order=order,
+        peaks=tuple(peaks),
+        orders=orders,
+        without_fault=criteria,
+        with_fault=criteria,
     )
     left = ", ".join(shape for shape in wanted.shapes if shape not in SHAPES)
     notes = (NOTE, f"the published method is for steps and ramps; left out: {left}") if left else (NOTE,)

@@ -1,4 +1,4 @@
-"""The predictor of a log without fault terms, and from which magnitude on it would show a fault."""
+"""The model of a log without fault terms, and the magnitude from which on a fault would be detected with it."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ __all__ = ["FaultFreeModel", "about_the_log", "detectable_at", "fit_fault_free",
 
 FloatArray = NDArray[np.float64]
 
-# What "minimal detectable" means everywhere: declared with 90 % power at 1 % of false alarms shared by the dictionary.
+# "Minimal detectable" everywhere: declared with 90 % power at 1 % of false alarms shared by the dictionary.
 FALSE_ALARM = 0.01
 POWER = 0.9
-CLEANED = "the faults injected into the log are taken out of it: this is about the log before they were injected"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FaultFreeModel:
-    """The fit without fault terms, laid over its rows with the signatures of the live atoms, magnitudes in SI.
+    """The fit without fault terms over the rows of the regression, with the signatures of the live atoms.
 
     Attributes
     ----------
     regression : without atoms; fit : of the order with the best criterion.
-    unfolded : over the rows, outputs scaled by `regression.unit`.
-    sd : (n_live,) standard deviation of each magnitude if that fault alone is added, NaN where the log shows nothing.
-    deviations : how many of these a magnitude needs to be detectable, see `detectable_at`.
+    unfolded : `fit` on the rows of the regression, outputs scaled by `regression.unit`.
+    sd : (n_live,) standard deviation of each magnitude in SI if that fault alone is added, NaN where its signature
+        vanishes.
+    deviations : how many of these make a magnitude detectable, see `detectable_at`.
     model : for the reader.
     """
 
@@ -62,13 +62,15 @@ def detectable_at(penalty: Penalty) -> float:
 
 def without_injected_faults(log: FlightLog) -> FlightLog:
     """Return the log with the clean signals it carries in place of those with injected faults."""
-    clean = {} if log.truth is None else log.truth.clean
-    restored = [replace(log.channel(name), values=values) for name, values in clean.items()]
-    return replace(log, channels={**log.channels, **{channel.name: channel for channel in restored}}, truth=None)
+    channels = dict(log.channels)
+    for name, values in (log.truth.clean if log.truth else {}).items():
+        channel = log.channel(name)
+        channels[channel.name] = replace(channel, values=values)
+    return replace(log, channels=channels, truth=None)
 
 
 def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
-    """Fit the window without fault terms and lay the signatures of its live atoms over the rows.
+    """Fit the window without fault terms, and give the signatures of its live atoms on the rows of the fit.
 
     Raises
     ------
@@ -107,31 +109,33 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
 
 
 def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel) -> list[str]:
-    """Name the faults that the log cannot show, and say where it makes limits too large (a fault) or small (no noise).
+    """Return notes on the faults that the log cannot show, and on what makes its limits too large or too small.
+
+    A fault in the log makes them too large, a log without noise too small.
 
     Parameters
     ----------
     log : as it was read.
     window : of the log without its injected faults; fitted : its model.
     """
-    said = [
-        f"'{window.names[j]}' leaves nothing that the model's own inputs and lags do not explain; move its onset into "
-        "the window"
-        for j, size in zip(window.live, fitted.sd, strict=True)
-        if not np.isfinite(size)
+    notes = [
+        f"the inputs and lags of the model explain all of '{window.names[j]}', so no magnitude of it can be detected; "
+        "move its onset into the window"
+        for j, sd in zip(window.live, fitted.sd, strict=True)
+        if not np.isfinite(sd)
     ]
     if window.exact:
-        said.append("the log has no noise: the minimal detectable magnitudes are those of round-off")
-    else:
-        for name, error in zip(window.outputs, fitted.unfolded.error.T, strict=True):
-            beyond = exceedances(error)
-            if beyond.size:
-                more = f" and {beyond.size - 1} more samples" if beyond.size > 1 else ""
-                said.append(
-                    f"'{name}' jumps away from its prediction at {fitted.regression.rows_s[beyond[0]]:.6g} s{more}: if "
-                    "that is a fault, the minimal detectable magnitudes are too large; choose a log or window without "
-                    "one"
-                )
+        notes.append("the log has no noise: the minimal detectable magnitudes are those of round-off")
+    for name, error in zip(window.outputs, fitted.unfolded.error.T, strict=True) if not window.exact else ():
+        beyond = exceedances(error)
+        if beyond.size:
+            more = f" and {beyond.size - 1} more samples" if beyond.size > 1 else ""
+            notes.append(
+                f"'{name}' jumps away from its prediction at {fitted.regression.rows_s[beyond[0]]:.6g} s{more}: if "
+                "that is a fault, the minimal detectable magnitudes are too large; choose a log or window without one"
+            )
     if log.truth is not None and log.truth.clean:
-        said.append(CLEANED)
-    return said
+        notes.append(
+            "the faults injected into the log are taken out of it: this is about the log before they were injected"
+        )
+    return notes

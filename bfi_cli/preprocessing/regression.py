@@ -20,11 +20,11 @@ __all__ = ["RegressionData", "Signals", "build_regression", "decimate_signals", 
 
 FloatArray = NDArray[np.float64]
 
-# Smallest standard deviation of a prediction error over the output's own: round-off at the log's own rate. Decimation
-# leaves a small predictable remainder even of a record that a VARX explains exactly; what is below it is no noise.
+# Smallest standard deviation of a prediction error, over that of the output: round-off at the log's own rate, and what
+# decimation leaves unpredicted even of a record that a VARX explains exactly. Smaller errors are no noise.
 ROUND_OFF = 1e-10
 DECIMATION_REMAINDER = 1e-4
-# Fewer rows per coefficient fit the noise of so short a window rather than the dynamics.
+# With fewer rows per coefficient the model fits the noise of a short window rather than the dynamics.
 ROWS_PER_REGRESSOR = 2.0
 
 
@@ -68,7 +68,7 @@ def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) ->
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RegressionData:
-    """What the kernels work on, in scaled units.
+    """The regression that the kernels solve, in scaled units.
 
     Attributes
     ----------
@@ -147,17 +147,15 @@ def build_regression(
     ----------
     atoms : dictionary entries to look for.
     orders : to choose from; default the configuration's.
-    report : told how far it is.
+    report : receives the progress.
 
     Raises
     ------
     LogError : the window has no rows for any order.
     """
-    model = config.model
+    model, n_inputs, n_outputs = config.model, signals.u.shape[1], signals.y.shape[1]
     wanted = orders or (model.orders if model.order == "auto" else (model.order,))
-    orders = feasible_orders(
-        signals.path, len(signals.time_s), wanted, n_inputs=signals.u.shape[1], n_outputs=signals.y.shape[1]
-    )
+    orders = feasible_orders(signals.path, len(signals.time_s), wanted, n_inputs=n_inputs, n_outputs=n_outputs)
     centred = config.conditioning.detrend == "constant"
     u, _, _ = _standardised(signals.u, centred=centred)
     y, center, unit = _standardised(signals.y, centred=centred)

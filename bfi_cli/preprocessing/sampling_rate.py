@@ -1,8 +1,8 @@
-"""The rate of an analysis: slow enough to give the model memory, fast enough for the dynamics and the dictionary."""
+"""The sampling rate of an analysis: so low that few lags span the dynamics, high enough for the dictionary."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,14 +17,7 @@ from ..kernels.model_selection import Penalty, full_support
 from ..kernels.progress import Report, parts, shares, silent
 from .regression import RegressionData, Signals, build_regression, decimate_signals
 
-__all__ = [
-    "SAMPLES_PER_CYCLE",
-    "RateChoice",
-    "choose_rate",
-    "is_exact",
-    "lowest_rate",
-    "reduce_rate_for_noise",
-]
+__all__ = ["SAMPLES_PER_CYCLE", "RateChoice", "choose_rate", "is_exact", "reduce_rate_for_noise"]
 
 FloatArray = NDArray[np.float64]
 
@@ -45,11 +38,11 @@ EMPTY_BAND = 1e-3
 TIE = 1e-6
 # Prediction error over the output's range: double precision leaves 1e-10 and less, single precision 1e-7 and more.
 EXACT = 1e-8
-EXACT_ORDER = 4
+EXACT_ORDER = 4  # states of the longitudinal motion
 EXACT_SAMPLES = 5000  # more tell no more and take time
-# Four states of longitudinal motion take fewer lags: orders from here on are preferred for the sake of the noise only.
+# Longitudinal motion has four states, which take fewer lags: more are preferred for the sake of the noise only.
 MANY_LAGS = 8
-# Above this many atoms, which need not all fit into the rows, the noise is judged without fault terms.
+# The fault terms of more atoms than this need not all fit into the rows: the orders are then compared without them.
 MOST_ATOMS = 24
 
 
@@ -62,7 +55,7 @@ class RateChoice:
 
 
 def choose_rate(signals: Signals, faults: Sequence[Fault], *, exact: bool, asked: float | str = "auto") -> RateChoice:
-    """Choose a rate for rigid-body dynamics, the window's length and the dictionary's bandwidth.
+    """Choose the rate that suits rigid-body dynamics, the length of the window and the dictionary's frequencies.
 
     Parameters
     ----------
@@ -93,12 +86,6 @@ def choose_rate(signals: Signals, faults: Sequence[Fault], *, exact: bool, asked
     return RateChoice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
 
 
-def lowest_rate(signals: Signals, faults: Sequence[Fault]) -> float:
-    """Return the lowest rate that still resolves the dictionary and leaves samples enough."""
-    duration = len(signals.time_s) / signals.rate_hz
-    return max(SLOWEST_HZ, SAMPLES_PER_CYCLE * _fastest(faults), ENOUGH_SAMPLES / duration)
-
-
 def reduce_rate_for_noise(
     signals: Signals,
     choice: RateChoice,
@@ -107,51 +94,48 @@ def reduce_rate_for_noise(
     lowpass: Lowpass,
     report: Report = silent,
 ) -> tuple[RateChoice, RegressionData | None]:
-    """Halve the rate for as long as a VARX there prefers many lags and the dictionary allows it.
+    """Halve the rate while the best VARX has many lags and the frequencies of the dictionary allow a lower rate.
 
-    Averaging measurement noise needs memory, and a lower rate gives it for fewer lags.
+    Lags average the measurement noise over the time they span; at a lower rate fewer of them span that time.
 
     Parameters
     ----------
     signals : at the log's own rate.
     choice : the fastest rate that suits.
     faults : what is looked for, by its place in the dictionary.
-    report : told how far it is.
+    report : receives the progress.
 
     Returns
     -------
     The choice, and the regression at its rate where one has been built, with all these faults and all orders that the
     configuration lists.
     """
-    lowest = lowest_rate(signals, list(faults.values()))
+    duration = len(signals.time_s) / signals.rate_hz
+    lowest = max(SLOWEST_HZ, SAMPLES_PER_CYCLE * _fastest(faults.values()), ENOUGH_SAMPLES / duration)
+    orders, atoms = config.model.orders, tuple(range(len(faults))) if len(faults) <= MOST_ATOMS else ()
     while signals.rate_hz / (2 * choice.factor) >= lowest:
         factorising, trying, report = shares(report, 1, 1, 2)
         try:
             decimated = decimate_signals(signals, choice.factor, lowpass)
-            regression = build_regression(
-                decimated, tuple(faults), config, orders=config.model.orders, report=factorising
-            )
+            regression = build_regression(decimated, tuple(faults), config, orders=orders, report=factorising)
         except LogError:
             return choice, None
-        lags = _preferred_order(regression, trying)
+        # The order with the best BIC, all faults of a small dictionary free; 0 where the rows do not suffice.
+        rows = regression.n_rows
+        penalty = Penalty(n_rows=rows, n_effective=float(rows), n_candidates=len(atoms), evidence=0.0, extended=False)
+        fits = [
+            full_support(regression.problem(order), atoms, penalty) for order, _ in parts(trying, regression.orders)
+        ]
+        fitted = [fit for fit in fits if fit is not None]
+        lags = min(fitted, key=lambda scored: scored.criterion).fit.order if fitted else 0
         if lags < MANY_LAGS:
             return choice, regression
-        reason = f"at {decimated.rate_hz:.4g} Hz the noise asks for {lags} lags"
+        reason = f"at {decimated.rate_hz:.4g} Hz a model needs {lags} lags to average the noise"
         choice = RateChoice(factor=2 * choice.factor, reason=reason)
     return choice, None
 
 
-def _preferred_order(regression: RegressionData, report: Report) -> int:
-    """Return the order with the best BIC, all faults of a small dictionary free; 0 where the rows do not suffice."""
-    n_atoms, n_rows = len(regression.atoms), regression.n_rows
-    atoms = tuple(range(n_atoms)) if n_atoms <= MOST_ATOMS else ()
-    penalty = Penalty(n_rows=n_rows, n_effective=float(n_rows), n_candidates=len(atoms), evidence=0.0, extended=False)
-    fits = [full_support(regression.problem(order), atoms, penalty) for order, _ in parts(report, regression.orders)]
-    scored = [fit for fit in fits if fit is not None]
-    return min(scored, key=lambda one: one.criterion).fit.order if scored else 0
-
-
-def _fastest(faults: Sequence[Fault]) -> float:
+def _fastest(faults: Iterable[Fault]) -> float:
     return max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
 
 
@@ -178,13 +162,17 @@ def is_exact(signals: Signals) -> bool:
 def _empty_from(signals: Signals) -> float | None:
     """Return the frequency above which the outputs carry next to nothing, None where they do up to Nyquist.
 
-    The spectrum of the differenced output falls by 30 dB and more within two octaves only behind a filter.
+    The spectrum of the differenced output (Welch's averaged periodograms of half-overlapping Hann segments) falls by
+    30 dB and more within two octaves only behind a filter.
     """
     if len(signals.y) < 3:  # one step has no spectrum
         return None
-    edges = []
+    n, edges = min(len(signals.y) - 1, 1024), []
+    f = np.fft.rfftfreq(n, 1.0 / signals.rate_hz)
     for output in signals.y.T:
-        f, power = _spectrum(np.diff(output), signals.rate_hz)
+        segments = np.lib.stride_tricks.sliding_window_view(np.diff(output), n)[:: max(1, n // 2)]
+        centred = segments - segments.mean(axis=1, keepdims=True)
+        power = np.mean(np.abs(np.fft.rfft(centred * np.hanning(n), axis=1)) ** 2, axis=0)
         above = np.maximum.accumulate(power[::-1])[::-1]
         reference = [np.median(power[(f >= edge / 4) & (f <= edge / 2)]) if edge > 8 * f[1] else 0.0 for edge in f]
         empty = np.flatnonzero(above < EMPTY_BAND * np.array(reference))
@@ -192,12 +180,3 @@ def _empty_from(signals: Signals) -> float | None:
             return None
         edges.append(float(f[empty[0]]))
     return max(edges, default=None)
-
-
-def _spectrum(x: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
-    """Averaged periodograms of half-overlapping Hann segments (Welch), up to a factor."""
-    n = min(len(x), 1024)
-    segments = np.lib.stride_tricks.sliding_window_view(x, n)[:: max(1, n // 2)]
-    centred = segments - segments.mean(axis=1, keepdims=True)
-    power = np.mean(np.abs(np.fft.rfft(centred * np.hanning(n), axis=1)) ** 2, axis=0)
-    return np.asarray(np.fft.rfftfreq(n, 1.0 / rate_hz)), np.asarray(power)

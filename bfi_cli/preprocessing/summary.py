@@ -27,7 +27,7 @@ class LogSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelSummary:
-    """The model behind an answer; `orders` and `criterion_...` are the order selection curve, empty for one order."""
+    """The model behind a result; `orders` and `criterion_...` are the order selection curve, empty for one order."""
 
     order: int
     rate_hz: float
@@ -42,13 +42,9 @@ class ModelSummary:
 
 def log_summary(path: str, time_s: FloatArray, *, rate_hz: float, native_rate_hz: float) -> LogSummary:
     """Return the summary of a window with the samples `time_s` at the rate of the analysis."""
+    start_s, stop_s = float(time_s[0]), float(time_s[-1])
     return LogSummary(
-        path=path,
-        rate_hz=rate_hz,
-        n_samples=len(time_s),
-        start_s=float(time_s[0]),
-        stop_s=float(time_s[-1]),
-        native_rate_hz=native_rate_hz,
+        path=path, rate_hz=rate_hz, n_samples=len(time_s), start_s=start_s, stop_s=stop_s, native_rate_hz=native_rate_hz
     )
 
 

@@ -1,9 +1,9 @@
-"""A window of a log made ready for an analysis: cut, checked, filtered, decimated, the dictionary with it."""
+"""A window of a log made ready for an analysis: cut, checked, filtered and decimated together with the dictionary."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,33 +24,29 @@ __all__ = ["PreparedWindow", "must_resample", "prepare_window", "regression_of",
 
 FloatArray = NDArray[np.float64]
 
-# A control surface that moves by less than 0.03 degrees does not excite an aircraft.
-STILL_ANGLE = 5e-4
-# Relative to the largest value: a constant stored in single precision moves by less.
-STILL_RELATIVE = 1e-6
-SMALLEST = 1e-30
-# A rate is a whole part of the log's within the error of a clock, 0.1 %.
-SAME_RATE = 1e-3
-# An atom whose travel, or whose part that the atoms before it do not explain, is so small is round-off.
-CONSTANT = 1e-9
-DEPENDENT = 1e-7
+STILL_ANGLE = 5e-4  # rad: a control surface that moves by less than 0.03 degrees does not excite an aircraft
+STILL_RELATIVE = 1e-6  # of the largest value: a constant stored in single precision moves by less
+SMALLEST = 1e-30  # the travel of a signal that is zero
+SAME_RATE = 1e-3  # relative error of a clock, within which a rate is a whole part of the log's
+CONSTANT = 1e-9  # of an atom's largest value: a travel this small is round-off
+DEPENDENT = 1e-7  # of an atom's norm: a part this small that earlier atoms do not explain is round-off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedWindow:
-    """The window in SI units, and which dictionary entries can be looked for in it.
+    """The window in SI units, with the entries of the dictionary that can be identified in it.
 
     Attributes
     ----------
     log : the window, at the rate before decimation.
     faults : every dictionary entry, times on the log's axis; names : their names.
-    reasons : why an entry is left out, by index; live : the others.
+    reasons : why an entry is left out, by index; live : the indices of the others.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
     exact : a VARX explains the record to round-off at its own rate.
-    regression : of the signals and all live entries, where choosing the rate has built it; see `regression_of`.
+    regression : of the signals and all live entries if the choice of the rate has built it; see `regression_of`.
     """
 
     log: FlightLog
@@ -77,7 +73,7 @@ class PreparedWindow:
 
 
 def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent) -> PreparedWindow:
-    """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` is told how far it is.
+    """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` receives the progress.
 
     Raises
     ------
@@ -109,16 +105,9 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
         theta = dictionary_signals(part.time_s)
     _require_movement(part, config)
 
-    native = Signals(
-        path=part.path,
-        rate_hz=part.rate_hz,
-        factor=1,
-        time_s=part.time_s,
-        u=part.signals(config.inputs),
-        y=part.signals(config.outputs),
-        theta=theta,
-    )
-    lowpass = Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=config.conditioning.filter)
+    u, y = part.signals(config.inputs), part.signals(config.outputs)
+    native = Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta)
+    lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     rate, regression = choose_rate(native, list(seen.values()), exact=exact, asked=rate_hz), None
     choosing, comparing = shares(report, 1, 1)
@@ -151,7 +140,7 @@ def prepare_window(log: FlightLog, dictionary: Dictionary, config: Config, repor
 
 
 def regression_of(window: PreparedWindow, config: Config, report: Report = silent) -> RegressionData:
-    """Return the regression of a window with all its live entries, the one built for the choice of the rate if it fits.
+    """Return the regression of a window with all its live entries; one built for the choice of the rate is reused.
 
     Raises
     ------
@@ -161,9 +150,9 @@ def regression_of(window: PreparedWindow, config: Config, report: Report = silen
 
 
 def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -> bool:
-    """Check the channels and say whether decimation cannot bring them to a rate, so that the log must be resampled.
+    """Check the channels, and say whether the log must be resampled because decimation cannot bring it to the rate.
 
-    That is so for a rate that is no whole part of the log's, an uneven time step, or held samples.
+    It must for a rate that is no whole part of the log's, an uneven time step, or held samples.
 
     Parameters
     ----------
@@ -209,13 +198,13 @@ def _require_movement(log: FlightLog, config: Config) -> None:
 def unusable_atoms(
     theta: FloatArray, names: Sequence[str], indices: Sequence[int], report: Report = silent
 ) -> dict[int, str]:
-    """Return why atoms cannot be told apart from nothing, from a constant, or from earlier atoms.
+    """Return why an atom cannot be identified, by index: it is zero, a constant, or a combination of earlier atoms.
 
     Parameters
     ----------
     theta : (n_samples, n_outputs, n_atoms) signals of all dictionary entries; names : of all of them.
     indices : the entries to look at; earlier ones are kept.
-    report : told how far it is.
+    report : receives the progress.
     """
     reasons: dict[int, str] = {}
     n, n_y, _ = theta.shape
@@ -223,14 +212,14 @@ def unusable_atoms(
     basis = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
     kept: list[int] = []
     for j, _ in parts(report, indices):
-        signal = flat[:, j]
+        signal, name = flat[:, j], names[j]
         size = float(np.linalg.norm(signal))
         if size == 0.0:
-            reasons[j] = f"'{names[j]}' is zero in the window; move its onset or widen the window"
+            reasons[j] = f"'{name}' is zero in the window; move its onset or widen the window"
             continue
         if float(np.max(np.ptp(theta[:, :, j], axis=0))) <= CONSTANT * float(np.max(np.abs(signal))):
             reasons[j] = (
-                f"'{names[j]}' does not change in the window, as the model's constant does; move its onset inside"
+                f"'{name}' does not change in the window, so the model's constant explains it; move its onset inside"
             )
             continue
         rest = signal - basis @ (basis.T @ signal)
@@ -240,11 +229,9 @@ def unusable_atoms(
             kept.append(j)
             continue
         likeness = [abs(float(signal @ flat[:, i])) / float(np.linalg.norm(flat[:, i])) for i in kept]
-        nearest = kept[int(np.argmax(likeness))] if kept else j
+        nearest = names[kept[int(np.argmax(likeness))] if kept else j]
         if likeness and max(likeness) >= (1.0 - DEPENDENT) * size:
-            reasons[j] = f"'{names[j]}' is the same signal as '{names[nearest]}' in the window; only the latter is kept"
+            reasons[j] = f"'{name}' is the same signal as '{nearest}' in the window; only the latter is kept"
         else:
-            reasons[j] = (
-                f"'{names[j]}' is a combination of the entries before it (nearest '{names[nearest]}') in the window"
-            )
+            reasons[j] = f"'{name}' is a combination of the entries before it in the window (nearest '{nearest}')"
     return reasons

@@ -9,8 +9,8 @@ import pytest
 
 from bfi_cli.aircraft.f16 import STATES, Body, Flights, Inversion, Observation, derivatives, observe
 from bfi_cli.aircraft.f16.airframe import SURFACE_LIMITS
-from bfi_cli.aircraft.f16.inversion import inverted_kinematics
-from bfi_cli.aircraft.f16.loads import accelerations, conditions_at, thrust_force
+from bfi_cli.aircraft.f16.closed_loop import inverted_kinematics
+from bfi_cli.aircraft.f16.loads import conditions_at
 from bfi_cli.aircraft.f16.motion import translation
 
 N = 80
@@ -34,7 +34,7 @@ def test_the_rates_give_the_angles_the_wanted_change():
     x[6:9] = inverted_kinematics(x, wanted)
     u = np.zeros((6, N))
     at = conditions_at(x, Body())
-    of_forces = translation(x, accelerations(at, at.coefficients(x[6:9], u), thrust_force(at, u)))
+    of_forces = translation(x, at.accelerations(at.coefficients(x[6:9], u), at.thrust_force(u)))
     change = derivatives(x, u, Body())
     np.testing.assert_allclose(change[1:3] - of_forces[1:], wanted[:2], rtol=0, atol=1e-12)
     np.testing.assert_allclose(change[3], wanted[2], rtol=0, atol=1e-12)

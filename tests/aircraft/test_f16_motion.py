@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bfi_cli.aircraft.f16 import AIRFRAME, BOOK_AIRFRAME, CONTROLS, STATES, Body, SteadyFlight, derivatives, trim
 from bfi_cli.aircraft.f16.airframe import FOOT, IXX, IXZ, IYY, IZZ, SLUG_FT2
-from bfi_cli.aircraft.f16.loads import accelerations, conditions_at, moments, thrust_force
+from bfi_cli.aircraft.f16.loads import conditions_at
 from bfi_cli.errors import ConfigError
 
 DEG = np.pi / 180.0
@@ -52,8 +52,8 @@ def flights(seed: int = 0, n: int = N) -> tuple[np.ndarray, np.ndarray]:
 def loads(x: np.ndarray, u: np.ndarray, body: Body) -> tuple[np.ndarray, np.ndarray]:
     """Return accelerations with gravity, and moments."""
     at = conditions_at(x, body)
-    C, F_T = at.coefficients(x[6:9], u), thrust_force(at, u)
-    return accelerations(at, C, F_T), moments(at, C, F_T)
+    C, F_T = at.coefficients(x[6:9], u), at.thrust_force(u)
+    return at.accelerations(C, F_T), at.moments(C, F_T)
 
 
 def velocity(x: np.ndarray) -> np.ndarray:
@@ -173,11 +173,11 @@ def test_variation_scales_the_aerodynamic_moments_and_nothing_else():
 def test_the_nozzle_turns_the_thrust_about_the_centre_of_gravity():
     x, u = flights(9)
     at = conditions_at(x, Body(nozzle_arm_m=4.0))
-    F_T = thrust_force(at, u)
+    F_T = at.thrust_force(u)
     np.testing.assert_allclose(np.linalg.norm(F_T, axis=0), np.abs(at.thrust), rtol=1e-12)
     no_air = np.zeros((6, N))
     expected = np.cross(np.tile([-4.0, 0.0, 0.0], (N, 1)), F_T.T).T
-    np.testing.assert_allclose(moments(at, no_air, F_T), expected, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(at.moments(no_air, F_T), expected, rtol=1e-12, atol=1e-9)
 
 
 def test_inputs_are_not_changed():

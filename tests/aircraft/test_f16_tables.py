@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.aircraft.f16.airframe import AIRFRAME, FOOT, POUND
+from bfi_cli.aircraft.f16.airframe import AIRFRAME, FOOT, POUND, Grid, interpolate, tables
 from bfi_cli.aircraft.f16.loads import (
+    Body,
     air_density,
-    coefficients,
     commanded_power,
+    conditions_at,
     mach_number,
     power_rate,
-    section_at,
     thrust,
 )
-from bfi_cli.aircraft.f16.tables import Grid, interpolate, tables
 
 DEG = np.pi / 180.0
 
@@ -23,9 +22,9 @@ DEG = np.pi / 180.0
 def still_air(
     aoa_deg: float, slip_deg: float, surfaces_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> np.ndarray:
-    section = section_at(np.array([aoa_deg * DEG]), np.array([slip_deg * DEG]))
-    motion = (np.array([150.0]), np.zeros((3, 1)))
-    return coefficients(section, motion, DEG * np.array(surfaces_deg)[:, None], airframe=AIRFRAME, cg=0.35)[:, 0]
+    x, u = np.zeros((13, 1)), np.zeros((6, 1))
+    x[:3, 0], u[:3, 0] = (150.0, aoa_deg * DEG, slip_deg * DEG), DEG * np.array(surfaces_deg)
+    return conditions_at(x, Body(cg=0.35)).coefficients(np.zeros((3, 1)), u)[:, 0]
 
 
 def test_the_stack_is_whole():
@@ -78,9 +77,9 @@ def test_the_elevator_is_extrapolated_from_24_to_25_degrees():
 
 def test_forces_act_about_the_centre_of_gravity():
     """Behind the tables' own, lift pitches up and a force to the right yaws left."""
-    section = section_at(np.array([0.2]), np.array([0.1]))
-    motion, surfaces = (np.array([150.0]), np.array([[0.1], [0.2], [0.3]])), np.full((3, 1), 0.05)
-    ours, moved = (coefficients(section, motion, surfaces, airframe=AIRFRAME, cg=cg)[:, 0] for cg in (0.35, 0.40))
+    x, rates, u = np.zeros((13, 1)), np.array([[0.1], [0.2], [0.3]]), np.full((6, 1), 0.05)
+    x[:3, 0] = 150.0, 0.2, 0.1
+    ours, moved = (conditions_at(x, Body(cg=cg)).coefficients(rates, u)[:, 0] for cg in (0.35, 0.40))
     np.testing.assert_array_equal(moved[:4], ours[:4])
     assert moved[4] - ours[4] == pytest.approx(-0.05 * ours[2], rel=1e-12)
     assert moved[5] - ours[5] == pytest.approx(0.05 * ours[1] * AIRFRAME.chord_m / AIRFRAME.span_m, rel=1e-12)

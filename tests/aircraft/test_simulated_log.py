@@ -125,8 +125,8 @@ def test_the_bilinear_rule_reaches_the_log():
     ("settings", "message"),
     [
         ({"noise_sd": {"cas": 0.1}}, "citation: noise: no output 'cas'; the model has: tas, aoa, pitch, pitch_rate"),
-        ({"noise_sd": {"tas": -0.1}}, "citation: noise of tas: not a size, got -0.1 m/s; give a positive number"),
-        ({"quantum": {"aoa": np.nan}}, "citation: quantum of aoa: not a size, got nan rad; give a positive number"),
+        ({"noise_sd": {"tas": -0.1}}, "citation: noise of tas: must be 0 or more, got -0.1 m/s; give 0 for none"),
+        ({"quantum": {"aoa": np.nan}}, "citation: quantum of aoa: must be 0 or more, got nan rad; give 0 for none"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(settings: dict[str, object], message: str):

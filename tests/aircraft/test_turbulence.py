@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.linalg import expm
 
 from bfi_cli.aircraft import MODELS, Dryden, dryden_gusts, response, with_gusts
-from bfi_cli.aircraft import turbulence as filters
+from bfi_cli.aircraft.simulate import DRYDEN_A, DRYDEN_C, DRYDEN_P
 from bfi_cli.errors import ConfigError
 
 CITATION = MODELS["citation"]
@@ -35,13 +35,13 @@ def spectrum(angular_frequency: np.ndarray) -> np.ndarray:
 
 def test_the_stated_covariance_solves_the_lyapunov_equation():
     drive = np.array([[np.sqrt(2.0), 0.0], [0.0, 0.0], [0.0, 1.0]])
-    balance = filters.A @ filters.P + filters.P @ filters.A.T + drive @ drive.T
+    balance = DRYDEN_A @ DRYDEN_P + DRYDEN_P @ DRYDEN_A.T + drive @ drive.T
     np.testing.assert_allclose(balance, np.zeros((3, 3)), rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.01, 0.3, 1.0, 4.0])
 def test_the_autocorrelation_is_drydens(lag: float):
-    correlation = filters.C @ expm(filters.A * lag) @ filters.P @ filters.C.T
+    correlation = DRYDEN_C @ expm(DRYDEN_A * lag) @ DRYDEN_P @ DRYDEN_C.T
     np.testing.assert_allclose(correlation, np.diag([np.exp(-lag), np.exp(-lag) * (1 - lag / 2)]), rtol=0, atol=1e-12)
 
 
@@ -107,9 +107,12 @@ def test_a_model_without_airspeed_does_not_feel_a_headwind():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"sigma_m_s": -1.0}, "turbulence: no intensity, got -1 m/s; give 0 or a positive number"),
-        ({"sigma_m_s": np.nan}, "turbulence: no intensity, got nan m/s; give 0 or a positive number"),
-        ({"sigma_m_s": 1.0, "scale_length_m": 0.0}, "turbulence: no scale length, got 0 m; give a positive number"),
+        ({"sigma_m_s": -1.0}, "turbulence: the intensity must be 0 or more, got -1 m/s; change it"),
+        ({"sigma_m_s": np.nan}, "turbulence: the intensity must be 0 or more, got nan m/s; change it"),
+        (
+            {"sigma_m_s": 1.0, "scale_length_m": 0.0},
+            "turbulence: the scale length must be positive, got 0 m; change it",
+        ),
     ],
 )
 def test_an_impossible_turbulence_is_refused(settings: dict[str, float], message: str):

@@ -15,10 +15,9 @@ from threadpoolctl import threadpool_limits
 
 from bfi_cli.kernels.lagged import compress
 from bfi_cli.kernels.onset import waveform as shapes
-from bfi_cli.kernels.onset.correlations import prepare_scan
 from bfi_cli.kernels.onset.frequency import scan_frequency, scan_frequency_ends
 from bfi_cli.kernels.onset.pairs import scan_ends
-from bfi_cli.kernels.onset.scan import default_onsets, scan_shape
+from bfi_cli.kernels.onset.scan import default_onsets, prepare_scan, scan_shape
 from bfi_cli.kernels.risro_varx import risro_varx
 
 pytestmark = pytest.mark.benchmarks

@@ -44,7 +44,7 @@ def test_the_document_of_the_contract(bfi, log: Path):
     assert document["windows"][0]["channel"] == "elevator"
     assert document["segments"] == [{"label": "phugoid [1]", "start_s": 10, "stop_s": 50, "note": ""}]
     assert document["notes"] == [
-        "no unit is stated for aoa (rad); these are taken, another one is stated with --unit NAME=UNIT"
+        "no unit is stated for aoa (rad): the one in brackets is assumed, give another with --unit NAME=UNIT"
     ]
     assert document["provenance"]["command"] == f"bfi info {log} --json"
     assert len(document["provenance"]["log_sha256"]) == 64

@@ -10,8 +10,7 @@ import pytest
 
 from bfi_cli.commands import _run
 from bfi_cli.faults import Fault
-from bfi_cli.flightlog import read_log
-from bfi_cli.flightlog.inject import inject
+from bfi_cli.flightlog import inject, read_log
 from bfi_cli.flightlog.report import log_lines
 
 BIAS = "bias,channel=tas,magnitude=4,onset_s=1.5"

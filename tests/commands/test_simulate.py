@@ -143,9 +143,9 @@ def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFix
             ["--quantum", "tas=1", "--quantum", "tas=2"],
             "--quantum: an output is given twice, got tas=1 tas=2; keep one",
         ),
-        (["--quantum", "tas=-1"], "citation: quantum of tas: not a size, got -1 m/s; give a positive number, or 0"),
-        (["--turbulence", "-1"], "turbulence: no intensity, got -1 m/s; give 0 or a positive number"),
-        (["--turbulence", "nan"], "turbulence: no intensity, got nan m/s; give 0 or a positive number"),
+        (["--quantum", "tas=-1"], "citation: quantum of tas: must be 0 or more, got -1 m/s; give 0 for none"),
+        (["--turbulence", "-1"], "turbulence: the intensity must be 0 or more, got -1 m/s; change it"),
+        (["--turbulence", "nan"], "turbulence: the intensity must be 0 or more, got nan m/s; change it"),
         (
             ["--rate", "0"],
             "simulate: a log has 2 to 10,000,000 samples, got 31.72 s at 0 Hz; change --duration or --rate",

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.detect import DetectSettings, detect_faults
+from bfi_cli.config import Config, merge
+from bfi_cli.detect import detect_faults
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 
-TRAINED = DetectSettings(train=(0.0, 8.0))
+TRAINED = merge(Config(), {"detect.train": (0.0, 8.0)})
 SPREADS = 5.0
 
 
@@ -89,11 +90,11 @@ def test_accelerations_count_as_inputs_unless_others_are_asked_for(flown: Callab
     elevators = tuple(name for name in detect_faults(flown(), TRAINED).inputs)
     found = detect_faults(log, TRAINED)
     assert found.inputs == (*elevators, "longitudinal_acc")
-    assert any(note.startswith("taken as inputs, and to be right: longitudinal_acc,") for note in found.notes)
-    asked = detect_faults(log, replace(TRAINED, inputs=elevators))
+    assert any(note.startswith("inputs include longitudinal_acc,") for note in found.notes)
+    asked = detect_faults(log, merge(TRAINED, {"inputs": elevators}))
     assert asked.inputs == elevators
-    assert not any("taken as inputs" in note for note in asked.notes)
-    watched = detect_faults(log, replace(TRAINED, outputs=("longitudinal_acc", "pitch")))
+    assert not any("inputs include" in note for note in asked.notes)
+    watched = detect_faults(log, merge(TRAINED, {"outputs": ("longitudinal_acc", "pitch")}))
     assert (watched.inputs, watched.outputs) == (elevators, ("longitudinal_acc", "pitch"))
 
 
@@ -117,7 +118,7 @@ def test_inputs_with_noise_of_their_own_that_move_together_count_as_one(flown: C
 
 
 def test_what_is_healthy_is_asked_for(flown: Callable[..., FlightLog]):
-    result = detect_faults(flown(), DetectSettings())
+    result = detect_faults(flown(), Config())
     assert any("no healthy time was given" in note for note in result.notes)
     assert result.train == (0.0, pytest.approx(20.0 / 3.0, abs=0.01))
 
@@ -125,16 +126,16 @@ def test_what_is_healthy_is_asked_for(flown: Callable[..., FlightLog]):
 @pytest.mark.parametrize(
     ("settings", "error", "message"),
     [
-        ({"false_alarm": 2.0}, ConfigError, "--false-alarm: must lie between 0 and 1, got 2"),
-        ({"train": (8.0, 2.0)}, ConfigError, "--train: must end after it starts"),
-        ({"train": (30.0, 40.0)}, (ConfigError, LogError), "30"),
-        ({"train": (0.0, 0.2), "method": "parity"}, LogError, "give a longer --train"),
+        ({"detect.false_alarm": 2.0}, ConfigError, "detect.false_alarm"),
+        ({"detect.train": (8.0, 2.0)}, ConfigError, "must end after it starts"),
+        ({"detect.train": (30.0, 40.0)}, (ConfigError, LogError), "30"),
+        ({"detect.train": (0.0, 0.2), "detect.method": "parity"}, LogError, "give a longer --train"),
         ({"outputs": ("cas",)}, LogError, "no channel 'cas'"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line(flown: Callable[..., FlightLog], settings, error, message: str):
     with pytest.raises(error) as refusal:
-        detect_faults(flown(), DetectSettings(**settings))
+        detect_faults(flown(), merge(Config(), settings))
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
-from bfi_cli.detect import DetectSettings, detect_faults
+from bfi_cli.config import Config, merge
+from bfi_cli.detect import detect_faults
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 
-TRAIN = (0.0, 8.0)
+TRAINED = merge(Config(), {"detect.train": (0.0, 8.0)})
 
 
 def with_gain(log: FlightLog, *channels: str, gain: float = 0.9, from_s: float = 12.0) -> FlightLog:
@@ -31,7 +32,7 @@ def test_outputs_that_do_not_hold_all_states_need_more_lags_and_raise_no_alarm(
     flown: Callable[..., FlightLog], outputs: tuple[str, ...]
 ):
     """Outputs y(i) = Omega z(i) with enough lags in z, whatever the number of outputs."""
-    result = detect_faults(flown(noise=0.0), DetectSettings(train=TRAIN, outputs=outputs))
+    result = detect_faults(flown(noise=0.0), merge(TRAINED, {"outputs": outputs}))
     assert (result.method, result.alarms) == ("exact", ())
 
 
@@ -40,7 +41,7 @@ def test_outputs_that_do_not_hold_all_states_need_more_lags_and_raise_no_alarm(
 def test_only_what_fails_is_declared_though_healthy_channels_leave_round_off(name: str, channels: tuple[str, ...]):
     time_s = time_axis(duration_s=20.0)
     log = simulate(find_model(name), manoeuvre("3211", time_s), rng=np.random.default_rng(0))
-    result = detect_faults(with_gain(log, *channels), DetectSettings(train=TRAIN))
+    result = detect_faults(with_gain(log, *channels), TRAINED)
     assert {(one.channel, one.time_s) for one in result.alarms} == {(channel, 12.0) for channel in channels}
     assert result.method == "exact"
 
@@ -55,11 +56,11 @@ def test_the_level_flown_at_does_not_matter(flown: Callable[..., FlightLog]):
             "altitude": replace(log.channel("altitude"), values=frozen_array(log.channel("altitude").values + 3000.0)),
         },
     )
-    assert detect_faults(high, DetectSettings(train=TRAIN)).alarms == ()
-    found = detect_faults(with_gain(high, "aoa"), DetectSettings(train=TRAIN)).alarms
+    assert detect_faults(high, TRAINED).alarms == ()
+    found = detect_faults(with_gain(high, "aoa"), TRAINED).alarms
     assert [(one.channel, one.time_s) for one in found] == [("aoa", 12.0)]
 
 
 def test_noise_is_told_where_the_exact_form_is_asked_for(flown: Callable[..., FlightLog]):
-    result = detect_faults(flown(), DetectSettings(train=TRAIN, method="exact"))
+    result = detect_faults(flown(), merge(TRAINED, {"detect.method": "exact"}))
     assert "the healthy time is not explained to round-off" in result.notes[0]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bfi_cli.errors import DictionaryError, LogError
 from bfi_cli.faults import Fault, unit_signal
-from bfi_cli.flightlog.inject import inject
+from bfi_cli.flightlog import inject
 from bfi_cli.flightlog.record import Channel, FlightLog, frozen_array
 
 START, STOP = 100.0, 110.0

@@ -129,7 +129,7 @@ def test_of_two_claims_the_mapped_then_the_exact_name_wins(tmp_path: Path):
     log = read_log(path)
     assert log.channels["aoa"].values[0] == 200.0
     assert log.channels["alpha"].values[0] == 100.0
-    assert "'alpha' is aoa too; 'aoa' is used" in log.notes
+    assert "'alpha' is a second aoa; 'aoa' is used for it" in log.notes
     mapped = read_log(path, channel_map={"aoa": "mine"})
     assert mapped.channels["aoa"].values[0] == 300.0
     assert mapped.channels["aoa_2"].source == "aoa"
@@ -170,7 +170,7 @@ def test_a_name_whose_unit_does_not_fit_keeps_its_own_name(tmp_path: Path):
         ("time,tas\n0,1\n1,2,3\n", "line 3 has 3 values, the header names 2 channels"),
         ("time,,tas\n0,1,2\n1,2,3\n", "line 1, column 2 has no name"),
         ("time,tas,tas\n0,1,2\n1,2,3\n", "columns 2 and 3 are both named 'tas'"),
-        ("tas,aoa\n0,1\n1,2\n", "no time, got neither a channel 'time' nor"),
+        ("tas,aoa\n0,1\n1,2\n", "no time axis, got neither a channel 'time' nor"),
         ("time\n0\n1\n2\n", "no channels"),
         ("time,tas\n0,1\n2,2\n1,3\n", "'time' does not increase at sample 2 (1 s after 2 s"),
         ("time,tas\n0,1\n0,2\n", "'time' does not increase at sample 1"),

@@ -92,7 +92,7 @@ def test_a_window_too_short_to_show_the_clock_has_that_of_the_log():
 def test_a_rate_above_that_of_a_held_channel_is_a_note():
     held = smooth(T)[(np.arange(T.size) // 50) * 50]
     log = resample(made_log(T, tas=held), 10.0)
-    assert log.notes == ("'tas' is renewed at 1 Hz only; at 10 Hz the values between are interpolated",)
+    assert log.notes == ("'tas' has new values at 1 Hz only; at 10 Hz those between are interpolated",)
 
 
 @settings(max_examples=15, deadline=None)
@@ -140,7 +140,7 @@ def test_nan_stays_where_the_filter_sees_it(rate: float):
         (np.arange(T.size), 60.0, "recorded at 50 Hz, it cannot be resampled to 60 Hz; give --rate 50 or less"),
         (np.arange(T.size), 0.0, "--rate: must be a positive number, got 0 Hz"),
         (np.arange(T.size), np.nan, "--rate: must be a positive number, got nan Hz"),
-        (np.arange(T.size), 0.005, "120 s long, nothing is left of it at 0.005 Hz; give a higher --rate"),
+        (np.arange(T.size), 0.005, "120 s long, shorter than one step at 0.005 Hz; give a higher --rate"),
         (np.arange(T.size), 0.1, "6000 samples are fewer than the 8001 taps"),
         (np.arange(100), 7.0, "100 samples are fewer than the filter of the resampling by 7/50 needs"),
     ],

@@ -13,8 +13,7 @@ import pytest
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config
 from bfi_cli.dictionary import Dictionary, load_dictionary
-from bfi_cli.flightlog import FlightLog
-from bfi_cli.flightlog.inject import inject
+from bfi_cli.flightlog import FlightLog, inject
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 NOISE = {"tas": 0.02, "aoa": 2e-4, "pitch": 2e-4, "pitch_rate": 2e-4}

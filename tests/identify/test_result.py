@@ -11,7 +11,7 @@ from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogError
 from bfi_cli.faults import Fault
-from bfi_cli.flightlog.inject import inject
+from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
 
 

@@ -7,9 +7,8 @@ from scipy.signal import lfilter
 
 from bfi_cli.kernels.lagged import lagged
 from bfi_cli.kernels.onset import waveform as shapes
-from bfi_cli.kernels.onset.correlations import tabulate
 from bfi_cli.kernels.onset.profile import log_ratio
-from bfi_cli.kernels.onset.scan import stack_onsets
+from bfi_cli.kernels.onset.scan import stack_onsets, tabulate
 
 STEP_S = 0.1
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.stats import chi2, multivariate_normal
 
-from bfi_cli.kernels.kalman import Gaussian, StateSpace, predict, update
-from bfi_cli.kernels.multimodel import FilterRun, filter_bank
+from bfi_cli.kernels.kalman import FilterRun, Gaussian, StateSpace, filter_bank, predict, update
 
 N_X, N_U, N_Y = 3, 2, 2
 START = Gaussian(mean=np.array([1.0, -2.0, 0.5]), covariance=np.diag([2.0, 1.0, 0.5]))

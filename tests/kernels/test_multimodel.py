@@ -10,12 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from bfi_cli.kernels.kalman import FilterStep, Gaussian, StateSpace
-from bfi_cli.kernels.multimodel import (
+from bfi_cli.kernels.kalman import (
     FAULT,
     NO_FAULT,
+    FilterStep,
+    Gaussian,
     Reset,
     SelectiveReinitialisation,
+    StateSpace,
     augment,
     double_model,
     filter_bank,

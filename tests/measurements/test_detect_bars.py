@@ -10,7 +10,8 @@ import pytest
 from trials import not_below, sized
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
-from bfi_cli.detect import DetectResult, DetectSettings, detect_faults
+from bfi_cli.config import Config, merge
+from bfi_cli.detect import DetectResult, detect_faults
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array
@@ -18,7 +19,7 @@ from bfi_cli.flightlog.record import frozen_array
 pytestmark = pytest.mark.slow
 
 MODEL = find_model("b747")
-TRAIN = DetectSettings(train=(0.0, 8.0))
+TRAIN = merge(Config(), {"detect.train": (0.0, 8.0)})
 NOISE, STEP_SD, FAR_SD, GAIN = 0.01, 5.0, 20.0, 0.9
 EARLIEST_S, LATEST_S, WITHIN_S = 10.0, 18.0, 1.0
 CHANNELS = ("tas", "aoa", "pitch", "pitch_rate", "altitude")
@@ -134,7 +135,7 @@ def segments(flights: Path) -> list[FlightLog]:
 @pytest.mark.realdata
 @pytest.mark.parametrize("inputs", INPUTS, ids=["elevator", "default"])
 def test_hand_flown_segments(flights: Path, inputs: tuple[str, ...]):
-    settings = DetectSettings(outputs=CHANNELS, inputs=inputs)
+    settings = merge(Config(), {"outputs": CHANNELS, "inputs": inputs or None})
     faults = {"tas": 1.0, "aoa": np.deg2rad(0.5)}
     found = dict.fromkeys(faults, 0)
     logs = segments(flights)

@@ -12,9 +12,9 @@ from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import find_onset
+from bfi_cli.onset.scan import scan_hypotheses
 from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.onset.shapes import shape_hypotheses
-from bfi_cli.onset.sweep import sweep
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=0.25, onset_s=16.0)
@@ -219,7 +219,7 @@ def test_slow_shapes(flown, settings, shape):
     key = {"lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}[shape]
     record = prepare_record(flown(Fault(shape=shape, magnitude=2.0, onset_s=12.0, **{key: 2.0})), settings())
     forms = shape_hypotheses(StartTime(shapes=(shape,)), 1, record.settings.duration_s)
-    found = sweep(replace(record, forms=forms), record.y, 4).of(shape)
+    found = scan_hypotheses(replace(record, forms=forms), record.y, 4).of(shape)
     assert found.form.parameter == 2.0
     assert record.onset_s(found.onset) == pytest.approx(12.0, abs=0.11)
     assert record.unit[0] * found.profile.z[found.profile.best] == pytest.approx(2.0, rel=0.05)
@@ -236,6 +236,6 @@ def test_a_shape_of_ones_own(flown, tmp_path):
             {"conditioning": {"rate_hz": 10.0}, "start_time": {"shapes": ("samples",), "samples": str(file)}}
         ),
     )
-    found = sweep(record, record.y, 4).of("samples")
+    found = scan_hypotheses(record, record.y, 4).of("samples")
     assert record.onset_s(found.onset) == pytest.approx(12.0, abs=0.11)
     assert record.unit[0] * found.profile.z[found.profile.best] == pytest.approx(1.5, rel=0.02)

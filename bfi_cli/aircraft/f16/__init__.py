@@ -1,33 +1,16 @@
 """The F-16 of Stevens and Lewis: tables, equations of motion, trim, nonlinear dynamic inversion, rate observer.
 
 States and controls are columns, one per aircraft, in the orders of `STATES` and `CONTROLS`, SI and radians, so that
-many aircraft fly at the price of one. A positive elevator pitches down, a positive aileron rolls left, a positive
+many aircraft are computed at once. A positive elevator pitches down, a positive aileron rolls left, a positive
 rudder yaws left; altitude is positive up (the z of Wang, Tang and Chen is positive down and starts at -3000 m).
 """
 
 from __future__ import annotations
 
 from .airframe import AIRFRAME, BOOK_AIRFRAME, CONTROLS, STATES, Airframe
-from .flight import F16
-from .inversion import Inversion
+from .closed_loop import Flights, Inversion, Observation, observe
 from .loads import Body
-from .motion import SteadyFlight, Trim, derivatives, trim
-from .observer import Flights, Observation, observe
+from .motion import F16, SteadyFlight, Trim, derivatives, trim
 
-__all__ = [
-    "AIRFRAME",
-    "BOOK_AIRFRAME",
-    "CONTROLS",
-    "F16",
-    "STATES",
-    "Airframe",
-    "Body",
-    "Flights",
-    "Inversion",
-    "Observation",
-    "SteadyFlight",
-    "Trim",
-    "derivatives",
-    "observe",
-    "trim",
-]
+__all__ = ["AIRFRAME", "BOOK_AIRFRAME", "CONTROLS", "F16", "STATES", "Airframe", "Body", "Flights", "Inversion"]
+__all__ += ["Observation", "SteadyFlight", "Trim", "derivatives", "observe", "trim"]

@@ -1,13 +1,26 @@
-"""The F-16's rows of state and controls, mass, inertia, dimensions, surface limits. SI, radians; power in percent.
+"""The F-16's rows of state and controls, mass, inertia, dimensions, limits and tables. SI, radians; power in percent.
 
-Source: Stevens and Lewis, Aircraft Control and Simulation, section 3.5, after NASA TP-1538.
+Source: Stevens and Lewis, Aircraft Control and Simulation, section 3.5, after NASA TP-1538; the tables are those of
+`tables.yaml`, read once and interpolated linearly.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...flightlog.record import frozen_array
+from ...yaml12 import load_yaml
 
 __all__ = ["AIRFRAME", "BOOK_AIRFRAME", "CONTROLS", "FOOT", "POUND", "SLUG_FT2", "STATES", "SURFACE_LIMITS", "Airframe"]
+__all__ += ["Grid", "Tables", "interpolate", "tables"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 STATES = (
     *("tas", "aoa", "sideslip", "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate"),
@@ -78,3 +91,77 @@ BOOK_AIRFRAME = Airframe(
     )
 )
 """The same with the coefficients rounded as in the book, whose check case was computed with them."""
+
+AERO_ROWS = (
+    *("axial", "pitching", "rolling", "yawing"),
+    *("aileron_rolling", "rudder_rolling", "aileron_yawing", "rudder_yawing", "normal"),
+)
+DAMPING_ROWS = (
+    *("axial_q", "side_r", "side_p", "normal_q"),
+    *("rolling_r", "rolling_p", "pitching_q", "yawing_r", "yawing_p"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """Equally spaced break points."""
+
+    first: float
+    step: float
+    size: int
+
+    def place(self, values: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the cell of every value and how far into it, below 0 or above 1 outside the grid."""
+        position = (values - self.first) / self.step
+        cell = np.minimum(np.maximum(position.astype(np.intp), 0), self.size - 2)
+        return cell, position - cell
+
+    @property
+    def points(self) -> FloatArray:
+        """The break points, (size,)."""
+        return np.asarray(self.first + self.step * np.arange(self.size))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tables:
+    """All coefficients over angle of attack, in one stack, and thrust.
+
+    Attributes
+    ----------
+    aoa, elevator, sideslip_size, sideslip : break points in degrees.
+    stack : (62, n_aoa): axial and pitching by elevator, rolling and yawing by size of sideslip, the four control
+        effectivenesses by sideslip, the normal force, nine damping derivatives.
+    mach, altitude : break points of thrust; altitude in m.
+    thrust : (3, n_mach, n_altitude), idle, military and maximum, N.
+    """
+
+    aoa: Grid
+    elevator: Grid
+    sideslip_size: Grid
+    sideslip: Grid
+    stack: FloatArray
+    mach: Grid
+    altitude: Grid
+    thrust: FloatArray
+
+
+@cache
+def tables() -> Tables:
+    """Return the tables, read once."""
+    with resources.as_file(resources.files(__package__).joinpath("tables.yaml")) as path:
+        document = load_yaml(path)
+    aero, axes, thrust = document["aero"], document["axes"], document["thrust"]
+    points = {name: axes[f"{name}_deg"] for name in ("aoa", "elevator", "sideslip_size", "sideslip")}
+    points |= {"mach": thrust["mach"], "altitude": [FOOT * altitude for altitude in thrust["altitude_ft"]]}
+    grids = {name: Grid(first=float(p[0]), step=float(p[1] - p[0]), size=len(p)) for name, p in points.items()}
+    rows = [row for name in AERO_ROWS for row in aero[name]] + [document["damping"][name] for name in DAMPING_ROWS]
+    newtons = POUND * np.array([thrust[name] for name in ("idle", "military", "maximum")])
+    return Tables(stack=frozen_array(rows), thrust=frozen_array(newtons), **grids)
+
+
+def interpolate(rows: FloatArray, grid: Grid, values: FloatArray) -> FloatArray:
+    """Return (k, n), column i of `rows`, (k, size, n), at the i-th of `values`, (n,)."""
+    cell, part = grid.place(values)
+    column = np.arange(values.size)
+    low = rows[:, cell, column]
+    return np.asarray(low + part * (rows[:, cell + 1, column] - low))

@@ -1,4 +1,4 @@
-"""The F-16's equations of motion and its steady flights: thirteen states, flat earth, still air. SI and radians.
+"""The F-16's equations of motion, its steady flights, and its flight by hand. Flat earth, still air, SI and radians.
 
 Stevens and Lewis, section 3.5, in the wind-axis form of Wang, Tang, Chen (F-16 diagnosability), eq. 1, with two of its
 signs mended: alpha-dot has -(p cos a + r sin a) tan b, and beta-dot -F_z sin b sin a, the sideslip direction being
@@ -8,11 +8,13 @@ orthogonal to the velocity.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ConfigError
+from ..model import Flown, NonlinearModel
 from .airframe import (
     ALTITUDE,
     AOA,
@@ -31,19 +33,9 @@ from .airframe import (
     YAW,
     Airframe,
 )
-from .loads import (
-    AOA_RANGE,
-    Body,
-    Conditions,
-    accelerations,
-    commanded_power,
-    conditions_at,
-    moments,
-    power_rate,
-    thrust_force,
-)
+from .loads import AOA_RANGE, Body, Conditions, commanded_power, conditions_at, power_rate
 
-__all__ = ["SteadyFlight", "Trim", "derivatives", "rate_derivatives", "translation", "trim"]
+__all__ = ["F16", "SteadyFlight", "Trim", "derivatives", "fly", "rate_derivatives", "translation", "trim"]
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +43,17 @@ UNKNOWN_STATES = (AOA, SIDESLIP, ROLL, PITCH)
 UNKNOWN_CONTROLS = slice(ELEVATOR, THROTTLE + 1)
 START = np.array([0.1, 0.0, 0.0, 0.1, -0.02, 0.0, 0.0, 0.3])  # rad and throttle, near level flight at 125 m/s
 TOLERANCE = 1e-9  # of every part of what must vanish in a steady flight
+
+INPUTS = CONTROLS[:4]
+ACCELERATIONS = ("longitudinal_acc", "lateral_acc", "normal_acc")
+# Stops of elevator, aileron, rudder and throttle.
+LEAST, MOST = (np.array([*(sign * limit for limit in SURFACE_LIMITS), end]) for sign, end in ((-1.0, 0.0), (1.0, 1.0)))
+LONGEST_STEP = 0.02  # seconds of one Runge-Kutta step, as in the F-16 diagnosability reproduction
+SIDESLIP_RANGE = (-30.0, 30.0)  # degrees, the ends of the tables
+
+# At the tables' own centre of gravity, 0.35, the aircraft is so close to neutral that steps of two degrees of elevator
+# loop it; at the book's other one it is stable, as an aircraft flown without augmentation must be.
+STABLE = Body(cg=0.30)
 
 
 def derivatives(
@@ -69,18 +72,18 @@ def derivatives(
     C = at.coefficients(x[RATES], u)
     if variation is not None:
         C[3:] *= 1.0 + variation
-    F_T = thrust_force(at, u)
+    F_T = at.thrust_force(u)
     sin, cos = np.sin(x[AOA : YAW + 1]), np.cos(x[AOA : YAW + 1])
     p, q, r = x[RATES]
     turning = q * sin[2] + r * cos[2]
     change = np.empty_like(x)
-    change[: SIDESLIP + 1] = translation(x, accelerations(at, C, F_T))
+    change[: SIDESLIP + 1] = translation(x, at.accelerations(C, F_T))
     change[AOA] += q - (p * cos[0] + r * sin[0]) * sin[1] / cos[1]
     change[SIDESLIP] += p * sin[0] - r * cos[0]
     change[ROLL] = p + sin[3] / cos[3] * turning
     change[PITCH] = q * cos[2] - r * sin[2]
     change[YAW] = turning / cos[3]
-    change[RATES] = rate_derivatives(x[RATES], moments(at, C, F_T), body.airframe)
+    change[RATES] = rate_derivatives(x[RATES], at.moments(C, F_T), body.airframe)
     # Velocity over the ground: body axes turned by roll, pitch and yaw; the last row counts upwards.
     tas = x[TAS]
     forward, v, w = tas * cos[0] * cos[1], tas * sin[1], tas * sin[0] * cos[1]
@@ -135,7 +138,7 @@ class SteadyFlight:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trim:
-    """State, (13,), and controls, (6,), in which the aircraft stays; in the orders of `STATES` and `CONTROLS`."""
+    """State, (13,), and controls, (6,), of a steady flight, in the orders of `STATES` and `CONTROLS`."""
 
     state: FloatArray
     controls: FloatArray
@@ -153,41 +156,94 @@ def trim(flight: SteadyFlight, body: Body) -> Trim:
     from scipy.optimize import root
 
     g = body.airframe.gravity_m_s2
+
+    def state_and_controls(unknown: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the state and the controls, as columns, of angles, surfaces and throttle."""
+        x, u = np.zeros((len(STATES), 1)), np.zeros((len(CONTROLS), 1))
+        x[TAS], x[ALTITUDE] = flight.tas_m_s, flight.altitude_m
+        x[UNKNOWN_STATES, 0], u[UNKNOWN_CONTROLS, 0] = unknown[:4], unknown[4:]
+        roll, pitch = unknown[2], unknown[3]
+        level = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
+        x[RATES, 0] = flight.turn_rate * level
+        x[RATES.start + 1] += flight.pull_up_rate
+        x[POWER] = commanded_power(u[THROTTLE])
+        return x, u
+
+    def unsteadiness(unknown: FloatArray) -> FloatArray:
+        """Return what must vanish, (8,): six derivatives, climb rate, lateral specific force; as parts of V and g."""
+        x, u = state_and_controls(unknown)
+        change = derivatives(x, u, body)[:, 0]
+        p, _, r = x[RATES, 0]
+        velocity = flight.tas_m_s * np.cos(unknown[1]) * np.array([np.cos(unknown[0]), np.sin(unknown[0])])
+        side_force = (r * velocity[0] - p * velocity[1]) / g - np.cos(unknown[3]) * np.sin(unknown[2])
+        climb = change[ALTITUDE] / flight.tas_m_s - np.sin(flight.climb_rad)
+        steady = np.array([change[TAS] / g, change[AOA], change[SIDESLIP]])
+        return np.concatenate([steady, change[RATES], [climb, side_force]])
+
     start = START.copy()
     start[2] = np.arctan(flight.turn_rate * flight.tas_m_s / g)
-    found = root(_unsteadiness, start, args=(flight, body), method="hybr", options={"xtol": 1e-12})
+    solved = root(unsteadiness, start, method="hybr", options={"xtol": 1e-12}).x
     low, high = AOA_RANGE
-    flyable = low <= np.degrees(found.x[0]) <= high and bool(np.all(np.abs(found.x[4:7]) <= SURFACE_LIMITS))
-    if not flyable or np.max(np.abs(_unsteadiness(found.x, flight, body))) > TOLERANCE:
+    flyable = low <= np.degrees(solved[0]) <= high and bool(np.all(np.abs(solved[4:7]) <= SURFACE_LIMITS))
+    if not flyable or np.max(np.abs(unsteadiness(solved))) > TOLERANCE:
         raise ConfigError(
             f"f16: no steady flight at {flight.tas_m_s:g} m/s and {flight.altitude_m:g} m; change the airspeed"
         )
-    x, u = _state_and_controls(found.x, flight)
+    x, u = state_and_controls(solved)
     return Trim(state=x[:, 0], controls=u[:, 0])
 
 
-def _unsteadiness(unknown: FloatArray, flight: SteadyFlight, body: Body) -> FloatArray:
-    """Return what must vanish, (8,): six derivatives, climb rate and lateral specific force as parts of V and of g."""
-    x, u = _state_and_controls(unknown, flight)
-    change = derivatives(x, u, body)[:, 0]
-    g = body.airframe.gravity_m_s2
-    roll, pitch = unknown[2], unknown[3]
-    p, _, r = x[RATES, 0]
-    velocity = flight.tas_m_s * np.cos(unknown[1]) * np.array([np.cos(unknown[0]), np.sin(unknown[0])])
-    side_force = (r * velocity[0] - p * velocity[1]) / g - np.cos(pitch) * np.sin(roll)
-    climb = change[ALTITUDE] / flight.tas_m_s - np.sin(flight.climb_rad)
-    steady = np.array([change[TAS] / g, change[AOA], change[SIDESLIP]])
-    return np.concatenate([steady, change[RATES], [climb, side_force]])
+@cache
+def _cruise() -> Trim:
+    return trim(SteadyFlight(), STABLE)
 
 
-def _state_and_controls(unknown: FloatArray, flight: SteadyFlight) -> tuple[FloatArray, FloatArray]:
-    """Return the state and the controls, as columns, of angles, surfaces and throttle."""
-    x, u = np.zeros((len(STATES), 1)), np.zeros((len(CONTROLS), 1))
-    x[TAS], x[ALTITUDE] = flight.tas_m_s, flight.altitude_m
-    x[UNKNOWN_STATES, 0], u[UNKNOWN_CONTROLS, 0] = unknown[:4], unknown[4:]
-    roll, pitch = unknown[2], unknown[3]
-    level = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
-    x[RATES, 0] = flight.turn_rate * level
-    x[RATES.start + 1] += flight.pull_up_rate
-    x[POWER] = commanded_power(u[THROTTLE])
-    return x, u
+def fly(deviations: FloatArray, rate_hz: float) -> Flown:
+    """Return the flight from level trim with input deviations, (n, 4), held between samples; Runge-Kutta of order 4.
+
+    Raises
+    ------
+    ConfigError : angle of attack or sideslip leave the tables.
+    """
+    wanted = _cruise().controls[:4] + deviations
+    inputs = np.clip(wanted, LEAST, MOST)
+    u = np.zeros((len(CONTROLS), len(inputs)))
+    u[:4] = inputs.T
+    states = np.empty((len(STATES), len(inputs)))
+    steps = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_STEP))))
+    h = 1.0 / (rate_hz * steps)
+    x = _cruise().state[:, None].copy()
+    for k in range(len(inputs)):
+        states[:, k] = x[:, 0]
+        for name, row, (low, high) in (("aoa", AOA, AOA_RANGE), ("sideslip", SIDESLIP, SIDESLIP_RANGE)):
+            angle = float(np.degrees(x[row, 0]))
+            if not low <= angle <= high:
+                raise ConfigError(
+                    f"f16: {name} leaves the tables, {low:g} to {high:g} degrees, at {k / rate_hz:.3g} s, got "
+                    f"{angle:.3g} degrees; give a smaller --amplitude or a shorter --step"
+                )
+        now = u[:, [k]]
+        for _ in range(steps if k < len(inputs) - 1 else 0):
+            first = derivatives(x, now, STABLE)
+            second = derivatives(x + 0.5 * h * first, now, STABLE)
+            third = derivatives(x + 0.5 * h * second, now, STABLE)
+            x = x + h / 6.0 * (first + 2.0 * (second + third) + derivatives(x + h * third, now, STABLE))
+    at = conditions_at(states, STABLE)
+    felt = at.accelerations(at.coefficients(states[RATES], u), at.thrust_force(u)) - at.weight
+    stops = [name for name, beyond in zip(INPUTS, (wanted != inputs).any(axis=0), strict=True) if beyond]
+    return Flown(
+        inputs=inputs,
+        outputs=np.vstack([states[: RATES.stop], states[ALTITUDE], felt]).T,
+        notes=tuple(f"{name} is held at its stop" for name in stops),
+    )
+
+
+F16 = NonlinearModel(
+    name="f16",
+    title="F-16, six degrees of freedom, from level flight at 125 m/s and 3000 m",
+    inputs=INPUTS,
+    outputs=(*STATES[: RATES.stop], "altitude", *ACCELERATIONS),
+    fly=fly,
+    source="Stevens and Lewis, Aircraft Control and Simulation, after NASA TP-1538; centre of gravity at 0.30 chord",
+    manoeuvred=("elevator",),
+)

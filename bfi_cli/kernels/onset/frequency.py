@@ -11,22 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .. import FloatArray, IntArray
+from .. import FloatArray
 from ..progress import Report, parts, shares, silent
-from .correlations import Scan, tabulate
-from .pairs import (
-    Pair,
-    PairLimits,
-    PairTables,
-    climb,
-    pair_limits,
-    peaks,
-    screen_pairs,
-    spread,
-    tabulate_pairs,
-)
+from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, peaks, screen_pairs, spread, tabulate_pairs
 from .profile import screen
-from .scan import ENDING, STARTING, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
+from .scan import ENDING, STARTING, Scan, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets, tabulate
 from .waveform import sine
 
 # Step of the grid over 1 / duration: half of the peak's width.
@@ -55,15 +44,15 @@ def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silen
     ----------
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
-    grid, onsets = _grid(scan, band), default_onsets(scan)
+    grid, onsets = frequency_grid(scan, band), default_onsets(scan)
 
     def evaluate(frequency: float, pair: Pair, own: Report) -> tuple[float, Pair]:
-        return _screened(scan, frequency, onsets[:: max(1, _stride(frequency) // 2)], own), pair
+        return screen_sine(scan, frequency, own, per_period=2 * ONSETS_PER_PERIOD), pair
 
     searching, refining, last = shares(report, len(grid), REFINEMENTS, 3 * FINAL_PEAKS)
-    statistic = np.array([_screened(scan, f, onsets[:: _stride(f)], own) for f, own in parts(searching, list(grid))])
+    statistic = np.array([screen_sine(scan, f, own) for f, own in parts(searching, grid.tolist())])
     everywhere = int(onsets[0]), scan.n_samples
     exact = []
     tops = _refine(evaluate, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid, refining)
@@ -81,14 +70,14 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
     ----------
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5; frequencies too low for the record are cut.
-    report : told how far it is.
+    report : called with the fraction that is done.
 
     Raises
     ------
     ValueError : the band is empty, or the record too short for two periods of its highest frequency.
     """
     room = scan.n_samples - (STARTING + ENDING) * scan.order - 1
-    grid = _grid(scan, (max(band[0], MIN_CYCLES / room) if band[0] > 0.0 < room else band[0], band[1]))
+    grid = frequency_grid(scan, (max(band[0], MIN_CYCLES / room) if band[0] > 0.0 < room else band[0], band[1]))
 
     def prepare(frequency: float) -> tuple[PairTables, PairLimits]:
         waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
@@ -103,7 +92,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
     rough = []
     for frequency, own in parts(searching, list(grid)):
         tables, limits = prepare(frequency)
-        starts = np.arange(limits.first, limits.last - limits.shortest + 1, _stride(frequency))
+        starts = np.arange(limits.first, limits.last - limits.shortest + 1, stride(frequency, ONSETS_PER_PERIOD))
         ends = np.linspace(limits.first + limits.shortest, limits.last, ENDS).astype(np.intp)
         pairs = limits.pairs(starts, ends)
         ranking, climbing = shares(own, 1, 1)
@@ -115,19 +104,27 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
     return float(_refine(evaluate, begun, grid, refining)[0][2])
 
 
-def _grid(scan: Scan, band: tuple[float, float]) -> FloatArray:
+def frequency_grid(scan: Scan, band: tuple[float, float]) -> FloatArray:
+    """Return frequencies half of a peak's width apart, cycles per sample.
+
+    Raises
+    ------
+    ValueError : the band is empty or not within 0..0.5.
+    """
     low, high = band
     if not 0.0 < low <= high <= 0.5:
         raise ValueError(f"the band must lie within 0..0.5 cycles per sample, got {low:g}..{high:g}")
     return np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / STEP)))
 
 
-def _stride(frequency: float) -> int:
-    return max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))
+def stride(frequency: float, per_period: int) -> int:
+    """Return the samples between onsets of which there are `per_period` or more in a period."""
+    return max(1, int(1.0 / (per_period * frequency)))
 
 
-def _screened(scan: Scan, frequency: float, onsets: IntArray, report: Report) -> float:
-    """Return the largest screened statistic of a sine over some onsets, 0 where all are too late."""
+def screen_sine(scan: Scan, frequency: float, report: Report, *, per_period: int = ONSETS_PER_PERIOD) -> float:
+    """Return the largest screened statistic of a sine over a few onsets per period, 0 where all are too late."""
+    onsets = default_onsets(scan)[:: stride(frequency, per_period)]
     onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
     if not onsets.size:
         return 0.0

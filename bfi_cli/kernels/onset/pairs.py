@@ -1,9 +1,9 @@
 """Start and end of a fault of known shape: exact for every pair of them, and the search for the best pair.
 
 A fault on [start, end) is the shape from its start minus its tail from the end, so that every pair needs nothing but
-rows of a few tables. The search goes from the best pairs of a coarse grid and of the scans with one of the two at the
-edge of the record; sweeps over all starts and over all ends alternate. On the way a sweep looks at one magnitude per
-pair, and exactly only at the best; the sweeps around the pair returned are exact.
+rows of a few tables. The search begins at the best pairs of a coarse grid and of the scans with start or end at the
+edge of the record. From each, sweeps over all starts and over all ends alternate. A sweep evaluates every pair at one
+magnitude and only the best pairs exactly; the last sweeps, around the pair returned, are exact everywhere.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import numpy as np
 
 from .. import FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
-from .correlations import Scan, correlations, difference
 from .profile import ProfilePolynomial, minimise, profile_polynomial, screen
-from .scan import ENDING, STARTING, Profile, in_blocks, in_units, magnitude_bound
+from .scan import ENDING, STARTING, Profile, Scan, correlations, difference, in_blocks, in_units, magnitude_bound
 from .waveform import Waveform
 
 Pair = tuple[int, int]
@@ -34,7 +33,7 @@ FINALISTS = 48
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PairTables:
-    """What pairs of start and end are assembled from.
+    """Tables from which the inner products of any pair of start and end are assembled.
 
     Attributes
     ----------
@@ -52,7 +51,7 @@ class PairTables:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairLimits:
-    """Pairs to consider: starts from `first`, ends to `last`, at least `shortest` samples between them."""
+    """Pairs to consider: starts from `first` on, ends up to `last`, at least `shortest` samples between them."""
 
     first: int
     last: int
@@ -161,7 +160,7 @@ def scan_ends(scan: Scan, waveform: Waveform, report: Report = silent) -> PairSc
     ----------
     scan : from `prepare_scan`.
     waveform : of the same number of samples.
-    report : told how far it is.
+    report : called with the fraction that is done.
 
     Raises
     ------

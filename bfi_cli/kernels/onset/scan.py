@@ -1,4 +1,14 @@
-"""One shape at every onset: the exact profile over the magnitude, and the statistic it gives."""
+"""One factorisation of a record, its inner products with a signature at every onset, and the profile of a shape.
+
+Regressors that no fault of the scanned channel touches (constant, inputs, lags of the other outputs) have the basis Q0,
+called the base here. The outputs at lag 0 and the scanned channel's lags, less their projection on the base ("off the
+base"), are Q1 R1. Lag i of the signature with onset tau is the shape started at tau + i, so that one row of a table per
+sample serves all lags and onsets.
+
+Lags are taken as differences: with D = 1 - q, q the delay, the columns are 1 at lag s, D at lag s - 1, D^2 at lags
+s - 2 .. 0. This spans the same space, lag 0 stays the only column with the current sample, and bias and drift become
+one ramp, one step and exact impulses, so that nothing cancels.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +16,195 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import lapack, qr
 
 from .. import FloatArray, IntArray
+from ..lagged import lagged
 from ..progress import Report, parts, silent
-from .correlations import Scan, ShapeTables, tabulate
 from .profile import Minimum, ProfilePolynomial, minimise, profile_polynomial
 from .waveform import Waveform
 
+# Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
+RANK_TOLERANCE = 1e-11
+# White noise that noise-free outputs are taken to carry, relative to the rms of their part orthogonal to the base.
+FLOOR = 1e-9
+# A shape with no more nonzero samples than this is correlated by shifts, which are exact; others by FFT.
+SPARSE = 4
 # Orders s between the record's start and the first onset, and between the last and the record's end: an onset nearer
 # than s to either has its minimum at an infinite magnitude.
 STARTING, ENDING = 3, 2
-# A fault so many times as large as all that the output does, beyond the base, is too large.
+# Bound on a fault, in peak-to-peak ranges of its output (docs/theory.md, 9.2).
 GENEROUS = 10.0
 # Numbers per table of a stack that stays in the processor's cache: 1 MB.
 CACHE_DOUBLES = 120_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scan:
+    """A record made ready for any shape and onset.
+
+    Attributes
+    ----------
+    Q : (n_base + m, n_samples) rows of [Q0 Q1]', zero in the first s samples; m = s + n_outputs.
+    W : (s + 1, m) rows of R1^-1 that belong to the scanned channel, lags s .. 0 in differences.
+    n_base : rank of the base.
+    order : s; n_outputs : of the record; degree : highest difference of the lag columns.
+    rss0 : without a fault: the residual sum of squares, for several outputs the determinant of the residuals' products.
+    span : peak to peak of the scanned channel.
+    """
+
+    Q: FloatArray
+    W: FloatArray
+    n_base: int
+    order: int
+    n_outputs: int
+    degree: int
+    rss0: float
+    span: float
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of the record."""
+        return int(self.Q.shape[1])
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the regression."""
+        return self.n_samples - self.order
+
+    @property
+    def degrees(self) -> list[int]:
+        """The difference taken by each column, lags s .. 0."""
+        return [min(j, self.degree) for j in range(self.order + 1)]
+
+
+def prepare_scan(
+    u: FloatArray, y: FloatArray, *, order: int, feedthrough: bool = True, channel: int = 0, floor: float | None = None
+) -> Scan:
+    """Factorise a record for scanning faults in one of its outputs.
+
+    Parameters
+    ----------
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs).
+    order : the number of lags s, at least 1.
+    feedthrough : inputs act in the same sample too.
+    channel : the output that may be faulty.
+    floor : standard deviation of a white noise the outputs are taken to carry besides their own, in the units of y;
+        by default 1e-9 of each output's rms off the base. Without any, noise-free data divide zero by zero.
+
+    Raises
+    ------
+    ValueError : shapes disagree, a value is not finite, or there are fewer rows than regressors.
+    """
+    u, y = np.asarray(u, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    if u.ndim != 2 or y.ndim != 2 or len(u) != len(y):
+        raise ValueError(f"u and y must be (n_samples, n_channels) of equal length, got {u.shape} and {y.shape}")
+    if not (np.isfinite(u).all() and np.isfinite(y).all()):
+        raise ValueError("u and y must be finite, got NaN or infinite values; repair or cut them first")
+    if not 0 <= channel < y.shape[1]:
+        raise ValueError(f"channel must lie in 0..{y.shape[1] - 1}, got {channel}")
+    if order < 1 or len(y) - order <= 1 + (order + 1) * (u.shape[1] + y.shape[1]):
+        raise ValueError(f"order must be at least 1 with more rows than regressors, got {order} for {len(y)} samples")
+    y = y - y.mean(axis=0)
+    others, n_others, degree = np.delete(y, channel, axis=1), y.shape[1] - 1, min(2, order)
+
+    # Q0, an orthonormal basis of the base; directions lost in rounding are left out.
+    base = np.hstack(
+        [lagged(u, range(0 if feedthrough else 1, order + 1)), lagged(others, range(1, order + 1), first=order)]
+    )
+    base = np.hstack([np.ones((len(base), 1)), base - base.mean(axis=0)])
+    norms = np.linalg.norm(base, axis=0)
+    base = base[:, norms > 0.0] / norms[norms > 0.0]
+    Q0, R0, _ = qr(base, mode="economic", pivoting=True, overwrite_a=True, check_finite=False)
+    diagonal = np.abs(np.diag(R0))
+    Q0 = Q0[:, diagonal > RANK_TOLERANCE * diagonal[0]]
+
+    # Q1 and R1 of [lags s..1 | other outputs | lag 0], differenced and off Q0, with rows for the floor below.
+    stacked = np.hstack([lagged(others, [0], first=order), lagged(y[:, [channel]], range(order, -1, -1))])
+    off = stacked - Q0 @ (Q0.T @ stacked)
+    rms = np.sqrt(np.mean(off**2, axis=0)) if floor is None else np.full(off.shape[1], floor / FLOOR)
+    noise = np.diag(FLOOR * np.sqrt(len(off)) * np.maximum(rms, np.finfo(float).tiny ** 0.25))
+    columns = np.vstack([stacked, noise])
+    columns[:, n_others:] = difference(columns[:, n_others:].T, degree).T
+    columns = columns[:, np.r_[n_others : n_others + order, :n_others, -1]]
+    top = columns[: len(off)]
+    for _ in range(2):  # once loses digits where the base explains nearly all
+        top -= Q0 @ (Q0.T @ top)
+    Q1, R1 = np.linalg.qr(columns)
+
+    m = order + y.shape[1]
+    Q = np.zeros((Q0.shape[1] + m, len(y)))
+    Q[: -m or None, order:], Q[-m:, order:] = Q0.T, Q1[: len(off)].T
+    return Scan(
+        Q=Q,
+        W=np.asarray(lapack.dtrtri(R1)[0])[np.r_[:order, m - 1]],
+        n_base=Q0.shape[1],
+        order=order,
+        n_outputs=y.shape[1],
+        degree=degree,
+        rss0=float(np.prod(np.diag(R1)[order:] ** 2)),
+        span=float(np.ptp(y[:, channel])),
+    )
+
+
+def difference(rows: FloatArray, degree: int) -> FloatArray:
+    """Replace rows of lags s .. 0 by 1 at lag s, D at lag s - 1, ... D^degree at the others, D the first difference."""
+    rows = rows.copy()
+    for d in range(degree):
+        rows[d + 1 :] = rows[d + 1 :] - rows[d:-1]
+    return rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShapeTables:
+    """Inner products of a shape with a record and with itself, by start sample.
+
+    Attributes
+    ----------
+    P : per difference 0..degree, (n_base + m, n_samples): [Q0 Q1]' times the shape started at each sample.
+    G : by the differences (a, b) of two lags and the samples d the second starts before the first, (n_samples,): their
+        inner product off the base, at the first's start.
+    """
+
+    P: tuple[FloatArray, ...]
+    G: dict[tuple[int, int, int], FloatArray]
+
+
+def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
+    """Return the tables of a shape h (n_samples,) that lasts to the end of the record."""
+    n, degrees, n_base = scan.n_samples, scan.degrees, scan.n_base
+    P = correlations(scan, h)
+    shapes = [np.diff(h, n=d, prepend=np.zeros(d)) for d in range(scan.degree + 1)]
+    G: dict[tuple[int, int, int], FloatArray] = {}
+    for i, a in enumerate(degrees):
+        for j, b in enumerate(degrees[i:], i):
+            d = j - i
+            if (a, b, d) not in G:
+                table = np.zeros(n)
+                table[d:] = np.cumsum(shapes[a][: n - d] * shapes[b][d:])[::-1]
+                table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
+                G[a, b, d] = table
+    return ShapeTables(P=P, G=G)
+
+
+def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
+    """Return `ShapeTables.P` of a shape h (n_samples,)."""
+    n, sharpest = scan.n_samples, np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree))
+    at = np.flatnonzero(sharpest)
+    # The sum over k of Q[:, k] h(k - start) for all starts.
+    if len(at) <= SPARSE:
+        first = np.zeros_like(scan.Q)
+        for k in at:
+            first[:, : n - k] += sharpest[k] * scan.Q[:, k:]
+    else:
+        size = next_fast_len(2 * n, real=True)
+        spectrum = rfft(scan.Q, size, axis=1) * np.conj(rfft(sharpest, size))
+        first = np.asarray(irfft(spectrum, size, axis=1)[:, :n])
+    P = [first]
+    for _ in range(scan.degree):
+        P.append(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1])
+    return tuple(P[::-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,7 +252,7 @@ def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *
     scan : from `prepare_scan`.
     waveform : of the same number of samples, see `waveform`.
     onsets : samples, each in s..n_samples - s - 1; `default_onsets` if None.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     onsets = default_onsets(scan) if onsets is None else np.asarray(onsets, dtype=np.intp)
     if waveform.samples.shape != (scan.n_samples,):
@@ -100,7 +285,7 @@ def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimu
 
 
 def in_units(scan: Scan, waveform: Waveform, *, onsets: IntArray, minimum: Minimum) -> Profile:
-    """Return minima in the units of a caller."""
+    """Return minima as a profile, the magnitudes in their own unit instead of samples of the waveform."""
     bent = np.where(minimum.curvature > 0.0, minimum.curvature, np.nan)
     return Profile(
         onsets=onsets,

@@ -7,10 +7,9 @@ import pytest
 from plain_onset import plain_rss, random_record, record, signal, waveforms
 
 from bfi_cli.kernels.onset import waveform as shapes
-from bfi_cli.kernels.onset.correlations import prepare_scan
 from bfi_cli.kernels.onset.frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
 from bfi_cli.kernels.onset.pairs import climb, pair_limits, scan_ends, scan_pairs, screen_pairs, tabulate_pairs
-from bfi_cli.kernels.onset.scan import scan_shape
+from bfi_cli.kernels.onset.scan import prepare_scan, scan_shape
 
 N = 400
 CLOSED = ("bias", "drift", "lagged bias", "ramp-hold", "sine", "slow sine")

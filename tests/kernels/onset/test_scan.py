@@ -10,9 +10,8 @@ from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record,
 
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.onset import waveform as shapes
-from bfi_cli.kernels.onset.correlations import prepare_scan, tabulate
 from bfi_cli.kernels.onset.profile import eliminate, minimise, solve_last, solved_norm
-from bfi_cli.kernels.onset.scan import default_onsets, scan_shape, stack_onsets
+from bfi_cli.kernels.onset.scan import default_onsets, prepare_scan, scan_shape, stack_onsets, tabulate
 
 N = 400
 MAGNITUDES = (-50.0, -1.0, 0.01, 3.0, 50.0)

@@ -1,4 +1,4 @@
-"""All shapes at all onsets, the order of the model chosen together with the shape.
+"""The scan of a record: every hypothesis at every onset, the order of the model chosen together with the shape.
 
 Order and shape have the least Bayesian information criterion, ``n log det - statistic + log n`` per parameter: an
 order chosen without the fault would be so high that it absorbs an oscillation.
@@ -10,21 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..kernels.onset.correlations import Scan, prepare_scan, tabulate
-from ..kernels.onset.frequency import MIN_CYCLES, ONSETS_PER_PERIOD, PEAKS, STEP, scan_frequency, scan_frequency_ends
+from ..kernels import FloatArray
+from ..kernels.onset.frequency import PEAKS, frequency_grid, scan_frequency, scan_frequency_ends, screen_sine
 from ..kernels.onset.pairs import peaks, scan_ends
-from ..kernels.onset.profile import screen
-from ..kernels.onset.scan import Profile, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets
-from ..kernels.onset.waveform import sine
+from ..kernels.onset.scan import Profile, Scan, prepare_scan, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, waveform
-
-__all__ = ["Peak", "Sweep", "bic_change", "fault_free_bic", "lasting_peak", "scan_hypothesis", "scan_of", "sweep"]
-
-FloatArray = NDArray[np.float64]
 
 # How long the search for a frequency takes, in scans of one shape; for the estimate of the time left only.
 SEARCH = 20
@@ -36,9 +29,9 @@ class Peak:
 
     Attributes
     ----------
-    form : the hypothesis, with the frequency found.
-    profile : over the onsets, which are conditioned samples of the record; with an end, at the best end.
-    end : conditioned sample, None where the fault lasts.
+    form : the hypothesis; a sine has its likeliest frequency.
+    profile : over the onsets, which are conditioned samples of the record; of a fault that ends, at the best end.
+    end : conditioned sample at which the fault ends, None where it lasts.
     """
 
     form: ShapeHypothesis
@@ -47,7 +40,7 @@ class Peak:
 
     @property
     def statistic(self) -> float:
-        """Largest over the onsets."""
+        """The largest statistic over the onsets."""
         return float(self.profile.statistic[self.profile.best])
 
     @property
@@ -57,27 +50,27 @@ class Peak:
 
     @property
     def n_parameters(self) -> int:
-        """What was sought: magnitude, onset, end, and frequency or time constant."""
+        """Number of parameters that were sought: magnitude, onset, end, and frequency or time constant."""
         return 2 + (self.end is not None) + (self.form.parameter is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sweep:
-    """All hypotheses at the order chosen.
+class HypothesisScan:
+    """All hypotheses at the order chosen together with the best of them.
 
     Attributes
     ----------
-    order : chosen; plain_order : the one chosen without a fault.
+    order : of the model; fault_free_order : the order that would be chosen without a fault.
     peaks : one per hypothesis.
-    orders, plain : tried, and the criterion of each without a fault.
-    with_fault : the criterion of each with its best fault.
+    orders : those that were compared.
+    without_fault, with_fault : the criterion of each order, without a fault and with its best one.
     """
 
     order: int
-    plain_order: int
+    fault_free_order: int
     peaks: tuple[Peak, ...]
     orders: tuple[int, ...]
-    plain: tuple[float, ...]
+    without_fault: tuple[float, ...]
     with_fault: tuple[float, ...]
 
     def of(self, shape: str) -> Peak:
@@ -85,15 +78,17 @@ class Sweep:
         return max((peak for peak in self.peaks if peak.form.shape == shape), key=lambda peak: peak.statistic)
 
 
-def sweep(record: ScanRecord, y: FloatArray, order: int | None = None, report: Report = silent) -> Sweep:
+def scan_hypotheses(
+    record: ScanRecord, y: FloatArray, order: int | None = None, report: Report = silent
+) -> HypothesisScan:
     """Scan every hypothesis over every onset.
 
     Parameters
     ----------
-    record : how, and the inputs.
-    y : (n_samples, n_outputs) scaled outputs, less what is explained already.
+    record : its inputs, hypotheses and orders.
+    y : (n_samples, n_outputs) scaled outputs, less the faults that are already estimated.
     order : of the model; None to choose it together with the shape by the Bayesian information criterion.
-    report : told how far it is.
+    report : called with the fraction that is done.
     """
     orders = record.orders if order is None else (order,)
     several = len(orders) > 1
@@ -102,64 +97,63 @@ def sweep(record: ScanRecord, y: FloatArray, order: int | None = None, report: R
         [scan_of(record, y, s, output=i, first=max(orders)) for i in range(y.shape[1])]
         for s, _ in parts(preparing, orders)
     ]
-    plain = [fault_free_bic(record, of_outputs[0]) for of_outputs in scans]
-    best = _bic_with_fault(record, scans, plain, choosing) if several else plain
-    chosen = orders[int(np.argmin(np.minimum(plain, best)))]
-    scanned = _scan_all(record, y, chosen, peaking)
+    without_fault = [fault_free_bic(record, of_outputs[0]) for of_outputs in scans]
+    best = _bic_with_fault(record, scans, without_fault, choosing) if several else without_fault
+    chosen = orders[int(np.argmin(np.minimum(without_fault, best)))]
+    scanned = _scan_at_order(record, y, chosen, peaking)
     if record.settings.ends and several:
         # The coarse grid of frequencies knows no ends, so it may choose an order too high, which absorbs a short
         # oscillation: start and end of the best hypothesis are sought anew at every order.
         comparing, peaking = shares(again, 1, 3)
         peak, criteria = min(scanned, key=bic_change), []
-        for (s, base), own in parts(comparing, list(zip(orders, plain, strict=True))):
+        for (s, base), own in parts(comparing, list(zip(orders, without_fault, strict=True))):
             scan = scan_of(record, y, s, output=peak.form.output, first=max(orders))
-            span = scan_ends(
-                scan, waveform(peak.form, replace(record.sampling, n_samples=scan.n_samples, factor=1)), report=own
-            )
-            criteria.append(base - span.statistic + peak.n_parameters * float(np.log(scan.n_rows)))
+            sharp = waveform(peak.form, replace(record.sampling, n_samples=scan.n_samples, factor=1))
+            charge = peak.n_parameters * float(np.log(scan.n_rows))
+            criteria.append(base - scan_ends(scan, sharp, report=own).statistic + charge)
         best = np.minimum(best, criteria).tolist()
-        if (better := orders[int(np.argmin(np.minimum(plain, best)))]) != chosen:
-            chosen, scanned = better, _scan_all(record, y, better, peaking)
+        if (better := orders[int(np.argmin(np.minimum(without_fault, best)))]) != chosen:
+            chosen, scanned = better, _scan_at_order(record, y, better, peaking)
     report(1.0)
-    return Sweep(
+    return HypothesisScan(
         order=chosen,
-        plain_order=orders[int(np.argmin(plain))],
+        fault_free_order=orders[int(np.argmin(without_fault))],
         peaks=scanned,
         orders=orders,
-        plain=tuple(plain),
+        without_fault=tuple(without_fault),
         with_fault=tuple(best),
     )
 
 
 def _bic_with_fault(
-    record: ScanRecord, scans: Sequence[Sequence[Scan]], plain: Sequence[float], report: Report
+    record: ScanRecord, scans: Sequence[Sequence[Scan]], without_fault: Sequence[float], report: Report
 ) -> list[float]:
     """Return the criterion of every order with its best fault.
 
     A sine is tried at the frequencies that stand out at the lowest order, where its trace is largest, and at the order
-    that is best without a fault: half the time of the whole grid at every order, and the same order in all trials made.
-    Its statistic at these is a lower bound.
+    that is best without a fault. That takes half the time of the whole grid at every order and chose the same order in
+    all trials made. The statistic of a sine at these frequencies is a lower bound.
     """
     looking, comparing = shares(report, 3, 6 if record.settings.ends else 1)
     low, high = (f / record.sampling.rate_hz for f in record.band_hz)
-    suspects: dict[int, list[float]] = {}
+    candidates: dict[int, list[float]] = {}
     for form, of_form in parts(looking, record.forms):
-        if form.shape == "sine" and form.output not in suspects:
+        if form.shape == "sine" and form.output not in candidates:
             standing_out: set[float] = set()
-            for k, of_order in parts(of_form, [*{0, int(np.argmin(plain))}]):
+            for k, of_order in parts(of_form, [*{0, int(np.argmin(without_fault))}]):
                 scan = scans[k][form.output]
-                grid = np.linspace(low, high, 1 + int(np.ceil((high - low) * scan.n_samples / STEP)))
-                screened = np.array([_screen_sine(scan, float(f), own) for f, own in parts(of_order, list(grid))])
+                grid = frequency_grid(scan, (low, high))
+                screened = np.array([screen_sine(scan, f, own) for f, own in parts(of_order, grid.tolist())])
                 standing_out.update(float(grid[j]) for j in peaks(screened, PEAKS))
-            suspects[form.output] = sorted(standing_out)
+            candidates[form.output] = sorted(standing_out)
     best = []
-    for (of_outputs, base), of_order in parts(comparing, list(zip(scans, plain, strict=True))):
+    for (of_outputs, base), of_order in parts(comparing, list(zip(scans, without_fault, strict=True))):
         criteria = []
         for form, own in parts(of_order, record.forms):
             scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
             sampling = replace(record.sampling, n_samples=scan.n_samples)
             if form.shape == "sine":
-                statistic = max(_screen_sine(scan, f, part) for f, part in parts(own, suspects[form.output]))
+                statistic = max(screen_sine(scan, f, part) for f, part in parts(own, candidates[form.output]))
             elif record.settings.ends:
                 statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
                 n_parameters += 1
@@ -170,19 +164,7 @@ def _bic_with_fault(
     return best
 
 
-def _screen_sine(scan: Scan, frequency: float, report: Report) -> float:
-    """Return the statistic of a sine of a frequency, cycles per sample, over a few onsets per period."""
-    wave = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
-    onsets = default_onsets(scan)[:: max(1, int(1.0 / (ONSETS_PER_PERIOD * frequency)))]
-    onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
-    if not onsets.size:
-        return 0.0
-    tables, bound = tabulate(scan, wave.samples), magnitude_bound(scan, wave, scan.n_samples - onsets)
-    screened = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return float(-scan.n_rows * screened.F.min())
-
-
-def _scan_all(record: ScanRecord, y: FloatArray, order: int, report: Report) -> tuple[Peak, ...]:
+def _scan_at_order(record: ScanRecord, y: FloatArray, order: int, report: Report) -> tuple[Peak, ...]:
     scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
     lengths = [SEARCH if form.shape == "sine" and form.parameter is None else 1 for form in record.forms]
     of_forms = zip(record.forms, shares(report, *lengths), strict=True)
@@ -196,15 +178,8 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
     ----------
     first : the first row of the regression is this sample; `order` if None. The same for all orders to be compared.
     """
-    skip = (first or order) - order
-    return prepare_scan(
-        record.u[skip:],
-        y[skip:],
-        order=order,
-        feedthrough=record.feedthrough,
-        channel=output,
-        floor=record.floor,
-    )
+    u, y = record.u[(first or order) - order :], y[(first or order) - order :]
+    return prepare_scan(u, y, order=order, feedthrough=record.feedthrough, channel=output, floor=record.floor)
 
 
 def fault_free_bic(record: ScanRecord, scan: Scan) -> float:
@@ -215,7 +190,7 @@ def fault_free_bic(record: ScanRecord, scan: Scan) -> float:
 
 
 def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
-    """Return the exact scan of a hypothesis over the record; a sine without a frequency at its best one."""
+    """Return the exact scan of a hypothesis over the record; a sine without a frequency is given its likeliest one."""
     rate_hz, ends = record.sampling.rate_hz, record.settings.ends
     if form.shape == "sine" and form.parameter is None:
         searching, report = shares(report, SEARCH, 1)
@@ -223,13 +198,13 @@ def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, repor
         band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
         form = replace(form, parameter=float(rate_hz * search(scan, band, report=searching)))
     if ends:
-        span = scan_ends(scan, waveform(form, replace(record.sampling, factor=1)), report=report)
-        return Peak(form=form, profile=span.over_starts, end=span.end)
+        pair = scan_ends(scan, waveform(form, replace(record.sampling, factor=1)), report=report)
+        return Peak(form=form, profile=pair.over_starts, end=pair.end)
     return lasting_peak(record, scan, form, report)
 
 
 def lasting_peak(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
-    """Return the exact scan of a hypothesis that does not end, with its frequency."""
+    """Return the exact scan of a hypothesis, with its frequency where it has one, of a fault that does not end."""
     profile = scan_shape(scan, waveform(form, record.sampling), report=report)
     return Peak(form=form, profile=replace(profile, onsets=profile.onsets + record.sampling.lead), end=None)
 

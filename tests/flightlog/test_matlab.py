@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 from scipy.sparse import csc_array
 
-from bfi_cli.flightlog.matlab_layout import unpacked_size, variables
+from bfi_cli.flightlog.matlab import unpacked_size, variables
 
 LEAVES = st.one_of(
     st.floats(),

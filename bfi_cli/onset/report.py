@@ -111,13 +111,10 @@ def _data(faults: Sequence[Plain], profiles: Sequence[Plain]) -> dict[str, dict[
     """Return the CSV files of the faults and of the profiles at full precision."""
     flat = []
     for fault in faults:
-        ends = zip(
-            ("ci95_low", "ci95_high", "onset_low_s", "onset_high_s"),
-            (*fault["ci95"], *fault["onset_ci95"]),
-            strict=True,
-        )
+        ends = dict(zip(("ci95_low", "ci95_high"), fault["ci95"] or (None, None), strict=True))
+        ends |= dict(zip(("onset_low_s", "onset_high_s"), fault["onset_ci95"] or (None, None), strict=True))
         physical = {f"physical_{key}": value for key, value in fault["physical"].items()}
-        flat.append({**fault, **dict(ends), **physical})
+        flat.append({**fault, **ends, **physical})
     columns = {key: [fault[key] for fault in flat] for key in FAULT_COLUMNS}
     lengths = [one["onset_s"].size for one in profiles]
     points = {key: np.repeat([one[key] for one in profiles], lengths) for key in ("shape", "channel")}

@@ -12,6 +12,7 @@ import click
 
 from ..errors import ConfigError
 from ..identify.methods import METHODS
+from .output import note
 
 if TYPE_CHECKING:
     from ..config import Config

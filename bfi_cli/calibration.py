@@ -12,18 +12,19 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ConfigError
-from .plain import from_plain, mapping, member
 from .provenance import Provenance
-from .serialize import to_json
+from .report.content import ReportContent, Table
+from .serialization import from_plain, mapping, member, to_json
 from .yaml12 import read_text
 
-__all__ = ["FEWEST_WINDOWS", "SCHEMA", "CalibrationSettings", "CalibrationTable", "Null", "differences", "load_tables"]
-__all__ += ["join_tables", "nearest", "null_of", "save_tables", "summary", "table_notes"]
+__all__ = ["FEWEST_WINDOWS", "SCHEMA", "CalibrationSettings", "CalibrationTable", "Null", "calibration_content"]
+__all__ += ["differences", "join_tables", "load_tables", "nearest", "null_of", "save_tables", "summary", "table_notes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -279,3 +280,23 @@ def summary(table: CalibrationTable) -> list[str]:
         for shape in table.settings.shapes
     )
     return [counted, *shapes]
+
+
+def calibration_content(document: Mapping[str, Any]) -> ReportContent:
+    """Return what the report of a file of `bfi calibrate` holds: the thresholds of every table in it."""
+    tables, rows = from_plain(tuple[CalibrationTable, ...], document["tables"], where="tables"), []
+    for table in tables:
+        settings, enough = table.settings, table.n_windows >= FEWEST_WINDOWS
+        null = null_of(table, settings.shapes) if enough else None
+        for shape in settings.shapes:
+            limits = ("-", "-") if null is None else (f"{null.median[shape]:.4g}", f"{null.threshold(shape, 0.01):.4g}")
+            rows.append((shape, str(table.n_windows), *limits, f"{settings.duration_s:g}", f"{settings.rate_hz:g}"))
+    heads = ("shape", "windows", "median", "1 % false alarms above", "length, s", "rate, Hz")
+    return ReportContent(
+        category="Calibration of the onset scan",
+        title=str(document["provenance"]["command"]),
+        heading=f"{len(tables)} tables",
+        verdict=f"{sum(table.n_windows for table in tables)} windows without a fault in {len(tables)} tables.",
+        tables=(Table(name="thresholds", title="Thresholds", heads=heads, rows=tuple(rows)),),
+        notes=tuple(document["notes"]),
+    )

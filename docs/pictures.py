@@ -23,7 +23,10 @@ COLOURS = 128  # a dozen colours and the smoothing of lines; fewer change a colo
 
 # A command, and the pictures made of its figures: name of the picture, name of the figure. "" makes logs only.
 RUNS: tuple[tuple[str, dict[str, str]], ...] = (
-    ("dictionary configs/thesis_dictionary.yaml data/citation_clean.h5", {"dictionary": "audit"}),
+    (
+        "dictionary configs/thesis_dictionary.yaml data/citation_clean.h5",
+        {name: name for name in ("signatures", "coherence", "limits")},
+    ),
     (
         "identify data/citation_two_faults.h5 -d configs/thesis_dictionary.yaml",
         {name: name for name in ("outputs", "fault", "magnitudes", "residuals", "orders")},

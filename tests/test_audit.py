@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from bfi_cli.audit import audit, audit_on_log
-from bfi_cli.audit.definition import Span, oddities, same_definition, span_of
+from bfi_cli.audit import audit_dictionary, audit_on_log
+from bfi_cli.audit.entries import AuditWindow, oddities, same_definition, span_of
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError
@@ -180,7 +180,7 @@ def test_only_what_acts_over_the_whole_window_can_be_absorbed(clean, with_log):
         {**WHOLE, "name": "ends", "shape": "cosine", "offset_s": 20},
         {"shape": "drift", "name": "ramp", "onset_s": 0},
     )
-    found = audit_on_log(clean, entries, Config()) if with_log else audit(entries, Config())
+    found = audit_on_log(clean, entries, Config()) if with_log else audit_dictionary(entries, Config())
     notes = {entry.name: entry.note or "" for entry in found.atoms}
     assert "obeys an equation of order 2" in notes["whole"]
     assert "obeys an equation of order 2" in notes["ramp"]
@@ -217,7 +217,7 @@ def test_entries_left_out_are_named_with_what_to_do(clean):
 
 def test_neighbours_are_warned_of():
     near = [{"shape": "bias", "onset_s": onset, "name": f"at {onset}"} for onset in (10, 10.01, 40)]
-    found = audit(dictionary(*near), Config(), duration_s=60)
+    found = audit_dictionary(dictionary(*near), Config(), duration_s=60)
     assert any("'at 10' and 'at 10.01' can hardly be told apart" in note for note in found.notes)
     assert found.atoms[0].most_coherent_with == "at 10.01"
     assert found.atoms[0].coherence > 0.99
@@ -225,14 +225,14 @@ def test_neighbours_are_warned_of():
 
 def test_many_neighbours_are_counted_and_their_combination_is_named():
     grid = {"shape": "bias", "onset_s": {"start": 10, "stop": 10.1, "step": 0.01}}
-    found = audit(load_dictionary({"relative_to": "window", "grids": [grid]}), Config(), duration_s=60)
+    found = audit_dictionary(load_dictionary({"relative_to": "window", "grids": [grid]}), Config(), duration_s=60)
     assert sum("can hardly be told apart" in note for note in found.notes) == 5
     assert any("more pairs have a coherence of 0.99 or more" in note for note in found.notes)
     assert any(note.startswith("a combination of 'bias_tas_10") for note in found.notes)
 
 
 def test_the_signals_compared_without_a_log_are_those_defined():
-    found = audit(load_dictionary(THESIS), Config(), duration_s=30.0)
+    found = audit_dictionary(load_dictionary(THESIS), Config(), duration_s=30.0)
     for n, entry in enumerate(found.live):
         expected = unit_signal(entry.fault, found.signatures.time_s, window_start_s=0.0)
         np.testing.assert_array_equal(found.signatures.values[:, n], expected)
@@ -263,13 +263,13 @@ def test_the_default_window_shows_every_fault_and_nothing_looks_odd_in_it(faults
 
 def test_a_window_stated_on_the_command_line_is_kept():
     entries = load_dictionary({"atoms": [{"shape": "bias", "onset_s": 2431}]})
-    assert audit(entries, Config()).start_s == 2421.0
-    found = audit(entries, merge(Config(), {"window.from_s": 2400.0}), duration_s=50.0)
+    assert audit_dictionary(entries, Config()).start_s == 2421.0
+    found = audit_dictionary(entries, merge(Config(), {"window.from_s": 2400.0}), duration_s=50.0)
     assert (found.start_s, found.stop_s) == (2400.0, 2450.0)
 
 
 def test_too_many_signals_are_listed_and_not_compared():
-    found = audit(load_dictionary(THESIS), Config(), duration_s=1e9)
+    found = audit_dictionary(load_dictionary(THESIS), Config(), duration_s=1e9)
     assert found.signatures is None
     assert len(found.live) == 7
     assert any("too many signals to compare" in note for note in found.notes)
@@ -292,13 +292,13 @@ def test_a_name_or_a_magnitude_makes_no_other_fault():
     ],
 )
 def test_what_looks_like_something_else_is_said(fault, sentence):
-    (said,) = oddities(fault, Span(start_s=0.0, stop_s=30.0, rate_hz=10.0, lags=4))
+    (said,) = oddities(fault, AuditWindow(start_s=0.0, stop_s=30.0, rate_hz=10.0, lags=4))
     assert sentence in said
     assert ";" in said
 
 
 def test_an_unknown_channel_is_guessed():
-    found = audit(dictionary({"shape": "bias", "onset_s": 3, "channel": "altitud"}), Config())
+    found = audit_dictionary(dictionary({"shape": "bias", "onset_s": 3, "channel": "altitud"}), Config())
     assert found.notes[0] == "'altitud' is no standard channel name; did you mean 'altitude'?"
 
 
@@ -314,5 +314,5 @@ def test_an_unknown_channel_is_guessed():
 def test_a_window_that_cannot_be_is_refused(window, duration_s, error, sentence):
     late = dictionary({"shape": "bias", "onset_s": 10, "name": "late"})
     with pytest.raises(error) as refusal:
-        audit(late, merge(Config(), window), duration_s=duration_s)
+        audit_dictionary(late, merge(Config(), window), duration_s=duration_s)
     assert sentence in str(refusal.value)

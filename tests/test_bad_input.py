@@ -349,7 +349,7 @@ COMMANDS = {
     ),
     "detect good.csv --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out, or"),
     "diagnosability good.csv -d good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi"),
-    "dictionary good.yaml --out taken": (2, "taken/result.json: exists and was not written by bfi; give another --out"),
+    "dictionary good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
     "montecarlo -c sweep.yaml --out taken": (2, "taken/trials.csv: exists and was not written by bfi; give another"),
     "montecarlo -c sweep.yaml --out begun": (2, "begun/unfinished/trials.csv: exists and was not written by bfi; give"),
     "reproduce thesis-5-1 --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
@@ -359,7 +359,10 @@ COMMANDS = {
     "report good.csv": (2, "good.csv: not JSON"),
     "report two.h5": (2, "two.h5: not a text file; give the result.json"),
     "report other.json": (2, "other.json: not a result of this program, it has no 'kind'; give the result.json"),
-    "report reproduced.json": (2, "reproduce: exhibit: '../../drawn' is no name of a file; run the command again"),
+    "report reproduced.json": (
+        2,
+        "reproduced.json: exhibit: '../../drawn' is no name of a file; run the command again",
+    ),
     "report damaged.json": (2, "damaged.json: no key 'faults'; the file is damaged or of another program"),
 }
 

@@ -17,7 +17,7 @@ import pytest
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.flightlog import read_log
 from bfi_cli.printable import printable
-from bfi_cli.serialize import csv_lines, to_json
+from bfi_cli.serialization import csv_lines, to_json
 
 # A title and a colour of a terminal in both codings, writing direction, a line that is none, HTML, the console's own
 # markup and emoji, mathematics without an end. No comma, which ends a key of --fault.
@@ -172,7 +172,7 @@ def test_identify(run: Callable, tmp_path: Path):
 def test_dictionary(run: Callable, tmp_path: Path):
     run("dictionary", "d.yaml", "--duration", "60", "--out", tmp_path / f"without{LINK}")
     run("dictionary", "d.yaml", "log.h5", "-c", "c.yaml", "--out", tmp_path / "with")
-    assert check_files(tmp_path) == {".json", ".csv", ".svg", ".png"}
+    assert check_files(tmp_path) == {".json", ".html", ".csv", ".svg", ".png"}
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,12 @@ __all__ = ["absorbed", "advised", "compare", "most_like", "own_channel", "pairs"
 
 FloatArray = NDArray[np.float64]
 
+# At this coherence the standard deviation of either magnitude is 1/sqrt(1 - 0.99^2) = 7 times that of the fault alone.
 NEARLY_ALIKE = 0.99
-NEARLY_DEPENDENT = 100.0
-TAKES_PART = 0.2
+# At this condition number some combination of unit signatures leaves a hundredth of what the strongest leaves; those
+# atoms are named whose part in it is at least a fifth of the largest.
+NEARLY_DEPENDENT, TAKES_PART = 100.0, 0.2
+# Of the equation a signal may obey: a drift has order 2, an oscillation 2, their sum with a bias 5. No tuning record.
 LARGEST_ORDER = 6
 MOST_NAMED = 5
 
@@ -62,17 +65,17 @@ def most_like(signatures: Signatures, j: int) -> tuple[str | None, float | None]
     return signatures.names[other], float(row[other])
 
 
-def pairs(signatures: Signatures, *, at_least: float = 0.0) -> list[tuple[str, str, float]]:
+def pairs(names: Sequence[str], coherence: FloatArray, *, at_least: float = 0.0) -> list[tuple[str, str, float]]:
     """Return pairs of atoms and their coherence, most coherent first."""
-    rows, columns = np.triu_indices(len(signatures.names), k=1)
-    values = signatures.coherence[rows, columns]
+    rows, columns = np.triu_indices(len(names), k=1)
+    values = coherence[rows, columns]
     order = [n for n in np.argsort(-values, kind="stable") if values[n] >= at_least]
-    return [(signatures.names[rows[n]], signatures.names[columns[n]], float(values[n])) for n in order]
+    return [(names[rows[n]], names[columns[n]], float(values[n])) for n in order]
 
 
 def sentences(signatures: Signatures, found: Dependence) -> list[str]:
     """Warn of pairs that are nearly alike, and of a combination that leaves next to nothing."""
-    alike = pairs(signatures, at_least=NEARLY_ALIKE)
+    alike = pairs(signatures.names, signatures.coherence, at_least=NEARLY_ALIKE)
     said = [
         f"'{a}' and '{b}' can hardly be told apart (coherence {value:.4f}): drop one, or move an onset"
         for a, b, value in alike[:MOST_NAMED]

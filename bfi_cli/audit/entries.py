@@ -1,22 +1,122 @@
-"""The dictionary's entries with what is said of each: the same layout with and without a log."""
+"""The entries of a dictionary: which are defined twice, which look like something else; what is said of each."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import STANDARD
 from ..config import Config
-from ..faults import Fault, magnitude_unit, physical
+from ..faults import Fault, did_you_mean, magnitude_unit, physical
+from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from .comparison import absorbed, most_like
-from .definition import Span, oddities, same_definition, starts_in_lags
 from .result import AuditedAtom, Signatures
 
-__all__ = ["Limits", "Listing", "entries", "largest_order", "reasons_of", "remarks_of"]
+__all__ = [
+    "AuditWindow",
+    "Limits",
+    "Listing",
+    "entries",
+    "fastest_hz",
+    "largest_order",
+    "oddities",
+    "reasons_of",
+    "remarks_of",
+    "same_definition",
+    "span_of",
+    "unit_of",
+    "unknown_channels",
+]
 
 FloatArray = NDArray[np.float64]
+
+# A window shows three cycles of an oscillation and five time constants of a lagged bias (0.7 % short of its end), with
+# 10 s of margin, the order of a longitudinal manoeuvre; less than half a cycle is monotonic or nearly so.
+MARGIN_S, CYCLES, TIME_CONSTANTS, FEWEST_CYCLES = 10.0, 3.0, 5.0, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditWindow:
+    """A window, s; `rate_hz` of its samples and `lags` of the model, None where neither is chosen."""
+
+    start_s: float
+    stop_s: float
+    rate_hz: float | None = None
+    lags: int | None = None
+
+
+def same_definition(faults: Sequence[Fault]) -> dict[int, int]:
+    """Return, for each fault that is defined like an earlier one but for name and magnitude, the first such."""
+    first: dict[Fault, int] = {}
+    places = [first.setdefault(replace(fault, name=None, magnitude=1.0), j) for j, fault in enumerate(faults)]
+    return {j: i for j, i in enumerate(places) if i != j}
+
+
+def fastest_hz(faults: Sequence[Fault]) -> float | None:
+    """Return the highest frequency among the faults, None where none oscillates."""
+    return max((fault.frequency_hz for fault in faults if fault.frequency_hz is not None), default=None)
+
+
+def span_of(faults: Sequence[Fault], from_s: float | None, *, from_zero: bool) -> AuditWindow:
+    """Return a window that shows every fault: each until it ends or has unfolded, 10 s more.
+
+    An oscillation has unfolded after three cycles, a lagged bias after five time constants, a ramp after its duration.
+
+    Parameters
+    ----------
+    faults : not empty.
+    from_s : where it starts, s; None to choose.
+    from_zero : choose 0 s; else 10 s before the earliest onset, where that is later.
+    """
+    if from_s is None:
+        from_s = 0.0 if from_zero else max(0.0, min(fault.onset_s for fault in faults) - MARGIN_S)
+    stops = [from_s]
+    for fault in faults:
+        cycles = CYCLES / fault.frequency_hz if fault.frequency_hz else 0.0
+        unfolded = fault.onset_s + max(cycles, TIME_CONSTANTS * (fault.time_constant_s or 0.0), fault.duration_s or 0.0)
+        stops.append(unfolded if fault.offset_s is None else fault.offset_s)
+    return AuditWindow(start_s=from_s, stop_s=max(stops) + MARGIN_S)
+
+
+def oddities(fault: Fault, span: AuditWindow) -> Iterator[str]:
+    """Say where a fault does not show its shape in a window: too short, too slow, too fast, or too early."""
+    name = f"'{fault.name or fault.shape}'"
+    stop_s = span.stop_s if fault.offset_s is None else min(fault.offset_s, span.stop_s)
+    shown_s = stop_s - max(fault.onset_s, span.start_s)
+    if fault.frequency_hz is not None and fault.frequency_hz * shown_s < FEWEST_CYCLES:
+        cycles = f"{fault.frequency_hz * shown_s:.2g} of a cycle"
+        yield f"{name} shows only {cycles} in the window and looks like a drift; widen the window"
+    if fault.time_constant_s is not None and fault.time_constant_s > shown_s:
+        settling = f"settles in {fault.time_constant_s:g} s but shows for {shown_s:.3g} s"
+        yield f"{name} {settling} and looks like a drift; widen the window"
+    if fault.duration_s is not None and fault.onset_s + fault.duration_s >= stop_s:
+        yield f"{name} never holds in the window and looks like a drift; widen the window or shorten duration_s"
+    if span.rate_hz is None:
+        return
+    if fault.frequency_hz is not None and SAMPLES_PER_CYCLE * fault.frequency_hz > span.rate_hz * (1.0 + 1e-6):
+        per_cycle = f"{span.rate_hz / fault.frequency_hz:.2g} samples per cycle at {span.rate_hz:.4g} Hz"
+        yield f"{name} has only {per_cycle}; give --rate {SAMPLES_PER_CYCLE * fault.frequency_hz:.4g} or more"
+    for word, seconds in (("settles", fault.time_constant_s), ("ends its ramp", fault.duration_s)):
+        if seconds is not None and seconds * span.rate_hz < 1.0:
+            yield f"{name} {word} within a sample at {span.rate_hz:.4g} Hz and looks like a bias; give a higher --rate"
+
+
+def unknown_channels(faults: Sequence[Fault]) -> list[str]:
+    """Name the channels that are no standard ones, each once: without a log nothing else can be known of them."""
+    said = []
+    for name in dict.fromkeys(fault.channel for fault in faults if fault.channel not in STANDARD):
+        hint = did_you_mean(name, list(STANDARD))
+        other = hint if "did you mean" in hint else "; the log must have it under that name"
+        said.append(f"'{name}' is no standard channel name{other}")
+    return said
+
+
+def unit_of(channel: str) -> str:
+    """Return the unit of a standard channel, "" of any other."""
+    return STANDARD[channel].unit if channel in STANDARD else ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,7 +168,7 @@ def largest_order(config: Config) -> int:
 
 
 def remarks_of(
-    faults: Mapping[int, Fault], span: Span, values: FloatArray | None, *, largest_model: int, n_outputs: int
+    faults: Mapping[int, Fault], span: AuditWindow, values: FloatArray | None, *, largest_model: int, n_outputs: int
 ) -> dict[int, list[str]]:
     """Return what is odd about each live fault, by index; faults with nothing odd have no entry.
 
@@ -83,7 +183,9 @@ def remarks_of(
     for n, (j, fault) in enumerate(faults.items()):
         said, name = list(oddities(fault, span)), fault.name or fault.shape
         lost = f"the first {span.lags} samples, which the model's lags use up"
-        early, taken = starts_in_lags(fault, span), None
+        # It starts after the window does, but before the first row of the model.
+        early = bool(span.rate_hz and span.lags and 0.0 < (fault.onset_s - span.start_s) * span.rate_hz < span.lags)
+        taken = None
         if values is not None:
             when = f"after {lost}" if early else "over the whole window"
             taken = absorbed(name, values[:, n], largest_model=largest_model, n_outputs=n_outputs, when=when)

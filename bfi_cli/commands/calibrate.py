@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from .answered import show_lines
-from .options import MODEL, SIGNALS, config_of, inputs_of, log_of, tell, with_options
+from .options import MODEL, SIGNALS, config_of, inputs_of, log_of, with_options
+from .output import note, show_lines
 from .progress import stages
 
 __all__ = ["command"]
@@ -46,5 +46,5 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     with aside(out.parent, place=out, option="-o") as new:
         (new / out.name).write_text(text + "\n", encoding="utf-8")
     for sentence in (f"wrote {out}", *notes):
-        tell(sentence)
+        note(sentence)
     show_lines(json.loads(text), summary(table), as_json=options["as_json"])

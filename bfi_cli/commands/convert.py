@@ -10,8 +10,8 @@ import click
 from ..files import check_files
 from ..flightlog import read_log, resample
 from ..flightlog.resampling import with_reach
-from .options import channel_options, json_option, log_argument, window_options
-from .written import out_option, write_and_show
+from .options import channel_options, json_option, log_argument, out_option, window_options
+from .output import write_and_show
 
 __all__ = ["command"]
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import click
 
-from .answered import give
 from .options import CHANNELS, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .output import emit
 from .progress import progress
 
 __all__ = ["command"]
@@ -30,20 +30,20 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
-    from ..detect import detect_document, detect_exhibit, detect_faults
+    from ..detect import detect_content, detect_document, detect_faults
     from ..files import check_folder
-    from ..output import exhibit_names
     from ..provenance import provenance
+    from ..report.files import content_names
 
     config = config_of(config_path, options)
     inputs = inputs_of(config, log)
     if options["out"] is not None:
-        names = exhibit_names(("detection",), ("alarms", "channels"))
+        names = content_names(("detection",), ("alarms", "channels"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
     flight = log_of(log, config)
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, config, report=report)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
-    give(detect_exhibit(document), document, options, origin=origin, inputs=inputs)
+    emit(detect_content(document), document, options, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

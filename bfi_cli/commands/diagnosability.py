@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from .answered import give
 from .options import MODEL, OPTIONS, SIGNALS, config_of, inputs_of, log_of, with_options
+from .output import emit
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -38,8 +38,8 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
 
     from .. import diagnosability
     from ..files import check_folder
-    from ..output import exhibit_names
     from ..provenance import provenance
+    from ..report.files import content_names
 
     config = config_of(config_path, {**options, "magnitude": options["magnitudes"].pop("", None)})
     _check_flight(log, config, options)
@@ -48,7 +48,7 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:
-        names = exhibit_names(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
+        names = content_names(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
     magnitudes, log_sha256 = diagnosability.magnitudes_of(config), ""
     with threadpool_limits(1):
@@ -66,7 +66,8 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
     document = diagnosability.diagnosability_document(result, origin)
-    give(diagnosability.diagnosability_exhibit(document), document, options, origin=origin, inputs=inputs)
+    content = diagnosability.diagnosability_content(document)
+    emit(content, document, options, origin=origin, inputs=inputs)
 
 
 def _check_flight(log: str | None, config: Config, options: Mapping[str, Any]) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import click
 
-from .answered import show
-from .options import MODEL, SIGNALS, advise, config_of, exit_code, inputs_of, log_argument, log_of, tell, with_options
+from .options import MODEL, SIGNALS, advise, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .output import emit
 from .progress import stages
 
 __all__ = ["command"]
@@ -27,19 +26,19 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
-    from ..documents import identify_document
-    from ..files import check_folder, replace_files
+    from ..files import check_folder
     from ..identify import identify_faults
+    from ..identify.document import identify_document
     from ..identify.from_scan import identify_from_scan
-    from ..output import IDENTIFY_NAMES, identify_files
+    from ..identify.report import DRAWINGS, TABLES, identify_content
     from ..provenance import provenance
-    from ..tables import print_identify
+    from ..report.files import content_names
 
     config = config_of(config_path, options)
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:
-        check_folder(options["out"], IDENTIFY_NAMES, inputs=inputs, force=options["force"])
+        check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
     flight = log_of(log, config)
     notes = advise(flight, config)
     with stages(wanted=options["progress"]) as progress:
@@ -51,13 +50,6 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     origin = provenance(
         log_sha256=flight.sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
-    if options["out"] is not None:
-        with stages(wanted=options["progress"]) as progress:
-            files = identify_files(result, origin, partial(progress, "figures"))
-        replace_files(files, options["out"], inputs=inputs, force=options["force"])
-        tell(f"wrote {options['out'] / 'report.html'}")
     document = identify_document(result, origin)
-    show(
-        document, lambda console: print_identify(console, result), as_json=options["as_json"], series=options["series"]
-    )
+    emit(identify_content(result), document, options, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

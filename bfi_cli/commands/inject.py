@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from ..errors import LogError
-from .options import channel_options, json_option, log_argument
-from .written import out_option, write_and_show
+from .options import channel_options, json_option, log_argument, out_option
+from .output import write_and_show
 
 __all__ = ["command"]
 

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .answered import show
-from .options import inputs_of, json_option, out_options, outside_option, progress_option, tell
+from .options import inputs_of, json_option, out_options, outside_option, progress_option
+from .output import note, show, write
 from .progress import progress
 
 if TYPE_CHECKING:
-    from ..montecarlo import Summary, Sweep
-    from ..montecarlo.row import Row
-    from ..provenance import Provenance
+    from ..montecarlo import Sweep
+    from ..montecarlo.trial import Row
 
 __all__ = ["command"]
 
-NAMES = (
-    *("trials.csv", "timings.csv", "summary.json"),
-    *("isolation.svg", "isolation.png", "magnitude_error.svg", "magnitude_error.png"),
-)
+STORED = "summary.json"
 
 
 @click.command("montecarlo")
@@ -45,39 +42,49 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     CONFIG names the record, the dictionary and what varies; configs/montecarlo_thesis.yaml is an example. The numbers
     are the same for any number of workers, and for a sweep that was stopped and continued.
     """
-    from ..files import check_folder, replace_files
-    from ..montecarlo import check_records, digest_of, load_sweep, summarise, summary_document
-    from ..montecarlo.table import print_summary
+    from ..files import check_folder
+    from ..montecarlo import check_records, digest_of, load_sweep, montecarlo_content, summarise, summary_document
+    from ..montecarlo.report import DRAWINGS, TABLES
+    from ..montecarlo.running import TIMING_COLUMNS, timing_cells
+    from ..montecarlo.trial import COLUMNS
+    from ..provenance import provenance
+    from ..report.files import content_names
 
     if options["workers"] is not None and options["scheduler"] is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
     if options["resume"] and out is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
     sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
-    inputs, force = _inputs(sweep), options["force"]
+    settings = list({id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values())
+    named = {sweep.path}
+    for one in settings:
+        named.update(inputs_of(one.config, getattr(one.record, "log", None), dictionary=one.dictionary))
+    inputs = tuple(named)
     if out is not None:
-        check_folder(out, NAMES, inputs=inputs, force=force)
+        check_folder(out, content_names(DRAWINGS, TABLES, stored=STORED), inputs=inputs, force=options["force"])
     records = check_records(sweep)
     digest = digest_of(sweep, records)
     total = sweep.n_trials * len(sweep.scenarios)
     with progress("trials", wanted=options["progress"]) as report:
         done, journal = _run(sweep, out, digest, options, lambda count: report(count, total))
-    summary = summarise(sweep, done)
-    origin = _origin(sweep, records)
-    document = summary_document(summary, origin, digest=digest)
-    if out is not None:
-        replace_files(_files(summary, done, document), out, inputs=inputs, force=force)
+    origin = provenance(
+        log_sha256=" ".join(records.values()),
+        config_sha256=sweep.sha256,
+        dictionary_sha256=" ".join(sorted({one.dictionary.sha256 for one in settings})),
+        seed=sweep.seed,
+    )
+    document = summary_document(summarise(sweep, done), origin, digest=digest)
+    # Cells are texts already, so that these files are the same to the byte however often the sweep was stopped.
+    rows, times = [row.cells() for row, _ in done], [timing_cells(*pair) for pair in done]
+    data = {
+        "trials.csv": dict(zip(COLUMNS, zip(*rows, strict=True), strict=True)),
+        "timings.csv": dict(zip(TIMING_COLUMNS, zip(*times, strict=True), strict=True)),
+    }
+    content = replace(montecarlo_content(document), data=data)
+    write(content, document, {**options, "out": out}, origin=origin, inputs=inputs, stored=STORED)
+    if journal is not None:
         journal.remove()
-        tell(f"wrote {out / 'summary.json'}")
-    show(document, lambda console: print_summary(console, summary), as_json=options["as_json"])
-
-
-def _inputs(sweep: Sweep) -> tuple[str, ...]:
-    """Return the files that a sweep reads."""
-    named = {sweep.path}
-    for setting in {id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values():
-        named.update(inputs_of(setting.config, getattr(setting.record, "log", None), dictionary=setting.dictionary))
-    return tuple(named)
+    show(document, content, as_json=options["as_json"])
 
 
 def _run(
@@ -98,35 +105,6 @@ def _run(
             )
         except KeyboardInterrupt:
             if out is not None:
-                tell(f"stopped; bfi montecarlo -c {sweep.path} --out {out} --resume continues")
+                note(f"stopped; bfi montecarlo -c {sweep.path} --out {out} --resume continues")
             raise
     return done, journal
-
-
-def _origin(sweep: Sweep, records: dict[str, str]) -> Provenance:
-    from ..provenance import provenance
-
-    dictionaries = sorted({scenario.setting.dictionary.sha256 for scenario in sweep.scenarios})
-    return provenance(
-        log_sha256=" ".join(records.values()),
-        config_sha256=sweep.sha256,
-        dictionary_sha256=" ".join(dictionaries),
-        seed=sweep.seed,
-    )
-
-
-def _files(summary: Summary, done: list[tuple[Row, float]], document: dict[str, Any]) -> dict[str, bytes]:
-    from ..montecarlo.journal import TIMING_COLUMNS, timing_cells
-    from ..montecarlo.row import COLUMNS
-    from ..plots.montecarlo import MONTECARLO_FIGURES
-    from ..plots.style import to_png, to_svg
-    from ..serialize import to_csv, to_json
-
-    files = {
-        "trials.csv": to_csv(COLUMNS, (row.cells() for row, _ in done)),
-        "timings.csv": to_csv(TIMING_COLUMNS, (timing_cells(*pair) for pair in done)),
-    }
-    for name, plot in MONTECARLO_FIGURES.items():
-        figure = plot(summary)
-        files |= {f"{name}.svg": to_svg(figure), f"{name}.png": to_png(figure)}
-    return {**files, "summary.json": to_json(document).encode() + b"\n"}

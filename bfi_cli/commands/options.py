@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import click
 
 from ..errors import ConfigError
 from ..identify.methods import METHODS
-from ..printable import printable
+from .output import note
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
     from ..flightlog import FlightLog
 
 __all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "advise", "channel_options", "config_of", "exit_code"]
-__all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_options"]
-__all__ += ["outside_option", "pairs", "progress_option", "series_option", "tell", "window_options", "with_options"]
+__all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
+__all__ += ["outside_option", "pairs", "progress_option", "series_option", "window_options", "with_options"]
 
 Command = Callable[..., Any]
 Callback = Callable[[click.Context, click.Parameter, Any], Any]
@@ -286,6 +285,14 @@ json_option = with_options("as_json")
 series_option = with_options("as_json", "series")
 
 
+def out_option(command: Command) -> Command:
+    """Add -o/--output, the log file to write, and --force, passed as the path `out` and `force`."""
+    words, path = "The file to write, .h5 or .csv.", click.Path(path_type=Path)
+    return click.option("-o", "--output", "out", required=True, metavar="OUT", type=path, help=words)(
+        force_option(command)
+    )
+
+
 def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
     """Return the configuration of a file (the defaults where there is none) with the command line's values in it.
 
@@ -350,17 +357,11 @@ def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
     """Return as a note which windows a long log has, and tell it, unless one was asked for."""
     from ..flightlog.quality import advice_on_windows
 
-    note = advice_on_windows(flight) if (config.window.from_s, config.window.to_s) == (None, None) else None
-    if note is None:
+    advice = advice_on_windows(flight) if (config.window.from_s, config.window.to_s) == (None, None) else None
+    if advice is None:
         return ()
-    tell(note)
-    return (note,)
-
-
-def tell(sentence: str) -> None:
-    """Print a note for the person at the terminal to stderr; silent where stderr is none."""
-    if sys.stderr.isatty():
-        click.echo(printable(sentence), err=True)
+    note(advice)
+    return (advice,)
 
 
 class Answer(Protocol):

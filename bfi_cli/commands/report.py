@@ -1,38 +1,46 @@
-"""`bfi report`: the files of a stored result, drawn again."""
+"""`bfi report`: the files of a stored document, drawn again."""
 
 from __future__ import annotations
 
 import importlib
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..documents import identify_from_document
 from ..errors import ConfigError
-from ..plain import from_plain, member
 from ..provenance import Provenance
-from .answered import show
-from .options import force_option, series_option, tell
+from ..serialization import from_plain, member
+from .options import force_option, series_option
+from .output import note, show
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from ..exhibit import Exhibit
+    from ..report.content import ReportContent
 
 __all__ = ["command"]
 
-GIVE = "give the result.json of a command's --out"
-# The kinds that are laid out from their document: module and function that do it, and the schema they know.
-EXHIBITS = {
-    "detect": ("detect", "detect_exhibit", 1),
-    "diagnosability": ("diagnosability", "diagnosability_exhibit", 1),
+GIVE = "give the result.json of a command's --out, or what its --json --series printed"
+# Module and function that make the content of each kind of document, and the schema they know.
+KINDS = {
+    "calibration": ("calibration", "calibration_content", 1),
+    "convert": ("flightlog.report", "log_content", 1),
+    "detect": ("detect", "detect_content", 1),
+    "diagnosability": ("diagnosability", "diagnosability_content", 1),
+    "dictionary": ("audit", "audit_content", 1),
+    "identify": ("identify.report", "content_of_document", 1),
+    "info": ("flightlog.report", "info_content", 1),
+    "inject": ("flightlog.report", "log_content", 1),
+    "montecarlo": ("montecarlo", "montecarlo_content", 1),
     "reproduce": ("reproduce.document", "reproduce_exhibit", 1),
-    "start-time": ("onset", "onset_exhibit", 1),
+    "simulate": ("flightlog.report", "log_content", 1),
+    "start-time": ("onset", "onset_content", 1),
 }
+STORED = {"montecarlo": "summary.json"}
+# These documents are read back into what they were made from, which says itself where one is damaged.
+READ_BACK = ("identify", "reproduce")
 
 
 @click.command("report")
@@ -45,48 +53,47 @@ EXHIBITS = {
 def command(result: Path, out: Path | None, *, force: bool, as_json: bool, series: bool) -> None:
     """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin)."""
     from ..files import replace_files, same_file
+    from ..report.files import content_files
 
-    document = _read(result)
-    folder = out if out is not None else result.parent
-    is_exhibit = isinstance(document, Mapping) and document.get("kind") in EXHIBITS
-    files, draw = (_exhibit if is_exhibit else _identification)(document, str(result))
+    document, where = _read(result), str(result)
+    content = _content(document, where)
+    origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
+    stored = STORED.get(document["kind"], "result.json")
+    files, folder = content_files(content, document, origin, stored=stored), out if out is not None else result.parent
     # Beside its own result the report is drawn anew; the result itself stays as it is.
-    beside = same_file(folder / "result.json", result)
+    beside = same_file(folder / stored, result)
     if beside:
-        del files["result.json"]
+        del files[stored]
     replace_files(files, folder, inputs=[result], force=force or beside)
-    tell(f"wrote {folder / 'report.html'}")
-    show(document, draw, as_json=as_json, series=series)
+    note(f"wrote {folder / 'report.html'}")
+    show(document, content, as_json=as_json, series=series)
 
 
-def _identification(document: Any, where: str) -> tuple[dict[str, bytes], Callable[[Console], None]]:
-    from ..output import identify_files
-    from ..tables import print_identify
+def _content(document: object, where: str) -> ReportContent:
+    """Return what the report of a document holds.
 
-    found, provenance = identify_from_document(document, where=where)
-    return identify_files(found, provenance), lambda console: print_identify(console, found)
-
-
-def _exhibit(document: Mapping[str, Any], where: str) -> tuple[dict[str, bytes], Callable[[Console], None]]:
-    from ..output import exhibit_files
-    from ..tables import print_exhibit
-
-    package, function, schema = EXHIBITS[document["kind"]]
+    Raises
+    ------
+    ConfigError : it is of no kind or schema that is known, or damaged.
+    """
+    if not isinstance(document, Mapping) or "kind" not in document:
+        raise ConfigError(f"{where}: not a result of this program, it has no 'kind'; {GIVE}")
+    kind = document["kind"]
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ConfigError(f"{where}: kind is '{kind}', known: {', '.join(KINDS)}; {GIVE}")
+    module, function, schema = KINDS[kind]
     if document.get("schema") != schema:
         raise ConfigError(
             f"{where}: schema is {document.get('schema')}, this program reads {schema}; run the command again"
         )
-    origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
-    module = importlib.import_module(f"...{package}", __name__)
-    exhibit = _laid_out(getattr(module, function), document, where)
-    return exhibit_files(exhibit, document, origin), lambda console: print_exhibit(console, exhibit)
-
-
-def _laid_out(lay_out: Callable[[Mapping[str, Any]], Exhibit], document: Mapping[str, Any], where: str) -> Exhibit:
+    if kind not in READ_BACK:
+        member(document, "provenance", where=where)
+    make = getattr(importlib.import_module(f"...{module}", __name__), function)
     try:
-        return lay_out(document)
+        content: ReportContent = make(document, where=where) if kind in READ_BACK else make(document)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise ConfigError(f"{where}: damaged, {error!r}; run bfi {document['kind']} again") from None
+        raise ConfigError(f"{where}: damaged, {error!r}; run bfi {kind} again") from None
+    return content
 
 
 def _read(path: Path) -> Any:

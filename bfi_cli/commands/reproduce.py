@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import BfiError, ConfigError
-from .answered import give
-from .options import channel_options, out_options, progress_option, series_option, tell, window_options
+from .options import channel_options, out_options, progress_option, series_option, window_options
+from .output import emit, note
 from .progress import progress
 
 if TYPE_CHECKING:
-    from ..exhibit import Exhibit
     from ..flightlog import FlightLog
     from ..provenance import Provenance
+    from ..report.content import ReportContent
     from ..reproduce import Settings
 
 __all__ = ["command"]
@@ -44,8 +44,8 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
     Without NAME, or with "list", the names are listed; "all" makes every one, each in a folder of its own in --out.
     """
     from ..files import check_folder
-    from ..output import exhibit_names
     from ..provenance import provenance
+    from ..report.files import content_names
     from ..reproduce import Settings
     from ..reproduce.catalogue import find, run
     from ..reproduce.document import list_exhibit, reproduce_document
@@ -57,7 +57,7 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
     inputs = () if options["log_path"] is None else (options["log_path"],)
     if options["out"] is not None:
         for folder in (options["out"], *(_folders(options["out"]) if name == "all" else ())):
-            check_folder(folder, exhibit_names(), inputs=inputs, force=options["force"])
+            check_folder(folder, content_names(), inputs=inputs, force=options["force"])
     log = _log(options)
     settings = Settings(log=log, **{key: options[key] for key in ("quick", "trials", "seed", "workers", "choices")})
     origin = provenance(log_sha256=log.sha256 if log else "", seed=settings.seed)
@@ -70,7 +70,7 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
         with progress(name, wanted=options["progress"]) as report:
             exhibit = run(name, replace(settings, report=report))
     document = reproduce_document(name, exhibit, origin)
-    give(exhibit, document, options, origin=origin, inputs=inputs)
+    emit(exhibit, document, options, origin=origin, inputs=inputs)
     context.exit(code)
 
 
@@ -101,15 +101,15 @@ def _folders(out: Path) -> list[Path]:
 
 def _every(
     settings: Settings, origin: Provenance, options: dict[str, Any], inputs: tuple[str, ...]
-) -> tuple[Exhibit, int]:
+) -> tuple[ReportContent, int]:
     """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
     from ..files import replace_files
-    from ..output import exhibit_files
+    from ..report.files import content_files
     from ..reproduce.catalogue import REPRODUCTIONS, run
     from ..reproduce.document import reproduce_document, summary_exhibit
 
-    shared: dict[tuple[str, str], Exhibit | BfiError] = {}
-    made: list[tuple[str, Exhibit | BfiError]] = []
+    shared: dict[tuple[str, str], ReportContent | BfiError] = {}
+    made: list[tuple[str, ReportContent | BfiError]] = []
     for name, entry in REPRODUCTIONS.items():
         place = (entry.module, entry.function)
         if place not in shared:
@@ -121,8 +121,8 @@ def _every(
         one = shared[place]
         made.append((name, one))
         if options["out"] is not None and not isinstance(one, BfiError):
-            files, folder = exhibit_files(one, reproduce_document(name, one, origin), origin), options["out"] / name
+            files, folder = content_files(one, reproduce_document(name, one, origin), origin), options["out"] / name
             replace_files(files, folder, inputs=inputs, force=options["force"])
-            tell(f"wrote {folder / 'report.html'}")
+            note(f"wrote {folder / 'report.html'}")
     codes = [one.exit_code for _, one in made if isinstance(one, BfiError)]
     return summary_exhibit(made), max(codes, default=0)

@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from ..errors import ConfigError
-from .options import json_option, pairs
-from .written import out_option, write_and_show
+from .options import json_option, out_option, pairs
+from .output import write_and_show
 
 __all__ = ["command"]
 

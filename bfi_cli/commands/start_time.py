@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from .answered import give
 from .options import MODEL, SIGNALS, advise, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .output import emit
 from .progress import stages
 
 __all__ = ["command"]
@@ -27,14 +27,14 @@ DRAWINGS, TABLES = ("profile", "outputs"), ("faults", "profile", "shapes")
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
     from ..files import check_folder
-    from ..onset import find_onset, onset_document, onset_exhibit, onset_tables
-    from ..output import exhibit_names
+    from ..onset import find_onset, onset_content, onset_document
     from ..provenance import provenance
+    from ..report.files import content_names
 
     config = config_of(config_path, options)
     inputs = inputs_of(config, log)
     if options["out"] is not None:
-        check_folder(options["out"], exhibit_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
+        check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
     flight = log_of(log, config)
     notes = advise(flight, config)
     with stages(wanted=options["progress"]) as progress:
@@ -42,5 +42,5 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)
-    give(onset_exhibit(document), document, options, origin=origin, inputs=inputs, extra=onset_tables(result))
+    emit(onset_content(document), document, options, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

@@ -7,8 +7,8 @@ the one for noisy data; `detect` chooses and makes the result.
 from __future__ import annotations
 
 from .detect import detect_faults
-from .report import detect_document, detect_exhibit
+from .report import detect_content, detect_document
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
 __all__ = ["Alarm", "Calibration", "ChannelSeries", "DetectResult", "ParityModel"]
-__all__ += ["detect_document", "detect_exhibit", "detect_faults"]
+__all__ += ["detect_content", "detect_document", "detect_faults"]

@@ -13,7 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.nullspace import criteria
 from ..preprocessing.summary import log_summary
-from ..wording import instant
+from ..report.text import instant
 from .parity import DetectionThreshold, detect_sequentially
 from .preparation import PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel

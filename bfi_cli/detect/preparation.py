@@ -16,7 +16,7 @@ from ..kernels.decimation import WHITE, decimate, lost_samples
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
-from ..wording import instant
+from ..report.text import instant
 
 BoolArray = NDArray[np.bool_]
 

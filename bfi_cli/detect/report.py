@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
-from ..plain import to_plain
 from ..provenance import Provenance
-from ..wording import instant, number, quantity, shortened
+from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
+from ..report.text import instant, number, quantity, shortened
+from ..serialization import to_plain
 from .result import DetectResult
 
-__all__ = ["SCHEMA", "detect_document", "detect_exhibit"]
+__all__ = ["SCHEMA", "detect_content", "detect_document"]
 
 SCHEMA = 1
 Plain = Mapping[str, Any]
@@ -43,8 +43,8 @@ def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, A
     }
 
 
-def detect_exhibit(document: Plain) -> Exhibit:
-    """Return the exhibit of a document of `bfi detect`."""
+def detect_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi detect` holds."""
     log, model, use, alarms = (document[key] for key in ("log", "model", "calibration", "alarms"))
     train, series, exact = document["train"], document["series"], document["method"] == "exact"
     failing = []
@@ -108,8 +108,8 @@ def detect_exhibit(document: Plain) -> Exhibit:
             for alarm in alarms
         )
         tables.insert(0, Table(name="alarms", title="Alarms", heads=alarm_heads, rows=declared))
-    return Exhibit(
-        kicker="Detection of a failing channel",
+    return ReportContent(
+        category="Detection of a failing channel",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
         verdict=verdict,

@@ -6,7 +6,7 @@ magnitudes, `assess` makes the result of a log, and `manoeuvres` simulates fligh
 
 from .assess import DiagnosabilityResult, Magnitudes, assess, magnitudes_of
 from .manoeuvres import ModelFlights, assess_manoeuvres, flights_of
-from .report import diagnosability_document, diagnosability_exhibit
+from .report import diagnosability_content, diagnosability_document
 
 __all__ = [
     "DiagnosabilityResult",
@@ -14,8 +14,8 @@ __all__ = [
     "ModelFlights",
     "assess",
     "assess_manoeuvres",
+    "diagnosability_content",
     "diagnosability_document",
-    "diagnosability_exhibit",
     "flights_of",
     "magnitudes_of",
 ]

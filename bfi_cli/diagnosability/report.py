@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from ..exhibit import Drawing, Exhibit, HeatMap, Panel, Table, curve
 from ..kernels import FloatArray
-from ..plain import to_plain
 from ..provenance import Provenance
-from ..wording import number, quantity, shortened
+from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve
+from ..report.text import number, quantity, shortened
+from ..serialization import to_plain
 from .assess import DiagnosabilityResult
 
-__all__ = ["diagnosability_document", "diagnosability_exhibit"]
+__all__ = ["diagnosability_content", "diagnosability_document"]
 
 Plain = Mapping[str, Any]
 
@@ -63,8 +63,8 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
     }
 
 
-def diagnosability_exhibit(document: Plain) -> Exhibit:
-    """Return the exhibit of a document of `bfi diagnosability`."""
+def diagnosability_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi diagnosability` holds."""
     best, atoms, manoeuvres, log, model = (document[key] for key in ("best", "atoms", "manoeuvres", "log", "model"))
     live = [j for j, atom in enumerate(atoms) if atom["divergence_bits"] is not None]
     names = tuple(_short(atoms[j]["name"]) for j in live)
@@ -131,8 +131,8 @@ def diagnosability_exhibit(document: Plain) -> Exhibit:
     ]
     if best is not None:
         facts.append(("Draws of the noise", str(document["draws"])))
-    return Exhibit(
-        kicker="Diagnosability",
+    return ReportContent(
+        category="Diagnosability",
         title=str(log["path"]),
         heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
         verdict=_verdict(document, live),

@@ -3,10 +3,10 @@
 `definition` is a sweep's YAML, `scenarios` what it means, `trial` one draw, `summary` what all of them say.
 """
 
-from .journal import Journal
-from .running import check_records, digest_of, run_sweep
+from .report import montecarlo_content, summary_document
+from .running import Journal, check_records, digest_of, run_sweep
 from .scenarios import Sweep, load_sweep
-from .summary import Summary, summarise, summary_document, wilson
+from .summary import Summary, summarise, wilson
 from .trial import run_trial
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "check_records",
     "digest_of",
     "load_sweep",
+    "montecarlo_content",
     "run_sweep",
     "run_trial",
     "summarise",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -35,16 +35,15 @@ def _beside_sweep(path: str, info: ValidationInfo) -> str:
     return str((Path((info.context or {}).get("folder", "")) / path).resolve())
 
 
-def _known_model(name: str) -> str:
-    if name not in MODELS:
-        raise ValueError(f"no such model, got '{name}'{did_you_mean(name, tuple(MODELS))}")
-    return name
+def _known(what: str, names: Iterable[str]) -> AfterValidator:
+    """Return the check that a text is one of some names."""
 
+    def check(name: str) -> str:
+        if name not in names:
+            raise ValueError(f"no such {what}, got '{name}'{did_you_mean(name, tuple(names))}")
+        return name
 
-def _known_manoeuvre(name: str) -> str:
-    if name not in MANOEUVRES:
-        raise ValueError(f"no such manoeuvre, got '{name}'{did_you_mean(name, tuple(MANOEUVRES))}")
-    return name
+    return AfterValidator(check)
 
 
 def _no_zero(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -74,9 +73,9 @@ class Span(Rules):
 class FlownModel(Rules):
     """A simulated flight, as `bfi simulate` makes it; gusts are drawn anew in every trial."""
 
-    model: Annotated[Text, AfterValidator(_known_model)]
+    model: Annotated[Text, _known("model", MODELS)]
     """citation, citation-short-period."""
-    manoeuvre: Annotated[Text, AfterValidator(_known_manoeuvre)] = "3211"
+    manoeuvre: Annotated[Text, _known("manoeuvre", MANOEUVRES)] = "3211"
     """3211, doublet, multisine, none."""
     amplitude_rad: Positive = 0.035
     start_s: Number = 0.2

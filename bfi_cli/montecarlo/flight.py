@@ -9,8 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
-from ..config import Config
-from ..faults import Fault
 from ..filters import recorded_signal, response_of
 from ..flightlog import FlightLog, read_log
 from ..flightlog.record import frozen_array
@@ -20,6 +18,7 @@ from .scenarios import Setting
 
 __all__ = ["faulty", "is_shared", "record_of"]
 
+# Records that a worker keeps: a sweep's trials go through its records in turn.
 KEPT_RECORDS = 32
 
 
@@ -40,7 +39,8 @@ def record_of(setting: Setting, rng: np.random.Generator) -> FlightLog:
     LogError, ConfigError : it cannot be read or simulated.
     """
     if is_shared(setting):
-        return _shared(setting.record, _names(setting.config))
+        names = (tuple(setting.config.channels.items()), tuple(setting.config.units.items()))
+        return _shared(setting.record, names)
     assert isinstance(setting.record, FlownModel)
     return _flown(setting.record, rng)
 
@@ -62,23 +62,16 @@ def faulty(log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np
     response = response_of(recorder_filters(log, recorder.edge_hz, recorder.kind)[0], log.rate_hz)
     added: dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]] = {}
     for atom in setting.dictionary.resolved(start_s):
-        if _name(atom) in truth:
+        name = atom.name or atom.shape
+        if name in truth:
             channel = log.channel(atom.channel)
-            signal = truth[_name(atom)] * recorded_signal(atom, log.time_s, response, window_start_s=start_s)
+            signal = truth[name] * recorded_signal(atom, log.time_s, response, window_start_s=start_s)
             added[channel.name] = added.get(channel.name, channel.values) + signal
     for (name, sd), stream in zip(setting.noise, rng.spawn(len(setting.noise)), strict=True):
         channel = log.channel(name)
         added[channel.name] = added.get(channel.name, channel.values) + sd * stream.standard_normal(log.n_samples)
     channels = {name: replace(log.channels[name], values=frozen_array(values)) for name, values in added.items()}
     return replace(log, channels={**log.channels, **channels})
-
-
-def _name(atom: Fault) -> str:
-    return atom.name or atom.shape
-
-
-def _names(config: Config) -> tuple[tuple[tuple[str, str], ...], ...]:
-    return tuple(config.channels.items()), tuple(config.units.items())
 
 
 @lru_cache(maxsize=KEPT_RECORDS)

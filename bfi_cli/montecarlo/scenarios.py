@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import __version__
 from ..config import Config, merge
-from ..dictionary import Dictionary, DictionaryDocument, load_dictionary
+from ..dictionary import Dictionary, load_dictionary
 from ..errors import ConfigError
 from ..printable import printable
 from ..validation import validate
@@ -137,9 +137,18 @@ def load_sweep(
 
 
 def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scenario, ...]:
-    dictionaries = [_dictionary(source, where, allow_outside) for source in rules.dictionary]
+    """Return every combination of what varies, records first."""
+    dictionaries: list[Dictionary] = []
+    for source in rules.dictionary:
+        name = None if isinstance(source, str) else f"{where}: dictionary"
+        dictionaries.append(load_dictionary(source, where=name, allow_outside=allow_outside))
     configs = _configs(rules, where)
-    _check_active(rules.active, dictionaries, where)
+    for dictionary in dictionaries:
+        if max(rules.active) > len(dictionary.atoms):
+            raise ConfigError(
+                f"{where}: active: more than the {len(dictionary.atoms)} faults of {dictionary.path}, "
+                f"got {max(rules.active)}; lower it"
+            )
     axes: dict[str, Sequence[tuple[str, Any]]] = {
         "record": _labelled([record.label for record in rules.record], rules.record),
         "dictionary": _labelled([Path(d.path).stem for d in dictionaries], list(enumerate(dictionaries))),
@@ -148,33 +157,32 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         "identify": [(label, config) for label, config in configs],
     }
     varying = [name for name, values in axes.items() if len(values) > 1]
-    scenarios = [_scenario(rules, dict(zip(axes, chosen, strict=True)), varying) for chosen in product(*axes.values())]
-    _check_distinct(scenarios, where)
+    scenarios: list[Scenario] = []
+    for combination in product(*axes.values()):
+        chosen = dict(zip(axes, combination, strict=True))
+        value = {name: entry for name, (_, entry) in chosen.items()}
+        place, dictionary = value["dictionary"]
+        settings, config = value["identify"]
+        noise = tuple((name, value[f"noise.{name}"]) for name in rules.noise)
+        parts = [value["record"].model_dump(mode="json"), dictionary.sha256, noise, config.model_dump(mode="json")]
+        words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
+        name = printable(" ".join(words)) or "all"  # as trials.csv has it, where --resume looks for it
+        if any(name == other.name for other in scenarios):
+            raise ConfigError(f"{where}: a value stands twice, got two scenarios '{name}'; keep one")
+        labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
+        scenarios.append(
+            Scenario(
+                name=name,
+                axes={**labels, **{f"noise.{name}": sd for name, sd in noise}, "active": value["active"], **settings},
+                setting=Setting(
+                    digest=_digest(parts), record=value["record"], dictionary=dictionary, noise=noise, config=config
+                ),
+                n_active=value["active"],
+                sizes=rules.sizes,
+                stream=(place, value["active"]),
+            )
+        )
     return tuple(scenarios)
-
-
-def _scenario(rules: SweepRules, chosen: Mapping[str, tuple[str, Any]], varying: Sequence[str]) -> Scenario:
-    value = {name: entry for name, (_, entry) in chosen.items()}
-    place, dictionary = value["dictionary"]
-    settings, config = value["identify"]
-    noise = tuple((name, value[f"noise.{name}"]) for name in rules.noise)
-    words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
-    labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
-    return Scenario(
-        name=printable(" ".join(words)) or "all",  # as trials.csv has it, where --resume looks for it
-        axes={**labels, **{f"noise.{channel}": sd for channel, sd in noise}, "active": value["active"], **settings},
-        setting=_setting(value["record"], dictionary, noise, config),
-        n_active=value["active"],
-        sizes=rules.sizes,
-        stream=(place, value["active"]),
-    )
-
-
-def _setting(
-    record: FlownModel | RecordedLog, dictionary: Dictionary, noise: tuple[tuple[str, float], ...], config: Config
-) -> Setting:
-    parts = [record.model_dump(mode="json"), dictionary.sha256, noise, config.model_dump(mode="json")]
-    return Setting(digest=_digest(parts), record=record, dictionary=dictionary, noise=noise, config=config)
 
 
 def _configs(rules: SweepRules, where: str) -> list[tuple[str, tuple[dict[str, Any], Config]]]:
@@ -187,36 +195,14 @@ def _configs(rules: SweepRules, where: str) -> list[tuple[str, tuple[dict[str, A
         except ConfigError as error:
             complaints += str(error).removeprefix("grid: ").split(" | ")
         else:
-            words = [f"{key}={_word(settings[key])}" for key, several in rules.grid.items() if len(several) > 1]
+            words = []
+            for key in (key for key, several in rules.grid.items() if len(several) > 1):
+                value = settings[key]
+                words.append(f"{key}={value if isinstance(value, str) else json.dumps(value, default=str)}")
             found.append((" ".join(words), (settings, config)))
     if complaints:
         raise ConfigError(f"{where}: " + " | ".join(f"grid.{text}" for text in dict.fromkeys(complaints)))
     return found
-
-
-def _word(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value, default=str)
-
-
-def _dictionary(source: str | DictionaryDocument, where: str, allow_outside: bool) -> Dictionary:
-    name = None if isinstance(source, str) else f"{where}: dictionary"
-    return load_dictionary(source, where=name, allow_outside=allow_outside)
-
-
-def _check_active(active: Sequence[int], dictionaries: Sequence[Dictionary], where: str) -> None:
-    for dictionary in dictionaries:
-        if max(active) > len(dictionary.atoms):
-            raise ConfigError(
-                f"{where}: active: more than the {len(dictionary.atoms)} faults of {dictionary.path}, "
-                f"got {max(active)}; lower it"
-            )
-
-
-def _check_distinct(scenarios: Sequence[Scenario], where: str) -> None:
-    names = [scenario.name for scenario in scenarios]
-    twice = next((name for n, name in enumerate(names) if name in names[:n]), None)
-    if twice is not None:
-        raise ConfigError(f"{where}: a value stands twice, got two scenarios '{twice}'; keep one")
 
 
 def _labelled(labels: Sequence[str], values: Sequence[Any]) -> list[tuple[str, Any]]:

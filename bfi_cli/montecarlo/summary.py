@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..plain import to_plain
-from ..provenance import Provenance
-from .row import Row, rounded
 from .scenarios import Sweep
+from .trial import Row, rounded
 
-__all__ = ["MONTECARLO_SCHEMA", "Proportion", "ScenarioSummary", "Summary", "summarise", "summary_document", "wilson"]
+__all__ = ["Proportion", "ScenarioSummary", "Summary", "summarise", "wilson"]
 
-MONTECARLO_SCHEMA = 1
+# The 97.5 % quantile of the normal distribution.
 NORMAL_975 = 1.959963984540054
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
 
@@ -62,10 +60,9 @@ class ScenarioSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Summary:
-    """All scenarios, the rows behind them and sentences for the reader."""
+    """All scenarios, and sentences for the reader."""
 
     scenarios: tuple[ScenarioSummary, ...]
-    rows: tuple[Row, ...]
     notes: tuple[str, ...]
 
 
@@ -86,8 +83,13 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
     for row, seconds in done:
         by_name[row.scenario].append((row, seconds))
     scenarios = tuple(_scenario(s.name, s.axes, by_name[s.name]) for s in sweep.scenarios)
-    rows = tuple(row for row, _ in done)
-    return Summary(scenarios=scenarios, rows=rows, notes=tuple(_notes(scenarios, rows)))
+    notes = []
+    for one in scenarios:
+        if one.failed:
+            first = next(row.error for row, _ in by_name[one.name] if row.error)
+            failed = f"{one.failed} of {one.trials} trials of '{one.name}' failed and count as not isolated"
+            notes.append(f"{failed}; the first: {first}")
+    return Summary(scenarios=scenarios, notes=tuple(notes))
 
 
 def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, float]]) -> ScenarioSummary:
@@ -118,36 +120,3 @@ def _proportion(hits: Iterable[object]) -> Proportion:
 
 def _counted(count: int, of: int) -> Proportion:
     return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))
-
-
-def _notes(scenarios: Sequence[ScenarioSummary], rows: Sequence[Row]) -> Iterator[str]:
-    for scenario in scenarios:
-        if scenario.failed:
-            first = next(row.error for row in rows if row.scenario == scenario.name and row.error)
-            yield (
-                f"{scenario.failed} of {scenario.trials} trials of '{scenario.name}' failed and count as not isolated; "
-                f"the first: {first}"
-            )
-
-
-def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -> dict[str, Any]:
-    """Return the document of `bfi montecarlo --json`, which is `summary.json`.
-
-    Parameters
-    ----------
-    digest : of the sweep and its records, by which --resume knows its own.
-    """
-    return {
-        "kind": "montecarlo",
-        "schema": MONTECARLO_SCHEMA,
-        "digest": digest,
-        "scenarios": [_flat(to_plain(scenario)) for scenario in summary.scenarios],
-        "notes": list(summary.notes),
-        "provenance": to_plain(provenance),
-    }
-
-
-def _flat(scenario: dict[str, Any]) -> dict[str, Any]:
-    rates = ("isolation", "false_alarm", "missed_detection")
-    named = {f"{key}_rate" if key in rates else key: value for key, value in scenario.items()}
-    return {**named, "magnitude_error": named["magnitude_error"] or None}

@@ -1,31 +1,113 @@
-"""One trial: draw faults, add them, identify, compare. A function of a module, so that any worker can run it."""
+"""One trial: draw faults, add them, identify, compare; and its line in `trials.csv`.
+
+Trials that share a record share its factorisation: a fault added to the record recombines columns of the factor. This
+holds for the published method on one record without added noise, at the record's own rate. The scaled problem of the
+faulty record then follows from that of the clean one: centre and scale of the output alone depend on the fault.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import BfiError
 from ..identify import identify_faults
 from ..identify.methods import METHODS
+from ..identify.risro import declared, solve
+from ..preprocessing.regression import RegressionData
+from ..preprocessing.window import prepare_window, regression_of
+from ..serialization import to_json
 from ..truth import compare_faults
-from .flight import faulty, record_of
-from .row import ERROR_DIGITS, Row, rounded
-from .scenarios import Trial
-from .shared import SharedRecord, declared_magnitudes, shared_record
+from .flight import faulty, is_shared, record_of
+from .scenarios import Setting, Trial
 
-__all__ = ["draw", "run_trial"]
+__all__ = [
+    "COLUMNS",
+    "Row",
+    "SharedRecord",
+    "declared_magnitudes",
+    "draw",
+    "rounded",
+    "row_from_cells",
+    "run_trial",
+    "shared_record",
+]
+
+FloatArray = NDArray[np.float64]
+
+# Factors that a worker keeps, of as many settings: a sweep's trials go through its settings in turn.
+KEPT_FACTORS = 16
+# Significant digits of a magnitude, beyond the round-off of other machines, and of an error.
+ESTIMATE_DIGITS = 12
+ERROR_DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Answer:
-    """Decision and magnitudes; intervals are None where the method has none."""
+class Row:
+    """The answer of one trial beside its truth; everything after `truth` is None where the trial failed.
 
-    decision: str
-    estimate: Mapping[str, float]
-    intervals: Mapping[str, tuple[float, float]] | None
+    Attributes
+    ----------
+    scenario, trial, seed : which it is.
+    truth, estimate : magnitude by name of the faults added and of those declared.
+    decision : see `bfi identify`; isolated : whether the declared faults are those added.
+    false_alarms, missed : names of faults declared and not added, added and not declared.
+    magnitude_error : 2-norm of estimate - truth relative to that of truth; None without a true fault.
+    intervals, covered : 95 % intervals of rightly declared faults, and how many of them hold the truth; None with
+        method risro, which has none of its own.
+    detection_delay_s : None for a dictionary, which states the onset.
+    error : why the trial failed.
+    """
+
+    scenario: str
+    trial: int
+    seed: int
+    truth: Mapping[str, float]
+    estimate: Mapping[str, float] | None = None
+    decision: str | None = None
+    isolated: bool | None = None
+    false_alarms: tuple[str, ...] | None = None
+    missed: tuple[str, ...] | None = None
+    magnitude_error: float | None = None
+    intervals: int | None = None
+    covered: int | None = None
+    detection_delay_s: float | None = None
+    error: str | None = None
+
+    def cells(self) -> list[str]:
+        """Return the row as text, one cell per column: mappings and lists as JSON, absent ones empty."""
+        values = ((getattr(self, column), column in TEXTS) for column in COLUMNS)
+        return ["" if value is None else value if is_text else to_json(value, indent=None) for value, is_text in values]
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+TEXTS = ("scenario", "decision", "error")
+
+
+def row_from_cells(cells: Sequence[str]) -> Row:
+    """Return the row of a line of `trials.csv`, the inverse of `Row.cells`.
+
+    Raises
+    ------
+    ValueError : it is no such line.
+    """
+    text = dict(zip(COLUMNS, cells, strict=True))
+    read: dict[str, Any] = {
+        key: json.loads(value) if value else None for key, value in text.items() if key not in TEXTS
+    }
+    read |= {key: tuple(read[key]) for key in ("false_alarms", "missed") if read[key] is not None}
+    return Row(**{key: text[key] or None for key in TEXTS} | {"scenario": text["scenario"]} | read)
+
+
+def rounded(value: float, digits: int = ESTIMATE_DIGITS) -> float:
+    """Return `value` at so many significant digits: what a file says is what a summary is made of."""
+    return float(f"{value:.{digits}g}")
 
 
 def run_trial(trial: Trial) -> Row:
@@ -34,12 +116,12 @@ def run_trial(trial: Trial) -> Row:
     truth = draw(trial, faults)
     row = Row(scenario=trial.scenario.name, trial=trial.number, seed=trial.seed, truth=truth)
     try:
-        answer = _answer(trial, truth, streams)
+        return _identify(row, trial, streams)
     except BfiError as error:
-        return _failed(row, str(error))
+        why = str(error)
     except Exception as error:
-        return _failed(row, f"a defect of ours, {error!r}")
-    return _compared(row, answer)
+        why = f"a defect of ours, {error!r}"
+    return replace(row, error=" ".join(why.split()))
 
 
 def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
@@ -50,41 +132,27 @@ def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
     return {atoms[j].name or atoms[j].shape: float(z) for j, z in zip(active, sizes, strict=True)}
 
 
-def _answer(trial: Trial, truth: Mapping[str, float], streams: list[np.random.Generator]) -> _Answer:
-    setting = trial.scenario.setting
+def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) -> Row:
+    """Return the row with the answer; where a shared record gives none, the whole one says if the data could tell."""
+    setting, truth = trial.scenario.setting, row.truth
+    decision, estimate, hits = "fault", {}, None
     shared = shared_record(setting)
-    if shared is not None and (found := _from_shared(shared, trial, truth)):
-        return _Answer(decision="fault", estimate=found, intervals=None)
-    log = faulty(record_of(setting, streams[0]), setting, truth, streams[1])
-    result = identify_faults(log, setting.dictionary, setting.config)
-    intervals = {fault.name: fault.ci95 for fault in result.faults}
-    return _Answer(
-        decision=result.decision,
-        estimate={fault.name: fault.magnitude for fault in result.faults},
-        intervals=intervals if METHODS[setting.config.method].intervals else None,
-    )
-
-
-def _from_shared(shared: SharedRecord, trial: Trial, truth: Mapping[str, float]) -> dict[str, float]:
-    """Return the declared magnitudes; none, where the whole answer must say whether the data could tell."""
-    z = declared_magnitudes(shared, np.array([truth.get(name, 0.0) for name in shared.names]), trial.scenario.setting)
-    return {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
-
-
-def _compared(row: Row, answer: _Answer) -> Row:
-    truth, estimate = row.truth, answer.estimate
-    comparison, hits = compare_faults(estimate, truth), None
+    if shared is not None:
+        z = declared_magnitudes(shared, np.array([truth.get(name, 0.0) for name in shared.names]), setting)
+        estimate = {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
+    if not estimate:
+        log = faulty(record_of(setting, streams[0]), setting, truth, streams[1])
+        result = identify_faults(log, setting.dictionary, setting.config)
+        decision, estimate = result.decision, {fault.name: fault.magnitude for fault in result.faults}
+        if METHODS[setting.config.method].intervals:
+            both = [(truth[fault.name], *fault.ci95) for fault in result.faults if fault.name in truth]
+            hits = [low <= z <= high for z, low, high in both]
+    comparison = compare_faults(estimate, truth)
     error = comparison.magnitude_error
-    if answer.intervals is not None:
-        both = [(truth[name], *ends) for name, ends in answer.intervals.items() if name in truth]
-        hits = [low <= z <= high for z, low, high in both]
-    return Row(
-        scenario=row.scenario,
-        trial=row.trial,
-        seed=row.seed,
-        truth=truth,
+    return replace(
+        row,
         estimate={name: rounded(z) for name, z in estimate.items()},
-        decision=answer.decision,
+        decision=decision,
         isolated=comparison.isolated,
         false_alarms=comparison.false_alarms,
         missed=comparison.missed,
@@ -94,5 +162,45 @@ def _compared(row: Row, answer: _Answer) -> Row:
     )
 
 
-def _failed(row: Row, why: str) -> Row:
-    return Row(scenario=row.scenario, trial=row.trial, seed=row.seed, truth=row.truth, error=" ".join(why.split()))
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SharedRecord:
+    """A clean record, factorised.
+
+    Attributes
+    ----------
+    names : of the atoms, all of which the window shows.
+    regression : of the clean record.
+    """
+
+    names: tuple[str, ...]
+    regression: RegressionData
+
+
+@lru_cache(maxsize=KEPT_FACTORS)
+def shared_record(setting: Setting) -> SharedRecord | None:
+    """Return the factorised record of a setting; None where its trials must be solved one by one."""
+    config = setting.config
+    published = config.method in ("risro", "risro-as-published")
+    asked = published and config.conditioning.rate_hz == "none" and config.model.order != "auto"
+    silent = all(sd == 0.0 for _, sd in setting.noise)
+    if not (asked and silent and is_shared(setting) and len(config.outputs) == 1):
+        return None
+    try:
+        window = prepare_window(record_of(setting, np.random.default_rng(0)), setting.dictionary, config)
+        regression = regression_of(window, config)
+    except BfiError:
+        return None
+    return None if window.reasons else SharedRecord(names=window.names, regression=regression)
+
+
+def declared_magnitudes(shared: SharedRecord, truth: FloatArray, setting: Setting) -> FloatArray:
+    """Return (n_atoms,) the magnitudes that the published rule declares, 0 where it declares none.
+
+    Parameters
+    ----------
+    truth : (n_atoms,) magnitudes of the faults in the record.
+    """
+    faulty = shared.regression.with_fault(truth)
+    solution = solve(faulty.data, setting.config)
+    z = solution.z * faulty.magnitude_unit
+    return np.where(declared(solution, z, setting.config), z, 0.0)

@@ -2,7 +2,7 @@
 
 from .decision import calibration_windows, table_of_windows, windows_of
 from .detection import find_onset
-from .report import onset_document, onset_exhibit, onset_tables
+from .report import onset_content, onset_document
 from .result import (
     CalibrationUse,
     OnsetFault,
@@ -13,5 +13,5 @@ from .result import (
 )
 
 __all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile", "calibration_windows"]
-__all__ += ["find_onset", "onset_document", "onset_exhibit", "onset_tables", "propose_dictionary", "table_of_windows"]
+__all__ += ["find_onset", "onset_content", "onset_document", "propose_dictionary", "table_of_windows"]
 __all__ += ["windows_of"]

@@ -15,7 +15,7 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.onset.scan import STARTING
 from ..kernels.progress import Progress, Report, parts, shares, unseen
-from ..wording import instant
+from ..report.text import instant
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
 from .result import OnsetFault, OnsetResult, assemble_result

@@ -1,4 +1,4 @@
-"""The JSON document and the CSV tables of `bfi start-time`, and what a reader is shown of them."""
+"""The JSON document of `bfi start-time`, and what its report holds, made from the document alone."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
 from ..faults import fault_to_dict
-from ..plain import to_plain
 from ..provenance import Provenance
-from ..serialize import to_csv
+from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
+from ..report.text import HEADINGS, instant, interval, number, quantity, shortened
+from ..serialization import to_plain
 from ..shapes import SHAPES
-from ..wording import instant, interval, number, quantity, shortened
 from .result import OnsetResult
 
-__all__ = ["SCHEMA", "onset_document", "onset_exhibit", "onset_tables"]
+__all__ = ["SCHEMA", "onset_content", "onset_document"]
 
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
@@ -35,7 +34,6 @@ FAULT_COLUMNS = (
 LEAST = 0.1
 # The axis of magnitudes reaches so far beyond the best one and nine tenths of the others; the rest is cut off.
 INSIDE = 1.3
-HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
 PROFILE_CAPTION = (
     "Left: likelihood-ratio statistic of every shape against its onset, with the threshold at the wanted rate of false "
     "alarms. Right: the magnitude that explains the record best at each onset, with two standard deviations. A stretch "
@@ -87,36 +85,16 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
     return document
 
 
-def onset_tables(result: OnsetResult) -> dict[str, bytes]:
-    """Return the CSV files of the faults and of the profiles, by file name."""
-    rows = []
-    for declared in result.faults:
-        estimate, fault = declared.estimate, declared.estimate.fault
-        size = (estimate.magnitude, estimate.unit, estimate.sd, *estimate.ci95)
-        when = (fault.onset_s, *declared.onset_ci95, fault.offset_s, fault.frequency_hz)
-        physical = (estimate.physical_value, estimate.physical_unit)
-        rows.append((fault.shape, fault.channel, *size, *physical, *when, declared.statistic, declared.p_value))
-    points = (
-        (profile.shape, profile.channel, *point)
-        for profile in result.profiles
-        for point in zip(
-            *(x.tolist() for x in (profile.onset_s, profile.statistic, profile.magnitude, profile.sd)), strict=True
-        )
-    )
-    heads = ("shape", "channel", "onset_s", "statistic", "magnitude", "sd")
-    return {"faults.csv": to_csv(FAULT_COLUMNS, rows), "profile.csv": to_csv(heads, points)}
-
-
-def onset_exhibit(document: Plain) -> Exhibit:
-    """Return the exhibit of a document of `bfi start-time`."""
+def onset_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi start-time` holds."""
     faults = document["faults"]
     said = [_sentence(fault) for fault in faults]
     verdict = f"No fault stands out at a false-alarm rate of {number(100.0 * document['false_alarm'])} %."
     if said:
         verdict = f"Fault: {said[0]}." if len(said) == 1 else f"{len(said)} faults: {'; '.join(said)}."
     shapes = _profiles(document["profile"])
-    return Exhibit(
-        kicker="Onset of a fault",
+    return ReportContent(
+        category="Onset of a fault",
         title=str(document["log"]["path"]),
         heading=HEADINGS[document["decision"]],
         verdict=verdict,
@@ -125,7 +103,25 @@ def onset_exhibit(document: Plain) -> Exhibit:
         tables=(*_fault_tables(faults), _shape_table(shapes)),
         drawings=(_profile_drawing(shapes, faults), _series_drawing(document["series"], faults)),
         notes=tuple(document["notes"]),
+        data=_data(faults, shapes),
     )
+
+
+def _data(faults: Sequence[Plain], profiles: Sequence[Plain]) -> dict[str, dict[str, Any]]:
+    """Return the CSV files of the faults and of the profiles at full precision."""
+    flat = []
+    for fault in faults:
+        ends = dict(zip(("ci95_low", "ci95_high"), fault["ci95"] or (None, None), strict=True))
+        ends |= dict(zip(("onset_low_s", "onset_high_s"), fault["onset_ci95"] or (None, None), strict=True))
+        physical = {f"physical_{key}": value for key, value in fault["physical"].items()}
+        flat.append({**fault, **ends, **physical})
+    columns = {key: [fault[key] for fault in flat] for key in FAULT_COLUMNS}
+    lengths = [one["onset_s"].size for one in profiles]
+    points = {key: np.repeat([one[key] for one in profiles], lengths) for key in ("shape", "channel")}
+    values = {
+        key: np.concatenate([one[key] for one in profiles]) for key in ("onset_s", "statistic", "magnitude", "sd")
+    }
+    return {"faults.csv": columns, "profile.csv": {**points, **values}}
 
 
 def _sentence(fault: Plain) -> str:

@@ -11,7 +11,7 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.whiteness import exceedances, robust_sd
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
-from ..wording import instant
+from ..report.text import instant
 from .estimate import NORMAL, Estimate, subtract_faults
 from .scan import HypothesisScan
 from .scan_record import ScanRecord

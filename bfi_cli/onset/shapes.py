@@ -18,8 +18,8 @@ from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.low_pass import IDENTITY, Response
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.waveform import Waveform
+from ..report.text import instant
 from ..shapes import Shape
-from ..wording import instant
 
 # A conditioned sample, and the phase of one of the log's own samples before it, see `waveform`.
 SubsampleIndex = tuple[int, int]

@@ -1,7 +1,4 @@
-"""The self-contained HTML report of a result."""
+"""What a report holds, and its renderings: tables on a terminal, figures, CSV files, one HTML page.
 
-from __future__ import annotations
-
-from .html import render_exhibit, render_report
-
-__all__ = ["render_exhibit", "render_report"]
+`content` and `text` are what an analysis makes a report of; the other modules draw it. None of them knows an analysis.
+"""

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..errors import ConfigError
-from ..exhibit import Exhibit
 from ..faults import did_you_mean
+from ..report.content import ReportContent
 from .record import Settings
 
 __all__ = ["REPRODUCTIONS", "Entry", "find", "run"]
@@ -74,7 +74,7 @@ def find(name: str) -> str:
     return known[name.lower()]
 
 
-def run(name: str, settings: Settings) -> Exhibit:
+def run(name: str, settings: Settings) -> ReportContent:
     """Make a reproduction.
 
     Raises
@@ -84,5 +84,5 @@ def run(name: str, settings: Settings) -> Exhibit:
     """
     entry = REPRODUCTIONS[find(name)]
     module = importlib.import_module(f"{__package__}.{entry.module}")
-    make: Callable[[Settings], Exhibit] = getattr(module, entry.function)
+    make: Callable[[Settings], ReportContent] = getattr(module, entry.function)
     return make(settings)

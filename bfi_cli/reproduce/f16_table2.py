@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..aircraft.f16 import STATES
-from ..exhibit import Drawing, Exhibit, Panel, Span, Table, curve
 from ..kernels.density import Density, gaussian_density, kernel_density, log_density
 from ..kernels.divergence import jensen_shannon_montecarlo, jensen_shannon_quadrature
+from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
 from .f16_flights import Case, F16Options, Residuals, fly_cases, options_from
 from .page import Page, drawing, exhibit, fill, load, table
 from .record import Settings
@@ -54,7 +54,7 @@ class Indices:
         return float(np.max(np.abs(self.index.mean(axis=0) - TABLE_2)))
 
 
-def f16_table2(settings: Settings, options: F16Options | None = None) -> Exhibit:
+def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportContent:
     """Return table II, ours beside the published one: mean and standard deviation over seeds of the gyro noise.
 
     Parameters

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..dictionary import signals
 from ..engine import in_order
-from ..exhibit import Exhibit, Panel, curve
 from ..fir import identify_fir
-from ..wording import number
+from ..report.content import Panel, ReportContent, curve
+from ..report.text import number
 from .page import drawing, exhibit, load, table
 from .record import Settings, thesis_dictionary, thesis_record
 
@@ -141,7 +141,7 @@ def slow_and_white(white: float, rng: np.random.Generator) -> FloatArray:
     return np.asarray(np.sqrt(1.0 - white**2) * slow + white * rng.standard_normal((N_SAMPLES, N_ATOMS)))
 
 
-def fir(settings: Settings) -> Exhibit:
+def fir(settings: Settings) -> ReportContent:
     """Return the example of chapter 3 on the thesis's dictionary, with sweeps over condition number and noise.
 
     Raises

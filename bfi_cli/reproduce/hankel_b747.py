@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ..aircraft.catalogue import B747, ELEVATORS, ENGINES
 from ..aircraft.model import LinearModel, response
-from ..exhibit import Exhibit, Panel, curve
 from ..kernels.nullspace import Criteria, criteria, data_matrices, window_criteria
-from ..wording import number
+from ..report.content import Panel, ReportContent, curve
+from ..report.text import number
 from .page import drawing, exhibit, load, table
 from .record import Settings
 
@@ -145,7 +145,7 @@ def blamed(A: FloatArray, gains: tuple[float, float], *, onset: int = ONSET, ste
     return np.array([found[at], found[at : at + WIDTH].max(axis=0)])
 
 
-def hankel_b747(settings: Settings) -> Exhibit:
+def hankel_b747(settings: Settings) -> ReportContent:
     """Return figure 1 with failures of one sample and to the end, in one flight and alone; it has no choices."""
     page = load("hankel_b747")
     flights = {kind: fly(FAILURES, lasting=lasting) for kind, lasting in KINDS.items()}

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..exhibit import Drawing, Exhibit, Panel, Table
+from ..report.content import Drawing, Panel, ReportContent, Table
 from ..yaml12 import load_yaml
 
 __all__ = ["FOLDER", "Page", "drawing", "exhibit", "fill", "load", "percent", "table"]
@@ -42,7 +42,7 @@ def exhibit(
     drawings: Sequence[Drawing] = (),
     before: Sequence[str] = (),
     notes: Sequence[str] = (),
-) -> Exhibit:
+) -> ReportContent:
     """Return a page, the table of published and own numbers first.
 
     Parameters
@@ -56,8 +56,8 @@ def exhibit(
     comparison = Table(
         name="comparison", title="Published and ours", heads=("quantity", "published", "ours"), rows=compared
     )
-    return Exhibit(
-        kicker="Reproduction",
+    return ReportContent(
+        category="Reproduction",
         title=fill(page["title"], **values),
         heading=fill(page["heading"] if heading is None else page["headings"][heading], **values),
         verdict=fill(page["verdict"], **values),

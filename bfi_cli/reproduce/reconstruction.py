@@ -29,7 +29,7 @@ from ..onset.result import OnsetFault
 from ..preprocessing.regression import build_regression
 from ..preprocessing.window import prepare_window
 from ..provenance import provenance
-from ..wording import interval, number
+from ..report.text import interval, number
 from .page import load
 from .record import NOISE_M_S, Settings, thesis_dictionary, thesis_record, true_fault, with_noise
 

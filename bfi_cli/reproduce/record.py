@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..aircraft import find_model, manoeuvre, simulate, time_axis
 from ..dictionary import Dictionary, load_dictionary
 from ..errors import LogError
-from ..exhibit import Panel, Span, curve
 from ..faults import Fault
 from ..flightlog import FlightLog, inject
 from ..flightlog.record import frozen_array
+from ..report.content import Panel, Span, curve
 from .page import FOLDER, load
 
 __all__ = [

@@ -13,12 +13,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ..config import merge
-from ..exhibit import Curve, Panel, Table, curve
 from ..flightlog import write_log
 from ..montecarlo import check_records, load_sweep, run_sweep, summarise, wilson
 from ..montecarlo.definition import RecordedLog
 from ..montecarlo.summary import Proportion, ScenarioSummary
-from ..wording import number
+from ..report.content import Curve, Panel, Table, curve
+from ..report.text import number
 from .page import FOLDER, Page, load, table
 from .record import Settings, thesis_record
 

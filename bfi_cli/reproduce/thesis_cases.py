@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..exhibit import Exhibit, Panel, Style, curve
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify.dmae import DmaeSettings
-from ..wording import number
+from ..report.content import Panel, ReportContent, Style, curve
+from ..report.text import number
 from .page import drawing, exhibit, fill, load, percent, table
 from .reconstruction import Reconstruction, by_default, by_dmae, by_published, by_scan, shipped
 from .record import (
@@ -48,7 +48,7 @@ LATE_DRIFT = Fault(shape="drift", magnitude=1.0, slope=0.23, onset_s=15.86)
 STYLES: tuple[Style, ...] = ("dashed", "line", "dotted", "dashed")
 
 
-def thesis_5_5(settings: Settings) -> Exhibit:
+def thesis_5_5(settings: Settings) -> ReportContent:
     """Return figure 5-5: a sinusoid of 1.15 Hz, which the published method, DMAE and ours all follow.
 
     Raises
@@ -64,7 +64,7 @@ def thesis_5_5(settings: Settings) -> Exhibit:
     return _reconstructed("5-5", log, found, settings, again=see, others=others, heading=followed, follows=follows)
 
 
-def thesis_5_6(settings: Settings) -> Exhibit:
+def thesis_5_6(settings: Settings) -> ReportContent:
     """Return figure 5-6: a sinusoid of 0.35 Hz, which DMAE detects and mistakes for a bias.
 
     Raises
@@ -89,7 +89,7 @@ def thesis_5_6(settings: Settings) -> Exhibit:
     )
 
 
-def thesis_5_10(settings: Settings) -> Exhibit:
+def thesis_5_10(settings: Settings) -> ReportContent:
     """Return figure 5-10: the perturbed bias reconstructed at order 45, beside DMAE.
 
     Raises
@@ -102,7 +102,7 @@ def thesis_5_10(settings: Settings) -> Exhibit:
     return _reconstructed("5-10", log, found, settings, again=see, heading=found[0].vaf_fault > 50.0)
 
 
-def thesis_5_11(settings: Settings) -> Exhibit:
+def thesis_5_11(settings: Settings) -> ReportContent:
     """Return figure 5-11: a sinusoid that starts 9.5 s after the dictionary's; harmless for DMAE.
 
     Raises
@@ -127,7 +127,7 @@ def thesis_5_11(settings: Settings) -> Exhibit:
     )
 
 
-def thesis_5_12(settings: Settings) -> Exhibit:
+def thesis_5_12(settings: Settings) -> ReportContent:
     """Return figure 5-12: a drift that starts later than the dictionary's, order 45: not detected.
 
     Raises
@@ -168,7 +168,7 @@ def _reconstructed(
     others: Views = (),
     notes: Sequence[str] = (),
     **values: object,
-) -> Exhibit:
+) -> ReportContent:
     """Return the page of a faulty log: every method, the same with noise, the figure.
 
     Parameters

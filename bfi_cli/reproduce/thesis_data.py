@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..config import Config
 from ..dictionary import signals
-from ..exhibit import Exhibit, Panel, curve
 from ..identify import identify_faults
-from ..wording import number, quantity
+from ..report.content import Panel, ReportContent, curve
+from ..report.text import number, quantity
 from .page import drawing, exhibit, fill, load, table
 from .reconstruction import clause, declared
 from .record import NOISE_M_S, Settings, stand_in, thesis_dictionary, thesis_record, with_noise
@@ -14,7 +14,7 @@ from .record import NOISE_M_S, Settings, stand_in, thesis_dictionary, thesis_rec
 __all__ = ["thesis_5_1", "thesis_5_2"]
 
 
-def thesis_5_1(settings: Settings) -> Exhibit:
+def thesis_5_1(settings: Settings) -> ReportContent:
     """Return figure 5-1: the control input and the airspeed.
 
     Raises
@@ -44,7 +44,7 @@ def thesis_5_1(settings: Settings) -> Exhibit:
     )
 
 
-def thesis_5_2(settings: Settings) -> Exhibit:
+def thesis_5_2(settings: Settings) -> ReportContent:
     """Return figure 5-2: the signals of the dictionary, with the smallest magnitude of each that could be found.
 
     Raises

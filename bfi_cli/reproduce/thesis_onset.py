@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config, merge
-from ..exhibit import Exhibit, Panel, Table, curve
 from ..faults import Fault, unit_signal
 from ..flightlog import FlightLog
 from ..identify.risro import solve
 from ..kernels.lagged import compress
 from ..onset import OnsetResult, find_onset
+from ..report.content import Panel, ReportContent, Table, curve
+from ..report.text import interval, number
 from ..shapes import Shape
-from ..wording import interval, number
 from .page import drawing, exhibit, fill, load, table
 from .reconstruction import COPIES, SETTLED, dated, scanning, shipped
 from .record import (
@@ -72,7 +72,7 @@ class _Case:
         return any(one.estimate.fault.shape != shape for one in self.scan.faults)
 
 
-def thesis_5_13(settings: Settings) -> Exhibit:
+def thesis_5_13(settings: Settings) -> ReportContent:
     """Return figure 5-13: a bias of 5 m/s from 15 s, whose start is to be found.
 
     Raises
@@ -110,7 +110,7 @@ def thesis_5_13(settings: Settings) -> Exhibit:
     )
 
 
-def thesis_5_14(settings: Settings) -> Exhibit:
+def thesis_5_14(settings: Settings) -> ReportContent:
     """Return figure 5-14: the start of a bias of 5 m/s at 15 s.
 
     Raises
@@ -121,7 +121,7 @@ def thesis_5_14(settings: Settings) -> Exhibit:
     return _right_shape(settings, BIAS, "5-14", size="bias of 5 m/s")
 
 
-def thesis_5_15(settings: Settings) -> Exhibit:
+def thesis_5_15(settings: Settings) -> ReportContent:
     """Return figure 5-15: the start of a drift of 0.25 m/s^2 at 16 s.
 
     Raises
@@ -132,7 +132,7 @@ def thesis_5_15(settings: Settings) -> Exhibit:
     return _right_shape(settings, DRIFT, "5-15", size="drift of 5 x 0.05 t")
 
 
-def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) -> Exhibit:
+def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) -> ReportContent:
     """Return the page of a fault that is looked for with signals of its own shape."""
     page = {**load("thesis")["5-14"], **load("thesis")[figure]}
     cases = _cases(settings, fault, fault.shape)
@@ -163,7 +163,7 @@ def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) ->
     )
 
 
-def thesis_5_16(settings: Settings) -> Exhibit:
+def thesis_5_16(settings: Settings) -> ReportContent:
     """Return figure 5-16: a bias looked for with drifts, a drift looked for with biases.
 
     Raises

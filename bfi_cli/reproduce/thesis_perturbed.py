@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..config import Config
-from ..exhibit import Curve, Exhibit, Panel, Style, curve
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify import identify_faults
-from ..wording import number
+from ..report.content import Curve, Panel, ReportContent, Style, curve
+from ..report.text import number
 from .page import drawing, exhibit, load, percent, table
 from .reconstruction import LISTING, SETTLED, Reconstruction, Solved, by_default, clause, declared, solved
 from .record import (
@@ -52,7 +52,7 @@ def perturbed(clean: FlightLog, kappa: float) -> FlightLog:
     return with_fault(clean, *((bias, ripple) if kappa else (bias,)))
 
 
-def thesis_5_7(settings: Settings) -> Exhibit:
+def thesis_5_7(settings: Settings) -> ReportContent:
     """Return figure 5-7: a bias of 4 m/s with a perturbation that the dictionary lacks (kappa = 0.2).
 
     Raises
@@ -84,7 +84,7 @@ def thesis_5_7(settings: Settings) -> Exhibit:
     )
 
 
-def thesis_5_8(settings: Settings) -> Exhibit:
+def thesis_5_8(settings: Settings) -> ReportContent:
     """Return figure 5-8: the perturbation's size kappa from 0 to 0.5 at order 4.
 
     Raises
@@ -138,7 +138,7 @@ def thesis_5_8(settings: Settings) -> Exhibit:
     )
 
 
-def thesis_5_9(settings: Settings) -> Exhibit:
+def thesis_5_9(settings: Settings) -> ReportContent:
     """Return figure 5-9: orders 3 to 80 at kappa = 0.2.
 
     Raises

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from ..exhibit import Drawing, Exhibit, Panel, Span
-from ..wording import number
+from ..report.content import Drawing, Panel, ReportContent, Span
+from ..report.text import number
 from .page import Page, drawing, exhibit, fill, load
 from .record import Settings, stand_in
 from .sweep import (
@@ -30,7 +30,7 @@ AT_ZERO = 1e-4  # m/s, where a log axis shows the points without noise
 ASIDE = 1.06  # how far points of the second method stand aside on it
 
 
-def thesis_monte_carlo(settings: Settings) -> Exhibit:
+def thesis_monte_carlo(settings: Settings) -> ReportContent:
     """Return figures 5-3 and 5-4: magnitude error and isolation against the number of active faults.
 
     Raises
@@ -52,7 +52,7 @@ def thesis_monte_carlo(settings: Settings) -> Exhibit:
     )
 
 
-def thesis_a(settings: Settings) -> Exhibit:
+def thesis_a(settings: Settings) -> ReportContent:
     """Return figures A-1 to A-4: the same with and without the sparsity stage, and as the published listing runs.
 
     Raises
@@ -88,7 +88,9 @@ def _against_active(
     return Drawing(name=name, caption=caption, panels=tuple(panel(found, labels, noise=one) for one in found.noises))
 
 
-def _sweep_page(page: Page, found: Swept, settings: Settings, *, heading: bool, drawings: list[Drawing]) -> Exhibit:
+def _sweep_page(
+    page: Page, found: Swept, settings: Settings, *, heading: bool, drawings: list[Drawing]
+) -> ReportContent:
     """Return a page with the rates and errors of every method at every noise."""
     labels: Mapping[str, str] = page["methods"]
     rows, parts = [], []
@@ -131,7 +133,7 @@ def _sweep_page(page: Page, found: Swept, settings: Settings, *, heading: bool, 
     )
 
 
-def isolation_noise(settings: Settings) -> Exhibit:
+def isolation_noise(settings: Settings) -> ReportContent:
     """Return the curves of isolation against noise for 1, 2 and 4 active faults, the thesis's rule and our default.
 
     Raises

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from bfi_cli.audit import audit, audit_on_log
+from bfi_cli.audit import audit_content, audit_dictionary, audit_document, audit_on_log
 from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import read_log
-from bfi_cli.plots.audit import plot_audit
-from bfi_cli.plots.style import to_png, to_svg
+from bfi_cli.provenance import provenance
+from bfi_cli.report.figures import draw
+from bfi_cli.report.style import to_png, to_svg
 
 ROOT = Path(__file__).parents[2]
 THESIS, AIRDATA = ROOT / "configs" / "thesis_dictionary.yaml", ROOT / "configs" / "airdata_dictionary.yaml"
@@ -115,7 +116,7 @@ def test_a_terminal_of_80_columns_holds_the_tables(terminal, argv):
     assert max(map(len, lines)) <= 80
     text = " ".join(lines)
     assert "can be looked for" in text
-    assert "coherence of the" in text
+    assert "oherence of the" in text
     assert "condition number" in text
 
 
@@ -123,17 +124,20 @@ def test_the_tables_name_what_is_left_out(terminal, flawed: Path):
     text = " ".join(terminal(flawed, BIAS))
     assert text.startswith("4 faults, 1 of them can be looked for")
     assert text.count("left out") == 3
-    assert "note: 'twin' is defined as 'good' is" in text
+    assert "Note         'twin' is defined as 'good' is" in text
 
 
 def test_the_files_hold_what_the_document_says(bfi, tmp_path: Path):
     out = tmp_path / "out"
-    found = document(bfi, THESIS, BIAS, "--out", out)
+    found = document(bfi, THESIS, BIAS, "--out", out, "--series")
+    figures = {
+        f"{name}{end}" for name in ("signatures", "coherence", "limits") for end in (".svg", ".png", "_figure.csv")
+    }
     assert {path.name for path in out.iterdir()} == {
+        *figures,
         "atoms.csv",
         "coherence.csv",
-        "audit.svg",
-        "audit.png",
+        "report.html",
         "result.json",
     }
     assert json.loads((out / "result.json").read_text()) == found
@@ -171,22 +175,48 @@ def test_what_the_user_can_mend_is_one_line(bfi, tmp_path: Path, argv, code: int
     assert outcome.stderr.count("\n") == 1
 
 
+def content_of(path: Path, *, on_log: bool):
+    entries = load_dictionary(path)
+    found = audit_on_log(read_log(BIAS), entries, Config()) if on_log else audit_dictionary(entries, Config())
+    return audit_content(audit_document(found, provenance(log_sha256="")))
+
+
 @pytest.mark.parametrize("path", [THESIS, AIRDATA], ids=lambda path: path.stem)
 @pytest.mark.parametrize("on_log", [True, False])
-def test_the_figure_is_whole(path: Path, on_log: bool):
-    entries = load_dictionary(path)
-    found = audit_on_log(read_log(BIAS), entries, Config()) if on_log else audit(entries, Config())
-    figure = plot_audit(found)
-    assert len(figure.axes) == (3 if on_log else 2)
-    for axes in figure.axes:
-        labels = (axes.get_xlabel(), axes.get_ylabel())
-        assert all(label == "dictionary entry" or label.endswith("]") for label in labels)
-    pixels = imread(io.BytesIO(to_png(figure)))[..., :3]
-    assert all(np.all(edge == 1.0) for edge in (pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]))
-    assert to_svg(plot_audit(found)) == to_svg(figure)
+def test_the_figures_are_whole(path: Path, on_log: bool):
+    drawings = content_of(path, on_log=on_log).drawings
+    assert [drawing.name for drawing in drawings] == ["signatures", "coherence", *(["limits"] if on_log else [])]
+    for drawing in drawings:
+        figure = draw(drawing)
+        for axes in figure.axes:
+            if not axes.images and axes.get_label() != "<colorbar>":
+                assert axes.get_ylabel() == "dictionary entry"
+                assert axes.get_xlabel().endswith("]")
+        pixels = imread(io.BytesIO(to_png(figure)))[..., :3]
+        assert all(np.all(edge == 1.0) for edge in (pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]))
+        assert to_svg(draw(drawing)) == to_svg(figure)
+
+
+def test_the_signatures_are_drawn_in_the_rows_of_their_names():
+    panel = content_of(THESIS, on_log=False).drawings[0].panels[0]
+    (drawn,) = panel.curves
+    gaps = np.flatnonzero(np.isnan(drawn.x))
+    assert len(gaps) == len(panel.y_ticks) == 7
+    for (_, row), part in zip(panel.y_ticks, np.split(drawn.y, gaps + 1), strict=False):
+        assert np.nanmax(np.abs(part - row)) == pytest.approx(0.45)
 
 
 def test_few_atoms_have_their_coherence_written_into_the_map():
-    few, many = (plot_audit(audit(load_dictionary(path), Config())) for path in (THESIS, AIRDATA))
-    assert len(few.axes[1].texts) == 49
-    assert len(many.axes[1].texts) == 0
+    few, many = (draw(content_of(path, on_log=False).drawings[1]).axes[0] for path in (THESIS, AIRDATA))
+    assert len(few.texts) == 49
+    assert len(many.texts) == 0
+    assert len(many.get_yticks()) <= 24
+
+
+def test_the_report_is_drawn_again_from_the_document(bfi, tmp_path: Path):
+    out, again = tmp_path / "out", tmp_path / "again"
+    assert bfi("dictionary", THESIS, BIAS, "--out", out).code == 0
+    assert bfi("report", out / "result.json", "--out", again).code == 0
+    assert {path.name: path.read_bytes() for path in again.iterdir()} == {
+        path.name: path.read_bytes() for path in out.iterdir()
+    }

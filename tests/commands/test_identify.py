@@ -308,7 +308,8 @@ def test_the_seed_repeats_the_numbers(identify: Callable):
     assert one["provenance"]["seed"] == 3
 
 
-FILES = {"result.json", "report.html", "faults.csv", "candidates.csv", "orders.csv", "series.csv"}
+TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")
+FILES = {"result.json", "report.html", *(f"{name}.csv" for name in TABLES)}
 
 
 def test_out_writes_everything_and_report_draws_it_again(bfi: Callable, identify: Callable, tmp_path: Path):
@@ -317,7 +318,7 @@ def test_out_writes_everything_and_report_draws_it_again(bfi: Callable, identify
     figures = {Path(name).stem for name in files if name.endswith(".png")}
     assert set(files) >= FILES
     assert len(figures) >= 3
-    assert set(files) == FILES | {f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")}
+    assert set(files) == FILES | {f"{name}{suffix}" for name in figures for suffix in (".png", ".svg", "_figure.csv")}
     assert json.loads(files["result.json"]) == document
     assert b"http://" not in files["report.html"].replace(b"http://www.w3.org", b"")
     assert files["faults.csv"].count(b"\n") == 4

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from bfi_cli.commands import _run
-from bfi_cli.commands.written import log_lines
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log
+from bfi_cli.flightlog.report import log_lines
 
 BIAS = "bias,channel=tas,magnitude=4,onset_s=1.5"
 SINE = "sine,channel=aoa,magnitude=0.02,frequency_hz=1.15,onset_s=1,offset_s=2,phase_reference=window,name=wobble"

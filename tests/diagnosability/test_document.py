@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.diagnosability import DiagnosabilityResult, diagnosability_document, diagnosability_exhibit
+from bfi_cli.diagnosability import DiagnosabilityResult, diagnosability_content, diagnosability_document
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.plots.exhibit import draw
 from bfi_cli.provenance import provenance
-from bfi_cli.serialize import to_json
+from bfi_cli.report.figures import draw
+from bfi_cli.serialization import to_json
 
 ORIGIN = provenance(log_sha256="")
 
@@ -37,7 +37,7 @@ def test_what_is_not_known_is_null(at_unit):
     between[0], between[:, 0] = np.nan, np.nan
     document = stored(replace(at_unit, atoms=(dead, *at_unit.atoms[1:]), between=frozen_array(between)))
     assert document["between"][0] == [None] * 7
-    exhibit = diagnosability_exhibit(document)
+    exhibit = diagnosability_content(document)
     (heat_map,) = exhibit.drawings[0].heat_maps
     assert len(heat_map.rows) == 6
     assert np.isfinite(heat_map.values).all()
@@ -45,7 +45,7 @@ def test_what_is_not_known_is_null(at_unit):
 
 
 def test_the_heat_map_has_no_fault_first_and_then_every_fault(at_unit):
-    (heat_map,) = diagnosability_exhibit(stored(at_unit)).drawings[0].heat_maps
+    (heat_map,) = diagnosability_content(stored(at_unit)).drawings[0].heat_maps
     names = tuple(atom.name for atom in at_unit.atoms)
     assert (heat_map.rows, heat_map.columns) == (names, ("no fault", *names))
     values = np.array(heat_map.values)
@@ -54,7 +54,7 @@ def test_the_heat_map_has_no_fault_first_and_then_every_fault(at_unit):
 
 
 def test_the_curves_cross_the_dashed_line_at_the_minimal_detectable_magnitudes(at_unit):
-    drawing = diagnosability_exhibit(stored(at_unit)).drawings[1]
+    drawing = diagnosability_content(stored(at_unit)).drawings[1]
     limits = {atom.name: atom.minimal_detectable for atom in at_unit.atoms}
     curves = [(panel.levels[0][1], one) for panel in drawing.panels for one in panel.curves]
     assert {one.label for _, one in curves} == set(limits)
@@ -63,8 +63,8 @@ def test_the_curves_cross_the_dashed_line_at_the_minimal_detectable_magnitudes(a
 
 
 def test_the_verdict_names_what_is_hardest_and_the_best_manoeuvre(at_unit, compared):
-    assert "Hardest to see: drift_7.93 of 1 (" in diagnosability_exhibit(stored(at_unit)).verdict
-    exhibit = diagnosability_exhibit(stored(compared))
+    assert "Hardest to see: drift_7.93 of 1 (" in diagnosability_content(stored(at_unit)).verdict
+    exhibit = diagnosability_content(stored(compared))
     assert exhibit.heading == f"Best manoeuvre: {compared.best}"
     assert exhibit.verdict.startswith(f"Of 3 manoeuvres {compared.best} tells most.")
     assert [row[0] for row in exhibit.tables[1].rows] == [score.name for score in compared.manoeuvres]
@@ -74,20 +74,20 @@ def test_the_verdict_names_what_is_hardest_and_the_best_manoeuvre(at_unit, compa
 
 
 def test_the_table_is_sorted_by_what_is_easiest(at_unit):
-    (table,) = diagnosability_exhibit(stored(at_unit)).tables
+    (table,) = diagnosability_content(stored(at_unit)).tables
     bits = [float(row[2]) for row in table.rows]
     assert bits == sorted(bits, reverse=True)
     assert {len(row) for row in table.rows} == {len(table.heads)}
 
 
 def test_every_drawing_can_be_drawn(compared):
-    for drawing in diagnosability_exhibit(stored(compared)).drawings:
+    for drawing in diagnosability_content(stored(compared)).drawings:
         assert draw(drawing).axes
 
 
 def test_a_large_dictionary_has_no_map(at_unit):
     many = tuple(replace(at_unit.atoms[n % 7], name=f"fault {n}") for n in range(31))
-    exhibit = diagnosability_exhibit(stored(replace(at_unit, atoms=many, between=frozen_array(np.zeros((31, 31))))))
+    exhibit = diagnosability_content(stored(replace(at_unit, atoms=many, between=frozen_array(np.zeros((31, 31))))))
     assert [drawing.name for drawing in exhibit.drawings] == ["information"]
     assert sum(len(panel.curves) for panel in exhibit.drawings[0].panels) == 8
     assert len(exhibit.tables[0].rows) == 31

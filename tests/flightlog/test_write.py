@@ -16,7 +16,7 @@ from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, inspect_log, read_log, write_log
 from bfi_cli.flightlog.record import FlightLog, Segment
-from bfi_cli.serialize import to_json
+from bfi_cli.serialization import to_json
 
 UNITS = {"tas": "m/s", "aoa": "rad", "tat": "K", "mach": "1", "wobble x": "", "left/right": "Pa", "time2": "s"}
 NUMBERS = st.floats(allow_infinity=True, allow_nan=True)

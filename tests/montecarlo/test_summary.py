@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bfi_cli.montecarlo import Sweep, summarise, wilson
-from bfi_cli.montecarlo.row import Row
+from bfi_cli.montecarlo.trial import Row
 
 
 @pytest.mark.parametrize(

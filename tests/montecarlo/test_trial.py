@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,9 +16,8 @@ from bfi_cli.identify import identify_faults
 from bfi_cli.montecarlo import Sweep, run_trial
 from bfi_cli.montecarlo import trial as trial_module
 from bfi_cli.montecarlo.flight import faulty, record_of
-from bfi_cli.montecarlo.row import Row, row_from_cells
 from bfi_cli.montecarlo.scenarios import Trial
-from bfi_cli.montecarlo.shared import declared_magnitudes, shared_record
+from bfi_cli.montecarlo.trial import Row, declared_magnitudes, row_from_cells, shared_record
 
 DATA = Path(__file__).parents[2] / "data"
 HEAD = "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\n"
@@ -152,8 +152,9 @@ def test_a_line_is_read_as_it_was_written(row: Row):
 def test_errors_are_relative_to_the_truth(sweep: Callable[..., Sweep], monkeypatch: pytest.MonkeyPatch):
     trial: Trial = next(sweep("fast").trials())
     monkeypatch.setattr(trial_module, "draw", lambda *_: {"bias": 3.0, "sine": 4.0})
-    monkeypatch.setattr(trial_module, "shared_record", lambda _: object())
-    monkeypatch.setattr(trial_module, "_from_shared", lambda *_: {"bias": 3.0, "drift": 1.0})
+    shared = SimpleNamespace(names=("bias", "sine", "drift"))
+    monkeypatch.setattr(trial_module, "shared_record", lambda _: shared)
+    monkeypatch.setattr(trial_module, "declared_magnitudes", lambda *_: np.array([3.0, 0.0, 1.0]))
     row = run_trial(trial)
     assert row.magnitude_error == pytest.approx(np.sqrt(17) / 5, rel=1e-5)
     assert (row.false_alarms, row.missed, row.isolated) == (("drift",), ("sine",), False)

@@ -3,7 +3,9 @@
 import made_results
 import pytest
 
-from bfi_cli.plots import FIGURES, to_svg
+from bfi_cli.identify.report import identify_content
+from bfi_cli.report.figures import draw
+from bfi_cli.report.style import to_svg
 
 MAKERS = {
     "fault": made_results.fault_result,
@@ -25,7 +27,7 @@ def drawn(request):
 
 @pytest.fixture(scope="session")
 def figures(drawn):
-    return {name: draw(drawn) for name, draw in FIGURES.items()}
+    return {drawing.name: draw(drawing) for drawing in identify_content(drawn).drawings}
 
 
 @pytest.fixture(scope="session")

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_results import PROVENANCE, fault_result, no_fault_result, not_identifiable_result
 
-from bfi_cli.documents import identify_document, identify_from_document
 from bfi_cli.errors import ConfigError
+from bfi_cli.identify.document import identify_document, identify_from_document
 from bfi_cli.identify.result import Candidate
 
 CONTRACT_KEYS = {

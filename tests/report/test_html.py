@@ -7,8 +7,10 @@ from html.parser import HTMLParser
 import pytest
 from made_results import fault_result, no_fault_result, not_identifiable_result, two_output_result
 
-from bfi_cli.plots import FIGURES, to_svg
-from bfi_cli.report import render_report
+from bfi_cli.identify.report import identify_content
+from bfi_cli.report.figures import draw
+from bfi_cli.report.html import render_content
+from bfi_cli.report.style import to_svg
 
 VOID = {"meta", "img", "wbr"}
 
@@ -38,14 +40,14 @@ class Page(HTMLParser):
 
 
 def report(result, provenance, figures=None):
-    return render_report(result, provenance, figures or {"outputs": b"<svg/>"})
+    return render_content(identify_content(result), provenance, figures or {"outputs": b"<svg/>"})
 
 
 def test_refers_to_nothing_outside_itself(drawn, provenance, vectors):
     html = report(drawn, provenance, vectors)
     page = Page(html)
     assert not re.search(r"https?://|//[a-z]|@import|url\(", html.replace("data:image/svg+xml", ""))
-    assert len(page.links) == len(FIGURES)
+    assert len(page.links) == len(vectors)
     assert all(link.startswith("data:image/svg+xml;base64,") for link in page.links)
     assert "script" not in page.tags
 
@@ -65,7 +67,7 @@ def test_names_out_of_a_file_are_escaped(hostile, provenance):
 
 def test_size_does_not_grow_with_the_log(provenance):
     made = fault_result(n_samples=50_000)
-    html = report(made, provenance, {name: to_svg(draw(made)) for name, draw in FIGURES.items()})
+    html = report(made, provenance, {one.name: to_svg(draw(one)) for one in identify_content(made).drawings})
     assert len(html.encode()) < 3_000_000
 
 
@@ -91,7 +93,7 @@ def test_truth_is_shown_where_it_is_known(made, known, provenance):
 
 def test_no_fault_has_no_fault_table(provenance):
     html = report(no_fault_result(), provenance)
-    assert "Physical value" not in html
+    assert "physical value" not in html
     assert "No fault found" in html
 
 

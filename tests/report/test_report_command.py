@@ -2,13 +2,23 @@
 
 import io
 import json
+from pathlib import Path
 
 import pytest
 from made_results import fault_result
 
 from bfi_cli.commands import _run
-from bfi_cli.documents import identify_document
-from bfi_cli.serialize import to_json
+from bfi_cli.identify.document import identify_document
+from bfi_cli.serialization import to_json
+
+ROOT = Path(__file__).parents[2]
+SWEEP = """
+record: {model: citation, rate_hz: 10, duration_s: 30}
+dictionary: {relative_to: window, channel: tas, atoms: [{shape: bias, onset_s: 8}, {shape: drift, onset_s: 5}]}
+active: [1]
+trials: 1
+identify: {conditioning: {rate_hz: none}, method: risro, model: {order: 4}}
+"""
 
 
 @pytest.fixture
@@ -46,7 +56,8 @@ def test_a_terminal_gets_the_tables(stored, tmp_path, capsys, monkeypatch):
     [
         (b"{", "x.json: not JSON (Expecting property name enclosed"),
         (b"[]", "x.json: not a result of this program, it has no 'kind'"),
-        (b'{"kind": "audit", "schema": 1}', "x.json: kind is 'audit', not 'identify'"),
+        (b'{"kind": "audit", "schema": 1}', "x.json: kind is 'audit', known: calibration, convert, detect,"),
+        (b'{"kind": [], "schema": 1}', "x.json: kind is '[]', known: "),
         (b'{"kind": "start-time", "schema": 9}', "x.json: schema is 9, this program reads 1"),
         (b'{"kind": "start-time", "schema": 1}', "x.json: no key 'provenance'"),
         (b'{"kind": "identify", "schema": 9}', "x.json: schema is 9, this program reads 1"),
@@ -63,3 +74,30 @@ def test_what_it_cannot_read_is_named_in_one_line(content, message, tmp_path, ca
     assert out == ""
     assert err.startswith(message)
     assert err.count("\n") == 1
+
+
+def test_every_kind_of_document_is_drawn(bfi, tmp_path):
+    """The other kinds are drawn in the tests of their own commands."""
+    log, folder = ROOT / "data" / "citation_bias.h5", tmp_path
+    (folder / "sweep.yaml").write_text(SWEEP)
+    quick = ("--length", 16, "--step", 4, "--rate", 10, "--order", 4, "--shape", "bias")
+    commands = {
+        "info": ("info", log),
+        "convert": ("convert", log, "-o", folder / "c.csv", "--rate", 20),
+        "inject": ("inject", log, "--fault", "drift,channel=tas,magnitude=2,onset_s=3", "-o", folder / "i.h5"),
+        "simulate": ("simulate", "citation", "-o", folder / "s.h5", "--duration", 5),
+        "calibration": ("calibrate", log, "-o", folder / "t.json", *quick),
+        "montecarlo": ("montecarlo", "-c", folder / "sweep.yaml"),
+    }
+    for kind, argv in commands.items():
+        made = bfi(*argv, "--json")
+        assert (made.code, made.stderr) == (0, "")
+        path = folder / f"{kind}.json"
+        path.write_text(made.stdout)
+        assert json.loads(made.stdout)["kind"] == kind
+        drawn = bfi("report", path, "--out", folder / kind, "--json")
+        assert (drawn.code, drawn.stderr) == (0, "")
+        assert json.loads(drawn.stdout) == json.loads(made.stdout)
+        stored = "summary.json" if kind == "montecarlo" else "result.json"
+        assert {"report.html", stored} < {file.name for file in (folder / kind).iterdir()}
+    assert "drift on tas, magnitude 2 m/s^2, from 3 s" in (folder / "inject" / "report.html").read_text("utf-8")

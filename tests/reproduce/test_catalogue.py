@@ -11,15 +11,15 @@ from collections.abc import Callable
 import pytest
 
 from bfi_cli.errors import ConfigError, LogError
-from bfi_cli.exhibit import Exhibit
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
-from bfi_cli.plain import to_plain
 from bfi_cli.provenance import provenance
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.catalogue import REPRODUCTIONS, find, run
 from bfi_cli.reproduce.document import list_exhibit, reproduce_document, reproduce_exhibit, summary_exhibit
 from bfi_cli.reproduce.record import thesis_record
+from bfi_cli.serialization import to_plain
 
 OURS = (
     *("fir", "thesis-5-1", "thesis-5-2", "thesis-5-3", "thesis-5-4", "thesis-5-7", "thesis-5-13"),
@@ -45,7 +45,7 @@ def test_a_name_is_found_in_any_case_and_a_wrong_one_is_answered_with_the_neares
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OURS)
-def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[str], Exhibit]):
+def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[str], ReportContent]):
     exhibit = made(name)
     document = json.loads(json.dumps(reproduce_document(name, exhibit, provenance(log_sha256=""))))
     assert (document["kind"], document["schema"], document["name"]) == ("reproduce", 1, name)
@@ -55,7 +55,9 @@ def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[st
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OURS)
-def test_published_and_ours_stand_first_each_published_value_with_its_place(name: str, made: Callable[[str], Exhibit]):
+def test_published_and_ours_stand_first_each_published_value_with_its_place(
+    name: str, made: Callable[[str], ReportContent]
+):
     exhibit = made(name)
     first = exhibit.tables[0]
     assert (first.name, first.heads) == ("comparison", ("quantity", "published", "ours"))
@@ -69,14 +71,14 @@ def test_published_and_ours_stand_first_each_published_value_with_its_place(name
 
 
 @pytest.mark.slow
-def test_names_that_share_figures_share_the_function_and_every_figure_is_drawn(made: Callable[[str], Exhibit]):
+def test_names_that_share_figures_share_the_function_and_every_figure_is_drawn(made: Callable[[str], ReportContent]):
     drawn = {drawing.name for name in OURS for drawing in made(name).drawings}
     figures = {name.lower().replace("-", "_") for name in OURS if name.startswith("thesis")}
     assert figures <= drawn
     assert len({(REPRODUCTIONS[f"thesis-A-{i}"].function) for i in range(1, 5)}) == 1
 
 
-def test_the_list_and_the_summary_name_everything(made: Callable[[str], Exhibit]):
+def test_the_list_and_the_summary_name_everything(made: Callable[[str], ReportContent]):
     assert [row[0] for row in list_exhibit().tables[0].rows] == list(REPRODUCTIONS)
     summary = summary_exhibit([("fir", made("fir")), ("thesis-5-1", LogError("log.csv: too short"))])
     assert summary.verdict == "Made 1 of 2 figures and tables; not thesis-5-1."

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bfi_cli.errors import ConfigError
-from bfi_cli.exhibit import Exhibit
 from bfi_cli.flightlog import FlightLog
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.f16_flights import Case, F16Options, Residuals, fault_deg_s, fly_cases, options_from
 from bfi_cli.reproduce.f16_table2 import TABLE_2, f16_table2, indices, montecarlo
@@ -21,7 +21,7 @@ def flights() -> list[Residuals]:
 
 
 @pytest.fixture(scope="module")
-def quick() -> Exhibit:
+def quick() -> ReportContent:
     return f16_table2(Settings(quick=True, trials=1), COARSE)
 
 
@@ -88,7 +88,7 @@ def test_the_index_rises_and_stays_near_the_table_even_with_a_coarse_step(flight
         assert found.worst < 0.15
 
 
-def test_the_exhibit_holds_table_errata_and_figures(quick: Exhibit):
+def test_the_exhibit_holds_table_errata_and_figures(quick: ReportContent):
     names = [table.name for table in quick.tables]
     assert names == ["comparison", "choices", "robust", "errata"]
     comparison, choices, *_ = quick.tables
@@ -110,7 +110,7 @@ def test_the_exhibit_holds_table_errata_and_figures(quick: Exhibit):
     assert quick.notes
 
 
-def test_the_chosen_reading_is_not_repeated_among_the_others(quick: Exhibit):
+def test_the_chosen_reading_is_not_repeated_among_the_others(quick: ReportContent):
     labels = [row[0] for row in quick.tables[1].rows]
     assert labels[:2] == ["published", "as chosen"]
     assert "reference: kernels" not in labels

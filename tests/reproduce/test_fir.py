@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bfi_cli.exhibit import Exhibit
 from bfi_cli.fir import identify_fir
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, Trial, bound, error, output, run, slow_and_white, z_of
 
 
@@ -18,7 +18,7 @@ def outcomes(white: float, noise: float, n: int) -> list[tuple[float, ...]]:
     return [(one.errors[0], one.bound, one.condition_number) for one in found]
 
 
-def test_the_product_is_recovered_to_1e_8_without_noise(made: Callable[[str], Exhibit]):
+def test_the_product_is_recovered_to_1e_8_without_noise(made: Callable[[str], ReportContent]):
     ours = {row[0]: row[2] for row in made("fir").tables[0].rows}
     assert float(ours["error of b z^T, RISRO, no noise"]) < 1e-8
     assert float(next(value for name, value in ours.items() if name.startswith("RISRO, no noise")).split()[-1]) < 1e-8
@@ -53,7 +53,7 @@ def test_the_output_is_equation_3_2():
     assert y[k] == pytest.approx(sum(b * u[k - i] for i, b in enumerate(TAPS, start=1)), rel=1e-12)
 
 
-def test_the_nuclear_norm_keeps_the_sum_of_the_taps_and_loses_their_differences(made: Callable[[str], Exhibit]):
+def test_the_nuclear_norm_keeps_the_sum_of_the_taps_and_loses_their_differences(made: Callable[[str], ReportContent]):
     table = made("fir").tables[1]
     rows = {row[0]: [float(cell) for cell in row[1:]] for row in table.rows}
     common, differing = table.heads.index("sum of the taps") - 1, table.heads.index("their differences") - 1

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from bfi_cli.aircraft.catalogue import B747
-from bfi_cli.exhibit import Exhibit
-from bfi_cli.plain import to_plain
 from bfi_cli.provenance import provenance
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce.document import reproduce_document, reproduce_exhibit
 from bfi_cli.reproduce.hankel_b747 import (
     COUPLED,
@@ -25,6 +24,7 @@ from bfi_cli.reproduce.hankel_b747 import (
     blamed,
     fly,
 )
+from bfi_cli.serialization import to_plain
 
 BAR = 1e6
 lastings = pytest.mark.parametrize("lasting", KINDS.values(), ids=list(KINDS))
@@ -107,7 +107,7 @@ def test_two_failures_that_cannot_be_seen():
     assert first[0].max() < 1e-11 < 1e-6 < first[1].min()
 
 
-def test_the_exhibit_says_so_and_comes_back_from_its_document(made: Callable[[str], Exhibit]):
+def test_the_exhibit_says_so_and_comes_back_from_its_document(made: Callable[[str], ReportContent]):
     exhibit = made("hankel-b747")
     assert exhibit.heading == "Every failure localised"
     assert exhibit.tables[0].name == "comparison"
@@ -116,7 +116,7 @@ def test_the_exhibit_says_so_and_comes_back_from_its_document(made: Callable[[st
     assert to_plain(reproduce_exhibit(document)) == to_plain(exhibit)
 
 
-def test_the_tables_have_a_row_per_failure_and_the_drawings_log_axes(made: Callable[[str], Exhibit]):
+def test_the_tables_have_a_row_per_failure_and_the_drawings_log_axes(made: Callable[[str], ReportContent]):
     exhibit = made("hankel-b747")
     for table in exhibit.tables[1:3]:
         assert len(table.rows) == len(KINDS) * len(FAILURES)

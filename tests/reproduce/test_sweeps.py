@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bfi_cli.exhibit import Exhibit
 from bfi_cli.kernels.sparsity import SparseStage, apply_sparsity
 from bfi_cli.montecarlo import load_sweep
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.page import load
 from bfi_cli.reproduce.record import thesis_record
@@ -21,13 +21,13 @@ PUBLISHED = ("rank_only", "sparse", "listing")
 ONE = Thin(trials=1, active=(1, 7), noise=(0.0, 1e-4))
 
 
-def rates(exhibit: Exhibit) -> list[dict[str, str]]:
+def rates(exhibit: ReportContent) -> list[dict[str, str]]:
     table = next(table for table in exhibit.tables if table.name == "rates")
     return [dict(zip(table.heads, row, strict=True)) for row in table.rows]
 
 
 @pytest.mark.parametrize("name", ["thesis-5-3", "thesis-A-1", "isolation-noise"])
-def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str, made: Callable[[str], Exhibit]):
+def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str, made: Callable[[str], ReportContent]):
     clean = [row for row in rates(made(name)) if row["noise m/s"] == "0"]
     assert clean
     for row in clean:
@@ -35,7 +35,9 @@ def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str,
         assert float(row["median error"]) < 1e-8, row
 
 
-def test_with_noise_the_published_rule_declares_what_is_not_there_and_never_misses(made: Callable[[str], Exhibit]):
+def test_with_noise_the_published_rule_declares_what_is_not_there_and_never_misses(
+    made: Callable[[str], ReportContent],
+):
     """Table 5-2 has seven signals: with all of them active nothing is left to be declared wrongly."""
     for row in rates(made("thesis-A-1")):
         if row["noise m/s"] != "0" and row["active"] == "7":

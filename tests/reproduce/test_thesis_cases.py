@@ -7,10 +7,10 @@ import pytest
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import merge
-from bfi_cli.exhibit import Curve, Exhibit
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.identify import identify_faults
+from bfi_cli.report.content import Curve, ReportContent
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.reconstruction import LISTING, SETTLED, solved
 from bfi_cli.reproduce.record import thesis_dictionary, thesis_record
@@ -27,11 +27,11 @@ def clean() -> FlightLog:
     return thesis_record(QUICK)
 
 
-def curves(exhibit: Exhibit, panel: int = 0) -> dict[str, Curve]:
+def curves(exhibit: ReportContent, panel: int = 0) -> dict[str, Curve]:
     return {one.label: one for one in exhibit.drawings[0].panels[panel].curves}
 
 
-def row(exhibit: Exhibit, name: str, table: str = "comparison") -> tuple[str, ...]:
+def row(exhibit: ReportContent, name: str, table: str = "comparison") -> tuple[str, ...]:
     """Return what stands beside a name in a table."""
     (found,) = (one for one in exhibit.tables if one.name == table)
     return next(cells[1:] for cells in found.rows if cells[0] == name)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.dictionary import load_dictionary
-from bfi_cli.exhibit import Exhibit
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.catalogue import run
 from bfi_cli.reproduce.record import thesis_dictionary, thesis_record
@@ -18,7 +18,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 N, RATE = 3172, 100.0
 
 
-def cells(exhibit: Exhibit) -> dict[str, tuple[str, str]]:
+def cells(exhibit: ReportContent) -> dict[str, tuple[str, str]]:
     return {row[0]: (row[1], row[2]) for row in exhibit.tables[0].rows}
 
 
@@ -26,14 +26,14 @@ def test_the_dictionary_shipped_with_the_program_is_the_one_users_are_given():
     assert thesis_dictionary().atoms == load_dictionary(CONFIGS / "thesis_dictionary.yaml").atoms
 
 
-def test_the_record_has_the_size_of_table_5_1_and_no_fault_is_declared_in_it(made: Callable[[str], Exhibit]):
+def test_the_record_has_the_size_of_table_5_1_and_no_fault_is_declared_in_it(made: Callable[[str], ReportContent]):
     found = cells(made("thesis-5-1"))
     assert found["samples"] == ("3172 (table 5-1)", "3172")
     assert found["sampling interval"] == ("0.01 s (table 5-1)", "0.01 s")
     assert found["faults declared in it by the default method"][1] == "none"
 
 
-def test_the_signals_are_those_of_the_listing(made: Callable[[str], Exhibit]):
+def test_the_signals_are_those_of_the_listing(made: Callable[[str], ReportContent]):
     """Lines 103 to 109 of BFI_DataGen.m, written out."""
     t = np.arange(N) / RATE
 
@@ -59,19 +59,19 @@ def test_the_signals_are_those_of_the_listing(made: Callable[[str], Exhibit]):
         np.testing.assert_allclose(panel.curves[0].y, signal, rtol=0, atol=1e-9)
 
 
-def test_the_starts_are_those_of_table_5_2_to_a_sample(made: Callable[[str], Exhibit]):
+def test_the_starts_are_those_of_table_5_2_to_a_sample(made: Callable[[str], ReportContent]):
     for published, ours in cells(made("thesis-5-2")).values():
         assert float(ours.removesuffix(" s")) == pytest.approx(float(published.split(" s ")[0]), abs=0.011)
 
 
 @pytest.mark.slow
-def test_the_perturbed_fault_is_equation_5_8(made: Callable[[str], Exhibit]):
+def test_the_perturbed_fault_is_equation_5_8(made: Callable[[str], ReportContent]):
     fault = made("thesis-5-7").drawings[0].panels[-1].curves[0]
     expected = 4.0 * (fault.x >= 13.795) + 0.2 * np.cos(4.5 * np.pi * fault.x) * (fault.x >= 11.995)
     np.testing.assert_allclose(fault.y, expected, rtol=0, atol=1e-9)
 
 
-def test_the_start_of_the_bias_of_equation_5_12_is_found_to_a_sample_at_10_hz(made: Callable[[str], Exhibit]):
+def test_the_start_of_the_bias_of_equation_5_12_is_found_to_a_sample_at_10_hz(made: Callable[[str], ReportContent]):
     exhibit = made("thesis-5-13")
     fault = exhibit.drawings[0].panels[-1].curves[0]
     np.testing.assert_allclose(fault.y, 5.0 * (fault.x >= 14.995), rtol=0, atol=1e-9)
@@ -81,7 +81,7 @@ def test_the_start_of_the_bias_of_equation_5_12_is_found_to_a_sample_at_10_hz(ma
     assert ";" not in found
 
 
-def test_times_count_from_the_start_of_a_log_of_the_user(made: Callable[[str], Exhibit]):
+def test_times_count_from_the_start_of_a_log_of_the_user(made: Callable[[str], ReportContent]):
     """The same flight, its clock 100 s ahead, gives the same fault 100 s later."""
     import dataclasses
 

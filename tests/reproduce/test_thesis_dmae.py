@@ -9,9 +9,9 @@ import pytest
 
 from bfi_cli.aircraft import time_axis
 from bfi_cli.errors import DictionaryError, LogError
-from bfi_cli.exhibit import Exhibit
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.reconstruction import vaf
 from bfi_cli.reproduce.record import thesis_record
@@ -21,23 +21,23 @@ QUICK = Settings(quick=True)
 
 
 @pytest.fixture(scope="module")
-def fast() -> Exhibit:
+def fast() -> ReportContent:
     return thesis_5_5(QUICK)
 
 
 @pytest.fixture(scope="module")
-def slow() -> Exhibit:
+def slow() -> ReportContent:
     return thesis_5_6(QUICK)
 
 
-def drawn(exhibit: Exhibit, label: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def drawn(exhibit: ReportContent, label: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, reconstructed fault and true fault of a method, at its own rate."""
     curves = {one.label: one for one in exhibit.drawings[0].panels[1].curves}
     found, true = curves[label], curves["true"]
     return found.x, found.y, np.interp(found.x, true.x, true.y)
 
 
-def row(exhibit: Exhibit, name: str, table: str = "comparison") -> tuple[str, ...]:
+def row(exhibit: ReportContent, name: str, table: str = "comparison") -> tuple[str, ...]:
     """Return what stands beside a name in a table."""
     (found,) = (one for one in exhibit.tables if one.name == table)
     return next(cells[1:] for cells in found.rows if cells[0] == name)
@@ -52,14 +52,14 @@ def test_the_variance_accounted_for():
     assert vaf(3.0 * x, 2.7 * x) == pytest.approx(vaf(x, 0.9 * x))
 
 
-def test_the_published_method_and_ours_are_exact_where_the_dictionary_is(fast: Exhibit, slow: Exhibit):
+def test_the_published_method_and_ours_are_exact_where_the_dictionary_is(fast: ReportContent, slow: ReportContent):
     for exhibit in (fast, slow):
         for label in ("published, s = 4", "ours"):
             _, found, true = drawn(exhibit, label)
             np.testing.assert_allclose(found, true, rtol=0, atol=1e-4)
 
 
-def test_dmae_follows_the_fast_sinusoid(fast: Exhibit):
+def test_dmae_follows_the_fast_sinusoid(fast: ReportContent):
     _, found, true = drawn(fast, "DMAE")
     active = true != 0.0
     assert 80.0 < vaf(true, found) < 95.0
@@ -68,7 +68,7 @@ def test_dmae_follows_the_fast_sinusoid(fast: Exhibit):
     assert row(fast, "VAF of the fault, DMAE") == ("98 % (figure 5-5)", "86.0 %")
 
 
-def test_dmae_mistakes_the_slow_sinusoid_for_a_bias(slow: Exhibit):
+def test_dmae_mistakes_the_slow_sinusoid_for_a_bias(slow: ReportContent):
     time_s, found, true = drawn(slow, "DMAE")
     later = time_s > 7.0
     assert vaf(true, found) == 0.0
@@ -79,14 +79,14 @@ def test_dmae_mistakes_the_slow_sinusoid_for_a_bias(slow: Exhibit):
     assert row(slow, "DMAE, detected")[1] == "a fault from 5.29 s"
 
 
-def test_the_reasons_for_disagreement_are_given(fast: Exhibit, slow: Exhibit):
+def test_the_reasons_for_disagreement_are_given(fast: ReportContent, slow: ReportContent):
     for exhibit in (fast, slow):
         assert any("process noise it gives the fault" in note for note in exhibit.notes)
         assert any("not public" in note for note in exhibit.notes)
     assert any("5.29 s" in note for note in slow.notes)
 
 
-def test_the_time_axis_of_a_log_of_ones_own_may_start_anywhere(fast: Exhibit):
+def test_the_time_axis_of_a_log_of_ones_own_may_start_anywhere(fast: ReportContent):
     log = thesis_record(QUICK)
     moved = thesis_5_5(Settings(log=replace(log, time_s=frozen_array(log.time_s + 250.0)), quick=True))
     for label in ("published, s = 4", "ours"):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from bfi_cli.config import Config, merge
-from bfi_cli.exhibit import Exhibit
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log, resample
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import find_onset
+from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.record import thesis_record
 from bfi_cli.reproduce.thesis_onset import thesis_5_14, thesis_5_15, thesis_5_16
@@ -22,26 +22,26 @@ PUBLISHED, STATISTIC = 1, 2
 
 
 @pytest.fixture(scope="module")
-def bias() -> Exhibit:
+def bias() -> ReportContent:
     return thesis_5_14(QUICK)
 
 
 @pytest.fixture(scope="module")
-def drift() -> Exhibit:
+def drift() -> ReportContent:
     return thesis_5_15(QUICK)
 
 
 @pytest.fixture(scope="module")
-def wrong() -> Exhibit:
+def wrong() -> ReportContent:
     return thesis_5_16(QUICK)
 
 
-def curve(exhibit: Exhibit, panel: int, label: str) -> tuple[np.ndarray, np.ndarray]:
+def curve(exhibit: ReportContent, panel: int, label: str) -> tuple[np.ndarray, np.ndarray]:
     found = next(one for one in exhibit.drawings[0].panels[panel].curves if one.label == label)
     return found.x, found.y
 
 
-def row(exhibit: Exhibit, name: str) -> tuple[str, ...]:
+def row(exhibit: ReportContent, name: str) -> tuple[str, ...]:
     return next(cells[1:] for cells in exhibit.tables[0].rows if cells[0] == name)
 
 
@@ -54,7 +54,7 @@ def test_the_published_magnitude_peaks_at_the_start(request: pytest.FixtureReque
     assert np.abs(np.delete(z, best)).max() < 1.0
 
 
-def test_our_statistic_peaks_there_too_above_its_threshold(bias: Exhibit, drift: Exhibit):
+def test_our_statistic_peaks_there_too_above_its_threshold(bias: ReportContent, drift: ReportContent):
     for exhibit, shape, start in ((bias, "bias", 15.0), (drift, "drift", 16.0)):
         starts, statistic = curve(exhibit, STATISTIC, shape)
         thresholds = dict(exhibit.drawings[0].panels[STATISTIC].levels)
@@ -81,7 +81,7 @@ def test_a_log_of_ones_own_and_another_road_to_its_magnitudes():
     np.testing.assert_allclose(z, scan.magnitude[same], rtol=1e-4, atol=1e-4)
 
 
-def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(wrong: Exhibit):
+def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(wrong: ReportContent):
     _, high = curve(wrong, 0, "no noise")
     _, low = curve(wrong, 1, "no noise")
     assert np.abs(high).max() > 1000.0
@@ -89,7 +89,7 @@ def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(w
     assert np.abs(low).max() < 0.01
 
 
-def test_ours_does_not_declare_the_wrong_shape(wrong: Exhibit):
+def test_ours_does_not_declare_the_wrong_shape(wrong: ReportContent):
     assert wrong.heading == "The wrong shape is not declared"
     for name in ("bias", "drift"):
         found = row(wrong, f"{name}, declared by ours, no noise")[1]

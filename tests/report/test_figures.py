@@ -6,25 +6,16 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from made_results import fault_result, no_fault_result, two_output_result
 from matplotlib.image import imread
 
-from bfi_cli.plots import (
-    FIGURES,
-    plot_fault,
-    plot_magnitudes,
-    plot_orders,
-    plot_outputs,
-    plot_residuals,
-    to_png,
-    to_svg,
-)
-from bfi_cli.plots.envelope import thinned
-from bfi_cli.plots.magnitudes import MAX_ROWS, shown_candidates
+from bfi_cli.identify.report import MAX_CANDIDATES, identify_content, shown_candidates
+from bfi_cli.report.content import thinned
+from bfi_cli.report.figures import draw
+from bfi_cli.report.style import to_png, to_svg
 
 UNIT = re.compile(r"\[.+\]$")
 CATEGORIES = "dictionary entry"
@@ -42,8 +33,8 @@ def test_every_axis_has_a_label_with_its_unit(figures):
     for figure in figures.values():
         for axes in panels(figure):
             assert axes.get_ylabel() == CATEGORIES or UNIT.search(axes.get_ylabel())
-            if axes.xaxis.get_tick_params()["labelbottom"]:
-                assert UNIT.search(axes.get_xlabel())
+            assert not axes.get_xlabel() or UNIT.search(axes.get_xlabel())
+        assert UNIT.search(panels(figure)[-1].get_xlabel())
 
 
 def test_nothing_is_cut_at_the_edge_of_the_paper(figures):
@@ -53,9 +44,14 @@ def test_nothing_is_cut_at_the_edge_of_the_paper(figures):
         assert all(np.all(edge == 1.0) for edge in edges), name
 
 
-@pytest.mark.parametrize("draw", FIGURES.values())
-def test_the_same_result_gives_the_same_bytes(draw):
-    assert to_svg(draw(fault_result())) == to_svg(draw(fault_result()))
+def figure_of(result, name):
+    (drawing,) = (one for one in identify_content(result).drawings if one.name == name)
+    return draw(drawing)
+
+
+def test_the_same_result_gives_the_same_bytes():
+    for drawing in identify_content(fault_result()).drawings:
+        assert to_svg(draw(drawing)) == to_svg(draw(drawing)), drawing.name
 
 
 def test_svg_is_whole_and_fetches_nothing(vectors):
@@ -69,56 +65,63 @@ def test_svg_is_whole_and_fetches_nothing(vectors):
 def test_figures_do_not_depend_on_the_users_settings():
     import matplotlib as mpl
 
-    expected = to_svg(plot_outputs(fault_result()))
+    expected = to_svg(figure_of(fault_result(), "outputs"))
     with mpl.rc_context({"font.size": 30.0, "axes.facecolor": "red", "svg.fonttype": "none"}):
-        assert to_svg(plot_outputs(fault_result())) == expected
+        assert to_svg(figure_of(fault_result(), "outputs")) == expected
 
 
 def test_drawing_leaves_no_global_state():
     import matplotlib as mpl
 
     before = dict(mpl.rcParams)
-    to_png(plot_residuals(fault_result()))
+    to_png(figure_of(fault_result(), "residuals"))
     assert dict(mpl.rcParams) == before
 
 
 def test_one_row_of_panels_per_output():
     made = two_output_result()
-    assert len(plot_outputs(made).axes) == 2 + 1
-    assert len(plot_fault(made).axes) == 2
-    assert len(plot_residuals(made).axes) == 2 * 3
+    assert len(figure_of(made, "outputs").axes) == 2 + 1
+    assert len(figure_of(made, "fault").axes) == 2
+    assert len(figure_of(made, "residuals").axes) == 2 * 3
 
 
 def test_the_lines_are_the_signals_of_the_result():
     made = fault_result()
     series = made.outputs[0]
-    axes = plot_outputs(made).axes[0]
+    axes = figure_of(made, "outputs").axes[0]
     np.testing.assert_array_equal(line(axes, "measured").get_ydata(), series.measured)
     np.testing.assert_array_equal(line(axes, "corrected for the fault").get_ydata(), series.corrected)
-    np.testing.assert_array_equal(line(plot_fault(made).axes[0], "injected").get_ydata(), series.true_fault)
+    np.testing.assert_array_equal(line(figure_of(made, "fault").axes[0], "injected").get_ydata(), series.true_fault)
 
 
 def test_an_unknown_truth_is_not_drawn():
-    labels = plot_fault(two_output_result()).axes[0].get_legend_handles_labels()[1]
+    labels = figure_of(two_output_result(), "fault").axes[0].get_legend_handles_labels()[1]
     assert "injected" not in labels
-    assert "reconstructed" in labels
+    assert "reconstructed, with 95 % band" in labels
 
 
 def test_alarm_marks_stand_at_the_alarms():
     made = fault_result()
-    (marks,) = plot_residuals(made).axes[0].collections
-    np.testing.assert_allclose(marks.get_offsets()[:, 0], made.residuals[0].plain_alarms_s)
+    marks = figure_of(made, "residuals").axes[0].containers[0].lines[0]
+    series = made.outputs[0]
+    np.testing.assert_allclose(marks.get_xdata(), made.residuals[0].plain_alarms_s)
+    np.testing.assert_allclose(marks.get_ydata(), series.plain_residual[np.isin(made.time_s, marks.get_xdata())])
 
 
-def test_the_chosen_order_is_ringed_at_the_least_criterion():
-    ring = line(plot_orders(fault_result()).axes[0], "chosen")
-    assert (list(ring.get_xdata()), list(ring.get_ydata())) == ([4], [0.0])
+def test_the_chosen_order_is_marked_at_the_least_criterion():
+    mark = figure_of(fault_result(), "orders").axes[0].containers[0].lines[0]
+    assert (list(mark.get_xdata()), list(mark.get_ydata())) == ([4], [0.0])
 
 
 def test_magnitudes_are_drawn_in_units_of_the_minimal_detectable():
     made = fault_result()
-    drawn = [float(bar.lines[0].get_xdata()[0]) for bar in plot_magnitudes(made).axes[0].containers]
-    expected = [one.magnitude / one.minimal_detectable for one in made.candidates if one.magnitude is not None]
+    bars = figure_of(made, "magnitudes").axes[0].containers
+    drawn = [point for bar in bars for point in zip(*bar.lines[0].get_data(), strict=True)]
+    expected = [
+        (one.magnitude / one.minimal_detectable, row)
+        for row, one in enumerate(made.candidates)
+        if one.magnitude is not None
+    ]
     np.testing.assert_allclose(drawn, expected)
 
 
@@ -127,15 +130,15 @@ def test_a_large_dictionary_keeps_what_was_declared():
     quiet = [replace(made.candidates[1], name=f"drift_{i}") for i in range(300)]
     many = replace(made, candidates=(*quiet, made.candidates[0]))
     shown = shown_candidates(many)
-    assert len(shown) == MAX_ROWS
+    assert len(shown) == MAX_CANDIDATES
     assert shown[-1] is made.candidates[0]
-    to_png(plot_magnitudes(many))
+    to_png(figure_of(many, "magnitudes"))
 
 
 def test_names_are_never_read_as_mathematics():
     made = fault_result(channel="a$b_{$\\frac<&")
-    for draw in FIGURES.values():
-        ElementTree.fromstring(to_svg(draw(made)))
+    for drawing in identify_content(made).drawings:
+        ElementTree.fromstring(to_svg(draw(drawing)))
 
 
 def test_noise_free_residuals_are_drawn():
@@ -143,7 +146,7 @@ def test_noise_free_residuals_are_drawn():
     zero = np.zeros_like(made.time_s)
     series = replace(made.outputs[0], prediction_error=zero, plain_residual=zero)
     exact = replace(made, outputs=(series,), residuals=(replace(made.residuals[0], plain_sd=0.0),))
-    to_png(plot_residuals(exact))
+    to_png(figure_of(exact, "residuals"))
 
 
 @given(

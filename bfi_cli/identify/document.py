@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ConfigError
-from .faults import Fault, FaultEstimate
-from .identify.result import IdentifyResult
-from .plain import from_plain, mapping, member, to_plain
-from .provenance import Provenance
-from .shapes import SHAPES
+from ..errors import ConfigError
+from ..faults import Fault, FaultEstimate
+from ..provenance import Provenance
+from ..serialization import from_plain, mapping, member, to_plain
+from ..shapes import SHAPES
+from .result import IdentifyResult
 
 __all__ = ["IDENTIFY_SCHEMA", "identify_document", "identify_from_document"]
 

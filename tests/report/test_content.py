@@ -1,25 +1,26 @@
-"""An exhibit in every rendering: what it holds is shown, on a terminal, in files and in the report."""
+"""The content of a report in every rendering: what it holds is shown, on a terminal, in files and on the page."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from bfi_cli.exhibit import Curve, Drawing, Exhibit, HeatMap, Panel, Span, Table, curve
-from bfi_cli.output import exhibit_files
-from bfi_cli.plain import from_plain, to_plain
-from bfi_cli.plots.exhibit import draw
 from bfi_cli.provenance import provenance
-from bfi_cli.report import render_exhibit
-from bfi_cli.tables import MAX_ROWS, print_exhibit
+from bfi_cli.report.content import Curve, Drawing, HeatMap, Panel, ReportContent, Span, Table, curve
+from bfi_cli.report.figures import draw
+from bfi_cli.report.files import content_files
+from bfi_cli.report.html import render_content
+from bfi_cli.report.terminal import MAX_ROWS, print_content
+from bfi_cli.serialization import from_plain, to_plain
 
 X = np.linspace(0.0, 1.0, 5)
-STYLES = ("line", "dashed", "dotted", "points", "steps", "bars")
+STYLES = ("line", "dashed", "dotted", "wide", "points", "steps", "bars", "intervals", "faint_intervals")
 CURVES = tuple(curve(f"curve {style}", X, X + i, style=style, low=X, high=X + 2 * i) for i, style in enumerate(STYLES))
 PANEL = Panel(
     title="a panel",
@@ -33,8 +34,8 @@ MAP = HeatMap(
     title="a map", rows=("a", "b"), columns=("c",), values=(np.array([0.25]), np.array([np.nan])), label="bit"
 )
 DRAWING = Drawing(name="profile", caption="What <is> seen.", panels=(PANEL, PANEL, PANEL), heat_maps=(MAP,), across=2)
-EXHIBIT = Exhibit(
-    kicker="Onset of a fault",
+CONTENT = ReportContent(
+    category="Onset of a fault",
     title="flight_$1$.h5",
     heading="Fault found",
     verdict="A bias of 1 m/s.",
@@ -73,8 +74,8 @@ def test_a_drawing_of_nothing_is_a_figure():
     assert draw(Drawing(name="none", caption="", panels=(Panel(x_label="", y_label="", curves=()),))).axes
 
 
-def test_the_files_of_an_exhibit():
-    files = exhibit_files(EXHIBIT, {"kind": "test", "value": np.nan}, provenance(log_sha256=""))
+def test_the_files_of_a_report():
+    files = content_files(CONTENT, {"kind": "test", "value": np.nan}, provenance(log_sha256=""))
     assert set(files) == {
         *("profile.svg", "profile.png", "profile_figure.csv", "faults.csv", "report.html", "result.json")
     }
@@ -86,7 +87,7 @@ def test_the_files_of_an_exhibit():
 
 
 def test_the_report_shows_it_all_and_escapes_it():
-    page = render_exhibit(EXHIBIT, provenance(log_sha256=""), {"profile": b"<svg/>"})
+    page = render_content(CONTENT, provenance(log_sha256=""), {"profile": b"<svg/>"})
     for text in ("Onset of a fault", "A bias of 1 m/s.", "0.5", "mind &lt;this&gt;", "What &lt;is&gt; seen.", "Window"):
         assert text in page
     assert page.count("http") == page.count("http-equiv")
@@ -95,21 +96,25 @@ def test_the_report_shows_it_all_and_escapes_it():
 
 def test_the_terminal_shows_it_all_and_cuts_long_tables():
     rows = tuple((f"row{i}", "x") for i in range(MAX_ROWS + 2))
-    long = Exhibit(
-        kicker="", title="", heading="", verdict="so", tables=(Table(name="t", title="T", heads=("a", "b"), rows=rows),)
+    long = ReportContent(
+        category="",
+        title="",
+        heading="",
+        verdict="so",
+        tables=(Table(name="t", title="T", heads=("a", "b"), rows=rows),),
     )
-    console = Console(record=True, width=100, file=io.StringIO())
-    print_exhibit(console, EXHIBIT)
-    print_exhibit(console, long)
+    console = Console(record=True, width=100, file=io.StringIO(), force_terminal=True)
+    print_content(console, CONTENT)
+    print_content(console, long)
     text = console.export_text()
     for expected in ("A bias of 1 m/s.", "Faults", "0.5 s", "mind <this>", "0 to 1 s", "row0", "and 2 more"):
         assert expected in text
     assert f"row{MAX_ROWS}" not in text
 
 
-def test_an_exhibit_survives_json():
-    again = from_plain(Exhibit, json.loads(json.dumps(to_plain(EXHIBIT))), where="x")
-    assert to_plain(again) == to_plain(EXHIBIT)
+def test_a_content_survives_json():
+    again = from_plain(ReportContent, json.loads(json.dumps(to_plain(CONTENT))), where="x")
+    assert to_plain(again) == to_plain(CONTENT)
     assert isinstance(again.drawings[0].panels[0].curves[0], Curve)
 
 
@@ -117,3 +122,48 @@ def test_an_exhibit_survives_json():
 def test_gaps_are_left_out(style):
     gap = curve("gap", X, np.where(X > 0.5, np.nan, X), style=style)
     assert draw(Drawing(name="gap", caption="", panels=(Panel(x_label="", y_label="", curves=(gap,)),))).axes
+
+
+def test_boxes_are_drawn_at_their_quantiles():
+    quantiles = np.array([1.0, 2.0, 4.0, 5.0, 8.0, 9.0])
+    boxes = curve("boxes", np.repeat([1.0, 2.0], 6), np.concatenate([quantiles, 10.0 * quantiles]), style="boxes")
+    (axes,) = draw(Drawing(name="b", caption="", panels=(Panel(x_label="", y_label="", curves=(boxes,)),))).axes
+    drawn = {float(y) for line in axes.lines for y in line.get_ydata()}
+    assert drawn == {*quantiles, *(10.0 * quantiles)}
+
+
+def test_intervals_lie_on_their_side_and_ticks_and_notes_stand_where_they_are_put():
+    one = curve("one", [3.0], [1.0], style="intervals", low=[2.0], high=[5.0])
+    panel = Panel(
+        x_label="",
+        y_label="",
+        curves=(one,),
+        y_limits=(2.5, -0.5),
+        y_ticks=(("a", 0.0), ("b", 1.0)),
+        side_notes=(("3 m/s", 1.0),),
+        x_limits=(-2000.0, 2000.0),
+        linear_x=1.0,
+    )
+    (axes,) = draw(Drawing(name="i", caption="", panels=(panel,))).axes
+    ((segment,),) = [bars.get_segments() for bars in axes.collections]
+    np.testing.assert_allclose(segment, [[2.0, 1.0], [5.0, 1.0]])
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["a", "b"]
+    assert axes.get_yticks().tolist() == [0.0, 1.0]
+    assert [(note.get_text(), note.get_position()[1]) for note in axes.texts] == [("3 m/s", 1.0)]
+    assert (axes.get_xscale(), axes.get_xlim()) == ("symlog", (-2000.0, 2000.0))
+    assert axes.get_xticks().tolist() == [-1000.0, -100.0, -10.0, -1.0, 0.0, 1.0, 10.0, 100.0, 1000.0]
+
+
+def test_what_is_nearly_one_does_not_read_one():
+    values = tuple(np.array([value]) for value in (1.0, 0.9996, 0.996, 0.5))
+    heat_map = HeatMap(title="", rows=("a", "b", "c", "d"), columns=("e",), values=values, label="")
+    axes = draw(Drawing(name="m", caption="", heat_maps=(heat_map,))).axes[0]
+    assert [text.get_text() for text in axes.texts] == ["1", "0.999", "0.996", "0.5"]
+
+
+def test_data_wins_over_the_table_of_its_name():
+    content = replace(CONTENT, data={"faults.csv": {"onset_s": np.array([0.123456789]), "name": ["bias"]}})
+    files = content_files(content, {}, provenance(log_sha256=""), stored="summary.json")
+    assert files["faults.csv"] == b"# written by bfi\nonset_s,name\n0.123456789,bias\n"
+    assert "result.json" not in files
+    assert "summary.json" in files

@@ -7,13 +7,14 @@ import pytest
 from made_results import fault_result, two_output_result
 from rich.console import Console
 
-from bfi_cli.tables import MAX_CANDIDATES, print_identify
-from bfi_cli.wording import verdict
+from bfi_cli.identify.report import identify_content, verdict
+from bfi_cli.report.terminal import MAX_ROWS, print_content
 
 
-def printed(result, width=80):
+def printed(result, width=80, *, terminal=None):
     file = io.StringIO()
-    print_identify(Console(file=file, width=width, color_system=None), result)
+    console = Console(file=file, width=width, color_system=None, force_terminal=terminal)
+    print_content(console, identify_content(result))
     return file.getvalue()
 
 
@@ -42,9 +43,12 @@ def test_names_are_not_markup():
     assert "[link=x]see[/link]" in text
 
 
-def test_a_large_dictionary_is_cut_but_counted():
+def test_a_large_dictionary_is_cut_and_counted_on_a_terminal_only():
     made = fault_result()
     quiet = tuple(replace(made.candidates[1], name=f"drift_{i}") for i in range(300))
-    text = printed(replace(made, candidates=(*quiet, made.candidates[0])))
-    assert f"and {301 - MAX_CANDIDATES} more" in text
-    assert "*   bias_13.8" in text
+    many = replace(made, candidates=(*quiet, made.candidates[0]))
+    text = printed(many, terminal=True)
+    assert f"and {301 - MAX_ROWS} more" in text
+    assert text.index(" bias_13.8 ") < text.index("drift_0 "), "what was declared comes first"
+    assert "drift_299" not in text
+    assert "drift_299" in printed(many)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from made_results import fault_result, no_fault_result, not_identifiable_result, two_output_result
 
 from bfi_cli.faults import Fault
-from bfi_cli.wording import axis_label, describe, instant, interval, number, quantity, shortened, verdict
+from bfi_cli.identify.report import describe, verdict
+from bfi_cli.report.text import axis_label, instant, interval, number, quantity, shortened
 
 
 @pytest.mark.parametrize(

@@ -1,23 +1,28 @@
-"""What an answer shows its reader: a verdict, facts, tables, drawings, notes, as plain data that any rendering takes.
+"""What a report holds: a verdict, facts, tables, drawings and notes, as plain data that every rendering takes.
 
-One exhibit becomes the tables of a terminal, the figures, the CSV files and the HTML report, so that every command
-shows the same things in every place.
+An analysis makes the content from its document; this package draws it on a terminal, as figures, as CSV files and as
+HTML, so that every command shows the same things in every place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Curve", "Drawing", "Exhibit", "HeatMap", "Panel", "Span", "Table", "curve"]
+__all__ = ["Curve", "Drawing", "HeatMap", "Panel", "ReportContent", "Span", "Table", "curve", "thinned"]
 
 FloatArray = NDArray[np.float64]
-Style = Literal["line", "dashed", "dotted", "points", "steps", "bars"]
+Style = Literal["line", "dashed", "dotted", "wide", "points", "steps", "bars", "intervals", "faint_intervals", "boxes"]
 Tone = Literal["fault", "no_fault", "not_identifiable"]
+# Labels of an axis and where they stand.
+Ticks = tuple[tuple[str, float], ...]
+
+# Points of a thinned curve: twice the pixels across a page at 150 dots per inch.
+MAX_POINTS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,8 +32,11 @@ class Curve:
     Attributes
     ----------
     label : in the legend, "" for none.
-    x, y : (n,); NaN leaves a gap.
-    low, high : (n,) ends of a band (line styles) or of error bars (points, bars), None for none.
+    x, y : (n,); NaN leaves a gap. In style "boxes" each box is six rising numbers at the same x: the 5, 25, 50, 75 and
+        95 % quantiles and the largest value.
+    style : "wide" is a broad grey line that others are drawn upon; "intervals" and "faint_intervals" are points with
+        horizontal error bars.
+    low, high : (n,) ends of a band (line styles) or of error bars (points, bars, intervals), None for none.
     """
 
     label: str
@@ -57,7 +65,11 @@ class Panel:
     x_label, y_label : with units in brackets.
     levels : (label, y) of horizontal dashed lines, thresholds.
     spans : stretches of the x axis.
-    y_limits : of the axis, None to fit what is drawn.
+    x_limits, y_limits : of the axes, None to fit what is drawn; y_limits from high to low for an axis that points down.
+    linear_x, linear_y : the axis is linear up to this size and logarithmic beyond it, on both sides of 0.
+    x_ticks, y_ticks : (label, place); () for numbers at places that are chosen.
+    side_notes : (text, y) of what is written to the right of the axes.
+    height : relative to that of the other panels.
     """
 
     x_label: str
@@ -69,6 +81,13 @@ class Panel:
     levels: tuple[tuple[str, float], ...] = ()
     spans: tuple[Span, ...] = ()
     y_limits: tuple[float, float] | None = None
+    x_limits: tuple[float, float] | None = None
+    linear_x: float | None = None
+    linear_y: float | None = None
+    x_ticks: Ticks = ()
+    y_ticks: Ticks = ()
+    side_notes: Ticks = ()
+    height: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,20 +141,21 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Exhibit:
-    """An answer, laid out.
+class ReportContent:
+    """What the report of an answer holds.
 
     Attributes
     ----------
-    kicker : what kind of document it is, "Onset of a fault".
+    category : what kind of document it is, "Onset of a fault".
     title : what it is about, the log or the figure's name.
     heading, verdict : the answer in two or three words, and in a sentence.
     tone : how the verdict is coloured, None where nothing is decided.
     facts : (name, value) rows.
     notes : sentences for the reader.
+    data : CSV files at full precision by name, each as lists or arrays by column; they win over a table of that name.
     """
 
-    kicker: str
+    category: str
     title: str
     heading: str
     verdict: str
@@ -144,6 +164,7 @@ class Exhibit:
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     notes: tuple[str, ...] = ()
+    data: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 def curve(
@@ -170,3 +191,25 @@ def _numbers(values: Sequence[float] | FloatArray) -> FloatArray:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
+
+
+def thinned(x: FloatArray, *, max_points: int = MAX_POINTS) -> NDArray[np.intp]:
+    """Return the samples to draw: the least and the greatest of each of `max_points / 2` equal stretches, in order.
+
+    Parameters
+    ----------
+    x : (n_samples,), NaN where there is no value.
+
+    Returns
+    -------
+    (n,) increasing indices, all of them where the signal is short; the first and the last are always among them.
+    """
+    if x.size <= max_points:
+        return np.arange(x.size)
+    stretch = -(-x.size // (max_points // 2))
+    padding = np.full(-x.size % stretch, np.nan)
+    table = np.concatenate([x, padding]).reshape(-1, stretch)
+    least = np.argmin(np.where(np.isnan(table), np.inf, table), axis=1)
+    greatest = np.argmax(np.where(np.isnan(table), -np.inf, table), axis=1)
+    starts = np.arange(0, table.size, stretch)
+    return np.unique(np.concatenate([[0], starts + least, starts + greatest, [x.size - 1]]))

@@ -8,10 +8,15 @@ from pathlib import Path
 import pytest
 from made_results import fault_result
 
-from bfi_cli.documents import identify_from_document
 from bfi_cli.errors import ConfigError
 from bfi_cli.files import replace_files
-from bfi_cli.output import IDENTIFY_NAMES, identify_files
+from bfi_cli.identify.document import identify_document, identify_from_document
+from bfi_cli.identify.report import DRAWINGS, TABLES, identify_content
+from bfi_cli.report.files import content_files, content_names
+
+
+def identify_files(result, provenance):
+    return content_files(identify_content(result), identify_document(result, provenance), provenance)
 
 
 def contents(folder):
@@ -33,7 +38,7 @@ def stored(provenance, tmp_path_factory):
 
 
 def test_all_files_are_written_and_nothing_else(stored):
-    assert set(contents(stored)) == set(IDENTIFY_NAMES)
+    assert set(contents(stored)) == set(content_names(DRAWINGS, TABLES))
 
 
 def test_a_stored_result_draws_the_same_files(stored):

@@ -1,0 +1,210 @@
+"""The audit of a dictionary: of its raw signals, or of what the predictor of a log leaves of each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import Config
+from ..dictionary import Dictionary, dead_reason, signals
+from ..errors import ConfigError, DictionaryError
+from ..flightlog import FlightLog
+from ..kernels.coherence import whiten
+from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
+from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
+from ..preprocessing.window import prepare_window, unusable_atoms
+from .comparison import advised, compare, own_channel, sentences
+from .entries import (
+    AuditWindow,
+    Limits,
+    Listing,
+    entries,
+    fastest_hz,
+    largest_order,
+    reasons_of,
+    remarks_of,
+    span_of,
+    unit_of,
+    unknown_channels,
+)
+from .result import Audit
+
+__all__ = ["audit_dictionary", "audit_on_log"]
+
+FloatArray = NDArray[np.float64]
+
+# Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
+# every shape; 100 Hz, that of a common recorder, as long as all signals together have two million values.
+SAMPLES, DRAWN_PER_CYCLE = 2000, 8.0
+FINE_HZ, FINE_VALUES = 100.0, 2_000_000
+# Beyond these the matrix of coherence, or the signals, take more than a few seconds and hundreds of MB: not compared.
+MOST_ATOMS, MOST_VALUES = 1000, 20_000_000
+
+
+def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: float | None = None) -> Audit:
+    """Audit a dictionary by its definitions and the signals they give.
+
+    Parameters
+    ----------
+    dictionary : see `bfi_cli.dictionary.load_dictionary`.
+    config : its window, its orders and, where that is a number, its rate are used.
+    duration_s : length of the window; None for one that shows every fault.
+
+    Raises
+    ------
+    DictionaryError : no fault shows in the window, or a sample file cannot be used.
+    ConfigError : the window is empty, or its end is given twice.
+    """
+    span, why = _window(dictionary, config, duration_s)
+    faults = dictionary.resolved(span.start_s)
+    names = tuple(fault.name or fault.shape for fault in faults)
+    fastest, length_s = fastest_hz(faults), span.stop_s - span.start_s
+    affordable_hz = min(FINE_HZ, FINE_VALUES / (length_s * len(faults)))
+    rate_hz = span.rate_hz or max(SAMPLES / length_s, DRAWN_PER_CYCLE * (fastest or 0.0), affordable_hz)
+    n_samples = max(2, round(length_s * rate_hz))
+    few = len(faults) <= MOST_ATOMS and n_samples * len(faults) <= MOST_VALUES
+    time_s = span.start_s + np.arange(n_samples if few else 0) / rate_hz
+    channels = list(dict.fromkeys(fault.channel for fault in faults))
+    theta = signals(faults, time_s, channels, window_start_s=span.start_s) if few else None
+    values = None if theta is None else own_channel(theta)
+    dead = ((j, dead_reason(fault, span.start_s, span.stop_s)) for j, fault in enumerate(faults))
+    reasons = {j: reason for j, reason in dead if reason is not None}
+    if theta is not None and values is not None:
+        rest = [j for j in range(len(faults)) if j not in reasons]
+        reasons |= advised(unusable_atoms(theta, names, rest), values)
+    reasons = reasons_of(faults, names, reasons)
+    live = {j: fault for j, fault in enumerate(faults) if j not in reasons}
+    if not live:
+        raise DictionaryError(f"{dictionary.path}: no live atom: {reasons[min(reasons)]}")
+    seen = None if values is None else values[:, list(live)]
+    listing = Listing(
+        faults=faults,
+        names=names,
+        units=tuple(unit_of(fault.channel) for fault in faults),
+        reasons=reasons,
+        remarks=remarks_of(live, span, seen, largest_model=largest_order(config), n_outputs=len(channels)),
+    )
+    signatures = None
+    warnings = [
+        f"{len(faults)} faults over this window are too many signals to compare; "
+        "give a shorter --duration, a lower --rate, or larger steps in the grids"
+    ]
+    if theta is not None and seen is not None:
+        signatures, alike = compare(
+            [names[j] for j in live], time_s, seen, theta[:, :, list(live)].reshape(-1, len(live))
+        )
+        warnings = sentences(signatures, alike)
+    return Audit(
+        path=dictionary.path,
+        relative_to=dictionary.relative_to,
+        start_s=span.start_s,
+        stop_s=span.stop_s,
+        rate_hz=float(rate_hz),
+        n_samples=n_samples,
+        why=why,
+        log_path=None,
+        native_rate_hz=None,
+        model=None,
+        fastest_hz=fastest,
+        rate_needed_hz=None if fastest is None else SAMPLES_PER_CYCLE * fastest,
+        atoms=entries(listing, signatures, None),
+        signatures=signatures,
+        notes=(*unknown_channels(faults), *warnings),
+    )
+
+
+def _window(dictionary: Dictionary, config: Config, duration_s: float | None) -> tuple[AuditWindow, str]:
+    """Return the window and how it came about; `rate_hz` only where it is asked for."""
+    from_s, to_s, asked = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
+    if duration_s is not None and to_s is not None:
+        raise ConfigError(f"--duration: the window ends at {to_s:g} s already; keep --duration or --to")
+    if duration_s is not None and not 0.0 < duration_s < np.inf:
+        raise ConfigError(f"--duration: must be more than 0 s, got {duration_s:g}; give the length of a window")
+    shown = span_of(dictionary.resolved(from_s or 0.0), from_s, from_zero=dictionary.relative_to == "window")
+    start_s, stop_s, why = (
+        shown.start_s,
+        shown.stop_s,
+        "until every fault has shown its shape; another length is --duration S",
+    )
+    if duration_s is not None:
+        to_s = start_s + duration_s
+    if to_s is not None:
+        stop_s, why = to_s, "as asked for"
+    if stop_s <= start_s:
+        raise ConfigError(f"--to: the window starts at {start_s:g} s, got {stop_s:g}; give a later --to, or --from")
+    return AuditWindow(start_s=start_s, stop_s=stop_s, rate_hz=None if isinstance(asked, str) else float(asked)), why
+
+
+def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audit:
+    """Audit a dictionary on a log.
+
+    The predictor is estimated without fault terms, of the order with the best criterion. The minimal detectable
+    magnitude is for each fault alone at that order: `identify` also admits the spread between orders and rates.
+
+    Parameters
+    ----------
+    log : in SI units, see `bfi_cli.flightlog.read_log`; faults injected into it are taken out, others are in the way.
+    dictionary : see `bfi_cli.dictionary.load_dictionary`.
+    config : see `bfi_cli.config.Config`.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be used.
+    DictionaryError : no entry of the dictionary can be seen in the window.
+    """
+    window = prepare_window(without_injected_faults(log), dictionary, config)
+    fitted = fit_fault_free(window, config)
+    given, faults, names, live = window.signals, window.faults, window.names, list(window.live)
+    channels, first = window.log.channels, fitted.regression.layout.first
+    span = AuditWindow(
+        start_s=window.window_start_s,
+        stop_s=float(window.log.time_s[-1]) + 1.0 / window.log.rate_hz,
+        rate_hz=given.rate_hz,
+        lags=first,
+    )
+    listing = Listing(
+        faults=faults,
+        names=names,
+        units=tuple(channels[f.channel].unit if f.channel in channels else unit_of(f.channel) for f in faults),
+        reasons=reasons_of(faults, names, advised(window.reasons, own_channel(given.theta))),
+        remarks=remarks_of(
+            {j: faults[j] for j in live},
+            span,
+            own_channel(given.theta[first:, :, live]),
+            largest_model=max(fitted.regression.orders),
+            n_outputs=len(window.outputs),
+        ),
+    )
+    theta = given.theta[:, :, live]
+    left = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1))
+    raw_norm = fitted.unfolded.raw_norm
+    limits = Limits(
+        minimal_detectable=fitted.deviations * fitted.sd,
+        peak=np.max(np.abs(theta), axis=(0, 1)),
+        visible=left / np.where(raw_norm > 0.0, raw_norm, 1.0),
+    )
+    seen = np.isfinite(limits.minimal_detectable)
+    signatures, alike = compare(
+        [names[j] for j in live],
+        fitted.regression.rows_s,
+        own_channel(fitted.unfolded.signatures * fitted.regression.unit[:, None]) * seen,
+        whiten(fitted.unfolded.signatures, fitted.fit.sigma) * seen,
+    )
+    fastest, summary = fastest_hz(faults), window.summary
+    return Audit(
+        path=dictionary.path,
+        relative_to=dictionary.relative_to,
+        start_s=summary.start_s,
+        stop_s=summary.stop_s,
+        rate_hz=summary.rate_hz,
+        n_samples=summary.n_samples,
+        why=window.rate.reason,
+        log_path=summary.path,
+        native_rate_hz=summary.native_rate_hz,
+        model=fitted.model,
+        fastest_hz=fastest,
+        rate_needed_hz=None if fastest is None else SAMPLES_PER_CYCLE * fastest,
+        atoms=entries(listing, signatures, limits),
+        signatures=signatures,
+        notes=(*sentences(signatures, alike), *about_the_log(log, window, fitted)),
+    )

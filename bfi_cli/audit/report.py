@@ -1,0 +1,291 @@
+"""The JSON document of `bfi dictionary`, and what the report of an audit holds, made from the document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..faults import fault_to_dict
+from ..printable import shortened
+from ..provenance import Provenance
+from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, thinned
+from ..report.text import number, quantity
+from ..serialization import to_plain
+from ..shapes import SHAPES
+from .comparison import pairs
+from .result import Audit, Signatures
+
+__all__ = ["AUDIT_SCHEMA", "DRAWINGS", "TABLES", "audit_content", "audit_document"]
+
+FloatArray = NDArray[np.float64]
+Plain = Mapping[str, Any]
+
+AUDIT_SCHEMA = 1
+DRAWINGS, TABLES = ("signatures", "coherence", "limits"), ("atoms", "coherence")
+MODEL_KEYS = ("inputs", "outputs", "order", "feedthrough", "noise_sd")
+# Signatures that a page has room for, and points of each: twice the pixels across a page.
+MAX_SIGNATURES, MAX_POINTS = 24, 1000
+# Atoms whose coherence a terminal of 80 columns holds as a matrix, and that a map of a page tells apart; the most
+# coherent pairs that stand in place of a larger matrix, and the notes on atoms that are listed.
+MATRIX_ATOMS, MAP_ATOMS, MOST_PAIRS, MOST_NOTES = 9, 200, 5, 8
+NAME_LETTERS, CHANNEL_LETTERS, MATRIX_LETTERS = 30, 10, 14
+# The keys of a shape that tell it from others of the same name, as a table says them.
+KEY_WORDS = {
+    "slope": "slope {:g}",
+    "frequency_hz": "{:g} Hz",
+    "phase_rad": "phase {:.3g} rad",
+    "time_constant_s": "time constant {:g} s",
+    "duration_s": "duration {:g} s",
+}
+ATOM_COLUMNS = (
+    *("name", "shape", "channel", "onset_s", "offset_s", "live", "minimal_detectable", "unit"),
+    *("minimal_physical", "physical_unit", "minimal_peak", "channel_unit", "visible"),
+    *("most_coherent_with", "coherence", "note"),
+)
+ATOM_KEYS = ("name", "live", "note", "minimal_detectable", "unit", "minimal_physical")
+MORE_KEYS = ("minimal_peak", "channel_unit", "visible", "most_coherent_with", "coherence")
+COHERENCE_CAPTION = (
+    "Coherence of every two faults, the cosine of the angle between what they leave to be seen: 0 for faults that are "
+    "told apart as if each were alone, 1 for faults that cannot be told apart."
+)
+LIMITS_CAPTION = (
+    "Least magnitude that is detected with 90 % power, as the most it moves its output, in standard deviations of the "
+    "prediction error; to the right in its own unit."
+)
+
+
+def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi dictionary --json`; what is not known or not finite is None.
+
+    `series` holds what is drawn of the first signatures.
+    """
+    signatures = audit.signatures
+    window = {key: getattr(audit, key) for key in ("rate_hz", "n_samples", "start_s", "stop_s")}
+    atoms = []
+    for atom in audit.atoms:
+        entry = {**fault_to_dict(atom.fault), **{key: getattr(atom, key) for key in (*ATOM_KEYS, *MORE_KEYS)}}
+        if atom.minimal_physical is not None:
+            entry["minimal_physical"] = dict(zip(("value", "unit"), atom.minimal_physical, strict=True))
+        atoms.append(entry)
+    plain: dict[str, Any] = to_plain(
+        {
+            "kind": "dictionary",
+            "schema": AUDIT_SCHEMA,
+            "path": audit.path,
+            "relative_to": audit.relative_to,
+            "log": None if audit.log_path is None else {"path": audit.log_path, "native_rate_hz": audit.native_rate_hz},
+            "window": {**window, "why": audit.why},
+            "model": None if audit.model is None else {key: getattr(audit.model, key) for key in MODEL_KEYS},
+            "fastest_hz": audit.fastest_hz,
+            "rate_needed_hz": audit.rate_needed_hz,
+            "atoms": atoms,
+            "rank": None if signatures is None else signatures.rank,
+            "condition_number": None if signatures is None else signatures.condition_number,
+            "coherence": None
+            if signatures is None
+            else {
+                "atoms": signatures.names,
+                "of": "raw signals" if audit.model is None else "filtered signatures",
+                "matrix": signatures.coherence,
+            },
+            "series": None if signatures is None else _thin(signatures),
+            "notes": audit.all_notes,
+            "provenance": provenance,
+        }
+    )
+    return plain
+
+
+def _thin(signatures: Signatures) -> list[dict[str, Any]]:
+    drawn = []
+    for name, values in zip(signatures.names[:MAX_SIGNATURES], signatures.values.T, strict=False):
+        kept = thinned(values, max_points=MAX_POINTS)
+        drawn.append({"name": name, "time_s": signatures.time_s[kept], "values": values[kept]})
+    return drawn
+
+
+def audit_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi dictionary` holds."""
+    atoms, coherence = document["atoms"], document["coherence"]
+    live = [atom for atom in atoms if atom["live"]]
+    tables, drawings = [_list_atoms(document)], []
+    data = {"atoms.csv": {column: [_cell(atom, column) for atom in atoms] for column in ATOM_COLUMNS}}
+    if coherence is not None:
+        names, matrix = coherence["atoms"], np.array(coherence["matrix"], dtype=np.float64)
+        columns = zip(names, coherence["matrix"], strict=True)  # the matrix is symmetric
+        data["coherence.csv"] = {"name": list(names), **dict(columns)}
+        if len(names) > 1:
+            tables.append(_list_coherence(document, names, matrix))
+        drawings = [_draw_signatures(document), _draw_coherence(document, names, matrix)]
+    if document["model"] is not None:
+        drawings.append(_draw_limits(document, live[:MAX_SIGNATURES]))
+    noted = [atom["note"] for atom in atoms if atom["note"] is not None]
+    more = f"{len(noted) - MOST_NOTES} more faults have a note; all are in --json and --out"
+    return ReportContent(
+        category="Audit of a fault dictionary",
+        title=str(document["path"]),
+        heading="What can be looked for",
+        verdict=f"{len(atoms)} faults, {len(live)} of them can be looked for",
+        facts=_facts(document),
+        tables=tuple(tables),
+        drawings=tuple(drawings),
+        notes=(*noted[:MOST_NOTES], *([more] if noted[MOST_NOTES:] else []), *document["notes"][len(noted) :]),
+        data=data,
+    )
+
+
+def _facts(document: Plain) -> tuple[tuple[str, str], ...]:
+    window, model, log = document["window"], document["model"], document["log"]
+    span = f"{window['start_s']:.4g} to {window['stop_s']:.4g} s"
+    facts = [("Dictionary", f"{document['path']}, times from the start of the {document['relative_to']}")]
+    if model is None:
+        facts.append(("Window", f"{span}, {window['why']}"))
+    else:
+        noise = ", ".join(f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
+        facts.append(("Log", f"{log['path']}, {span}, recorded at {number(log['native_rate_hz'])} Hz"))
+        facts.append(("Rate", f"{number(window['rate_hz'])} Hz: {window['why']}"))
+        facts.append(("Model", f"VARX of order {model['order']} without fault, prediction error SD {noise}"))
+    if document["fastest_hz"] is not None:
+        needed = f"which needs a rate of {document['rate_needed_hz']:g} Hz or more"
+        facts.append(("Fastest", f"{document['fastest_hz']:g} Hz, {needed}"))
+    if document["coherence"] is not None:
+        condition = document["condition_number"]
+        told = "infinite" if condition is None else number(condition, digits=3)
+        facts.append(("Independent", f"{document['rank']} {document['coherence']['of']}, condition number {told}"))
+    return tuple(facts)
+
+
+def _cell(atom: Plain, column: str) -> Any:
+    """Return the value of a column of atoms.csv."""
+    physical = atom["minimal_physical"] or {"value": None, "unit": None}
+    if column in ("minimal_physical", "physical_unit"):
+        return physical["value" if column == "minimal_physical" else "unit"]
+    return atom[column]
+
+
+def _list_atoms(document: Plain) -> Table:
+    atoms, on_log = document["atoms"], document["model"] is not None
+    channels = len({atom["channel"] for atom in atoms}) > 1
+    place = {atom["name"]: j for j, atom in enumerate(atoms, 1)}
+    rows = []
+    for j, atom in enumerate(atoms, 1):
+        until = "" if atom["offset_s"] is None else f" to {atom['offset_s']:.6g}"
+        row = [str(j), shortened(atom["name"], NAME_LETTERS), f"{atom['onset_s']:.6g}{until}"]
+        if channels:
+            row.append(shortened(atom["channel"], CHANNEL_LETTERS))
+        if on_log:
+            row.append("" if not atom["live"] else _limit(atom) or "-")
+        else:
+            keys = (key.name for key in SHAPES[atom["shape"]].keys if key.name in KEY_WORDS and atom.get(key.name))
+            row.append(", ".join([atom["shape"], *(KEY_WORDS[key].format(atom[key]) for key in keys)]))
+        other = atom["most_coherent_with"]
+        alike = "-" if other is None else f"{atom['coherence']:.3f} with {place[other]}"
+        rows.append((*row, alike if atom["live"] else "left out"))
+    heads = ("", "name", "time [s]", *(["channel"] if channels else []), "min. detectable" if on_log else "shape")
+    return Table(name="atoms", title="Faults", heads=(*heads, "most like"), rows=tuple(rows))
+
+
+def _limit(atom: Plain) -> str | None:
+    """Return the minimal detectable magnitude, with what it means where that has another unit; None if not known."""
+    if atom["minimal_physical"] is None:
+        return None
+    size = quantity(atom["minimal_detectable"], atom["unit"])
+    meaning = quantity(atom["minimal_physical"]["value"], atom["minimal_physical"]["unit"])
+    return size if size == meaning else f"{size} ({meaning})"
+
+
+def _list_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -> Table:
+    title = f"oherence of the {document['coherence']['of']}"
+    if len(names) > MATRIX_ATOMS:
+        rows: tuple[tuple[str, ...], ...] = tuple(
+            (f"{value:.3f}", shortened(a, 30), shortened(b, 30)) for a, b, value in pairs(names, matrix)[:MOST_PAIRS]
+        )
+        return Table(name="coherence", title=f"Highest c{title}", heads=("coherence", "of", "and"), rows=rows)
+    numbers = [str(j) for j, atom in enumerate(document["atoms"], 1) if atom["live"]]
+    rows = tuple(
+        (
+            numbers[j],
+            shortened(names[j], MATRIX_LETTERS),
+            *(_two_decimals(matrix[j, i]) if i <= j else "" for i in range(len(names))),
+        )
+        for j in range(len(names))
+    )
+    return Table(name="coherence", title=f"C{title}", heads=("", "", *numbers), rows=rows)
+
+
+def _two_decimals(value: float) -> str:
+    """Return two decimals without the zero before them; only what is 1 to round-off reads 1."""
+    if value != value:
+        return "-"
+    return "1" if value > 1.0 - 1e-9 else f"{min(value, 0.99):.2f}".removeprefix("0")
+
+
+def _draw_signatures(document: Plain) -> Drawing:
+    """Draw the signals of the first atoms below each other, each to its own scale, as one curve with gaps."""
+    series, n = document["series"], len(document["coherence"]["atoms"])
+    x: list[FloatArray] = []
+    y: list[FloatArray] = []
+    for row, one in enumerate(series):
+        values = np.array(one["values"], dtype=np.float64)
+        peak = float(np.max(np.abs(values), initial=0.0)) or 1.0
+        x += [np.array(one["time_s"], dtype=np.float64), np.array([np.nan])]
+        y += [row - 0.45 * values / peak, np.array([np.nan])]
+    on_log = document["model"] is not None
+    what = "Filtered signatures, off the model's regressors," if on_log else "Raw signals"
+    panel = Panel(
+        title=f"first {len(series)} of {n}" if len(series) < n else "",
+        x_label="time [s]",
+        y_label="dictionary entry",
+        curves=(curve("", np.concatenate(x), np.concatenate(y)),),
+        x_limits=(document["window"]["start_s"], document["window"]["stop_s"]),
+        y_limits=(len(series) - 0.4, -0.6),
+        y_ticks=_rows([one["name"] for one in series]),
+        height=_height(len(series)),
+    )
+    caption = f"{what} of the faults that can be looked for, each to its own scale."
+    return Drawing(name="signatures", caption=caption, panels=(panel,))
+
+
+def _rows(names: Sequence[str]) -> tuple[tuple[str, float], ...]:
+    return tuple((name, float(row)) for row, name in enumerate(names))
+
+
+def _height(rows: int) -> float:
+    """Return the height of a panel with so many rows of names."""
+    return 0.25 + 0.11 * max(rows, 4)
+
+
+def _draw_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -> Drawing:
+    n = min(len(names), MAP_ATOMS)
+    title = f"Coherence of the {document['coherence']['of']}"
+    heat_map = HeatMap(
+        title=f"{title}, first {n} of {len(names)}" if n < len(names) else title,
+        rows=tuple(names[:n]),
+        columns=tuple(names[:n]),
+        values=tuple(matrix[:n, :n]),
+        label="coherence [-]",
+    )
+    return Drawing(name="coherence", caption=COHERENCE_CAPTION, heat_maps=(heat_map,))
+
+
+def _draw_limits(document: Plain, atoms: Sequence[Plain]) -> Drawing:
+    noise = document["model"]["noise_sd"]
+    sizes = []
+    for atom in atoms:
+        sd = noise.get(atom["channel"]) or 0.0
+        sizes.append(atom["minimal_peak"] / sd if atom["minimal_peak"] and sd > 0.0 else math.nan)
+    panel = Panel(
+        x_label="largest excursion / prediction error SD [-]",
+        y_label="dictionary entry",
+        curves=(curve("", sizes, np.arange(len(sizes), dtype=np.float64), style="points"),),
+        log_x=True,
+        y_limits=(len(atoms) - 0.4, -0.6),
+        y_ticks=_rows([atom["name"] for atom in atoms]),
+        side_notes=tuple((_limit(atom) or "nothing is seen", float(row)) for row, atom in enumerate(atoms)),
+        height=_height(len(atoms)),
+    )
+    return Drawing(name="limits", caption=LIMITS_CAPTION, panels=(panel,))

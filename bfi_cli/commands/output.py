@@ -1,0 +1,154 @@
+"""What a command gives: files where a folder is given; on stdout a table, or JSON with --json; notes on stderr."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import ConfigError
+from ..printable import printable
+from .progress import stages
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ..flightlog import FlightLog
+    from ..provenance import Provenance
+    from ..report.content import ReportContent
+
+__all__ = ["emit", "note", "show", "show_lines", "write", "write_and_show"]
+
+# Columns of a pipe or a file, where COLUMNS does not say otherwise: what the widest of the tables needs.
+PIPE_COLUMNS = 120
+
+
+def emit(
+    content: ReportContent,
+    document: Mapping[str, Any],
+    options: Mapping[str, Any],
+    *,
+    origin: Provenance,
+    inputs: Sequence[str],
+) -> None:
+    """Write the files of an answer to the folder of --out, if given, and print the answer.
+
+    Parameters
+    ----------
+    content, document : the same answer, as a report shows it and as JSON.
+    options : of the command: `out`, `force`, `as_json`, and where it has them `series` and `progress`.
+    origin : its provenance.
+    inputs : the files that the command reads.
+    """
+    write(content, document, options, origin=origin, inputs=inputs)
+    show(document, content, as_json=options["as_json"], series=options.get("series", False))
+
+
+def write(
+    content: ReportContent,
+    document: Mapping[str, Any],
+    options: Mapping[str, Any],
+    *,
+    origin: Provenance,
+    inputs: Sequence[str],
+    stored: str = "result.json",
+) -> None:
+    """Write the files of an answer to the folder of --out, if given, the document under the name `stored`."""
+    if options["out"] is None:
+        return
+    from ..files import replace_files
+    from ..report.files import content_files
+
+    with stages(wanted=options.get("progress")) as progress:
+        files = content_files(content, document, origin, partial(progress, "figures"), stored=stored)
+    replace_files(files, options["out"], inputs=inputs, force=options["force"])
+    note(f"wrote {options['out'] / 'report.html'}")
+
+
+def note(sentence: str) -> None:
+    """Print a note for the person at the terminal to stderr; silent where stderr is none."""
+    if sys.stderr.isatty():
+        click.echo(printable(sentence), err=True)
+
+
+def show(document: Mapping[str, Any], content: ReportContent, *, as_json: bool, series: bool = False) -> None:
+    """Print an answer to stdout: the content as wide as the terminal, without colours in a pipe, or the document.
+
+    Parameters
+    ----------
+    series : print what has an entry per sample or onset, too; in JSON only.
+    """
+    if as_json:
+        _print_json(document, series=series)
+        return
+    from ..report.terminal import print_content
+
+    _print_rich(lambda console: print_content(console, content))
+
+
+def show_lines(document: Mapping[str, Any], lines: Sequence[str], *, as_json: bool) -> None:
+    """Print an answer whose table is a few lines."""
+    if as_json:
+        _print_json(document)
+        return
+    from rich.text import Text
+
+    # A pipe gets each line whole, for grep; a terminal gets it broken between words.
+    text = Text("\n".join(map(printable, lines)))
+    _print_rich(lambda console: console.print(text, soft_wrap=not console.is_terminal))
+
+
+def _print_json(document: Mapping[str, Any], *, series: bool = False) -> None:
+    from ..serialization import to_json, without_series
+
+    ascii_only = not (sys.stdout.encoding or "utf-8").lower().startswith("utf")
+    _print(to_json(document if series else without_series(document), ascii_only=ascii_only) + "\n")
+
+
+def _print_rich(draw: Callable[[Console], None]) -> None:
+    """Print what `draw` prints to a console as wide as the terminal."""
+    from rich.console import Console
+
+    on_terminal = sys.stdout.isatty()
+    columns = shutil.get_terminal_size((80 if on_terminal else PIPE_COLUMNS, 24)).columns
+    console = Console(width=columns, force_terminal=on_terminal, highlight=False, markup=False, emoji=False)
+    with console.capture() as captured:
+        draw(console)
+    text = captured.get()
+    _print(text if on_terminal else "".join(f"{line.rstrip()}\n" for line in text.splitlines()))
+
+
+def _print(text: str) -> None:
+    """Write to stdout all that is left to write, so that a full disk is met here."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ConfigError(f"stdout: cannot be written, {reason}; free some space, or write elsewhere") from error
+
+
+def write_and_show(log: FlightLog, out: Path, *, kind: str, as_json: bool, log_sha256: str = "", seed: int = 0) -> None:
+    """Write a log to `out`, and print what it holds: the JSON document of `kind`, or lines.
+
+    Parameters
+    ----------
+    log_sha256 : of the log it was made from, "" where there was none.
+    seed : of the random steps.
+    """
+    from ..flightlog import write_log
+    from ..flightlog.report import log_document, log_lines
+    from ..provenance import provenance
+
+    write_log(log, out)
+    log = replace(log, path=str(out))
+    document = log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)
+    show_lines(document, log_lines(log), as_json=as_json)

@@ -1,0 +1,149 @@
+"""The JSON documents of the commands about logs, and what their reports hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit
+from ..provenance import Provenance
+from ..report.content import ReportContent, Table
+from ..serialization import to_plain
+from .quality import LogReport
+from .record import FlightLog
+
+__all__ = ["describe_injected", "info_content", "info_document", "log_content", "log_document", "log_lines"]
+
+Plain = Mapping[str, Any]
+
+SCHEMA = 1
+
+
+def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi info --json`."""
+    span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
+    same = ("rate_hz", "uniform", "jitter", "channels", "excitation", "windows", "segments", "notes")
+    document: dict[str, Any] = to_plain(
+        {
+            "kind": "info",
+            "schema": SCHEMA,
+            "log": {key: getattr(report, key) for key in span},
+            "gaps": [{"start_s": start, "stop_s": stop} for start, stop in report.gaps],
+            **{key: getattr(report, key) for key in same},
+            "provenance": provenance,
+        }
+    )
+    return document
+
+
+def info_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi info` holds."""
+    log = document["log"]
+    step = "uniform" if document["uniform"] else f"not uniform, off by up to {100 * document['jitter']:.3g} %"
+    size = f"{log['n_samples']} samples at {log['rate_hz']:.4g} Hz, {log['start_s']:g} s to {log['stop_s']:g} s"
+    gaps = [(gap["start_s"], gap["stop_s"]) for gap in document["gaps"]]
+    return ReportContent(
+        category="Flight log",
+        title=str(log["path"]),
+        heading="What the log holds",
+        verdict=f"{log['path']}: {size}, time step {step}",
+        facts=tuple(("Gap", f"from {start:g} s to {stop:g} s ({stop - start:.3g} s)") for start, stop in gaps),
+        tables=tuple(_tables(document)),
+        notes=tuple(document["notes"]),
+    )
+
+
+def _tables(document: Plain) -> Iterator[Table]:
+    channels = [
+        {
+            "name": one["name"],
+            "in the file": None if one["source"] == one["name"] else one["source"],
+            "unit": one["unit"],
+            "min": one["min"],
+            "max": one["max"],
+            "quantum": one["quantum"],
+            "NaN": one["n_nan"] or None,
+            "held": one["hold_period_s"] and f"{100 * one['held_fraction']:.0f} %, {1 / one['hold_period_s']:.3g} Hz",
+        }
+        for one in document["channels"]
+    ]
+    inputs = {"name": "channel", "unit": "unit", "range": "range", "moves": "moves", "bandwidth [Hz]": "bandwidth_hz"}
+    windows = {"--from": "start_s", "--to": "stop_s", "input": "channel", "moves": "moves"}
+    segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
+    yield from _table("channels", "Channels", channels)
+    for name, title, keys in (
+        ("excitation", "Inputs, in flight", inputs),
+        ("windows", "Windows to analyse", windows),
+        ("segments", "Segments named in the file", segments),
+    ):
+        yield from _table(name, title, [{head: one[key] for head, key in keys.items()} for one in document[name]])
+
+
+def _table(name: str, title: str, rows: Sequence[Plain]) -> Iterator[Table]:
+    """Yield a table of rows by column title, columns that are empty throughout left out; nothing without rows."""
+    heads = [head for head in (rows[0] if rows else ()) if any(row[head] not in (None, "") for row in rows)]
+    if heads:
+        cells = (tuple(_cell(row[head]) for head in heads) for row in rows)
+        yield Table(name=name, title=title, heads=tuple(heads), rows=tuple(cells))
+
+
+def _cell(value: str | float | None) -> str:
+    return value or "" if value is None or isinstance(value, str) else f"{value:.5g}"
+
+
+def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[str, Any]:
+    """Return the JSON document of a command that makes a log; `truth` is None where the log carries none."""
+    document: dict[str, Any] = to_plain(
+        {
+            "kind": kind,
+            "schema": SCHEMA,
+            "path": log.path,
+            "n_samples": log.n_samples,
+            "rate_hz": log.rate_hz,
+            "channels": [{"name": channel.name, "unit": channel.unit} for channel in log.channels.values()],
+            "truth": None if log.truth is None else {"faults": [fault_to_dict(fault) for fault in log.truth.faults]},
+            "notes": log.notes,
+            "provenance": provenance,
+        }
+    )
+    return document
+
+
+def log_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi convert`, `bfi simulate` or `bfi inject` holds."""
+    units = {one["name"]: one["unit"] for one in document["channels"]}
+    faults = [fault_from_dict(fault) for fault in (document["truth"] or {"faults": ()})["faults"]]
+    rows = tuple((name, unit or "not stated") for name, unit in units.items())
+    return ReportContent(
+        category="Flight log",
+        title=str(document["path"]),
+        heading="A log was written",
+        verdict=f"{document['path']}: {document['n_samples']} samples at {document['rate_hz']:.6g} Hz",
+        facts=tuple(("Injected", describe_injected(fault, units.get(fault.channel, ""))) for fault in faults),
+        tables=(Table(name="channels", title="Channels", heads=("name", "unit"), rows=rows),),
+        notes=tuple(document["notes"]),
+    )
+
+
+def log_lines(log: FlightLog) -> list[str]:
+    """Return what the log holds: a summary, then one line per fault and note."""
+    names = ", ".join(f"{channel.name} [{channel.unit or '?'}]" for channel in log.channels.values())
+    faults = log.truth.faults if log.truth else ()
+    return [
+        f"{log.path}: {log.n_samples} samples at {log.rate_hz:.6g} Hz: {names}",
+        *(f"fault: {describe_injected(fault, log.channel(fault.channel).unit)}" for fault in faults),
+        *(f"note: {note}" for note in log.notes),
+    ]
+
+
+def describe_injected(fault: Fault, unit: str) -> str:
+    """Return an injected fault in words: "bias on tas, magnitude 4 m/s, from 13.8 s".
+
+    Parameters
+    ----------
+    unit : of its channel.
+    """
+    until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
+    label = fault.shape if fault.name is None else f"{fault.name} ({fault.shape})"
+    size = f"{fault.magnitude:g} {magnitude_unit(fault, unit)}".rstrip()
+    return f"{label} on {fault.channel}, magnitude {size}, from {fault.onset_s:g} s{until}"

@@ -1,0 +1,461 @@
+"""What the report of an identification holds, made from its result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..faults import FaultEstimate
+from ..printable import shortened
+from ..report.content import Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
+from ..report.text import HEADINGS, axis_label, instant, interval, number, quantity
+from ..shapes import SHAPES
+from .document import identify_from_document
+from .methods import METHODS
+from .result import Candidate, IdentifyResult, OutputSeries, ResidualSummary
+
+__all__ = ["DRAWINGS", "TABLES", "content_of_document", "describe", "identify_content", "shown_candidates", "verdict"]
+
+FloatArray = NDArray[np.float64]
+
+DRAWINGS = ("outputs", "fault", "magnitudes", "residuals", "orders")
+TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")
+# Limits that a verdict names, and entries of the dictionary that the figure of the magnitudes has room for.
+NAMED_LIMITS, MAX_CANDIDATES = 3, 30
+# Below this p-value of the Ljung-Box test the residual is called not white: the usual level of 1 %.
+WHITE_ABOVE = 0.01
+# The criterion is drawn linearly up to this difference, which is decisive evidence by any of the criteria.
+LINEAR_CRITERION = 10.0
+NAME_LETTERS = 40
+FAULT_HEADS = ("fault", "channel", "from", "magnitude", "95 % interval", "until", "physical value", "shape", "sd")
+CANDIDATE_HEADS = ("dictionary", "magnitude", "sd", "min. detectable", "state", "note", "channel")
+RESIDUAL_HEADS = ("output", "noise sd", "VAF", "whiteness", "5 σ without faults", "samples beyond 5 σ")
+CANDIDATE_COLUMNS = ("name", "channel", "active", "magnitude", "unit", "sd", "minimal_detectable", "note")
+SERIES = ("measured", "corrected", "predicted", "fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
+MAGNITUDE_CAPTION = (
+    "Magnitude of every dictionary entry with its 95 % interval, in units of its own minimal detectable magnitude: "
+    "what would be found with 90 % power at a false-alarm rate of 1 % shared by all entries. Filled circles were "
+    "declared; open circles are what the entry would be if it were added. Inside the grey strip nothing could have "
+    "been found reliably. The scale is linear up to 1 and logarithmic beyond. To the right: the magnitude ± half its "
+    "95 % interval, and the minimal detectable magnitude."
+)
+RESIDUAL_CAPTION = (
+    "One-step residual of the fault-free model (dashed: ±5 robust standard deviations, with the samples beyond them) "
+    "and of the final model, and the autocorrelation of the latter with the 95 % band of white noise. The plain "
+    "5-sigma test finds abrupt steps but names no shape and misses slow drifts. Where the residual of the fault-free "
+    "model is far outside, its axis is logarithmic beyond ±5 σ."
+)
+
+
+def identify_content(result: IdentifyResult) -> ReportContent:
+    """Return what the report of an identification holds."""
+    return ReportContent(
+        category="Fault identification",
+        title=result.log.path,
+        heading=HEADINGS[result.decision],
+        verdict=verdict(result),
+        tone=result.decision,
+        facts=_facts(result),
+        tables=tuple(_tables(result)),
+        drawings=(
+            _draw_outputs(result),
+            _draw_fault(result),
+            *([_draw_magnitudes(result)] if result.candidates else []),
+            _draw_residuals(result),
+            *_draw_orders(result),
+        ),
+        notes=result.notes,
+        data=_data(result),
+    )
+
+
+def content_of_document(document: object, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi identify` holds; see `identify_from_document`."""
+    result, _ = identify_from_document(document, where=where)
+    return identify_content(result)
+
+
+def verdict(result: IdentifyResult) -> str:
+    """Return the answer in one sentence, with what it could not have seen."""
+    if result.decision == "not_identifiable":
+        reason = result.notes[0] if result.notes else "no reason was recorded"
+        return f"This log cannot tell: {reason.rstrip('.')}."
+    if result.faults:
+        said = "; ".join(map(describe, result.faults))
+        return f"Fault: {said}." if len(result.faults) == 1 else f"{len(result.faults)} faults: {said}."
+    limits = [
+        f"{shortened(candidate.name, 40)} larger than {quantity(candidate.minimal_detectable, candidate.unit)}"
+        for candidate in result.candidates
+        if candidate.minimal_detectable is not None and math.isfinite(candidate.minimal_detectable)
+    ]
+    seen = "how large a fault would have been found is not known"
+    if len(limits) == 1:
+        seen = f"a {limits[0]} would have been found (90 % power)"
+    elif limits:
+        *named, last = limits[:NAMED_LIMITS]
+        more = f"; {len(limits) - NAMED_LIMITS} more in the table" if len(limits) > NAMED_LIMITS else ""
+        seen = f"{', '.join(named)} or {last} would have been found (90 % power each, if alone{more})"
+    return f"No fault of the dictionary is present; {seen}."
+
+
+def describe(estimate: FaultEstimate) -> str:
+    """Return one fault in words: "a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s"."""
+    fault, shape = estimate.fault, SHAPES[estimate.fault.shape].label
+    if fault.frequency_hz is not None:
+        shape = f"{fault.frequency_hz:.4g} Hz {shape}"
+    scale = estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0
+    low, high = sorted(scale * bound for bound in estimate.ci95)
+    unit = f" {estimate.physical_unit}".rstrip()
+    value = number(estimate.physical_value, spread=0.5 * (high - low))
+    within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
+    until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)} s"
+    return (
+        f"a {shape} of {value}{unit}{within} on {shortened(fault.channel, 40)} from {instant(fault.onset_s)} s{until}"
+    )
+
+
+def shown_candidates(result: IdentifyResult) -> tuple[Candidate, ...]:
+    """Return the dictionary entries the figure has room for, in the order of the dictionary.
+
+    Those of a larger dictionary are the declared ones and those with the largest magnitude for their limit.
+    """
+    ranked = sorted(result.candidates, key=lambda one: (not one.active, -abs(_ratio(one) or 0.0)))
+    kept = {id(candidate) for candidate in ranked[:MAX_CANDIDATES]}
+    return tuple(candidate for candidate in result.candidates if id(candidate) in kept)
+
+
+def _ratio(candidate: Candidate) -> float | None:
+    """Return the magnitude in units of the minimal detectable one, None where one of them is not known."""
+    limit = candidate.minimal_detectable
+    if candidate.magnitude is None or limit is None or not limit > 0.0:
+        return None
+    ratio = candidate.magnitude / limit
+    return ratio if math.isfinite(ratio) else None
+
+
+def _facts(result: IdentifyResult) -> tuple[tuple[str, str], ...]:
+    log, model, solver = result.log, result.model, result.solver
+    span = f"{number(log.start_s)} to {number(log.stop_s)} s ({number(log.stop_s - log.start_s)} s"
+    return (
+        ("Window", f"{span}, {log.n_samples} samples)"),
+        ("Rate", f"{number(log.rate_hz)} Hz (recorded at {number(log.native_rate_hz)} Hz)"),
+        ("Inputs", ", ".join(model.inputs) or "none"),
+        ("Outputs", ", ".join(model.outputs)),
+        ("Dictionary", f"{len(result.candidates)} candidates, {len(result.faults)} declared"),
+        ("Model", f"VARX of order {model.order} at {number(model.rate_hz)} Hz"),
+        ("Inputs act", "in the same sample too" if model.feedthrough else "from the next sample on"),
+        ("Orders tried", ", ".join(map(str, model.orders)) or "none, the order was given"),
+        ("Method", METHODS[solver.method].summary if solver.method in METHODS else solver.method),
+        ("Termination", f"{solver.termination} ({solver.iterations} iterations)"),
+        ("Condition number", number(solver.condition_number, digits=3)),
+    )
+
+
+def _tables(result: IdentifyResult) -> Iterator[Table]:
+    faults, units = [], {series.channel: series.unit for series in result.outputs}
+    for estimate in result.faults:
+        fault = estimate.fault
+        magnitude = number(estimate.magnitude, spread=1.96 * estimate.sd, extra=1)
+        faults.append(
+            (
+                shortened(estimate.name, NAME_LETTERS),
+                fault.channel,
+                f"{instant(fault.onset_s)} s",
+                f"{magnitude} {estimate.unit}".rstrip(),
+                interval(estimate.ci95, extra=1),
+                "-" if fault.offset_s is None else f"{instant(fault.offset_s)} s",
+                f"{number(estimate.physical_value)} {estimate.physical_unit}".rstrip(),
+                fault.shape if fault.frequency_hz is None else f"{fault.shape}, {fault.frequency_hz:.4g} Hz",
+                number(estimate.sd, digits=2),
+            )
+        )
+    if faults:
+        yield Table(name="faults", title="Faults", heads=FAULT_HEADS, rows=tuple(faults))
+    candidates = []
+    for one in sorted(result.candidates, key=lambda one: not one.active):
+        magnitude = number(one.magnitude, spread=None if one.sd is None else 1.96 * one.sd, extra=1)
+        candidates.append(
+            (
+                shortened(one.name, NAME_LETTERS),
+                magnitude if magnitude == "-" else f"{magnitude} {one.unit}".rstrip(),
+                number(one.sd, digits=2),
+                quantity(one.minimal_detectable, one.unit),
+                "declared" if one.active else "",
+                one.note or "",
+                one.channel,
+            )
+        )
+    if candidates:
+        title = "Dictionary, declared entries first"
+        yield Table(name="candidates", title=title, heads=CANDIDATE_HEADS, rows=tuple(candidates))
+    residuals = []
+    for summary in result.residuals:
+        unit, alarms_s, p = units.get(summary.channel, ""), summary.plain_alarms_s, summary.ljung_box_p
+        white = "" if p >= WHITE_ABOVE else ", not white: structure is left"
+        residuals.append(
+            (
+                summary.channel,
+                quantity(result.model.noise_sd.get(summary.channel), unit),
+                f"{number(result.vaf_output.get(summary.channel))} %",
+                f"p = {number(p, digits=2)}{white}" if p == p else "-",
+                quantity(5.0 * summary.plain_sd, unit),
+                f"{len(alarms_s)}, first at {number(min(alarms_s), digits=6)} s" if alarms_s else "none",
+            )
+        )
+    if residuals:
+        title = "Residuals of the final model, and the plain 5-sigma test on those of the fault-free model"
+        yield Table(name="residuals", title=title, heads=RESIDUAL_HEADS, rows=tuple(residuals))
+    if result.truth is not None:
+        truth, error = result.truth, result.truth.magnitude_error
+        vaf = ((f"VAF of the fault on {name}", value) for name, value in truth.vaf_fault.items())
+        rows = (
+            ("Isolation", "exactly the injected faults" if truth.isolated else "not the injected faults"),
+            ("False alarms", ", ".join(truth.false_alarms) or "none"),
+            ("Missed", ", ".join(truth.missed) or "none"),
+            ("Relative magnitude error", "-" if error is None else f"{number(100.0 * error, digits=2)} %"),
+            *((name, "-" if value is None else f"{number(value, digits=5)} %") for name, value in vaf),
+        )
+        yield Table(name="truth", title="Against the injected truth", heads=("measure", "value"), rows=rows)
+
+
+def _line(label: str, result: IdentifyResult, values: FloatArray, style: Style = "line", sd: Any = None) -> Curve:
+    """Return a signal over time, thinned to what the paper shows; with the 95 % band of its standard deviation."""
+    kept = thinned(values)
+    y = values[kept]
+    low, high = (None, None) if sd is None else (y - 1.96 * sd[kept], y + 1.96 * sd[kept])
+    return curve(label, result.time_s[kept], y, style=style, low=low, high=high)
+
+
+def _over_time(result: IdentifyResult, panels: Sequence[dict[str, Any]]) -> tuple[Panel, ...]:
+    """Return panels over the analysed window, the time named under the lowest."""
+    limits = (float(result.time_s[0]), float(result.time_s[-1]))
+    names = [""] * (len(panels) - 1) + ["time [s]"]
+    return tuple(Panel(x_label=name, x_limits=limits, **one) for name, one in zip(names, panels, strict=True))
+
+
+def _onsets(result: IdentifyResult, channel: str) -> tuple[Span, ...]:
+    """Return where the faults of a channel start and end inside the window."""
+    moments = (
+        t for one in result.faults if one.fault.channel == channel for t in (one.fault.onset_s, one.fault.offset_s)
+    )
+    inside = [t for t in moments if t is not None and result.log.start_s < t < result.log.stop_s]
+    return tuple(Span(label="start or end of a fault", low=t, high=t) for t in inside)
+
+
+def _draw_outputs(result: IdentifyResult) -> Drawing:
+    panels: list[dict[str, Any]] = []
+    for series in result.outputs:
+        curves = [
+            _line("measured", result, series.measured, "wide"),
+            _line("predicted one step ahead", result, series.predicted),
+        ]
+        if np.any(series.fault):
+            curves.append(_line("corrected for the fault", result, series.corrected, "dashed"))
+        panels.append(
+            {
+                "y_label": axis_label(series.channel, series.unit),
+                "curves": tuple(curves),
+                "spans": _onsets(result, series.channel),
+                "height": 0.85,
+            }
+        )
+    for unit in dict.fromkeys(result.input_units.get(name, "") for name in result.inputs):
+        names = [name for name in result.inputs if result.input_units.get(name, "") == unit]
+        curves = [_line(name if len(names) > 1 else "", result, result.inputs[name]) for name in names]
+        label = axis_label(shortened(names[0], 18) if len(names) == 1 else "inputs", unit)
+        panels.append({"y_label": label, "curves": tuple(curves), "height": 0.5})
+    outputs, inputs = ", ".join(result.model.outputs), ", ".join(result.model.inputs)
+    caption = (
+        f"Measured {outputs} with the one-step prediction of the final model and the measurement corrected for the "
+        f"declared faults; below, {inputs}. {result.log.n_samples} samples at {number(result.model.rate_hz)} Hz, "
+        f"{number(result.log.start_s)} to {number(result.log.stop_s)} s on the log's time axis."
+    )
+    return Drawing(name="outputs", caption=caption, panels=_over_time(result, panels))
+
+
+def _draw_fault(result: IdentifyResult) -> Drawing:
+    panels: list[dict[str, Any]] = []
+    for series in result.outputs:
+        declared, injected = (
+            bool(np.any(series.fault)),
+            series.true_fault is not None and bool(np.any(series.true_fault)),
+        )
+        curves = [_line("reconstructed, with 95 % band", result, series.fault, "dashed", series.fault_sd)]
+        if series.true_fault is not None:
+            curves.insert(0, _line("injected", result, series.true_fault, "wide"))
+        # A fifth of the output's spread keeps the zero in the middle of an empty panel.
+        room = 0.2 * max(float(np.nanstd(series.measured)), 1e-6)
+        panels.append(
+            {
+                "title": "" if declared else "no fault declared on this channel",
+                "y_label": axis_label(f"fault on {series.channel}", series.unit),
+                "curves": tuple(curves),
+                "spans": _onsets(result, series.channel),
+                "y_limits": None if declared or injected else (-room, room),
+                "height": 0.9,
+            }
+        )
+    caption = "Reconstructed fault on each output with its pointwise 95 % band (1.96 standard deviations)."
+    if result.truth is not None:
+        caption += " The injected fault is known and drawn beneath."
+    return Drawing(name="fault", caption=caption, panels=_over_time(result, panels))
+
+
+def _draw_magnitudes(result: IdentifyResult) -> Drawing:
+    shown = shown_candidates(result)
+    ratios = [_ratio(one) for one in shown]
+    reach = 2.0 * max([2.0, *(abs(ratio) for ratio in ratios if ratio is not None)])
+    curves: list[Curve] = []
+    styles: tuple[tuple[str, Style, bool], ...] = (
+        ("declared", "intervals", True),
+        ("not declared", "faint_intervals", False),
+    )
+    for label, style, active in styles:
+        drawn = [(j, ratio) for j, ratio in enumerate(ratios) if ratio is not None and shown[j].active is active]
+        x = np.array([ratio for _, ratio in drawn])
+        half = np.array([1.96 * (shown[j].sd or 0.0) / (shown[j].minimal_detectable or 1.0) for j, _ in drawn])
+        if drawn:
+            curves.append(curve(label, x, [float(j) for j, _ in drawn], style=style, low=x - half, high=x + half))
+    notes: list[tuple[str, float]] = []
+    for j, one in enumerate(shown):
+        spread = math.nan if one.sd is None else 1.96 * one.sd
+        size = f"{number(one.magnitude, spread=spread, extra=1)} ± {number(spread, spread=spread, extra=1)} {one.unit}"
+        limit = quantity(one.minimal_detectable, one.unit)
+        notes.append(("not estimated" if one.magnitude is None else f"{size.rstrip()}, limit {limit}", float(j)))
+    more = f"{len(shown)} of {len(result.candidates)} entries: declared, and largest for their limit"
+    panel = Panel(
+        title=more if len(shown) < len(result.candidates) else "",
+        x_label="magnitude / minimal detectable magnitude [-]",
+        y_label="dictionary entry",
+        curves=tuple(curves),
+        spans=(Span(label="cannot be found reliably", low=-1.0, high=1.0),),
+        x_limits=(-reach, reach),
+        linear_x=1.0,
+        y_limits=(len(shown) - 0.5, -0.5),
+        y_ticks=tuple((one.name, float(j)) for j, one in enumerate(shown)),
+        side_notes=tuple(notes),
+        height=0.25 + 0.1 * max(len(shown), 4),
+    )
+    return Drawing(name="magnitudes", caption=MAGNITUDE_CAPTION, panels=(panel,))
+
+
+def _draw_residuals(result: IdentifyResult) -> Drawing:
+    summaries = {summary.channel: summary for summary in result.residuals}
+    limits = (float(result.time_s[0]), float(result.time_s[-1]))
+    panels = []
+    for series in result.outputs:
+        summary = summaries.get(series.channel)
+        look: dict[str, Any] = {"y_label": axis_label("residual", series.unit), "x_limits": limits, "height": 0.55}
+        name = shortened(series.channel, 28)
+        panels.append(Panel(x_label="", **look, **_plain_test(result, series, summary, name)))
+        final = (_line("", result, series.prediction_error),)
+        panels.append(Panel(title=f"{name}: final model", x_label="time [s]", curves=final, **look))
+        if summary is not None:
+            y = np.array(summary.autocorrelation)
+            reach = 1.15 * max([0.3, *np.abs(y)])
+            lags = curve(
+                "",
+                np.array(summary.lags, dtype=np.float64),
+                y,
+                style="points",
+                low=np.minimum(y, 0.0),
+                high=np.maximum(y, 0.0),
+            )
+            panels.append(
+                Panel(
+                    title=f"{name}: final model, whiteness p = {number(summary.ljung_box_p, digits=2)}",
+                    x_label="lag [samples]",
+                    y_label="autocorrelation [-]",
+                    curves=(lags,),
+                    levels=(("95 % band of white noise", summary.band), ("", -summary.band)),
+                    y_limits=(-reach, reach),
+                    height=0.55,
+                )
+            )
+    return Drawing(name="residuals", caption=RESIDUAL_CAPTION, panels=tuple(panels))
+
+
+def _plain_test(
+    result: IdentifyResult, series: OutputSeries, summary: ResidualSummary | None, name: str
+) -> dict[str, Any]:
+    """Return what the panel of the fault-free model's residual shows: its alarms and the limits of the 5-sigma test."""
+    residual = _line("", result, series.plain_residual)
+    if summary is None:
+        return {"title": f"{name}: fault-free model", "curves": (residual,)}
+    limit, alarms_s = 5.0 * summary.plain_sd, np.array(summary.plain_alarms_s)
+    at = series.plain_residual[np.searchsorted(result.time_s, alarms_s).clip(0, result.time_s.size - 1)]
+    peak = float(np.nanmax(np.abs(np.append(series.plain_residual, limit)))) or 1.0
+    far = 0.0 < 3.0 * limit < peak
+    return {
+        "title": f"{name}: fault-free model, {alarms_s.size} samples beyond ±5 σ",
+        "curves": (residual, *([curve("beyond ±5 σ", alarms_s, at, style="points")] if alarms_s.size else [])),
+        "levels": (("±5 σ", limit), ("", -limit)),
+        "y_limits": (-4.0 * peak, 4.0 * peak) if far else (-1.4 * peak, 1.4 * peak),
+        "linear_y": limit if far else None,
+    }
+
+
+def _draw_orders(result: IdentifyResult) -> tuple[Drawing, ...]:
+    """Draw how far the criterion of each order lies above the least of all; nothing where the order was given."""
+    model = result.model
+    curves = np.array([model.criterion_no_fault, model.criterion_best], dtype=np.float64)
+    if not np.isfinite(curves).any():
+        return ()
+    above = curves - np.nanmin(np.where(np.isfinite(curves), curves, np.nan))
+    orders = np.array(model.orders, dtype=np.float64)
+    drawn = [curve("best set of faults", orders, above[1]), curve("no fault", orders, above[0], style="dashed")]
+    if model.order in model.orders:
+        least = float(np.nanmin(above[:, model.orders.index(model.order)]))
+        drawn.append(curve("chosen", [float(model.order)], [least], style="points"))
+    panel = Panel(
+        x_label="model order [samples of lag]",
+        y_label="criterion above its least [-]",
+        curves=tuple(drawn),
+        x_ticks=tuple((str(order), float(order)) for order in model.orders),
+        linear_y=LINEAR_CRITERION,
+        y_limits=(-1.5, max(2.0 * float(np.nanmax(above)), LINEAR_CRITERION)),
+    )
+    caption = (
+        "Model-selection criterion over the model order, above its least value, without a fault and with the best set "
+        f"of faults; order {model.order} was used. The gap between the curves is the evidence for the faults. "
+        f"Condition number of the regressors: {number(result.solver.condition_number, digits=3)}."
+    )
+    return (Drawing(name="orders", caption=caption, panels=(panel,)),)
+
+
+def _data(result: IdentifyResult) -> dict[str, dict[str, Any]]:
+    faults, model = result.faults, result.model
+    series: dict[str, Any] = {"time [s]": result.time_s}
+    for name, values in result.inputs.items():
+        series[_column(name, result.input_units.get(name, ""))] = values
+    for one in result.outputs:
+        for kind in SERIES:
+            values = getattr(one, kind)
+            if values is not None:
+                series[_column(f"{one.channel}_{kind}", one.unit)] = values
+    return {
+        "faults.csv": {
+            "name": [one.name for one in faults],
+            **{key: [getattr(one.fault, key) for one in faults] for key in ("shape", "channel")},
+            **{key: [getattr(one, key) for one in faults] for key in ("magnitude", "unit", "sd")},
+            "ci95_low": [one.ci95[0] for one in faults],
+            "ci95_high": [one.ci95[1] for one in faults],
+            **{key: [getattr(one, key) for one in faults] for key in ("physical_value", "physical_unit")},
+            **{key: [getattr(one.fault, key) for one in faults] for key in ("onset_s", "offset_s", "frequency_hz")},
+        },
+        "candidates.csv": {key: [getattr(one, key) for one in result.candidates] for key in CANDIDATE_COLUMNS},
+        "orders.csv": {
+            "order": model.orders,
+            "criterion_no_fault": model.criterion_no_fault,
+            "criterion_best": model.criterion_best,
+        },
+        "series.csv": series,
+    }
+
+
+def _column(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name

@@ -1,0 +1,139 @@
+"""The document of a sweep, `summary.json`, and what its report holds: rates, and the figures 5-4 and 5-3 of T."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..provenance import Provenance
+from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
+from ..report.text import number
+from ..serialization import to_plain
+from .summary import Summary
+
+__all__ = ["DRAWINGS", "TABLES", "montecarlo_content", "summary_document"]
+
+Plain = Mapping[str, Any]
+
+MONTECARLO_SCHEMA = 1
+DRAWINGS, TABLES = ("isolation", "magnitude_error"), ("scenarios", "trials", "timings")
+HEADS = ("scenario", "isolated, %", "trials", "false alarms, %", "missed, %", "coverage, %", "median error")
+# Curves that can be told apart by colour and marker; the others are in the table.
+MOST_CURVES = 6
+# Part of the way from one number of faults to the next over which the curves stand side by side.
+SPREAD = 0.6
+# What is drawn of an error of 0 on a logarithmic axis: round-off.
+FLOOR = 1e-16
+QUANTILES = ("p05", "p25", "p50", "p75", "p95", "max")
+ISOLATION_CAPTION = (
+    "Share of the trials whose declared faults are exactly those added, against the number of faults in the record, "
+    "with 95 % Wilson intervals. Curves are drawn side by side around the whole number."
+)
+ERROR_CAPTION = (
+    "Relative error of the magnitudes (2-norm of estimate less truth over that of the truth) of the trials with "
+    "faults: median, quartiles, 5 and 95 % quantiles, and the largest."
+)
+
+
+def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -> dict[str, Any]:
+    """Return the document of `bfi montecarlo --json`, which is `summary.json`.
+
+    Parameters
+    ----------
+    digest : of the sweep and its records, by which --resume knows its own.
+    """
+    return {
+        "kind": "montecarlo",
+        "schema": MONTECARLO_SCHEMA,
+        "digest": digest,
+        "scenarios": [_flat(to_plain(scenario)) for scenario in summary.scenarios],
+        "notes": list(summary.notes),
+        "provenance": to_plain(provenance),
+    }
+
+
+def _flat(scenario: dict[str, Any]) -> dict[str, Any]:
+    rates = ("isolation", "false_alarm", "missed_detection")
+    named = {f"{key}_rate" if key in rates else key: value for key, value in scenario.items()}
+    return {**named, "magnitude_error": named["magnitude_error"] or None}
+
+
+def montecarlo_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi montecarlo` holds."""
+    scenarios = document["scenarios"]
+    curves: dict[str, list[Plain]] = {}
+    for scenario in scenarios:
+        words = [word for word in scenario["name"].split(" ") if not word.startswith("active=")]
+        curves.setdefault(" ".join(words) or "all trials", []).append(scenario)
+    active = sorted({int(scenario["axes"]["active"]) for scenario in scenarios})
+    trials = sum(scenario["trials"] for scenario in scenarios)
+    left = f"first {MOST_CURVES} of {len(curves)} curves" if len(curves) > MOST_CURVES else ""
+    axis: dict[str, Any] = {
+        "title": left,
+        "x_label": "number of active faults [-]",
+        "x_ticks": tuple((str(n), float(n)) for n in active),
+        "x_limits": (active[0] - 0.5, active[-1] + 0.5),
+        "height": 1.2,
+    }
+    rates = Panel(
+        **axis, y_label="isolated exactly [%]", y_limits=(-3.0, 103.0), curves=tuple(_side_by_side(curves, _rates))
+    )
+    errors = tuple(one for one in _side_by_side(curves, _errors) if one.x.size)
+    return ReportContent(
+        category="Monte Carlo sweep",
+        title=str(document["provenance"]["command"]),
+        heading=f"{len(scenarios)} scenarios",
+        verdict=f"{trials} trials of {len(scenarios)} scenarios; rates in % with their 95 % Wilson intervals.",
+        tables=(Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(map(_row, scenarios))),),
+        drawings=(
+            Drawing(name="isolation", caption=ISOLATION_CAPTION, panels=(rates,)),
+            Drawing(
+                name="magnitude_error",
+                caption=ERROR_CAPTION,
+                panels=(Panel(**axis, y_label="magnitude error, relative [-]", log_y=bool(errors), curves=errors),),
+            ),
+        ),
+        notes=tuple(document["notes"]),
+    )
+
+
+def _row(scenario: Plain) -> tuple[str, ...]:
+    shares = [_percent(scenario[key]) for key in ("isolation_rate", "false_alarm_rate", "missed_detection_rate")]
+    error = number((scenario["magnitude_error"] or {}).get("p50"), digits=2)
+    trials = str(scenario["trials"])
+    return (scenario["name"], shares[0], trials, *shares[1:], _percent(scenario["coverage"]), error)
+
+
+def _percent(share: Plain) -> str:
+    if share["rate"] is None or share["ci95"] is None:
+        return "-"
+    low, high = (number(100.0 * end, digits=3) for end in share["ci95"])
+    return f"{number(100.0 * share['rate'], digits=3)} ({low}-{high})"
+
+
+def _side_by_side(curves: Mapping[str, Sequence[Plain]], draw: Any) -> list[Curve]:
+    """Return the first curves, each beside the whole number so that none hides another."""
+    n = min(len(curves), MOST_CURVES)
+    shifts = SPREAD * (np.arange(n) - 0.5 * (n - 1)) / n
+    return [
+        draw("" if name == "all trials" else name, scenarios, float(shift))
+        for shift, (name, scenarios) in zip(shifts, curves.items(), strict=False)
+    ]
+
+
+def _rates(name: str, scenarios: Sequence[Plain], shift: float) -> Curve:
+    shares = [scenario["isolation_rate"] for scenario in scenarios]
+    ends = 100.0 * np.array([share["ci95"] or (math.nan, math.nan) for share in shares]).reshape(-1, 2)
+    rates = 100.0 * np.array([share["rate"] for share in shares], dtype=np.float64)
+    active = [scenario["axes"]["active"] + shift for scenario in scenarios]
+    return curve(name, active, rates, style="bars", low=ends[:, 0], high=ends[:, 1])
+
+
+def _errors(name: str, scenarios: Sequence[Plain], shift: float) -> Curve:
+    known = [scenario for scenario in scenarios if scenario["magnitude_error"]]
+    active = np.repeat([float(scenario["axes"]["active"]) + shift for scenario in known], len(QUANTILES))
+    errors = [max(scenario["magnitude_error"][key], FLOOR) for scenario in known for key in QUANTILES]
+    return curve(name, active, errors, style="boxes")

@@ -1,0 +1,217 @@
+"""The figure of a drawing: panels of curves and heat maps, all in one style."""
+
+from __future__ import annotations
+
+import math
+from itertools import count, cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..printable import printable
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Look, fix_places, plain, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .content import Curve, Drawing, HeatMap, Panel
+
+__all__ = ["draw"]
+
+WIDTH_IN, PANEL_IN, LINE_IN = 6.9, 2.1, 0.16
+CELL_IN, MAP_LABELS_IN, TALLEST_MAP_IN = 0.28, 0.9, 6.0
+LETTERS, MAP_LETTERS, TITLE_LETTERS = 60, 24, 110
+# The layout fails where labels do not fit: beside a panel of 2.1 in, and side by side over the page of 6.9 in.
+AXIS_LETTERS, ROOM_LETTERS, HANDLE_LETTERS = 40, 140, 6
+# Letters are up to 2 % wider at another resolution than that of the layout.
+PAD_IN = 0.06
+# Cells of a heat map whose number is legible, and names that fit along its side.
+MOST_NUMBERS, MOST_NAMES = 16, 24
+# Powers of ten that are labelled on either side of the linear part of an axis.
+MOST_POWERS = 4
+# Width of a box of quantiles on an axis of whole numbers.
+BOX_WIDTH = 0.08
+LOOKS: tuple[Look, ...] = (
+    {"color": BLUE, "marker": "o"},
+    {"color": VERMILLION, "marker": "s"},
+    {"color": GREEN, "marker": "^"},
+    {"color": ORANGE, "marker": "D"},
+    {"color": SKY, "marker": "v"},
+    {"color": BLACK, "marker": "x"},
+)
+DASHES = {"dashed": "--", "dotted": ":", "points": "", "intervals": "", "faint_intervals": ""}
+OWN_LOOKS: dict[str, Look] = {
+    "wide": {"color": "#b4b4b4", "lw": 2.4},
+    "faint_intervals": {"color": GREY, "marker": "o", "mfc": "white"},
+}
+
+
+@styled
+def draw(drawing: Drawing) -> Figure:
+    """Return the figure: panels row by row, then the heat maps below each other."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    across = max(drawing.across, 1)
+    columns = 4 if across == 1 else 2
+    rows = [drawing.panels[i : i + across] for i in range(0, len(drawing.panels), across)]
+    heights = [max(PANEL_IN * panel.height + _legend_in(panel, columns) for panel in row) for row in rows]
+    heights += [min(CELL_IN * len(one.rows), TALLEST_MAP_IN) + MAP_LABELS_IN for one in drawing.heat_maps]
+    figure = Figure(figsize=(WIDTH_IN, sum(heights)))
+    figure.set_layout_engine("constrained", w_pad=PAD_IN, h_pad=PAD_IN)
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(len(heights), across, height_ratios=heights)
+    for i, panel in enumerate(drawing.panels):
+        _draw_panel(
+            figure.add_subplot(grid[i // across, i % across]), panel, columns=columns, room=ROOM_LETTERS // across
+        )
+    for i, heat_map in enumerate(drawing.heat_maps):
+        _draw_map(figure.add_subplot(grid[len(rows) + i, :]), heat_map)
+    figure.align_ylabels()
+    return fix_places(figure)
+
+
+def _legend_in(panel: Panel, columns: int) -> float:
+    return LINE_IN * (-(-len(_labels(panel)) // columns) + bool(panel.title))
+
+
+def _labels(panel: Panel) -> set[str]:
+    labels = {one.label for one in panel.curves} | {name for name, _ in panel.levels} | {s.label for s in panel.spans}
+    return labels - {""}
+
+
+def _draw_panel(axes: Axes, panel: Panel, *, columns: int, room: int) -> None:
+    # The labels of the legend are cut so that the columns fit beside each other.
+    longest = sorted((len(printable(label)) for label in _labels(panel)), reverse=True)[:columns]
+    fits = sum(min(length, LETTERS) + HANDLE_LETTERS for length in longest) <= room
+    letters = LETTERS if fits else room // len(longest) - HANDLE_LETTERS
+    looks = count()
+    for one in panel.curves:
+        look = OWN_LOOKS[one.style] if one.style in OWN_LOOKS else LOOKS[next(looks) % len(LOOKS)]
+        _draw_curve(axes, one, look, plain(one.label, letters) or None)
+    dashes = cycle(("--", ":", "-.", (0, (1, 3))))
+    dash = next(dashes)
+    for i, (label, level) in enumerate(panel.levels):
+        dash = next(dashes) if i and label else dash  # a level without a name belongs to the one before it
+        axes.axhline(level, color=BLACK, ls=dash, lw=0.9, label=plain(label, letters) or None)
+    named: set[str] = set()
+    for span in panel.spans:
+        label = plain("" if span.label in named else span.label, letters)
+        named.add(span.label)
+        if span.high > span.low:
+            axes.axvspan(span.low, span.high, color=GREY, alpha=0.3, lw=0.0, label=label or None)
+        else:
+            axes.axvline(span.low, color=GREY, ls=":", lw=1.0, label=label or None)
+    _set_axes(axes, panel)
+    _write_legend(axes, plain(panel.title, room), columns)
+
+
+def _set_axes(axes: Axes, panel: Panel) -> None:
+    axes.set(xlabel=plain(panel.x_label, LETTERS), ylabel=plain(panel.y_label, AXIS_LETTERS))
+    for name, log, limits, linear, ticks in (
+        ("x", panel.log_x, panel.x_limits, panel.linear_x, panel.x_ticks),
+        ("y", panel.log_y, panel.y_limits, panel.linear_y, panel.y_ticks),
+    ):
+        if log:
+            axes.set(**{f"{name}scale": "log"})
+        if limits is not None:
+            axes.set(**{f"{name}lim": limits})
+        if linear is not None:
+            _set_linear_part(axes, name, linear)
+        if ticks:
+            names = [plain(label, MAP_LETTERS) for label, _ in ticks]
+            axes.set(**{f"{name}ticks": [place for _, place in ticks], f"{name}ticklabels": names})
+    for text, y in panel.side_notes:
+        axes.text(1.015, y, plain(text, LETTERS), transform=axes.get_yaxis_transform(), va="center", fontsize=7.5)
+
+
+def _set_linear_part(axes: Axes, name: str, linear: float) -> None:
+    """Make an axis linear up to a size and logarithmic beyond, labelled at 0, that size and powers of ten."""
+    axis = getattr(axes, f"{name}axis")
+    getattr(axes, f"set_{name}scale")("symlog", linthresh=linear)
+    low, high = axis.get_view_interval()
+    top = math.log10(max(abs(low), abs(high), linear))
+    powers = 10.0 ** np.arange(math.ceil(math.log10(1.5 * linear)), math.floor(top) + 1.0)
+    sizes = [linear, *powers[:: 1 + powers.size // MOST_POWERS]]
+    places = [place for place in [-size for size in reversed(sizes)] + [0.0, *sizes] if low <= place <= high]
+    axis.set_ticks(places, labels=[f"{float(f'{place:.3g}'):g}".replace("-", "−") for place in places])
+    axis.set_ticks([], minor=True)
+    getattr(axes, f"set_{name}lim")(low, high)
+
+
+def _write_legend(axes: Axes, title: str, columns: int) -> None:
+    """Put legend and title above the panel, where they hide no data."""
+    handles, _ = axes.get_legend_handles_labels()
+    if not handles:
+        axes.set_title(title, loc="left")
+        return
+    legend = axes.legend(
+        title=title or None,
+        alignment="left",
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=min(columns, len(handles)),
+        borderaxespad=0.1,
+        handlelength=2.2,
+        columnspacing=1.4,
+    )
+    legend.get_title().set_fontsize(axes.title.get_fontsize())
+
+
+def _draw_curve(axes: Axes, one: Curve, look: Look, label: str | None) -> None:
+    name: Look = {"lw": 1.0, "label": label, "ls": DASHES.get(one.style, "-")}
+    if one.style == "boxes":
+        _draw_boxes(axes, one, look, label)
+    elif one.style in ("points", "bars", "intervals", "faint_intervals"):
+        sideways = one.style.endswith("intervals")
+        middle, ends = one.x if sideways else one.y, None
+        if one.low is not None and one.high is not None:
+            ends = np.clip([middle - one.low, one.high - middle], 0.0, None)
+        bars: Look = {"xerr" if sideways else "yerr": ends}
+        axes.errorbar(one.x, one.y, **bars, **{"ms": 3.5, "capsize": 2.0, **name, **look})
+    else:
+        if one.low is not None and one.high is not None:
+            axes.fill_between(one.x, one.low, one.high, color=look["color"], alpha=0.25, lw=0.0)
+        steps = "steps-post" if one.style == "steps" else "default"
+        axes.plot(one.x, one.y, drawstyle=steps, **{**name, **look, "marker": ""})
+
+
+def _draw_boxes(axes: Axes, one: Curve, look: Look, label: str | None) -> None:
+    line: Look = {"color": look["color"], "lw": 0.9}
+    boxes = [
+        {"whislo": y[0], "q1": y[1], "med": y[2], "q3": y[3], "whishi": y[4], "fliers": y[5:]}
+        for y in one.y.reshape(-1, 6)
+    ]
+    axes.bxp(
+        boxes,
+        positions=one.x[::6],
+        widths=BOX_WIDTH,
+        manage_ticks=False,
+        boxprops=line,
+        whiskerprops=line,
+        capprops=line,
+        medianprops=line | {"lw": 1.8},
+        flierprops={"marker": look["marker"], "ms": 2.5, "mec": look["color"], "mfc": "none", "mew": 0.5},
+    )
+    axes.plot([], [], label=label, **line)
+
+
+def _draw_map(axes: Axes, heat_map: HeatMap) -> None:
+    values = np.array(heat_map.values, dtype=np.float64).reshape(len(heat_map.rows), len(heat_map.columns))
+    image = axes.imshow(values, aspect="auto", cmap="cividis")
+    axes.grid(visible=False)
+    turned: Look = {"rotation": 30 if len(heat_map.columns) <= MOST_NUMBERS else 60, "ha": "right"}
+    for names, set_ticks, look in ((heat_map.columns, axes.set_xticks, turned), (heat_map.rows, axes.set_yticks, {})):
+        step = max(1, -(-len(names) // MOST_NAMES))
+        set_ticks(range(0, len(names), step), [plain(name, MAP_LETTERS) for name in names[::step]], **look)
+    axes.set_title(plain(heat_map.title, TITLE_LETTERS), loc="left")
+    axes.figure.colorbar(image, ax=axes, label=plain(heat_map.label, AXIS_LETTERS), fraction=0.04, pad=0.02)
+    if max(values.shape, default=0) > MOST_NUMBERS:
+        return
+    middle = float(np.nanmean([np.nanmin(values), np.nanmax(values)])) if np.isfinite(values).any() else 0.0
+    for (i, j), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            # What is nearly 1 must not read 1: a coherence of 1 means that two faults cannot be told apart.
+            text = f"{value:.2g}" if not 0.995 <= value < 1.0 - 1e-9 else f"{min(value, 0.999):.3f}"
+            axes.text(j, i, text, ha="center", va="center", color=BLACK if value > middle else "white")

@@ -1,0 +1,74 @@
+"""The files of `--out` by name: report, figures, tables and the whole answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..kernels.progress import Report, parts, silent
+from ..printable import SHOWN
+from ..provenance import Provenance
+from ..serialization import to_csv, to_json
+from .content import Drawing, ReportContent
+
+__all__ = ["content_files", "content_names"]
+
+DRAWING_COLUMNS = ("panel", "curve", "x", "y", "low", "high")
+
+
+def content_names(
+    drawings: Sequence[str] = (), tables: Sequence[str] = (), *, stored: str = "result.json"
+) -> tuple[str, ...]:
+    """Return the names of the files of a report that has these drawings and tables."""
+    figures = (f"{name}{end}" for name in drawings for end in (".svg", ".png", "_figure.csv"))
+    return (*figures, *(f"{name}.csv" for name in tables), "report.html", stored)
+
+
+def content_files(
+    content: ReportContent,
+    document: Mapping[str, Any],
+    origin: Provenance,
+    report: Report = silent,
+    *,
+    stored: str = "result.json",
+) -> dict[str, bytes]:
+    """Return the bytes of every file of a report by its name: figures, tables, report.html, the document last.
+
+    Parameters
+    ----------
+    document : what is stored, under the name `stored`.
+    report : told how far it is.
+    """
+    from .figures import draw
+    from .html import render_content
+    from .style import to_png, to_svg
+
+    files: dict[str, bytes] = {}
+    vectors: dict[str, bytes] = {}
+    for drawing, _ in parts(report, content.drawings):
+        figure = draw(drawing)
+        vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
+        files[f"{drawing.name}.png"] = to_png(figure)
+        files[f"{drawing.name}_figure.csv"] = to_csv(DRAWING_COLUMNS, _points(drawing))
+    files |= {f"{table.name}.csv": to_csv(table.heads, table.rows) for table in content.tables}
+    for name, columns in content.data.items():
+        values = (one.tolist() if isinstance(one, np.ndarray) else one for one in columns.values())
+        files[name] = to_csv(tuple(columns), zip(*values, strict=True))
+    files["report.html"] = render_content(content, origin, vectors).encode("utf-8", SHOWN)
+    files[stored] = to_json(document).encode() + b"\n"
+    return files
+
+
+def _points(drawing: Drawing) -> Iterable[Sequence[object]]:
+    for panel in drawing.panels:
+        for one in panel.curves:
+            nothing = [None] * one.x.size
+            low, high = (nothing if ends is None else ends.tolist() for ends in (one.low, one.high))
+            for point in zip(one.x.tolist(), one.y.tolist(), low, high, strict=True):
+                yield (panel.title or panel.y_label, one.label, *point)
+    for heat_map in drawing.heat_maps:
+        for row, values in zip(heat_map.rows, heat_map.values, strict=True):
+            for column, value in zip(heat_map.columns, values.tolist(), strict=True):
+                yield (heat_map.title, row, column, value, None, None)

@@ -1,0 +1,90 @@
+"""The content of a report as tables on a terminal or in a text file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..printable import printable, shortened
+from .content import ReportContent
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["MAX_NOTES", "MAX_ROWS", "print_content"]
+
+MAX_ROWS, MAX_NOTES = 60, 20
+# Columns of a table that a narrow terminal keeps: what fails, where and when come first.
+KEPT = 3
+# Letters that the lines of a table take at its edges and between two columns.
+FRAME, GAP = 2, 3
+NAME_LETTERS, CELL_LETTERS = 32, 240
+# A longer word of a table is broken, so that the other columns have room.
+WORD_LETTERS = 60
+COLOURS = {"fault": "bold red", "no_fault": "bold green", "not_identifiable": "bold yellow", None: "bold"}
+
+
+def print_content(console: Console, content: ReportContent) -> None:
+    """Print verdict, tables, facts and notes, at most as wide as the console.
+
+    On a terminal long tables and many notes are cut; a pipe gets all of them, for grep.
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    console.print(Text(printable(content.verdict), style=COLOURS[content.tone]))
+    max_rows, max_notes = (MAX_ROWS, MAX_NOTES) if console.is_terminal else (None, None)
+    for one in content.tables:
+        console.print(Text(f"\n{printable(one.title)}", style="dim"))
+        rows = one.rows[:max_rows]
+        _print_table(console, one.heads, [[shortened(cell, CELL_LETTERS) for cell in row] for row in rows])
+        if len(rows) < len(one.rows):
+            console.print(f"   and {len(one.rows) - len(rows)} more; a pipe and --out get all\n", highlight=False)
+    notes = list(content.notes[:max_notes])
+    if len(notes) < len(content.notes):
+        notes.append(f"{len(content.notes) - len(notes)} more notes; a pipe and --out get all")
+    grid = Table.grid(padding=(0, 2))
+    for name, value in (*content.facts, *(("Note", note) for note in notes)):
+        grid.add_row(Text(shortened(name, NAME_LETTERS), style="dim"), Text(printable(value), overflow="fold"))
+    console.print(grid)
+
+
+def _print_table(console: Console, heads: Sequence[str], body: Sequence[Sequence[str]]) -> None:
+    """Print a table; where it is too narrow for the words of all columns, the last ones are left out and named."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    n = len(heads)
+    while True:
+        widths = _widths([heads[:n], *(row[:n] for row in body)], console.width - FRAME - GAP * (n - 1))
+        if n <= KEPT or widths is not None:
+            break
+        n -= 1
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, head in enumerate(heads[:n]):
+        table.add_column(Text(printable(head)), overflow="fold", width=None if widths is None else widths[i])
+    for row in body:
+        table.add_row(*map(Text, row[:n]))
+    console.print(table)
+    if n < len(heads):
+        console.print(f"   without room for: {', '.join(heads[n:])}\n", style="dim")
+
+
+def _widths(lines: Sequence[Sequence[str]], room: int) -> list[int] | None:
+    """Return a width per column, the first ones as wide as their cells; None where words would have to be broken.
+
+    Texts are folded between words, numbers and what stands beside them are not.
+    """
+    from rich.cells import cell_len
+
+    columns = list(zip(*lines, strict=True))
+    whole = [max(map(cell_len, cells)) for cells in columns]
+    words = [max((cell_len(word) for cell in cells for word in cell.split()), default=0) for cells in columns]
+    for i, (_, *cells) in enumerate(columns):
+        if all(cell[:1] in "-0123456789" for cell in cells):
+            words[i] = max([words[i], *map(cell_len, cells)])
+    widths = [min(width, WORD_LETTERS) for width in words]
+    for i, width in enumerate(widths):
+        widths[i] = min(whole[i], width + max(room - sum(widths), 0))
+    return widths if sum(widths) <= room else None

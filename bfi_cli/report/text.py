@@ -1,0 +1,62 @@
+"""Numbers and words as a reader of a table, a figure or a report sees them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ..printable import shortened
+
+__all__ = ["HEADINGS", "axis_label", "instant", "interval", "number", "quantity", "shortened"]
+
+# What a report says over a decision.
+HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
+
+
+def number(value: float | None, *, spread: float | None = None, digits: int = 4, extra: int = 0) -> str:
+    """Return `value` rounded as its precision allows, "-" if absent.
+
+    Parameters
+    ----------
+    value : any number.
+    spread : half the width of its interval; the last digit shown is the first digit of it.
+    digits : significant digits where there is no spread.
+    extra : digits shown beyond the first one of `spread`.
+    """
+    if value is None or not math.isfinite(value):
+        return "-"
+    if spread is None or not math.isfinite(spread) or spread <= 0.0:
+        return _without_negative_zero(f"{value:.{digits}g}")
+    decimals = extra - math.floor(math.log10(spread))
+    return _without_negative_zero(f"{value:.{max(decimals, 0)}f}" if decimals <= 6 else f"{value:.6g}")
+
+
+def _without_negative_zero(text: str) -> str:
+    return text if text.strip("-0.") else text.removeprefix("-")
+
+
+def instant(time_s: float) -> str:
+    """Return a time in s to 10 ms where the axis counts from 1970, to six digits elsewhere."""
+    return f"{time_s:.6g}" if abs(time_s) < 1e5 else f"{time_s:.2f}".rstrip("0").rstrip(".")
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """Return a number to two significant digits with its unit; "-" if absent."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    shown = number(value, digits=2) if abs(value) < 100.0 else f"{value:.0f}"
+    return f"{shown} {unit}".rstrip()
+
+
+def interval(ci95: Sequence[float], *, joint: str = " to ", extra: int = 0) -> str:
+    """Return "low to high", both rounded to the first digit of the half width; "-" where it is unknown."""
+    low, high = ci95
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "-"
+    spread = 0.5 * abs(high - low)
+    return joint.join(number(value, spread=spread, extra=extra) for value in (low, high))
+
+
+def axis_label(name: str, unit: str) -> str:
+    """Return "name [unit]"; a log that states no unit is said to have none."""
+    return f"{shortened(name, 28)} [{unit or 'unit not stated'}]"

@@ -39,8 +39,9 @@ HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
 # A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
 # Chosen without a tuning record; only a note on the table depends on it.
 FAR_OUT, RARE = 2.0, 0.001
-# Relative: rates differ by a clock's error, windows by what the filter drops at their ends.
-RATE_TOLERANCE, DURATION_TOLERANCE = 0.01, 0.1
+# Relative: rates differ by a clock's error, windows by what the filter drops at their ends, edges by how well jumps
+# show them.
+TOLERANCES = {"rate_hz": 0.01, "duration_s": 0.1, "native_rate_hz": 0.01, "recorder_hz": 0.1}
 WORDS = {
     "rate_hz": "rate",
     "duration_s": "window length",
@@ -51,6 +52,9 @@ WORDS = {
     "shapes": "shapes",
     "ends": "search for ends",
     "frequency_hz": "frequencies",
+    "native_rate_hz": "recorded rate",
+    "recorder_hz": "recorder's edge",
+    "variance": "weighting of samples",
     "samples": "sampled shape",
 }
 
@@ -66,6 +70,9 @@ class CalibrationSettings:
     shapes : looked for.
     ends : whether the end was searched for too.
     frequency_hz : [low, high] of the oscillations, None for the default, which the window's length and rate fix.
+    native_rate_hz : of the log as it was recorded; recorder_hz : edge of its recorder's low-pass, None where there is
+        none or none is known.
+    variance : "running" where samples are weighted by the running size of the prediction error.
     samples : sha256 of the file of a sampled shape.
     """
 
@@ -78,6 +85,9 @@ class CalibrationSettings:
     shapes: tuple[str, ...]
     ends: bool = False
     frequency_hz: tuple[float, float] | None = None
+    native_rate_hz: float | None = None
+    recorder_hz: float | None = None
+    variance: str = "constant"
     samples: str | None = None
 
 
@@ -179,8 +189,8 @@ def differences(table: CalibrationTable, settings: CalibrationSettings) -> tuple
     notes = []
     for name, words in WORDS.items():
         ours, theirs = getattr(settings, name), getattr(table.settings, name)
-        if name in ("rate_hz", "duration_s"):
-            alike = abs(ours - theirs) <= (RATE_TOLERANCE if name == "rate_hz" else DURATION_TOLERANCE) * ours
+        if name in TOLERANCES and ours is not None and theirs is not None:
+            alike = abs(ours - theirs) <= TOLERANCES[name] * ours
         elif name in ("inputs", "outputs"):
             alike = set(ours) == set(theirs)
         else:

@@ -23,7 +23,8 @@ channels: {}
 units: {}
 group: null
 window: {from_s: null, to_s: null}
-conditioning: {rate_hz: auto, detrend: constant, filter: linear-phase}
+recorder: {edge_hz: auto, kind: auto}
+conditioning: {rate_hz: auto, detrend: constant, variance: running, filter: linear-phase}
 model: {order: auto, orders: [2, 4, 6, 8, 12], feedthrough: null}
 method: ml
 risro:

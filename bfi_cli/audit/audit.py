@@ -12,7 +12,7 @@ from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
-from ..preprocessing.window import prepare_window, unusable_atoms
+from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
 from .comparison import advised, compare, own_channel, sentences
 from .entries import (
     AuditWindow,
@@ -152,6 +152,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
+    config = with_inputs_of(log, config)
     window = prepare_window(without_injected_faults(log), dictionary, config)
     fitted = fit_fault_free(window, config)
     given, faults, names, live = window.signals, window.faults, window.names, list(window.live)

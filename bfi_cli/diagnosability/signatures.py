@@ -18,7 +18,7 @@ from ..kernels.divergence import Distinguishability, distinguishability, sample_
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.overdispersion import overdispersion
 from ..preprocessing.summary import LogSummary, ModelSummary
-from ..preprocessing.window import prepare_window
+from ..preprocessing.window import prepare_window, with_inputs_of
 
 # Largest number of faults compared in single samples. Each needs the estimate of a density and its integral; more
 # faults take minutes.
@@ -74,6 +74,7 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> FaultS
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
+    config = with_inputs_of(log, config)
     window = prepare_window(without_injected_faults(log), dictionary, config)
     fitted = fit_fault_free(window, config)
     fit, regression = fitted.fit, fitted.regression

@@ -16,7 +16,7 @@ from ..faults import FaultEstimate, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..preprocessing.summary import model_summary
-from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
+from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from .magnitudes import MethodResult
 from .methods import METHODS
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults
@@ -51,6 +51,7 @@ def identify_faults(
     """
     method = METHODS[config.method]
     module, _, function = method.function.partition(":")
+    config = with_inputs_of(log, config)
     with threadpool_limits(1):
         window = prepare_window(log, dictionary, config, partial(progress, "the window and the dictionary"))
         if len(config.outputs) > 1 and not method.several_outputs:

@@ -15,6 +15,7 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.onset.scan import STARTING
 from ..kernels.progress import Progress, Report, parts, shares, unseen
+from ..preprocessing.window import with_inputs_of
 from ..report.text import instant
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
@@ -61,6 +62,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
     """
     if config.method not in ("ml", "risro"):
         raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
+    config = with_inputs_of(log, config)
     with threadpool_limits(1):
         if config.method == "risro":
             return find_onset_as_published(log, config, progress)

@@ -19,7 +19,7 @@ from ..kernels.lagged import compress
 from ..kernels.onset.scan import ENDING, FLOOR, STARTING
 from ..kernels.progress import Report, Step, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
-from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
+from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from ..sample_file import sample_bytes
 from .shapes import Sampling, ShapeHypothesis, shape_hypotheses
 
@@ -130,6 +130,7 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
     LogError, ExcitationError : the log cannot be used.
     ConfigError : the frequencies asked for are too high for the rate asked for.
     """
+    config = with_inputs_of(log, config)
     wanted = config.start_time
     # The rate is chosen for a step amid the window and the fastest oscillation asked for.
     part = log.window(config.window.from_s, config.window.to_s)
@@ -188,6 +189,9 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
             shapes=wanted.shapes,
             ends=wanted.ends,
             frequency_hz=wanted.frequency_hz,
+            native_rate_hz=window.native_rate_hz,
+            recorder_hz=window.recorder_hz,
+            variance=config.conditioning.variance,
             samples=None if wanted.samples is None else hashlib.sha256(sample_bytes(wanted.samples)).hexdigest(),
         ),
     )

@@ -30,7 +30,7 @@ GIVE = "give the result.json of a command's --out"
 EXHIBITS = {
     "detect": ("detect", "detect_exhibit", 1),
     "diagnosability": ("diagnosability", "diagnosability_exhibit", 1),
-    "reproduce": ("reproduce.document", "reproduce_exhibit", 1),
+    "reproduce": ("reproduce.catalogue", "reproduce_exhibit", 1),
     "start-time": ("onset", "onset_exhibit", 1),
 }
 

@@ -47,8 +47,7 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
     from ..output import exhibit_names
     from ..provenance import provenance
     from ..reproduce import Settings
-    from ..reproduce.catalogue import find, run
-    from ..reproduce.document import list_exhibit, reproduce_document
+    from ..reproduce.catalogue import find, list_exhibit, reproduce_document, run
 
     if name not in ("list", "all"):
         name = find(name)
@@ -105,8 +104,7 @@ def _every(
     """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
     from ..files import replace_files
     from ..output import exhibit_files
-    from ..reproduce.catalogue import REPRODUCTIONS, run
-    from ..reproduce.document import reproduce_document, summary_exhibit
+    from ..reproduce.catalogue import REPRODUCTIONS, reproduce_document, run, summary_exhibit
 
     shared: dict[tuple[str, str], Exhibit | BfiError] = {}
     made: list[tuple[str, Exhibit | BfiError]] = []

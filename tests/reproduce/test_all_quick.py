@@ -11,8 +11,7 @@ import pytest
 
 from bfi_cli.commands import COMMANDS
 from bfi_cli.plain import to_plain
-from bfi_cli.reproduce.catalogue import REPRODUCTIONS
-from bfi_cli.reproduce.document import reproduce_exhibit
+from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_exhibit
 
 pytestmark = pytest.mark.slow
 

@@ -17,8 +17,15 @@ from bfi_cli.flightlog import inject
 from bfi_cli.plain import to_plain
 from bfi_cli.provenance import provenance
 from bfi_cli.reproduce import Settings
-from bfi_cli.reproduce.catalogue import REPRODUCTIONS, find, run
-from bfi_cli.reproduce.document import list_exhibit, reproduce_document, reproduce_exhibit, summary_exhibit
+from bfi_cli.reproduce.catalogue import (
+    REPRODUCTIONS,
+    find,
+    list_exhibit,
+    reproduce_document,
+    reproduce_exhibit,
+    run,
+    summary_exhibit,
+)
 from bfi_cli.reproduce.record import thesis_record
 
 OURS = (

@@ -12,7 +12,7 @@ from bfi_cli.aircraft.catalogue import B747
 from bfi_cli.exhibit import Exhibit
 from bfi_cli.plain import to_plain
 from bfi_cli.provenance import provenance
-from bfi_cli.reproduce.document import reproduce_document, reproduce_exhibit
+from bfi_cli.reproduce.catalogue import reproduce_document, reproduce_exhibit
 from bfi_cli.reproduce.hankel_b747 import (
     COUPLED,
     DIAGONAL,

@@ -14,7 +14,7 @@ from bfi_cli.montecarlo import load_sweep
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.page import load
 from bfi_cli.reproduce.record import thesis_record
-from bfi_cli.reproduce.sweep import Thin, swept
+from bfi_cli.reproduce.sweeps import Thin, swept
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PUBLISHED = ("rank_only", "sparse", "listing")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,18 +13,20 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ..config import merge
-from ..exhibit import Curve, Drawing, Exhibit, Panel, Span, Table, curve
+from ..exhibit import Curve, Drawing, Exhibit, Panel, Span, curve
 from ..flightlog import write_log
 from ..montecarlo import check_records, load_sweep, run_sweep, summarise, wilson
 from ..montecarlo.definition import RecordedLog
 from ..montecarlo.summary import Proportion, ScenarioSummary
 from ..wording import number
 from .page import FOLDER, Page, drawing, exhibit, fill, load, table
+from .reconstruction import label_of
 from .record import Settings, stand_in, thesis_record
 
 __all__ = ["Cell", "Swept", "Thin", "isolation_noise", "swept", "thesis_a", "thesis_monte_carlo"]
 
 LEAST_ERROR = 1e-16  # what a log axis shows of an error of zero
+FEWEST_OF_A_LINE = 3  # points: fewer are drawn without a line through them
 NEARLY_ALL = 0.99  # of the trials isolated: as published, where no miss and no false alarm is seen in 100 trials
 AT_ZERO = 1e-4  # m/s, where a log axis shows the points without noise
 ASIDE = 1.06  # how far points of the second method stand aside on it
@@ -46,12 +48,13 @@ QUICK_NOISE = Thin(trials=2, active=(1,), noise=(0.0, 0.05))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """One method at one noise (m/s) and one number of active faults."""
+    """One method at one noise (m/s) and one number of active faults, with the mean of its magnitude errors."""
 
     method: str
     noise: float
     active: int
     summary: ScenarioSummary
+    mean_error: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,28 +98,33 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
         for scenario in plain.scenarios:
             if settings.quick and not (scenario.n_active in quick.active and scenario.axes["noise.tas"] in quick.noise):
                 continue
+            setting = scenario.setting
+            source = record or setting.record
             for method in compare:
-                setting = scenario.setting
-                source = record or setting.record
                 config = merge(setting.config, load("methods")[method], where="methods.yaml")
                 parts = [setting.digest, source.model_dump(mode="json"), config.model_dump(mode="json")]
                 digest = hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
-                scenarios.append(
-                    replace(
-                        scenario,
-                        name=f"{scenario.name} method={method}",
-                        axes={**scenario.axes, "method": method},
-                        setting=replace(setting, digest=digest, record=source, config=config),
-                    )
-                )
+                name, axes = f"{scenario.name} method={method}", {**scenario.axes, "method": method}
+                changed = replace(setting, digest=digest, record=source, config=config)
+                scenarios.append(replace(scenario, name=name, axes=axes, setting=changed))
         n_trials = settings.trials_or(plain.n_trials, quick.trials)
         sweep = replace(plain, n_trials=n_trials, scenarios=tuple(scenarios))
         check_records(sweep)
         total = n_trials * len(scenarios)
         done = run_sweep(sweep, workers=settings.workers, report=lambda count: settings.report(count, total))
     summary = summarise(sweep, done)
+    errors: dict[str, list[float]] = {one.name: [] for one in summary.scenarios}
+    for row in summary.rows:
+        if row.magnitude_error is not None:
+            errors[row.scenario].append(row.magnitude_error)
     cells = [
-        Cell(method=one.axes["method"], noise=one.axes["noise.tas"], active=one.axes["active"], summary=one)
+        Cell(
+            method=one.axes["method"],
+            noise=one.axes["noise.tas"],
+            active=one.axes["active"],
+            summary=one,
+            mean_error=float(np.mean(errors[one.name])) if errors[one.name] else math.nan,
+        )
         for one in summary.scenarios
     ]
     return Swept(cells=tuple(cells), trials=n_trials, notes=summary.notes)
@@ -141,65 +149,14 @@ def pooled(cells: Sequence[Cell]) -> Proportion:
     return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))
 
 
-def rates_table(page: Page, swept: Swept, labels: Mapping[str, str]) -> Table:
-    """Return a row per cell, methods by their `labels`, rates as "96 (90-98)"."""
-    rows = []
-    for cell in swept.cells:
-        one = cell.summary
-        rates = [percent(share) for share in (one.isolation, one.false_alarm, one.missed_detection)]
-        bare = [text.replace(" % ", " ").replace(" to ", "-") for text in rates]
-        error = number(one.magnitude_error.get("p50"), digits=2)
-        rows.append((labels[cell.method], f"{cell.noise:g}", str(cell.active), *bare, error))
-    return table(page, "rates", rows)
-
-
-def error_panel(swept: Swept, labels: Mapping[str, str], *, noise: float) -> Panel:
-    """Return median magnitude error against the number of active faults, quartiles as bars."""
-    curves = []
-    for label, cells, at in _beside(swept, labels, noise):
-        low, middle, high = (
-            [float(np.maximum(cell.summary.magnitude_error.get(key, math.nan), LEAST_ERROR)) for cell in cells]
-            for key in ("p25", "p50", "p75")
-        )
-        curves.append(curve(label, at, middle, style="points", low=low, high=high))
-    return Panel(
-        title=noise_words(noise),
-        x_label="active faults [-]",
-        y_label="relative magnitude error [-]",
-        curves=tuple(curves),
-        log_y=True,
-    )
-
-
-def isolation_panel(swept: Swept, labels: Mapping[str, str], *, noise: float) -> Panel:
-    """Return the isolation rate against the number of active faults, with Wilson intervals."""
-    return Panel(
-        title=noise_words(noise),
-        x_label="active faults [-]",
-        y_label="isolated [%]",
-        curves=tuple(
-            rate_curve(label, at, [cell.summary.isolation for cell in cells])
-            for label, cells, at in _beside(swept, labels, noise)
-        ),
-        y_limits=(-3.0, 103.0),
-    )
-
-
-def _beside(swept: Swept, labels: Mapping[str, str], noise: float) -> list[tuple[str, list[Cell], list[float]]]:
-    """Return the label of every method, its cells, and their numbers of active faults moved a little aside."""
-    found = [(label, swept.of(method, noise)) for method, label in labels.items()]
-    aside = [SPREAD * (i - 0.5 * (len(found) - 1)) for i in range(len(found))]
-    return [(label, cells, [one.active + d for one in cells]) for (label, cells), d in zip(found, aside, strict=True)]
-
-
 def rate_curve(label: str, x: Sequence[float], shares: Sequence[Proportion]) -> Curve:
-    """Return rates in % with their intervals as bars."""
+    """Return rates in % with their intervals as bars; a line only through three points and more."""
     ends = [share.ci95 or (math.nan, math.nan) for share in shares]
     return curve(
         label,
         x,
         [100.0 * (math.nan if share.rate is None else share.rate) for share in shares],
-        style="bars",
+        style="bars" if len(x) >= FEWEST_OF_A_LINE else "points",
         low=[100.0 * low for low, _ in ends],
         high=[100.0 * high for _, high in ends],
     )
@@ -213,18 +170,14 @@ def thesis_monte_carlo(settings: Settings) -> Exhibit:
     LogError : the log of the settings cannot be used.
     """
     page = load("thesis")["5-3"]
-    found = swept("thesis", settings, compare=tuple(page["methods"]), quick=QUICK)
-    captions = page["captions"]
-    return _sweep_page(
-        page,
-        found,
-        settings,
-        heading=(pooled(found.of("sparse", found.noises[0])).rate or 0.0) >= NEARLY_ALL,
-        drawings=[
-            _against_active("thesis_5_3", captions["thesis_5_3"], found, page["methods"], panel=error_panel),
-            _against_active("thesis_5_4", captions["thesis_5_4"], found, page["methods"], panel=isolation_panel),
-        ],
-    )
+    found = swept("thesis", settings, compare=page["methods"], quick=QUICK)
+    # As published, no miss and no false alarm is seen.
+    isolated = [(pooled(found.of("sparse", noise)).rate or 0.0) >= NEARLY_ALL for noise in found.noises]
+    drawings = [
+        _errors(page, "thesis_5_3", found, page["methods"]),
+        _isolation(page, "thesis_5_4", found, page["methods"]),
+    ]
+    return _sweep_page(page, found, settings, heading=isolated, drawings=drawings)
 
 
 def thesis_a(settings: Settings) -> Exhibit:
@@ -235,101 +188,137 @@ def thesis_a(settings: Settings) -> Exhibit:
     LogError : the log of the settings cannot be used.
     """
     page = load("thesis")["A"]
-    found = swept("thesis", settings, compare=tuple(page["methods"]), quick=QUICK)
+    found = swept("thesis", settings, compare=page["methods"], quick=QUICK)
     # The stage changes nothing where rates without it lie in the intervals of those with it, at every point.
-    pairs = [
-        (one.summary.isolation.rate, other.summary.isolation.ci95)
+    alike = [
+        all(
+            one.summary.isolation.rate is not None and low <= one.summary.isolation.rate <= high
+            for one, other in zip(found.of("rank_only", noise), found.of("sparse", noise), strict=True)
+            for low, high in [other.summary.isolation.ci95 or (math.nan, math.nan)]
+        )
         for noise in found.noises
-        for one, other in zip(found.of("rank_only", noise), found.of("sparse", noise), strict=True)
     ]
-    alike = all(rate is not None and ends is not None and ends[0] <= rate <= ends[1] for rate, ends in pairs)
-    drawings, captions = [], page["captions"]
-    for figure, stage, what, panel in (
-        ("thesis_a_1", "without", "errors", error_panel),
-        ("thesis_a_2", "having", "errors", error_panel),
-        ("thesis_a_3", "without", "isolation", isolation_panel),
-        ("thesis_a_4", "having", "isolation", isolation_panel),
+    drawings = []
+    for figure, draw, left_out in (
+        ("thesis_a_1", _errors, ("sparse", "listing", "risro")),
+        ("thesis_a_2", _errors, ("rank_only",)),
+        ("thesis_a_3", _isolation, ("sparse", "listing", "risro")),
+        ("thesis_a_4", _isolation, ("rank_only",)),
     ):
-        left_out = ("sparse", "listing") if stage == "without" else ("rank_only",)
-        labels = {method: label for method, label in page["methods"].items() if method not in left_out}
-        drawings.append(_against_active(figure, f"{captions[stage]} {captions[what]}", found, labels, panel=panel))
+        drawings.append(draw(page, figure, found, [one for one in page["methods"] if one not in left_out]))
     return _sweep_page(page, found, settings, heading=alike, drawings=drawings)
 
 
-def _against_active(
-    name: str, caption: str, found: Swept, labels: Mapping[str, str], *, panel: Callable[..., Panel]
-) -> Drawing:
-    """Return errors or isolation against the number of active faults, a panel per noise."""
-    return Drawing(name=name, caption=caption, panels=tuple(panel(found, labels, noise=one) for one in found.noises))
+def _errors(page: Page, name: str, found: Swept, methods: Sequence[str]) -> Drawing:
+    """Return the magnitude error against the number of active faults: means, beside them medians with quartiles."""
+    panels = []
+    for noise in found.noises:
+        means, medians = [], []
+        for label, cells, at in _beside(found, methods, noise):
+            means.append(curve(label, at, np.maximum([one.mean_error for one in cells], LEAST_ERROR), style="points"))
+            low, middle, high = (
+                np.maximum([one.summary.magnitude_error.get(key, math.nan) for one in cells], LEAST_ERROR)
+                for key in ("p25", "p50", "p75")
+            )
+            medians.append(curve(label, at, middle, style="points", low=low, high=high))
+        for what, curves in (("mean", means), ("median and quartiles", medians)):
+            panels.append(
+                Panel(
+                    title=f"{noise_words(noise)}, {what}",
+                    x_label="active faults [-]",
+                    y_label="relative magnitude error [-]",
+                    curves=tuple(curves),
+                    log_y=True,
+                )
+            )
+    return drawing(page, name, panels, across=2)
 
 
-def _sweep_page(page: Page, found: Swept, settings: Settings, *, heading: bool, drawings: list[Drawing]) -> Exhibit:
+def _isolation(page: Page, name: str, found: Swept, methods: Sequence[str]) -> Drawing:
+    """Return the isolation rate against the number of active faults, with Wilson intervals, a panel per noise."""
+    panels = [
+        Panel(
+            title=noise_words(noise),
+            x_label="active faults [-]",
+            y_label="isolated [%]",
+            curves=tuple(
+                rate_curve(label, at, [cell.summary.isolation for cell in cells])
+                for label, cells, at in _beside(found, methods, noise)
+            ),
+            y_limits=(-3.0, 103.0),
+        )
+        for noise in found.noises
+    ]
+    return drawing(page, name, panels)
+
+
+def _beside(found: Swept, methods: Sequence[str], noise: float) -> list[tuple[str, list[Cell], list[float]]]:
+    """Return the label of every method, its cells, and their numbers of active faults moved a little aside."""
+    aside = [SPREAD * (i - 0.5 * (len(methods) - 1)) for i in range(len(methods))]
+    every = [(label_of(method), found.of(method, noise)) for method in methods]
+    return [(label, cells, [one.active + d for one in cells]) for (label, cells), d in zip(every, aside, strict=True)]
+
+
+def _sweep_page(
+    page: Page, found: Swept, settings: Settings, *, heading: object, drawings: Sequence[Drawing]
+) -> Exhibit:
     """Return a page with the rates and errors of every method at every noise."""
-    labels: Mapping[str, str] = page["methods"]
     rows, parts = [], []
     for noise in found.noises:
-        cells = {method: found.of(method, noise) for method in labels}
-        ends = {
-            method: [number(cell.summary.magnitude_error.get("p50"), digits=2) for cell in (of[0], of[-1])]
-            for method, of in cells.items()
-        }
-        shares = {
-            method: " ".join(f"{100.0 * (cell.summary.isolation.rate or 0.0):.0f}" for cell in of)
-            for method, of in cells.items()
-        }
-        few, *_, many = (cell.active for cell in next(iter(cells.values())))
-        rows += fill(
-            page["noise_rows"],
-            noise=noise_words(noise),
-            few=few,
-            many=many,
-            errors={method: " and ".join(both) for method, both in ends.items()},
-            shares={method: f"{share} %" for method, share in shares.items()},
-        )
-        isolated = ", ".join(f"{label} {percent(pooled(cells[method]))}" for method, label in labels.items())
-        parts.append(f"isolated with {noise_words(noise)}: {isolated}")
-    verdict = "; ".join(parts)
+        words, cells = noise_words(noise), {method: found.of(method, noise) for method in page["methods"]}
+        for method, of in cells.items():
+            said = {"label": label_of(method), "noise": words, "few": of[0].active, "many": of[-1].active}
+            errors = [number(cell.mean_error, digits=2) for cell in (of[0], of[-1])]
+            shares = " ".join(f"{100.0 * (cell.summary.isolation.rate or 0.0):.0f}" for cell in of)
+            for what, computed in (("error", " and ".join(errors)), ("isolation", f"{shares} %")):
+                rows.append((fill(page["quantities"][what], **said), page["printed"][what].get(method, "-"), computed))
+        isolated = ", ".join(f"{label_of(method)} {percent(pooled(of))}" for method, of in cells.items())
+        parts.append(f"{words[:1].upper()}{words[1:]}, isolated: {isolated}.")
+    body = []
+    for cell in found.cells:
+        one = cell.summary
+        rates = [percent(share) for share in (one.isolation, one.false_alarm, one.missed_detection)]
+        bare = [text.replace(" % ", " ").replace(" to ", "-") for text in rates]
+        errors = [number(value, digits=2) for value in (cell.mean_error, one.magnitude_error.get("p50"))]
+        body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
+    active = sorted({cell.active for cell in found.cells})
     return exhibit(
         page,
         {
-            "verdict": f"{verdict[:1].upper()}{verdict[1:]}.",
+            "verdict": " ".join(parts),
             "record": page["record"] if settings.log is None else settings.log.path,
             "trials": found.trials,
             "seed": settings.seed,
+            "points": f"{', '.join(map(str, active))} active; {', '.join(map(noise_words, found.noises))}",
         },
         heading=heading,
         rows=rows,
-        tables=[rates_table(page, found, labels)],
+        tables=[table(page, "rates", body)],
         drawings=drawings,
         before=(*stand_in(settings), page["simulated"]) if settings.log is None else (),
         notes=found.notes,
+        who=tuple(page["methods"]),
     )
 
 
 def isolation_noise(settings: Settings) -> Exhibit:
-    """Return the curves of isolation against noise for 1, 2 and 4 active faults, the thesis's rule and our default.
+    """Return the curves of isolation against noise for 1, 2 and 4 active faults, the thesis's rule and ours.
 
     Raises
     ------
     LogError : the log of the settings cannot be used.
     """
     page = load("isolation_noise")
-    labels: Mapping[str, str] = page["methods"]
-    found = swept("isolation_noise", settings, compare=tuple(labels), quick=QUICK_NOISE)
-    rows, parts = [], []
-    for noise in found.noises:
-        shares = {label: percent(pooled(found.of(method, noise))) for method, label in labels.items()}
-        words = noise_words(noise)
-        rows += [fill(page["row"], noise=words, label=label, share=share) for label, share in shares.items()]
-        parts.append(f"{words}: " + ", ".join(f"{share} by the {label}" for label, share in shares.items()))
+    methods = page["methods"]
+    found = swept("isolation_noise", settings, compare=methods, quick=QUICK_NOISE)
     numbers = sorted({cell.active for cell in found.cells})
     panels = []
     for title, shown in (("all trials", numbers), *((f"{n} active", [n]) for n in numbers)):
         curves = []
-        for i, (method, label) in enumerate(labels.items()):
+        for i, method in enumerate(methods):
             at = [max(noise, AT_ZERO) * ASIDE**i for noise in found.noises]
             cells = [[one for one in found.of(method, noise) if one.active in shown] for noise in found.noises]
-            curves.append(rate_curve(label, at, [pooled(part) for part in cells]))
+            curves.append(rate_curve(label_of(method), at, [pooled(part) for part in cells]))
         panels.append(
             Panel(
                 title=title,
@@ -341,19 +330,6 @@ def isolation_noise(settings: Settings) -> Exhibit:
                 y_limits=(-3.0, 103.0),
             )
         )
-    rule, ours = (pooled(found.of(method, found.noises[-1])).rate or 0.0 for method in labels)
-    return exhibit(
-        page,
-        {
-            "shares": "; ".join(parts),
-            "record": page["record"] if settings.log is None else settings.log.path,
-            "trials": found.trials,
-            "seed": settings.seed,
-        },
-        heading=rule < ours,
-        rows=rows,
-        tables=[rates_table(page, found, labels)],
-        drawings=[drawing(page, "isolation_noise", panels, across=2)],
-        before=(*stand_in(settings), page["simulated"]) if settings.log is None else (),
-        notes=found.notes,
-    )
+    rule, *_, ours = (pooled(found.of(method, found.noises[-1])).rate or 0.0 for method in methods)
+    drawings = [drawing(page, "isolation_noise", panels, across=2)]
+    return _sweep_page(page, found, settings, heading=rule < ours, drawings=drawings)

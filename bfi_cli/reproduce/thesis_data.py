@@ -8,7 +8,7 @@ from ..exhibit import Exhibit, Panel, curve
 from ..identify import identify_faults
 from ..wording import number, quantity
 from .page import drawing, exhibit, fill, load, table
-from .reconstruction import clause, declared
+from .reconstruction import declared
 from .record import NOISE_M_S, Settings, stand_in, thesis_dictionary, thesis_record, with_noise
 
 __all__ = ["thesis_5_1", "thesis_5_2"]
@@ -34,7 +34,6 @@ def thesis_5_1(settings: Settings) -> Exhibit:
             "log": log,
             "interval_s": 1.0 / log.rate_hz,
             "altitude": page["altitude"][given],
-            "clause": clause(answer),
             "declared": declared(answer),
             **{name: f"{number(float(y.min()))} and {number(float(y.max()))}" for name, y in values.items()},
         },

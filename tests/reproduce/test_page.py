@@ -43,6 +43,15 @@ def test_a_row_compares_a_quantity_a_published_value_with_its_place_and_ours(nam
         assert PLACE.search(row[1]), row
 
 
+@pytest.mark.parametrize("name", [name for name, page in PAGES.items() if "printed" in page])
+def test_what_a_sweep_compares_has_its_place_too(name: str):
+    page = PAGES[name]
+    assert set(page["printed"]) == set(page["quantities"])
+    for printed in page["printed"].values():
+        assert set(printed) <= set(page["methods"])
+        assert all(PLACE.search(text) for text in printed.values())
+
+
 @pytest.mark.parametrize("name", [name for name in PAGES if name != "5-15"])
 def test_a_page_has_what_every_page_shows(name: str):
     page = PAGES[name]

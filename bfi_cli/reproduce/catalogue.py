@@ -14,7 +14,7 @@ from ..plain import from_plain, member, to_plain
 from ..provenance import Provenance
 from .record import Settings
 
-__all__ = ["REPRODUCTIONS", "Entry", "find", "list_exhibit", "reproduce_document", "reproduce_exhibit", "run"]
+__all__ = ["ABSENT", "REPRODUCTIONS", "Entry", "find", "list_exhibit", "reproduce_document", "reproduce_exhibit", "run"]
 __all__ += ["summary_exhibit"]
 
 REPRODUCE_SCHEMA = 1
@@ -54,8 +54,23 @@ REPRODUCTIONS = {
     "thesis-A-3": Entry("Thesis, figure A-3: isolation without sparsity stage", "sweeps", "thesis_a"),
     "thesis-A-4": Entry("Thesis, figure A-4: isolation with sparsity stage", "sweeps", "thesis_a"),
     "isolation-noise": Entry("Isolation against noise, the thesis's rule and ours", "sweeps", "isolation_noise"),
+    "thesis-table-2-1": Entry("Thesis, table 2-1: pitot faults as signals", "thesis_data", "thesis_table_2_1"),
+    "thesis-table-5-1": Entry("Thesis, table 5-1: flight data", "thesis_data", "thesis_5_1"),
+    "thesis-table-5-2": Entry("Thesis, table 5-2: the fault dictionary", "thesis_data", "thesis_5_2"),
+    "f16-table1": Entry("F-16 diagnosability, table I: initial state", "f16_table2", "f16_table2"),
     "f16-table2": Entry("F-16 diagnosability, table II", "f16_table2", "f16_table2"),
+    "f16-1": Entry("F-16 diagnosability, figure 1: residuals", "f16_table2", "f16_table2"),
+    "f16-2": Entry("F-16 diagnosability, figure 2: bandwidths", "f16_table2", "f16_table2"),
+    "f16-3": Entry("F-16 diagnosability, figure 3: densities", "f16_table2", "f16_table2"),
     "hankel-b747": Entry("Hankel null space, Boeing 747, figure 1", "hankel_b747", "hankel_b747"),
+}
+
+
+# Figures and tables of the papers that have no page, and why.
+ABSENT = {
+    "thesis-2-1": "a drawing of a pitot tube: nothing in it is computed",
+    "thesis-2-2": "a block diagram of double-model adaptive estimation: nothing in it is computed",
+    "thesis-table-B-1": "a list of the thesis's MATLAB files",
 }
 
 
@@ -64,13 +79,15 @@ def find(name: str) -> str:
 
     Raises
     ------
-    ConfigError : there is none.
+    ConfigError : there is none, or the paper's figure is none that can be computed.
     """
-    known = {one.lower(): one for one in REPRODUCTIONS}
+    known = {one.lower(): one for one in (*REPRODUCTIONS, *ABSENT)}
     if name.lower() not in known:
         raise ConfigError(
             f"reproduce: no such figure, got '{name}'{did_you_mean(name, (*REPRODUCTIONS, 'all', 'list'))}"
         )
+    if known[name.lower()] in ABSENT:
+        raise ConfigError(f"reproduce: {known[name.lower()]} has no page: it is {ABSENT[known[name.lower()]]}")
     return known[name.lower()]
 
 
@@ -146,5 +163,10 @@ def list_exhibit() -> Exhibit:
         title="Published figures and tables, ours beside theirs",
         heading=f"{len(rows)} figures and tables",
         verdict="bfi reproduce NAME makes one of these, bfi reproduce all every one.",
-        tables=(Table(name="reproductions", title="Names", heads=("name", "what"), rows=rows),),
+        tables=(
+            Table(name="reproductions", title="Names", heads=("name", "what"), rows=rows),
+            Table(
+                name="absent", title="Without a page", heads=("figure or table", "it is"), rows=tuple(ABSENT.items())
+            ),
+        ),
     )

@@ -41,7 +41,7 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 OWN_RATE = {"method": "risro", "conditioning.rate_hz": "none"}
-LISTING = merge(Config(), {**OWN_RATE, "risro": {"as_published": True, "sparsity": "exp_l0", "p0": 1e-300}})
+LISTING = merge(Config(), {**OWN_RATE, "risro": {"as_published": True, "sparsity": "exp-l0", "p0": 1e-300}})
 """As the listing runs: 50 steps, its updates that never happen, its matrix put together anew after every step."""
 SETTLED = merge(Config(), OWN_RATE)
 """The same problem with the corner of the matrix imposed, solved until it settles."""

@@ -24,6 +24,9 @@ UNANSWERABLE = (
 )
 
 
+NOT_CONVERGED = "the solver did not converge, so that there is no interval and no verdict"
+
+
 def assemble_result(window: PreparedWindow, config: Config, found: MethodResult) -> IdentifyResult:
     """Return the result of an identification."""
     estimates_all = METHODS[config.method].candidates
@@ -31,6 +34,9 @@ def assemble_result(window: PreparedWindow, config: Config, found: MethodResult)
     series = output_series(window, found, true_faults(window))
     residuals = residual_summaries(window, found)
     decision = found.decision or ("fault" if found.atoms else "not_identifiable" if all(hidden) else "no_fault")
+    unanswered = UNANSWERABLE
+    if not found.converged:
+        decision, unanswered = "not_identifiable", f"{NOT_CONVERGED}: {found.solver.termination}"
     first = len(window.signals.y) - len(found.error)
     return IdentifyResult(
         log=window.summary,
@@ -54,7 +60,7 @@ def assemble_result(window: PreparedWindow, config: Config, found: MethodResult)
         },
         solver=found.solver,
         notes=(
-            *((UNANSWERABLE,) if decision == "not_identifiable" else ()),
+            *((unanswered,) if decision == "not_identifiable" else ()),
             *found.notes,
             *warnings_of(window, found, series, residuals, hidden),
         ),
@@ -72,7 +78,8 @@ def _estimates(window: PreparedWindow, found: MethodResult) -> tuple[FaultEstima
     estimates, quantile = [], found.magnitudes.quantile
     for n in found.atoms:
         fault = window.faults[window.live[n]]
-        z, sd = float(found.magnitudes.value[n]), float(np.sqrt(found.magnitudes.variance[n]))
+        z = float(found.magnitudes.value[n])
+        sd = float(np.sqrt(found.magnitudes.variance[n])) if found.converged else np.nan
         unit = window.log.channel(fault.channel).unit
         value, physical_unit = physical(fault, z, unit)
         estimates.append(
@@ -105,8 +112,10 @@ def _candidates(window: PreparedWindow, found: MethodResult, hidden: Sequence[bo
                 active=n in found.atoms,
                 magnitude=None if n is None else _finite(magnitudes.value[n]),
                 unit=magnitude_unit(fault, window.log.channel(fault.channel).unit if known else ""),
-                sd=None if n is None else _finite(np.sqrt(magnitudes.variance[n])),
-                minimal_detectable=None if n is None else _finite(magnitudes.minimal_detectable[n]),
+                sd=None if n is None or not found.converged else _finite(np.sqrt(magnitudes.variance[n])),
+                minimal_detectable=None
+                if n is None or not found.converged
+                else _finite(magnitudes.minimal_detectable[n]),
                 note=window.reasons.get(entry) if n is None else BLIND_NOTE if hidden[n] else None,
             )
         )

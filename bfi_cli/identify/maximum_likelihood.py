@@ -28,6 +28,7 @@ from ..kernels.model_selection import (
     search_orders,
 )
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
+from ..kernels.termination import Termination
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..kernels.whiteness import effective_rows
 from ..preprocessing.overdispersion import overdispersion
@@ -37,7 +38,7 @@ from .magnitudes import MagnitudeEstimates, MethodResult, averaged_magnitudes, w
 from .result import SolverSummary
 from .supports import propose_supports
 
-__all__ = ["Selection", "identify_by_likelihood", "select"]
+__all__ = ["Selection", "best_of", "identify_by_likelihood", "select"]
 
 FloatArray = NDArray[np.float64]
 
@@ -116,6 +117,7 @@ def identify_by_likelihood(
         orders=regression.orders if several else (),
         criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
         criterion_best=tuple(search.best.criterion for search in selection.searches) if several else (),
+        converged=fit.termination is Termination.CONVERGED,
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
 
@@ -156,14 +158,16 @@ def select(
     searches, agreed = refine_supports(problems, atoms, penalty, proposals=proposals, max_active=max_active)
     if not proposals or (not agreed and n_atoms <= BACKWARD_LIMIT):
         searches = search_orders(problems, atoms, penalty, max_active=max_active, known=searches, report=searching)
-    selection = _best_of(regression, searches, penalty)
+    selection = best_of(regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
     effective = max(effective_rows(selection.unfolded.error), 2.0 * per_output)
     if effective >= n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)
-    searches, _ = refine_supports(problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True)
-    return _best_of(regression, searches, penalty)
+    searches, _ = refine_supports(
+        problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True
+    )
+    return best_of(regression, searches, penalty)
 
 
 def _by_threshold(regression: RegressionData, selection: Selection, threshold: float) -> Selection:
@@ -197,10 +201,11 @@ def _without(regression: RegressionData, selection: Selection, atom: int) -> Sel
         replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
         for search in selection.searches
     ]
-    return _best_of(regression, searches, selection.penalty)
+    return best_of(regression, searches, selection.penalty)
 
 
-def _best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
+def best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
+    """Return the best of what was visited, its support fitted at every order."""
     best = min((search.best for search in searches), key=lambda scored: scored.criterion)
     return Selection(
         best=best,

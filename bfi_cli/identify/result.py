@@ -18,6 +18,8 @@ __all__ = [
     "OutputSeries",
     "ResidualSummary",
     "SolverSummary",
+    "SparsityRun",
+    "SparsitySummary",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -38,6 +40,37 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SparsityRun:
+    """The sparsity stage from one start: its steps, whether they settled, and the supports visited, the last one last."""
+
+    order: int
+    start: str
+    iterations: int
+    converged: bool
+    supports: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SparsitySummary:
+    """The sparsity stage of an answer.
+
+    Attributes
+    ----------
+    kind, alpha, r : the penalty, its steepness (None for "l1" and "lp") and the variance of a pseudo-measurement.
+    updates : of the published stage that changed the magnitudes; None for the other.
+    runs : of the other stage, two for every order.
+    set_to_zero : what the published rule would declare of RISRO's magnitudes, and the stage leaves out.
+    """
+
+    kind: str
+    alpha: float | None
+    r: float
+    updates: int | None
+    runs: tuple[SparsityRun, ...]
+    set_to_zero: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SolverSummary:
     """How the answer was computed: `method` is its name in the registry, `termination` a sentence."""
 
@@ -45,6 +78,7 @@ class SolverSummary:
     termination: str
     iterations: int
     condition_number: float
+    sparsity: SparsitySummary | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

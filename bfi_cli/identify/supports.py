@@ -13,7 +13,7 @@ from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import fit_magnitudes
 from ..preprocessing.regression import RegressionData
 
-__all__ = ["StageRun", "propose_supports", "stage_runs"]
+__all__ = ["StageRun", "proposals_of", "propose_supports", "stage_runs"]
 
 # The derived stage, which ml begins with. Its starts need no more digits than a tenth of a standard deviation.
 DERIVED = SparseStage(kind="exp-l0")
@@ -68,7 +68,7 @@ def propose_supports(regression: RegressionData, penalty: Penalty, report: Repor
 
 
 def proposals_of(runs: Sequence[StageRun]) -> tuple[Proposal, ...]:
-    """Return every support that was visited and is not too large, the largest and last of each start in any case."""
+    """Return every support that was visited and is not too large, and the last of each start in any case."""
     return tuple(
         Proposal(order=run.order, atoms=support, z=went.z[list(support)])
         for run in runs

@@ -31,7 +31,7 @@ Sparsity = Literal["none", "l1", "lp", "exp-l0"]
 KINDS: tuple[str, ...] = get_args(Sparsity)
 
 # The thesis's settings of its own stage (section 5-3): steepness, variance of the pseudo-measurement, prior variance.
-PUBLISHED_ALPHA, PUBLISHED_R, PUBLISHED_P0 = 1.0, 10.0, 1.0
+PUBLISHED = {"alpha": 1.0, "r": 10.0, "p0": 1.0}
 # Steps of the stage from one start; it settles within 10 to 25.
 MAX_STEPS = 40
 # In standard deviations: a magnitude below the first leaves the problem; steps below the second have settled. Half and
@@ -175,7 +175,7 @@ def pseudo_norm(z: FloatArray, stage: SparseStage) -> tuple[float, FloatArray]:
     """Return the published stage's norm of z and its gradient (zero where an entry is zero)."""
     size, sign = np.abs(z), np.sign(z)
     if stage.kind == "exp-l0":
-        alpha = PUBLISHED_ALPHA if stage.alpha is None else stage.alpha
+        alpha = PUBLISHED["alpha"] if stage.alpha is None else stage.alpha
         decay = np.exp(-alpha * size)
         return float(np.sum(1.0 - decay)), alpha * sign * decay
     p = stage.p if stage.kind == "lp" else 1.0
@@ -197,8 +197,8 @@ def published_updates(z: FloatArray, stage: SparseStage) -> tuple[FloatArray, in
     z, made = np.array(z, dtype=np.float64), 0
     if stage.kind == "none" or not z.size:
         return z, made
-    R = PUBLISHED_R if stage.r is None else stage.r
-    P = (PUBLISHED_P0 if stage.p0 is None else stage.p0) * np.eye(z.size)
+    R = PUBLISHED["r"] if stage.r is None else stage.r
+    P = (PUBLISHED["p0"] if stage.p0 is None else stage.p0) * np.eye(z.size)
     for _ in range(stage.updates):
         norm, H = pseudo_norm(z, stage)
         PH = P @ H

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BfiError
-from ..identify.risro import declared, solve
+from ..identify.risro import decides_by_rule, declared, solve
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import prepare_window, regression_of
 from .flight import is_shared, record_of
@@ -44,7 +44,7 @@ class SharedRecord:
 def shared_record(setting: Setting) -> SharedRecord | None:
     """Return the factorised record of a setting; None where its trials must be solved one by one."""
     config = setting.config
-    published = config.method in ("risro", "risro-as-published")
+    published = config.method in ("risro", "risro-as-published") and decides_by_rule(config)
     asked = published and config.conditioning.rate_hz == "none" and config.model.order != "auto"
     silent = all(sd == 0.0 for _, sd in setting.noise)
     if not (asked and silent and is_shared(setting) and len(config.outputs) == 1):

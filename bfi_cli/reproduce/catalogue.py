@@ -54,6 +54,7 @@ REPRODUCTIONS = {
     "thesis-A-3": Entry("Thesis, figure A-3: isolation without sparsity stage", "sweeps", "thesis_a"),
     "thesis-A-4": Entry("Thesis, figure A-4: isolation with sparsity stage", "sweeps", "thesis_a"),
     "isolation-noise": Entry("Isolation against noise, the thesis's rule and ours", "sweeps", "isolation_noise"),
+    "sparsity": Entry("Does sparsity help? Rules that choose the faults", "sparsity", "sparsity"),
     "thesis-table-2-1": Entry("Thesis, table 2-1: pitot faults as signals", "thesis_data", "thesis_table_2_1"),
     "thesis-table-5-1": Entry("Thesis, table 5-1: flight data", "thesis_data", "thesis_5_1"),
     "thesis-table-5-2": Entry("Thesis, table 5-2: the fault dictionary", "thesis_data", "thesis_5_2"),

@@ -43,6 +43,7 @@ def exhibit(
     before: Sequence[str] = (),
     notes: Sequence[str] = (),
     who: Sequence[str] = (),
+    facts: Sequence[tuple[str, str]] = (),
 ) -> Exhibit:
     """Return a page, the table of published and own numbers first.
 
@@ -54,7 +55,9 @@ def exhibit(
     rows : of the comparison, after those of the page.
     before, notes : notes before and after those of the page.
     who : the methods on the page, of which `who` in thesis.yaml says what they are.
+    facts : after those of the page.
     """
+    methods = [fill(load("thesis")["shared"]["who"][name]) for name in who]
     compared = (*fill(page.get("rows", ()), **values), *map(tuple, rows))
     comparison = Table(
         name="comparison", title="Printed and computed", heads=("quantity", "printed", "computed here"), rows=compared
@@ -70,7 +73,7 @@ def exhibit(
         title=fill(page["title"], **values),
         heading=fill(said, **values),
         verdict=fill(page["verdict"], **values),
-        facts=(*fill(page.get("facts", ()), **values), *(fill(load("thesis")["shared"]["who"][one]) for one in who)),
+        facts=(*fill(page.get("facts", ()), **values), *methods, *facts),
         tables=(comparison, *tables),
         drawings=tuple(drawings),
         notes=(*before, *fill(page["notes"], **values), *notes),

@@ -19,12 +19,13 @@ from ..aircraft import find_model, manoeuvre, simulate, time_axis
 from ..config import STRONG_EVIDENCE, Config, merge
 from ..dictionary import Dictionary
 from ..engine import in_order
-from ..exhibit import Exhibit, Panel, curve
+from ..exhibit import Exhibit, Panel, Style, curve
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify.risro import THRESHOLD
+from ..identify.supports import proposals_of, stage_runs
 from ..kernels.model_selection import Penalty, Proposal, refine_supports, search_orders
-from ..kernels.risro_varx import risro_varx, sparse_varx
+from ..kernels.risro_varx import risro_varx
 from ..kernels.sparsity import SparseStage
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes
 from ..montecarlo import wilson
@@ -38,16 +39,17 @@ __all__ = ["RULES", "Point", "Problem", "lasso_supports", "problem_of", "run", "
 FloatArray = NDArray[np.float64]
 Support = tuple[int, ...]
 
-RATE_HZ, ORDER = 10.0, 6  # of METHOD's trials: below 0.1 s of memory white noise becomes a drift
+# At 100 Hz lags remember so little that white noise becomes a drift; order 6 is among those that identify tries.
+RATE_HZ, ORDER = 10.0, 6
 STEPS_S = 120.0  # duration of the record of the dictionaries of steps
 THESIS_ATOMS = 7
 NOISES, QUICK_NOISES = (1e-4, 1e-3, 0.01, 0.05, 0.2), (0.01,)  # m/s, on the thesis's atoms
 SIZES, QUICK_SIZES = (10, 20, 40, 80), (20,)  # numbers of steps
-STEP_NOISE = 0.2  # m/s, on the steps
+STEP_NOISES = (0.2, 0.5)  # m/s, on the steps
 TRIALS, QUICK_TRIALS = 100, 2
 MOST_ACTIVE, LARGEST = 3, 10  # active faults, and their integer magnitudes
+BESIDE = 1.03  # how far points of the next rule stand aside, so that they do not hide each other
 FEWEST_OF_A_LINE = 3  # points: fewer are drawn without a line through them
-ALARM_NOISES = {THESIS_ATOMS: 0.01}  # of the fault-free trials; the steps have their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +146,8 @@ def _by_lasso(of: Problem, *, adaptive: bool) -> Support:
     most = min(LARGEST + THESIS_ATOMS, G.shape[1])
     proposals = []
     for support in lasso_supports(G * weights, y, most=most):
-        proposals.append(Proposal(order=ORDER, atoms=support, z=np.linalg.lstsq(G[:, support], y, rcond=None)[0]))
+        z = np.asarray(np.linalg.lstsq(G[:, support], y, rcond=None)[0], dtype=np.float64)
+        proposals.append(Proposal(order=ORDER, atoms=support, z=z))
     return _cheapest(of, proposals)
 
 
@@ -186,14 +189,8 @@ def lasso_supports(X: FloatArray, y: FloatArray, *, most: int) -> list[Support]:
 
 
 def _by_stage(of: Problem) -> Support:
-    """Return the best support that the exponential stage visits from its two starts."""
-    n_atoms = of.penalty.n_candidates
-    whole = risro_varx(of.regression.data)
-    visits = sparse_varx(of.projected, whole, n_atoms=n_atoms, stage=SparseStage(kind="exp-l0"), price=_price(of))
-    proposals = [
-        Proposal(order=ORDER, atoms=support, z=went.z[list(support)]) for went in visits for support in went.supports
-    ]
-    return _cheapest(of, proposals)
+    """Return the best support that the exponential stage visits from its two starts, as method risro does."""
+    return _cheapest(of, proposals_of(stage_runs(of.regression, of.penalty, orders=[ORDER])))
 
 
 def _published(of: Problem) -> Support:
@@ -231,82 +228,94 @@ def run(trial: tuple[Point, tuple[int, ...]]) -> list[tuple[bool, float]]:
 
 def sparsity(settings: Settings) -> Exhibit:
     """Return isolation and time of every rule against noise and the size of the dictionary."""
-    page = load("sparsity")
+    page, names = load("sparsity"), list(RULES)
+    labels: Mapping[str, str] = page["rules"]
     noises, sizes = (QUICK_NOISES, QUICK_SIZES) if settings.quick else (NOISES, SIZES)
-    points = [Point(THESIS_ATOMS, noise) for noise in noises] + [Point(size, STEP_NOISE) for size in sizes]
-    points += [Point(THESIS_ATOMS, noises[len(noises) // 2], False), Point(sizes[-1], STEP_NOISE, False)]
+    on_thesis = [Point(THESIS_ATOMS, noise) for noise in noises]
+    on_steps = {noise: [Point(size, noise) for size in sizes] for noise in STEP_NOISES}
+    without = [Point(THESIS_ATOMS, QUICK_NOISES[0], False), Point(sizes[-1], STEP_NOISES[0], False)]
+    points = [*on_thesis, *(point for each in on_steps.values() for point in each), *without]
     n_trials = settings.trials_or(TRIALS, QUICK_TRIALS)
     trials = [(point, (settings.seed, i, k)) for (i, point), k in product(enumerate(points), range(n_trials))]
     done: list[list[tuple[bool, float]]] = []
     for outcome, _ in in_order(run, trials, workers=settings.workers):
         done.append(outcome)
         settings.report(len(done), len(trials))
-    every = np.array(done).reshape(len(points), n_trials, len(RULES), 2)
-    counts, seconds = every[..., 0].sum(axis=1), np.median(every[..., 1], axis=1)
-    rates = [[_share(int(count), n_trials) for count in row] for row in counts]
-    body = [
-        (_words(point), label, rates[i][j], f"{1e3 * seconds[i, j]:.3g}")
-        for i, point in enumerate(points)
-        for j, label in enumerate(page["rules"].values())
+    every = np.array(done).reshape(len(points), n_trials, len(names), 2)
+    counts, ms = every[..., 0].sum(axis=1).astype(int), 1e3 * np.median(every[..., 1], axis=1)
+    ends = 100.0 * np.array([[wilson(int(count), n_trials) for count in row] for row in counts])
+    shares = [
+        {
+            name: f"{100.0 * count / n_trials:.0f} % ({low:.0f} to {high:.0f})"
+            for name, count, (low, high) in zip(names, row, interval, strict=True)
+        }
+        for row, interval in zip(counts, ends, strict=True)
     ]
-    ends = np.array([[wilson(int(count), n_trials) for count in row] for row in counts])  # (points, rules, 2)
     panels = []
-    at_noise, at_size = range(len(noises)), range(len(noises), len(noises) + len(sizes))
-    for title, x_label, x, rows, log_x in (
-        ("atoms of the thesis", "noise [m/s]", noises, at_noise, True),
-        (f"steps, noise {STEP_NOISE:g} m/s", "atoms [-]", sizes, at_size, True),
+    for title, x_label, of in (
+        ("atoms of the thesis", "noise [m/s]", on_thesis),
+        *((f"steps, noise {noise:g} m/s", "atoms [-]", each) for noise, each in on_steps.items()),
     ):
-        bars, line = ("bars", "line") if len(x) >= FEWEST_OF_A_LINE else ("points", "points")
-        for y_label in ("isolated [%]", "time [ms]"):
-            curves = []
-            for j, label in enumerate(page["rules"].values()):
-                beside = np.array(x) * 1.03**j
-                if y_label == "time [ms]":
-                    curves.append(curve(label, beside, 1e3 * seconds[rows, j], style=line))
-                    continue
-                low, high = 100.0 * ends[rows, j].T
-                share = 100.0 * counts[rows, j] / n_trials
-                curves.append(curve(label, beside, share, style=bars, low=low, high=high))
-            limits = None if y_label == "time [ms]" else (-3.0, 103.0)
+        at = [points.index(point) for point in of]
+        x = np.array([point.noise if of is on_thesis else point.n_atoms for point in of])
+        isolated, time = [], []
+        for j, label in enumerate(labels.values()):
+            beside, share, (low, high) = x * BESIDE**j, 100.0 * counts[at, j] / n_trials, ends[at, j].T
+            isolated.append(curve(label, beside, share, style=_style(x, "bars"), low=low, high=high))
+            time.append(curve(label, beside, ms[at, j], style=_style(x, "line")))
+        for y_label, curves, limits in (("isolated [%]", isolated, (-3.0, 103.0)), ("time [ms]", time, None)):
             panels.append(
                 Panel(
                     title=title,
                     x_label=x_label,
                     y_label=y_label,
                     curves=tuple(curves),
-                    log_x=log_x,
-                    log_y=y_label == "time [ms]",
+                    log_x=True,
+                    log_y=limits is None,
                     y_limits=limits,
                 )
             )
-    names = list(RULES)
-    biggest = len(noises) + len(sizes) - 1
-    shown = {name: rates[biggest][j] for j, name in enumerate(names)}
+    last = points.index(on_steps[STEP_NOISES[-1]][-1])
     return exhibit(
         page,
         {
+            "order": ORDER,
+            "rate": RATE_HZ,
+            "active": f"1 to {MOST_ACTIVE}",
+            "largest": LARGEST,
             "trials": n_trials,
             "seed": settings.seed,
             "points": "; ".join(map(_words, points)),
-            "size": points[biggest].n_atoms,
-            "noise": STEP_NOISE,
-            "shown": shown,
-            "faster": f"{seconds[biggest, names.index('search')] / seconds[biggest, names.index('stage')]:.1f}",
+            "size": points[last].n_atoms,
+            "noise": points[last].noise,
+            "shown": shares[last],
+            "seconds": {name: f"{ms[last, j]:.3g}" for j, name in enumerate(names)},
         },
-        heading=bool(counts[biggest, names.index("stage")] > counts[biggest, names.index("rule")]),
+        heading=bool(counts[last, names.index("stage")] > counts[last, names.index("rule")]),
         rows=[
-            fill(page["row"], where=_words(points[i]), label=label, share=rates[i][j])
-            for i in (0, biggest)
-            for j, label in enumerate(page["rules"].values())
+            fill(page["row"], where=_words(points[i]), label=labels[name], share=shares[i][name])
+            for i in (0, last)
+            for name in names
         ],
-        tables=[table(page, "rates", body)],
+        tables=[
+            table(
+                page,
+                "rates",
+                [
+                    (_words(point), labels[name], shares[i][name], f"{ms[i, j]:.3g}")
+                    for i, point in enumerate(points)
+                    for j, name in enumerate(names)
+                ],
+            )
+        ],
         drawings=[drawing(page, "sparsity", panels, across=2)],
+        facts=[(labels[name], page["who"][name]) for name in names],
     )
 
 
-def _share(count: int, of: int) -> str:
-    low, high = wilson(count, of) or (0.0, 1.0)
-    return f"{100.0 * count / of:.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f})"
+def _style(x: FloatArray, many: Style) -> Style:
+    """Return the style of points that are many, or without a line where they are not."""
+    return many if len(x) >= FEWEST_OF_A_LINE else "points"
 
 
 def _words(point: Point) -> str:

@@ -149,7 +149,7 @@ DMAE = (
     "adaptive_window: null",
 )
 # Those change the magnitudes that the method finds.
-SPARSITY = ("sparsity: exp_l0", "alpha: 9.0", "r: 1e-3", "p0: 1e3", "updates: 9")
+SPARSITY = ("sparsity: exp-l0", "alpha: 9.0", "r: 1e-3", "p0: 1e3", "updates: 9")
 
 
 @pytest.mark.parametrize(("key", "text", "path", "expected"), EFFECTS, ids=[effect[0] for effect in EFFECTS])

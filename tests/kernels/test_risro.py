@@ -332,7 +332,7 @@ def test_as_published_makes_fifty_steps():
 def test_sparsity_acts_after_every_step_but_the_last(corner):
     u, y, theta, _ = varx(noise=0.02)
     data = compress(u, y, theta, order=ORDER)
-    stage = SparseStage(kind="exp_l0", updates=2, r=1.0)
+    stage = SparseStage(kind="exp-l0", updates=2, r=1.0)
     one, five, plain = (
         risro_varx(data, corner=corner, sparse=sparse, settings=StoppingRule(max_iterations=n, fixed=True))
         for n, sparse in ((1, stage), (5, stage), (5, None))
@@ -346,7 +346,7 @@ def test_the_stage_acts_on_magnitudes_times_the_rms_of_their_signals(corner):
     """The second step starts from the first one's magnitudes after the update of eq. 3-20 to 3-22, written out."""
     u, y, theta, _ = varx(noise=0.02)
     data, alpha, r = compress(u, y, theta, order=ORDER), 0.7, 2.0
-    stage = SparseStage(kind="exp_l0", alpha=alpha, r=r)
+    stage = SparseStage(kind="exp-l0", alpha=alpha, r=r)
     one, two = (StoppingRule(max_iterations=n, fixed=True) for n in (1, 2))
     first = risro_varx(data, corner=corner, settings=one)
     rms = np.sqrt(np.mean(theta[ORDER:, 0] ** 2, axis=0))
@@ -363,7 +363,7 @@ def test_the_stage_acts_on_magnitudes_times_the_rms_of_their_signals(corner):
 def test_only_the_published_stage_depends_on_the_unit_of_a_magnitude(as_published):
     u, y, theta, _ = varx(noise=0.02)
     unit = np.array([10.0, 1.0, 0.1, 1.0, 5.0, 1.0, 1.0])
-    stage = SparseStage(kind="exp_l0")
+    stage = SparseStage(kind="exp-l0")
     settings = StoppingRule(max_iterations=4, fixed=True)
     z, other = (
         risro_varx(compress(u, y, x, order=ORDER), sparse=stage, settings=settings, as_published=as_published).z

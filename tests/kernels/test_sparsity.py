@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bfi_cli.kernels.sparsity import SparseStage, apply_sparsity, pseudo_norm
 
-KINDS = ("l1", "lp", "exp_l0")
+KINDS = ("l1", "lp", "exp-l0")
 magnitudes = st.lists(st.floats(-5, 5).filter(lambda x: abs(x) > 0.05), min_size=1, max_size=7).map(np.array)
 each_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -82,7 +82,7 @@ def test_many_l1_updates_are_one_of_so_much_less_variance(z, updates):
 
 
 def test_published_settings_push_a_true_zero_off_zero_and_back_across():
-    stage = SparseStage(kind="exp_l0", alpha=1.0, r=10.0, p0=1.0)
+    stage = SparseStage(kind="exp-l0", alpha=1.0, r=10.0, p0=1.0)
     z = np.array([9.0, 6.0, 1e-9])
     first = apply_sparsity(z, stage)[0]
     second = apply_sparsity(first, stage)[0]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.exhibit import Exhibit
-from bfi_cli.kernels.sparsity import SparseStage, apply_sparsity
+from bfi_cli.kernels.sparsity import SparseStage, published_updates
 from bfi_cli.montecarlo import load_sweep
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.page import load
@@ -67,9 +67,9 @@ def test_a_log_of_the_user_goes_the_way_of_the_simulated_record():
 
 def test_the_listing_is_the_algorithm_with_a_stage_that_moves_nothing():
     settings = method_config("listing")
-    stage = SparseStage(kind="exp_l0", p0=settings.risro.p0, r=settings.risro.r)
+    stage = SparseStage(kind="exp-l0", p0=settings.risro.p0, r=settings.risro.r)
     z = np.array([5.0, 1e-9, -3.0, 0.0])
-    moved, updates = apply_sparsity(z, stage)
+    moved, updates = published_updates(z, stage)
     np.testing.assert_array_equal(moved, z)
     assert updates == 0
     assert settings.method == "risro-as-published"
@@ -78,7 +78,7 @@ def test_the_listing_is_the_algorithm_with_a_stage_that_moves_nothing():
 def test_one_update_of_the_stage_takes_six_hundredths_off_what_is_nearly_zero():
     """Alpha = 1, R = 10, P = I as in section 5-3 of the thesis, one of seven signals active."""
     z = np.array([5.0, *([1e-6] * 6)])
-    moved, updates = apply_sparsity(z, SparseStage(kind="exp_l0"))
+    moved, updates = published_updates(z, SparseStage(kind="exp-l0"))
     assert updates == 1
     np.testing.assert_allclose(moved[1:], -0.06, rtol=0, atol=0.005)
 
@@ -88,7 +88,7 @@ def test_the_methods_differ_in_what_they_say_and_in_nothing_else():
     methods = load("methods")
     for name in ("rank_only", "sparse", "sparse_2", "listing"):
         assert {**methods[name], "risro": {}} == {**common, "method": "risro-as-published", "risro": {}}
-    stage = {"sparsity": "exp_l0", "alpha": 1.0, "r": 10.0, "p0": 1.0}
+    stage = {"sparsity": "exp-l0", "alpha": 1.0, "r": 10.0, "p0": 1.0}
     assert methods["sparse"]["risro"] == {**stage, "updates": 1}
     assert methods["sparse_2"]["risro"] == {**stage, "updates": 2}
     assert methods["imposed"] == {**common, "method": "risro", "risro": {"sparsity": "none"}}

@@ -195,9 +195,7 @@ def fir(settings: Settings) -> Exhibit:
         tables=[table(page, "fir", rows)],
         drawings=[
             drawing(
-                page,
-                "fir_condition",
-                (_panel("no noise", condition, exact), _panel("noise 1 %", condition, noisy)),
+                page, "fir_condition", (_panel("no noise", condition, exact), _panel("noise 1 %", condition, noisy))
             ),
             drawing(page, "fir_noise", [_panel("", "noise / output [-]", by_noise)]),
         ],

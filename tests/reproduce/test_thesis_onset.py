@@ -19,7 +19,14 @@ from bfi_cli.reproduce.thesis_onset import thesis_5_14, thesis_5_15, thesis_5_16
 
 QUICK = Settings(quick=True)
 EXACT, NOISY, STATISTIC = 1, 2, 3  # panels of a page with two records
-READINGS = ("published, M = 1", "published, no stage", "listing", "ours, no stage")
+READINGS = (
+    "published, M = 1",
+    "published, M = 2",
+    "published, no stage",
+    "listing",
+    "ours, no stage",
+    "ours, with stage",
+)
 IMPOSED = "ours, no stage"
 
 
@@ -99,6 +106,14 @@ def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(w
     assert np.abs(high).max() > 1000.0
     assert np.median(np.abs(high)) > 1.0
     assert np.abs(low).max() < 0.01
+
+
+def test_our_stage_finds_no_drift_in_a_bias_where_algorithm_3_finds_a_huge_one(wrong: Exhibit):
+    peaks = {cells[:4]: cells[4] for cells in next(one for one in wrong.tables if one.name == "peaks").rows}
+    for record in ("no noise", "noise 0.01 m/s"):
+        assert peaks["bias", record, "drift", "ours, with stage"] == "0 at every start"
+        assert abs(float(peaks["bias", record, "drift", "published, M = 1"].split()[0])) > 1000.0
+    assert peaks["drift", "noise 0.01 m/s", "bias", "ours, with stage"] == "0 at every start"
 
 
 def test_ours_does_not_declare_the_wrong_shape(wrong: Exhibit):

@@ -164,9 +164,7 @@ def select(
     if effective >= n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)
-    searches, _ = refine_supports(
-        problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True
-    )
+    searches, _ = refine_supports(problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True)
     return best_of(regression, searches, penalty)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.exhibit import Exhibit
-from bfi_cli.kernels.sparsity import SparseStage, apply_sparsity
+from bfi_cli.kernels.sparsity import SparseStage, published_updates
 from bfi_cli.montecarlo import load_sweep
 from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.page import load
@@ -68,7 +68,7 @@ def test_the_listing_is_the_algorithm_with_a_stage_that_moves_nothing():
     rules = load("methods")["listing"]["risro"]
     stage = SparseStage(kind="exp-l0", p0=rules["p0"], r=rules["r"])
     z = np.array([5.0, 1e-9, -3.0, 0.0])
-    moved, updates = apply_sparsity(z, stage)
+    moved, updates = published_updates(z, stage)
     np.testing.assert_array_equal(moved, z)
     assert updates == 0
     assert rules["as_published"] is True
@@ -77,7 +77,7 @@ def test_the_listing_is_the_algorithm_with_a_stage_that_moves_nothing():
 def test_one_update_of_the_stage_takes_six_hundredths_off_what_is_nearly_zero():
     """Alpha = 1, R = 10, P = I as in section 5-3 of the thesis, one of seven signals active."""
     z = np.array([5.0, *([1e-6] * 6)])
-    moved, updates = apply_sparsity(z, SparseStage(kind="exp-l0"))
+    moved, updates = published_updates(z, SparseStage(kind="exp-l0"))
     assert updates == 1
     np.testing.assert_allclose(moved[1:], -0.06, rtol=0, atol=0.005)
 

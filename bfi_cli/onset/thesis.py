@@ -122,5 +122,10 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
     if left:
         notes.append(f"the published method is for steps and ramps; left out: {left}")
     result = assemble_result(record, curve, estimates, [None] * len(estimates), order=order, series_order=order)
-    decision = "fault" if estimates else "no_fault"
-    return replace(result, decision=decision, false_alarm=wanted.false_alarm, method="thesis", notes=tuple(notes))
+    return replace(
+        result,
+        decision="fault" if estimates else "no_fault",
+        false_alarm=wanted.false_alarm,
+        method="thesis",
+        notes=tuple(notes),
+    )

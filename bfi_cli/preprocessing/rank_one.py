@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..config import Config
 from ..kernels.lagged import Compressed
 from ..kernels.risro_varx import VarxSolution, risro_varx
-from ..kernels.sparsity import PUBLISHED, SparseStage
+from ..kernels.sparsity import SparseStage
 from ..kernels.termination import StoppingRule
 
 __all__ = ["as_published", "decides_by_rule", "solve", "stage_of", "stopping_of"]
@@ -19,8 +19,8 @@ def solve(data: Compressed, config: Config) -> VarxSolution:
 def stage_of(config: Config) -> SparseStage:
     """Return the settings of the sparsity stage."""
     rules = config.risro
-    sizes = {name: None if (value := getattr(rules, name)) == "auto" else value for name in PUBLISHED}
-    return SparseStage(kind=rules.sparsity, updates=rules.updates, **sizes)
+    alpha, r, p0 = (None if size == "auto" else size for size in (rules.alpha, rules.r, rules.p0))
+    return SparseStage(kind=rules.sparsity, alpha=alpha, r=r, p0=p0, updates=rules.updates)
 
 
 def stopping_of(config: Config) -> StoppingRule:

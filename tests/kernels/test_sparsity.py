@@ -1,4 +1,4 @@
-"""The pseudo-measurement stage: its fixed points are those of the objective; then what can be proved of the published one."""
+"""The pseudo-measurement stage: its fixed points are those of its objective; then theorems of the published one."""
 
 from __future__ import annotations
 

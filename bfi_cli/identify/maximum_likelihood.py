@@ -22,6 +22,7 @@ from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     OrderSearch,
     Penalty,
+    Proposal,
     ScoredFit,
     full_support,
     refine_supports,
@@ -152,7 +153,7 @@ def select(
     )
     preparing, proposing, searching = shares(report, 1, 2, 4)
     problems = [regression.problem(order) for order, _ in parts(preparing, regression.orders)]
-    atoms, proposals = range(n_atoms), ()
+    atoms, proposals = range(n_atoms), tuple[Proposal, ...]()
     if len(regression.layout.y[0]) == 1 and max_active != 0:
         proposals = propose_supports(regression, penalty, proposing)
     searches, agreed = refine_supports(problems, atoms, penalty, proposals=proposals, max_active=max_active)
@@ -164,9 +165,7 @@ def select(
     if effective >= n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)
-    searches, _ = refine_supports(
-        problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True
-    )
+    searches, _ = refine_supports(problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True)
     return best_of(regression, searches, penalty)
 
 

@@ -41,7 +41,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SparsityRun:
-    """The sparsity stage from one start: its steps, whether they settled, and the supports visited, the last one last."""
+    """The sparsity stage from one start: its steps, whether they settled, and the supports that it visited in turn."""
 
     order: int
     start: str

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..errors import LogError
 from ..kernels.covariance import unfold
-from ..kernels.lagged import Compressed
 from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
 from ..kernels.progress import Progress, parts, unseen
-from ..kernels.risro_varx import VarxSolution, risro_varx
-from ..kernels.sparsity import PUBLISHED, SparseStage, penalty_constants
-from ..kernels.termination import StoppingRule, Termination
+from ..kernels.risro_varx import VarxSolution
+from ..kernels.sparsity import PUBLISHED, penalty_constants
+from ..kernels.termination import Termination
 from ..kernels.variable_projection import fit_magnitudes
+from ..preprocessing.rank_one import as_published, decides_by_rule, solve, stage_of, stopping_of
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult, magnitudes_of_fit
@@ -31,7 +31,7 @@ from .maximum_likelihood import best_of, select
 from .result import SolverSummary, SparsityRun, SparsitySummary
 from .supports import proposals_of, stage_runs
 
-__all__ = ["THRESHOLD", "decides_by_rule", "declared", "identify_by_risro", "solve", "stage_of"]
+__all__ = ["THRESHOLD", "declared", "identify_by_risro", "solve"]
 
 FloatArray = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def _by_stage(
         penalty,
         orders=regression.orders,
         stage=stage,
-        settings=_stopping(config),
+        settings=stopping_of(config),
         report=partial(progress, "every order"),
     )
     searches, _ = refine_supports(
@@ -170,7 +170,7 @@ def _by_rule(
     unfolded = unfold(regression.layout, fit)
     plain = select(regression, evidence=0.0, extended=True, max_active=0)
     notes = ["the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"]
-    published = _as_published(config)
+    published = as_published(config)
     if published and abs(solution.corner - 1.0) > CORNER_ERROR:
         notes.append(
             f"the published algorithm leaves the corner of its matrix free; it ended at {solution.corner:.3g} "
@@ -208,24 +208,6 @@ def _by_rule(
     )
 
 
-def solve(data: Compressed, config: Config) -> VarxSolution:
-    """Solve the regression of one order as the configuration says, with the published stage where T is followed."""
-    published = _as_published(config)
-    return risro_varx(data, settings=_stopping(config), as_published=published, sparse=stage_of(config))
-
-
-def stage_of(config: Config) -> SparseStage:
-    """Return the settings of the sparsity stage."""
-    rules = config.risro
-    sizes = {name: None if (value := getattr(rules, name)) == "auto" else value for name in PUBLISHED}
-    return SparseStage(kind=rules.sparsity, updates=rules.updates, **sizes)
-
-
-def decides_by_rule(config: Config) -> bool:
-    """Say whether T's rule declares the faults, instead of the stage and the criterion."""
-    return _as_published(config) or config.risro.sparsity == "none" or config.selection.threshold is not None
-
-
 def declared(solution: VarxSolution, z: FloatArray, config: Config) -> NDArray[np.bool_]:
     """Return (n_atoms,) whether the rule declares each fault: its share of the norm above the threshold, and not zero.
 
@@ -236,14 +218,6 @@ def declared(solution: VarxSolution, z: FloatArray, config: Config) -> NDArray[n
     """
     threshold = THRESHOLD if config.selection.threshold is None else config.selection.threshold
     return (np.abs(z) > threshold * np.linalg.norm(z)) & (np.abs(solution.z) > ZERO)
-
-
-def _as_published(config: Config) -> bool:
-    return config.risro.as_published or config.method == "risro-as-published"
-
-
-def _stopping(config: Config) -> StoppingRule:
-    return StoppingRule(max_iterations=config.risro.max_iterations, tolerance=config.risro.tolerance)
 
 
 def _has_rows(regression: RegressionData, order: int) -> bool:

@@ -125,7 +125,9 @@ def search_orders(
     exploring, comparing = shares(report, 3, 1)
     # Nobody knows how many fits an order takes: adding PATIENCE atoms that do not help tries each so often.
     about = (PATIENCE + 1) * len(candidates) + 1
-    every = [_Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)]
+    every = [
+        _Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)
+    ]
     for visits, of_order in parts(exploring, every):
         visits.step = steps(of_order, about)
         forward = visits.search_forward(candidates)
@@ -168,7 +170,9 @@ def refine_supports(
     agreed : the best support was proposed, or is part of a proposed one.
     """
     limit = len(candidates) if max_active is None else min(max_active, len(candidates))
-    every = [_Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)]
+    every = [
+        _Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)
+    ]
     for visits in every:
         visits.visit((), [[]])
         for proposal in proposals:
@@ -211,9 +215,7 @@ class _Visits:
     may be the answer.
     """
 
-    def __init__(
-        self, problem: ProjectedRegression, penalty: Penalty, limit: int, known: Sequence[Fit] = ()
-    ) -> None:
+    def __init__(self, problem: ProjectedRegression, penalty: Penalty, limit: int, known: Sequence[Fit] = ()) -> None:
         self.problem, self.penalty = problem, penalty
         self.room = max(0, penalty.n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
         self.limit = min(limit, self.room)

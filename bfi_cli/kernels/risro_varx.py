@@ -201,7 +201,7 @@ def _gauss_newton(A: FloatArray, y: FloatArray, state: _State) -> _State:
 
 
 def _start(A: FloatArray, y: FloatArray) -> Factors:
-    """Return z and K of the unconstrained least squares, X's corner being 1; where it is undetermined no fault and its K."""
+    """Return z and K of the unconstrained least squares, X's corner being 1; no fault where the rows are too few."""
     if len(A) < A[0].size - 1:
         return _pair(np.zeros(A.shape[1] - 1), least_squares(A[:, -1, :-1], y)[0])
     X = np.append(least_squares(A.reshape(len(A), -1)[:, :-1], y)[0], 1.0).reshape(A.shape[1:])

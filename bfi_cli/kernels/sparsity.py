@@ -139,7 +139,7 @@ def sparse_supports(
         stacked[:, :s], stacked[:, s:-1] = corrected[:, 1:], np.append(1.0, -K) @ theta
         stacked[:, -1] = residual = corrected[:, 0] - corrected[:, 1:] @ K
         triangle = np.triu(lapack.dgeqrt(min(PANEL, s + n + 1), stacked, overwrite_a=True)[0][: s + n + 1])
-        R_zz, rho_z = triangle[s:-1, s:-1], triangle[s:-1, -1]
+        R_zz = triangle[s:-1, s:-1]
         # 2. The unit of each magnitude: its standard deviation with K eliminated and the other atoms known.
         degrees = max(problem.n_rows - problem.n_base - s - dof, 1.0)
         sigma = np.sqrt(residual @ residual / degrees + problem.floor**2)

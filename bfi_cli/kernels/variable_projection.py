@@ -228,8 +228,8 @@ class _Predictor:
 class _Support:
     """The regression with the magnitudes of some atoms free; all others are zero.
 
-    `theta`, (m, order + 1, n_kept), holds the signals of these atoms, `y` the outputs on the same rows, and `scatter`, (n_kept, n_outputs, n_active), the
-    output and the atom that each belongs to.
+    `theta`, (m, order + 1, n_kept), holds the signals of these atoms, `y` the outputs on the same rows, and `scatter`,
+    (n_kept, n_outputs, n_active), the output and the atom that each belongs to.
     """
 
     def __init__(self, problem: ProjectedRegression, atoms: Sequence[int], *, compress: bool = True) -> None:
@@ -240,7 +240,7 @@ class _Support:
         self.theta, self.y = problem.theta if every else problem.theta[:, :, kept], problem.y
         if compress and len(self.y) > COMPRESSED * (columns := self.theta[0].size + self.y[0].size):
             stacked = np.concatenate([self.theta, self.y], axis=2).reshape(len(self.y), columns)
-            R = np.linalg.qr(stacked, mode="r").reshape(columns, problem.order + 1, -1)
+            R = np.asarray(np.linalg.qr(stacked, mode="r")).reshape(columns, problem.order + 1, -1)
             self.theta, self.y = R[:, :, : len(kept)], R[:, :, len(kept) :]
         self.scatter = np.zeros((len(kept), problem.n_outputs, len(place)))
         for n, (output, atom) in enumerate(problem.signals[n] for n in kept):

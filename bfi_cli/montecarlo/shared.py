@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BfiError
-from ..identify.risro import decides_by_rule, declared, solve
+from ..identify.risro import declared
+from ..preprocessing.rank_one import decides_by_rule, solve
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import prepare_window, regression_of
 from .flight import is_shared, record_of

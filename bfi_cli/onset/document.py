@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -51,8 +52,8 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
                     "unit": one.estimate.unit,
                     "physical": {"value": one.estimate.physical_value, "unit": one.estimate.physical_unit},
                     "sd": one.estimate.sd,
-                    "ci95": one.estimate.ci95,
-                    "onset_ci95": one.onset_ci95,
+                    "ci95": _known(one.estimate.ci95),
+                    "onset_ci95": _known(one.onset_ci95),
                     "statistic": one.statistic,
                     "p_value": one.p_value,
                 }
@@ -72,6 +73,11 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
         }
     )
     return document
+
+
+def _known(ends: tuple[float, float]) -> tuple[float, float] | None:
+    """Return an interval, None where its ends are not numbers."""
+    return ends if math.isfinite(ends[0] + ends[1]) else None
 
 
 def onset_tables(result: OnsetResult) -> dict[str, bytes]:

@@ -50,7 +50,7 @@ class Estimate:
     Attributes
     ----------
     form : the hypothesis, with its frequency or time constant.
-    onset_s, onset_ci95 : on the log's axis.
+    onset_s, onset_ci95 : on the log's axis; NaN where there is no interval.
     offset_s : None where the fault lasts.
     z, sd : magnitude; the spread over the onsets in question is in `sd`.
     signal : (n_samples,) what it adds to its output, conditioned and scaled.

@@ -62,12 +62,13 @@ def _sentence(fault: Plain) -> str:
     within = interval(size)
     if within != "-":
         magnitude += f" (95 % interval {within})"
-    onset = f"from {number(fault['onset_s'], spread=_half(when))} s ({interval(when)} s){_until(fault)}"
+    between = "" if interval(when) == "-" else f" ({interval(when)} s)"
+    onset = f"from {number(fault['onset_s'], spread=_half(when))} s{between}{_until(fault)}"
     return f"a {_shape(fault)} of {magnitude} on {shortened(fault['channel'], 40)} {onset}"
 
 
-def _ends(ends: Sequence[float | None]) -> tuple[float, float]:
-    low, high = (math.nan if end is None else float(end) for end in ends)
+def _ends(ends: Sequence[float | None] | None) -> tuple[float, float]:
+    low, high = (math.nan if end is None else float(end) for end in ends or (None, None))
     return low, high
 
 
@@ -160,7 +161,7 @@ def _profile_drawing(profiles: Sequence[Plain], faults: Sequence[Plain]) -> Draw
         spans: list[Span] = []
         for fault in faults:
             if fault["shape"] == one["shape"]:
-                low, high = _ends(fault["onset_ci95"])
+                low, high = _ends(fault["onset_ci95"] or (fault["onset_s"], fault["onset_s"]))
                 spans.append(Span(label="onset", low=low, high=high))
                 if fault["offset_s"] is not None:
                     spans.append(Span(label="end", low=fault["offset_s"], high=fault["offset_s"]))

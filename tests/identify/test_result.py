@@ -257,7 +257,10 @@ def test_the_answer_says_what_the_sparsity_stage_did(flight, thesis, faulty, kin
 
 
 def test_the_published_stage_runs_as_published_only(flight, thesis, faulty):
-    log, rate = faulty(flight(1), thesis, {"bias_13.8": 3.0}), {"conditioning": {"rate_hz": 10.0}, "model": {"order": 4}}
+    log, rate = (
+        faulty(flight(1), thesis, {"bias_13.8": 3.0}),
+        {"conditioning": {"rate_hz": 10.0}, "model": {"order": 4}},
+    )
     for updates in (0, 1, 2):
         rules = {"method": "risro-as-published", "risro": {"updates": updates}}
         result = identify_faults(log, thesis, Config.model_validate({**rules, **rate}))

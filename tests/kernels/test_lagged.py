@@ -54,6 +54,17 @@ def test_factor_is_triangular_and_has_the_gram_matrix_of_the_whole(n, feedthroug
     assert_same_gram(data.R, S)
 
 
+def test_dependent_columns_lose_nothing_where_there_are_fewer_rows_than_columns():
+    """A column that the ones before it explain leaves a row of the triangle empty, and none may be cut off."""
+    u, y, theta = record(30)
+    theta = np.concatenate([theta, theta[:, :, :1], np.roll(theta, 1, axis=0)], axis=2)
+    data = compress(u, y, theta, order=4)
+    assert data.n_rows < data.columns.size
+    assert_same_gram(data.R, stacked(u, y, theta, order=4, first=4, feedthrough=False))
+    lower = restrict(data, order=2)
+    assert_same_gram(lower.R, stacked(u, y, theta, order=2, first=4, feedthrough=False))
+
+
 @settings(max_examples=20, deadline=None)
 @given(block_rows=st.integers(1, 300), order=st.integers(1, 9))
 def test_block_size_does_not_matter(block_rows, order):

@@ -153,7 +153,7 @@ def thesis_5_8(settings: Settings) -> Exhibit:
         settings.report(done, len(kappas))
     names, last = (*READINGS, *PROGRAM), {label: found[-1] for label, found in swept.items()}
     rows = [
-        (label, f"{kappa:g}", *(percent(views[name].vaf_fault) for name in names), views["risro"].declared)
+        (label, f"{kappa:g}", *(percent(views[name].vaf_fault) for name in names))
         for label, found in swept.items()
         for kappa, views in zip(kappas, found, strict=True)
     ]

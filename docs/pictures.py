@@ -48,7 +48,7 @@ RUNS: tuple[tuple[str, dict[str, str]], ...] = (
         {"montecarlo_isolation": "isolation", "montecarlo_error": "magnitude_error"},
     ),
     ("reproduce thesis-5-5", {"reproduced": "thesis_5_5"}),
-    ("reproduce sparsity", {"sparsity": "sparsity"}),
+    ("reproduce sparsity", {"sparsity": "sparsity", "sparsity_time": "sparsity_time"}),
 )
 
 
@@ -99,17 +99,16 @@ def sparsity_page(exhibit: dict[str, Any]) -> str:
         lines += [[point, *(value[point, rule] for rule in rules)] for point in points]
         return ["| " + " | ".join(line) + " |" for line in lines]
 
+    def shown(title: str, picture: str, drawing: dict[str, Any], lines: list[str]) -> list[str]:
+        return [f"## {title}", f"![{title}]({PICTURES.name}/{picture}.png)", drawing["caption"], "\n".join(lines)]
+
     said = [f"- **{name}**: {facts[name]}." for name in rules]
     settings = [f"- {name}: {text}." for name, text in facts.items() if name not in (*rules, "Points")]
     parts = [
         f"# {exhibit['title']}",
         exhibit["verdict"],
-        f"![Isolation and time of the rules]({PICTURES.name}/sparsity.png)",
-        exhibit["drawings"][0]["caption"],
-        "## Isolated\n\nShare of trials, with 95 % Wilson intervals.",
-        "\n".join(grid(2)),
-        "## Time\n\nMedian, milliseconds on one core, from compressed data to the choice.",
-        "\n".join(grid(3)),
+        *shown("Isolated [%], 95 % Wilson intervals", "sparsity", exhibit["drawings"][0], grid(2)),
+        *shown("Processor time [ms], median", "sparsity_time", exhibit["drawings"][1], grid(3)),
         "## The rules",
         "\n".join(said),
         "## The trials",

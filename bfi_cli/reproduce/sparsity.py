@@ -251,30 +251,38 @@ def sparsity(settings: Settings) -> Exhibit:
         }
         for row, interval in zip(counts, ends, strict=True)
     ]
-    panels = []
-    for title, x_label, of in (
-        ("atoms of the thesis", "noise [m/s]", on_thesis),
-        *((f"steps, noise {noise:g} m/s", "atoms [-]", each) for noise, each in on_steps.items()),
-    ):
-        at = [points.index(point) for point in of]
-        x = np.array([point.noise if of is on_thesis else point.n_atoms for point in of])
-        isolated, time = [], []
-        for j, label in enumerate(labels.values()):
-            beside, share, (low, high) = x * BESIDE**j, 100.0 * counts[at, j] / n_trials, ends[at, j].T
-            isolated.append(curve(label, beside, share, style=_style(x, "bars"), low=low, high=high))
-            time.append(curve(label, beside, ms[at, j], style=_style(x, "line")))
-        for y_label, curves, limits in (("isolated [%]", isolated, (-3.0, 103.0)), ("time [ms]", time, None)):
-            panels.append(
-                Panel(
-                    title=title,
-                    x_label=x_label,
-                    y_label=y_label,
-                    curves=tuple(curves),
-                    log_x=True,
-                    log_y=limits is None,
-                    y_limits=limits,
+    drawings = []
+    for y_label, name in (("isolated [%]", "sparsity"), ("time [ms]", "sparsity_time")):
+        panels = []
+        for title, x_label, of in (
+            ("atoms of the thesis", "noise [m/s]", on_thesis),
+            *((f"steps, noise {noise:g} m/s", "atoms [-]", each) for noise, each in on_steps.items()),
+        ):
+            at = [points.index(point) for point in of]
+            x = np.array([point.noise if of is on_thesis else point.n_atoms for point in of])
+            for group in (names[: len(names) // 2], names[len(names) // 2 :]):
+                curves = []
+                for j, rule in enumerate(names):
+                    if rule not in group:
+                        continue
+                    beside, share, (low, high) = x * BESIDE**j, 100.0 * counts[at, j] / n_trials, ends[at, j].T
+                    if y_label == "time [ms]":
+                        curves.append(curve(labels[rule], beside, ms[at, j], style=_style(x, "line")))
+                    else:
+                        style = _style(x, "bars")
+                        curves.append(curve(labels[rule], beside, share, style=style, low=low, high=high))
+                panels.append(
+                    Panel(
+                        title=title,
+                        x_label=x_label,
+                        y_label=y_label,
+                        curves=tuple(curves),
+                        log_x=True,
+                        log_y=name == "sparsity_time",
+                        y_limits=(1.0, 1e3) if name == "sparsity_time" else (-3.0, 103.0),
+                    )
                 )
-            )
+        drawings.append(drawing(page, name, panels, across=2))
     last = points.index(on_steps[STEP_NOISES[-1]][-1])
     return exhibit(
         page,
@@ -308,7 +316,7 @@ def sparsity(settings: Settings) -> Exhibit:
                 ],
             )
         ],
-        drawings=[drawing(page, "sparsity", panels, across=2)],
+        drawings=drawings,
         facts=[(labels[name], page["who"][name]) for name in names],
     )
 

@@ -262,7 +262,10 @@ def thesis_5_9(settings: Settings) -> Exhibit:
         name: max(zip(orders[first], swept[first], strict=True), key=lambda pair: pair[1][name].vaf_fault)
         for name in READINGS
     }
-    gained = [order for order, views in zip(orders[first], swept[first], strict=True) if views["sparse"].vaf_fault > 50]
+    single = {
+        name: [str(order) for order, views in zip(orders[first], swept[first], strict=True) if count(views[name]) == 1]
+        for name in READINGS
+    }
     return exhibit(
         page,
         {
@@ -272,7 +275,7 @@ def thesis_5_9(settings: Settings) -> Exhibit:
             "best": {name: f"{order} ({views[name].vaf_fault:.1f} %)" for name, (order, views) in best.items()},
             "verdict": " ".join(_sentences(page, {label: {**at_best[label], **program[label]} for label in records})),
             "drift": {name: number(one.magnitudes["drift_7.93"], digits=3) for name, one in at_best[first].items()},
-            "first_gain": str(gained[0]) if gained else "none",
+            "single": {name: ", ".join(found) or "none" for name, found in single.items()},
             "last": orders[first][-1],
             "end": swept[first][-1],
             "fifth": swept[first][orders[first].index(5)],

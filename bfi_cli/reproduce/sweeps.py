@@ -59,15 +59,22 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swept:
-    """All cells, trials per cell, and what the sweep has to say (failed trials)."""
+    """All cells, trials per cell, whether the record is the user's, and what the sweep has to say (failed trials)."""
 
     cells: tuple[Cell, ...]
     trials: int
+    recorded: bool
     notes: tuple[str, ...]
 
     def of(self, method: str, noise: float) -> list[Cell]:
         """Return the cells of a method at a noise, by number of active faults."""
         return [cell for cell in self.cells if (cell.method, cell.noise) == (method, noise)]
+
+    def words(self, noise: float) -> str:
+        """Return "no noise", or "noise 0.01 m/s"; of the user's record, whose own noise is there too, "as recorded"."""
+        if self.recorded:
+            return f"{noise:g} m/s of noise added" if noise else "as recorded"
+        return f"noise {noise:g} m/s" if noise else "no noise"
 
     @property
     def noises(self) -> tuple[float, ...]:
@@ -127,7 +134,7 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
         )
         for one in summary.scenarios
     ]
-    return Swept(cells=tuple(cells), trials=n_trials, notes=summary.notes)
+    return Swept(cells=tuple(cells), trials=n_trials, recorded=record is not None, notes=summary.notes)
 
 
 def percent(share: Proportion) -> str:
@@ -136,11 +143,6 @@ def percent(share: Proportion) -> str:
         return "-"
     low, high = (100.0 * end for end in share.ci95)
     return f"{100.0 * share.rate:.0f} % ({low:.0f} to {high:.0f})"
-
-
-def noise_words(noise: float) -> str:
-    """Return "no noise", or "noise 0.01 m/s"."""
-    return f"noise {noise:g} m/s" if noise else "no noise"
 
 
 def pooled(cells: Sequence[Cell]) -> Proportion:
@@ -224,7 +226,7 @@ def _errors(page: Page, name: str, found: Swept, methods: Sequence[str]) -> Draw
         for what, curves in (("mean", means), ("median and quartiles", medians)):
             panels.append(
                 Panel(
-                    title=f"{noise_words(noise)}, {what}",
+                    title=f"{found.words(noise)}, {what}",
                     x_label="active faults [-]",
                     y_label="relative magnitude error [-]",
                     curves=tuple(curves),
@@ -238,7 +240,7 @@ def _isolation(page: Page, name: str, found: Swept, methods: Sequence[str]) -> D
     """Return the isolation rate against the number of active faults, with Wilson intervals, a panel per noise."""
     panels = [
         Panel(
-            title=noise_words(noise),
+            title=found.words(noise),
             x_label="active faults [-]",
             y_label="isolated [%]",
             curves=tuple(
@@ -265,7 +267,7 @@ def _sweep_page(
     """Return a page with the rates and errors of every method at every noise."""
     rows, parts = [], []
     for noise in found.noises:
-        words, cells = noise_words(noise), {method: found.of(method, noise) for method in page["methods"]}
+        words, cells = found.words(noise), {method: found.of(method, noise) for method in page["methods"]}
         for method, of in cells.items():
             said = {"label": label_of(method), "noise": words, "few": of[0].active, "many": of[-1].active}
             errors = [number(cell.mean_error, digits=2) for cell in (of[0], of[-1])]
@@ -289,7 +291,7 @@ def _sweep_page(
             "record": page["record"] if settings.log is None else settings.log.path,
             "trials": found.trials,
             "seed": settings.seed,
-            "points": f"{', '.join(map(str, active))} active; {', '.join(map(noise_words, found.noises))}",
+            "points": f"{', '.join(map(str, active))} active; {', '.join(map(found.words, found.noises))}",
         },
         heading=heading,
         rows=rows,
@@ -326,7 +328,7 @@ def isolation_noise(settings: Settings) -> Exhibit:
                 y_label="isolated [%]",
                 curves=tuple(curves),
                 log_x=True,
-                spans=(Span(label="no noise", low=AT_ZERO, high=AT_ZERO),) if 0.0 in found.noises else (),
+                spans=(Span(label=found.words(0.0), low=AT_ZERO, high=AT_ZERO),) if 0.0 in found.noises else (),
                 y_limits=(-3.0, 103.0),
             )
         )

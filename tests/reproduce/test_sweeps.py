@@ -58,6 +58,8 @@ def test_a_log_of_the_user_goes_the_way_of_the_simulated_record():
     """Two roads to one number: the record flown by the sweep, and the same flight handed over as a log."""
     ours = swept("thesis", Settings(quick=True), compare=("rank_only",), quick=ONE)
     given = swept("thesis", Settings(quick=True, log=thesis_record(Settings())), compare=("rank_only",), quick=ONE)
+    assert [ours.words(noise) for noise in ours.noises] == ["no noise", "noise 0.0001 m/s"]
+    assert [given.words(noise) for noise in given.noises] == ["as recorded", "0.0001 m/s of noise added"]
     for one, other in zip(ours.cells, given.cells, strict=True):
         assert (one.method, one.noise, one.active) == (other.method, other.noise, other.active)
         assert one.summary.isolation == other.summary.isolation

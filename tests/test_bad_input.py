@@ -352,6 +352,10 @@ COMMANDS = {
     "dictionary good.yaml --out taken": (2, "taken/result.json: exists and was not written by bfi; give another --out"),
     "montecarlo -c sweep.yaml --out taken": (2, "taken/trials.csv: exists and was not written by bfi; give another"),
     "montecarlo -c sweep.yaml --out begun": (2, "begun/unfinished/trials.csv: exists and was not written by bfi; give"),
+    "reproduce thesis-2-2": (
+        2,
+        "thesis-2-2 has no page, it is a block diagram of DMAE with nothing to compute; give one",
+    ),
     "reproduce thesis-5-1 --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
     "identify good.csv --series": (2, "bfi identify: --series is about --json; add --json"),
     "report absent.json": (2, "absent.json: no such file or directory; give the result.json of a command's --out"),

@@ -69,8 +69,8 @@ REPRODUCTIONS = {
 
 # Figures and tables of the papers that have no page, and why.
 ABSENT = {
-    "thesis-2-1": "a drawing of a pitot tube: nothing in it is computed",
-    "thesis-2-2": "a block diagram of double-model adaptive estimation: nothing in it is computed",
+    "thesis-2-1": "a drawing of a pitot tube with nothing to compute",
+    "thesis-2-2": "a block diagram of DMAE with nothing to compute",
     "thesis-table-B-1": "a list of the thesis's MATLAB files",
 }
 
@@ -87,9 +87,10 @@ def find(name: str) -> str:
         raise ConfigError(
             f"reproduce: no such figure, got '{name}'{did_you_mean(name, (*REPRODUCTIONS, 'all', 'list'))}"
         )
-    if known[name.lower()] in ABSENT:
-        raise ConfigError(f"reproduce: {known[name.lower()]} has no page: it is {ABSENT[known[name.lower()]]}")
-    return known[name.lower()]
+    found = known[name.lower()]
+    if found in ABSENT:
+        raise ConfigError(f"reproduce: {found} has no page, it is {ABSENT[found]}; give one of bfi reproduce list")
+    return found
 
 
 def run(name: str, settings: Settings) -> Exhibit:

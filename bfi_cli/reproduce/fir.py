@@ -17,7 +17,7 @@ from ..wording import number
 from .page import drawing, exhibit, load, table
 from .record import Settings, thesis_dictionary, thesis_record
 
-__all__ = ["METHODS", "TAPS", "Outcome", "Problem", "Trial", "bound", "error", "fir", "output", "run", "slow_and_white"]
+__all__ = ["METHODS", "TAPS", "Problem", "bound", "error", "fir", "output", "run", "slow_and_white"]
 
 FloatArray = NDArray[np.float64]
 
@@ -54,23 +54,6 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trial:
-    """One trial of a problem; the seed is all that is random about it."""
-
-    problem: Problem
-    seed: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """Relative errors by method in the order of `METHODS`, their first-order bound, the condition number."""
-
-    errors: tuple[float, ...]
-    bound: float
-    condition_number: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Point:
     """A point of a sweep: its place, its errors (n_trials, n_methods), the median of their bound."""
 
@@ -84,20 +67,20 @@ class _Point:
         return float(np.median(self.errors[:, list(METHODS).index(RISRO)]))
 
 
-def run(trial: Trial) -> Outcome:
-    """Return the outcome of a trial: a dictionary, an output with noise, the error of every method."""
-    rng, problem = np.random.default_rng(trial.seed), trial.problem
+def run(trial: tuple[Problem, tuple[int, ...]]) -> list[float]:
+    """Return of a problem and the seed of a trial the errors by method, their first-order bound, the condition number.
+
+    The seed is all that is random: a dictionary where the problem has none, and the noise of the output.
+    """
+    problem, seed = trial
+    rng = np.random.default_rng(seed)
     theta = slow_and_white(problem.white, rng) if problem.theta is None else problem.theta
     z = z_of(theta.shape[1])
     clean = output(theta, z)
     sd = problem.noise * float(np.std(clean))
     y = clean + sd * rng.standard_normal(len(clean))
     found = [identify_fir(y, theta, n_taps=len(TAPS), **how) for how in METHODS.values()]
-    return Outcome(
-        errors=tuple(error(one.product, z) for one in found),
-        bound=bound(theta, z, sd),
-        condition_number=found[0].condition_number,
-    )
+    return [*(error(one.product, z) for one in found), bound(theta, z, sd), found[0].condition_number]
 
 
 def z_of(n_atoms: int) -> FloatArray:
@@ -208,26 +191,16 @@ def _sweeps(theta: FloatArray, settings: Settings) -> tuple[list[_Point], list[_
     problems = [Problem(theta=None, white=share, noise=sd) for sd in (0.0, SWEEP_NOISE) for share in shares]
     problems += [Problem(theta=theta, white=0.0, noise=sd) for sd in noises]
     n_trials, n_shares = settings.trials_or(TRIALS, QUICK_TRIALS), len(shares)
-    trials = [
-        Trial(problem=problem, seed=(settings.seed, i, k))
-        for i, problem in enumerate(problems)
-        for k in range(n_trials)
-    ]
-    done: list[Outcome] = []
+    trials = [(problem, (settings.seed, i, k)) for i, problem in enumerate(problems) for k in range(n_trials)]
+    done: list[list[float]] = []
     for outcome, _ in in_order(run, trials, workers=settings.workers):
         done.append(outcome)
         settings.report(len(done), len(trials))
     points = []
-    for i, problem in enumerate(problems):
-        outcomes = done[i * n_trials : (i + 1) * n_trials]
-        condition = float(np.median([one.condition_number for one in outcomes]))
-        points.append(
-            _Point(
-                x=condition if problem.theta is None else problem.noise,
-                errors=np.array([one.errors for one in outcomes]),
-                bound=float(np.median([one.bound for one in outcomes])),
-            )
-        )
+    for problem, outcomes in zip(problems, np.array(done).reshape(len(problems), n_trials, -1), strict=True):
+        bounds, condition = np.median(outcomes[:, -2:], axis=0).tolist()
+        x = condition if problem.theta is None else problem.noise
+        points.append(_Point(x=x, errors=outcomes[:, :-2], bound=bounds))
     return points[:n_shares], points[n_shares : 2 * n_shares], points[2 * n_shares :]
 
 

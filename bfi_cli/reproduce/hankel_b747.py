@@ -193,10 +193,23 @@ def hankel_b747(settings: Settings) -> Exhibit:
         "rise_redundant": max(moved[name,] for name in ("aoa", "pitch", "altitude_rate")),
     }
     words = page["words"]
+    # What two sensors show for failures that hold and break condition (30), and for unseen ones.
+    one, same = (0.9, 1.0), (0.9, 0.9)
+    cases = (
+        ("coupled channels, gain of the first", "no", blamed(COUPLED, one)),
+        ("independent channels (diagonal), gain of the first", "yes", blamed(DIAGONAL, one)),
+        ("coupled channels, the same gain of both", "yes", blamed(COUPLED, same)),
+        ("gain of the first from before the record on", "no", blamed(COUPLED, one, onset=0)),
+        ("gain of the first as an input moves for the first time", "no", blamed(COUPLED, one, step=ONSET)),
+    )
+    condition = [
+        (what, holds, *(f"{value:.1e}" if value > SEEN else "round-off" for value in found.T.ravel()))
+        for what, holds, found in cases
+    ]
     rows = {
         "together": [_row(kind, case, one, words) for kind, case in flights.items() for one in FAILURES],
         "alone": [_row(kind, case, case.failures[0], words) for kind, cases in alone.items() for case in cases],
-        "condition_30": _condition_rows(),
+        "condition_30": condition,
     }
     figures = {"one sample": "hankel_b747", "to the end": "hankel_b747_persistent"}
     return exhibit(
@@ -221,22 +234,6 @@ def _row(kind: str, case: Case, failure: Failure, words: dict[str, str]) -> tupl
     when = ", ".join(f"{i / RATE_HZ:.2f}" for i in rises) or "-"
     shown = (f"{low:.1e}", f"{high:.1e}", f"{case.ratio(failure):.0e}", f"{later:.0e}")
     return (kind, channels, f"{k / RATE_HZ:.2f}", when, *shown)
-
-
-def _condition_rows() -> list[tuple[str, ...]]:
-    """Return what two sensors show for failures that hold and break condition (30), and for unseen ones."""
-    one, same = (0.9, 1.0), (0.9, 0.9)
-    cases = (
-        ("coupled channels, gain of the first", "no", blamed(COUPLED, one)),
-        ("independent channels (diagonal), gain of the first", "yes", blamed(DIAGONAL, one)),
-        ("coupled channels, the same gain of both", "yes", blamed(COUPLED, same)),
-        ("gain of the first from before the record on", "no", blamed(COUPLED, one, onset=0)),
-        ("gain of the first as an input moves for the first time", "no", blamed(COUPLED, one, step=ONSET)),
-    )
-    return [
-        (what, holds, *(f"{value:.1e}" if value > SEEN else "round-off" for value in found.T.ravel()))
-        for what, holds, found in cases
-    ]
 
 
 def _panels(case: Case, words: dict[str, str]) -> list[Panel]:

@@ -9,13 +9,13 @@ import pytest
 
 from bfi_cli.exhibit import Exhibit
 from bfi_cli.fir import identify_fir
-from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, Trial, bound, error, output, run, slow_and_white, z_of
+from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, bound, error, output, run, slow_and_white, z_of
 
 
 def outcomes(white: float, noise: float, n: int) -> list[tuple[float, ...]]:
     problem = Problem(theta=None, white=white, noise=noise)
-    found = [run(Trial(problem=problem, seed=(0, number))) for number in range(n)]
-    return [(one.errors[0], one.bound, one.condition_number) for one in found]
+    found = [run((problem, (0, number))) for number in range(n)]
+    return [(one[0], one[-2], one[-1]) for one in found]
 
 
 def test_the_product_is_recovered_to_1e_8_without_noise(made: Callable[[str], Exhibit]):

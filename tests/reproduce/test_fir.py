@@ -68,3 +68,11 @@ def test_both_methods_agree_where_the_lags_differ():
     z = z_of(theta.shape[1])
     found = identify_fir(output(theta, z), theta, n_taps=3, method="nuclear", penalty=1e-6)
     assert error(found.product, z) < 1e-4
+
+
+def test_no_line_goes_through_the_two_noises_of_a_quick_run(made: Callable[[str], Exhibit]):
+    exhibit = made("fir")
+    condition, noise = exhibit.drawings
+    assert {one.style for panel in condition.panels for one in panel.curves} == {"bars", "dotted"}
+    assert {one.style for panel in noise.panels for one in panel.curves} == {"points"}
+    assert dict(exhibit.facts)["Points"] == "3 condition numbers, 2 noises"

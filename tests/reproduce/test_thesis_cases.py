@@ -252,6 +252,7 @@ def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
     assert share(row(exhibit, f"VAF of the fault, DMAE, {NOISY}")[1]) > 80.0
     assert row(exhibit, f"declared by ours (ml), {EXACT}")[1] == "none"
     assert exhibit.heading == "Harmless for DMAE"
+    assert any("Quick: the scan over all starts" in note for note in exhibit.notes)
 
 
 def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it():

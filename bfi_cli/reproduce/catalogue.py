@@ -87,10 +87,10 @@ def find(name: str) -> str:
         raise ConfigError(
             f"reproduce: no such figure, got '{name}'{did_you_mean(name, (*REPRODUCTIONS, 'all', 'list'))}"
         )
-    found = known[name.lower()]
-    if found in ABSENT:
-        raise ConfigError(f"reproduce: {found} has no page, it is {ABSENT[found]}; give one of bfi reproduce list")
-    return found
+    name = known[name.lower()]
+    if name in ABSENT:
+        raise ConfigError(f"reproduce: {name} has no page, it is {ABSENT[name]}; give one of bfi reproduce list")
+    return name
 
 
 def run(name: str, settings: Settings) -> Exhibit:

@@ -157,12 +157,12 @@ def fly_cases(cases: Sequence[Case], report: Callable[[int, int], None] | None =
     for i, case in enumerate(cases):
         o = case.options
         groups.setdefault((o.observer_rates, o.throttle, o.nozzle_deg, o.step_s), []).append(i)
-    found: dict[int, Residuals] = {}
+    flown: dict[int, Residuals] = {}
     for number, members in enumerate(groups.values()):
         before, total = number * SAMPLES, len(groups) * SAMPLES
         told = None if report is None else lambda done, _all, first=before, of=total: report(first + done, of)
-        found.update(zip(members, _fly([cases[i] for i in members], told), strict=True))
-    return [found[i] for i in range(len(cases))]
+        flown.update(zip(members, _fly([cases[i] for i in members], told), strict=True))
+    return [flown[i] for i in range(len(cases))]
 
 
 def _fly(cases: Sequence[Case], report: Callable[[int, int], None] | None) -> list[Residuals]:
@@ -194,12 +194,12 @@ def _fly(cases: Sequence[Case], report: Callable[[int, int], None] | None) -> li
         fault=lambda t: fault_deg_s(t) * np.radians(faulty),
         report=report,
     )
-    found = []
+    residuals = []
     for first in range(0, len(cases) * len(KINDS), len(KINDS)):
         columns = {kind: first + i for i, kind in enumerate(KINDS)}
         of = {kind: np.degrees(flown.residual[:, :, column]) for kind, column in columns.items()}
-        found.append(Residuals(time_s=flown.time_s, states=flown.states[:, :, columns["healthy"]], **of))
-    return found
+        residuals.append(Residuals(time_s=flown.time_s, states=flown.states[:, :, columns["healthy"]], **of))
+    return residuals
 
 
 def fault_deg_s(t: float) -> float:
@@ -266,10 +266,10 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> Exhibit
     cases += [Case(options=other, seed=seed) for _, other in others for seed in seeds[:n_other]]
     flights = fly_cases(cases, settings.report)
     own = flights[:n]
-    found = indices(own, options)
+    chosen = indices(own, options)
     # The open choices one at a time: first other readings of the same flights, then other flights. The index of the
     # readings in `comparable` has the same scale.
-    rows, comparable = {"as chosen": found}, {"as chosen": found}
+    rows, comparable = {"as chosen": chosen}, {"as chosen": chosen}
     for label, change in page["readings"]:
         other = changed(change)
         if other != options:
@@ -284,9 +284,9 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> Exhibit
     value, error = montecarlo(own[0], options, DRAWS, rng=np.random.default_rng(settings.seed))
     off = np.abs(value - indices(own[:1], changed({"log_base": "2", "halves": True})).index[0])
     values = {
-        "rms": found.rms,
-        "worst": found.worst,
-        "rises": page["rises"][bool(np.all(np.diff(found.index, axis=2) > 0.0))],
+        "rms": chosen.rms,
+        "worst": chosen.worst,
+        "rises": page["rises"][bool(np.all(np.diff(chosen.index, axis=2) > 0.0))],
         "n_readings": len(comparable) - 1,
         "moves": float(np.max(np.abs(means - means[0]))),
         "rms_range": " to ".join(f"{end([one.rms for one in comparable.values()]):.3f}" for end in (min, max)),
@@ -303,7 +303,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> Exhibit
         "seeds": ", ".join(map(str, seeds)),
     }
     compared: list[Sequence[str]] = []
-    for row, published, ours in (("index_row", TABLE_2, found.index), ("bandwidth_row", BANDWIDTHS, found.bandwidth)):
+    for row, published, ours in (("index_row", TABLE_2, chosen.index), ("bandwidth_row", BANDWIDTHS, chosen.bandwidth)):
         for (i, j), number in np.ndenumerate(published):
             if np.isfinite(number):
                 low, high = WINDOWS[j]
@@ -366,14 +366,14 @@ def montecarlo(
     flown: Residuals, options: F16Options, n: int, *, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return J in bits by n values of each density (eq. 17), and its standard errors, both (2, 3)."""
-    found = [
+    pairs = [
         [
             jensen_shannon_montecarlo(*density_pair(flown, options, axis=axis, window=window), n, rng=rng)
             for window in WINDOWS
         ]
         for axis in range(len(AXES))
     ]
-    value, error = np.moveaxis(np.array(found), 2, 0)
+    value, error = np.moveaxis(np.array(pairs), 2, 0)
     return value, error
 
 

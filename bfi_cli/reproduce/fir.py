@@ -79,8 +79,8 @@ def run(trial: tuple[Problem, tuple[int, ...]]) -> list[float]:
     clean = output(theta, z)
     sd = problem.noise * float(np.std(clean))
     y = clean + sd * rng.standard_normal(len(clean))
-    found = [identify_fir(y, theta, n_taps=len(TAPS), **how) for how in METHODS.values()]
-    return [*(error(one.product, z) for one in found), bound(theta, z, sd), found[0].condition_number]
+    solutions = [identify_fir(y, theta, n_taps=len(TAPS), **how) for how in METHODS.values()]
+    return [*(error(one.product, z) for one in solutions), bound(theta, z, sd), solutions[0].condition_number]
 
 
 def z_of(n_atoms: int) -> FloatArray:
@@ -136,11 +136,13 @@ def fir(settings: Settings) -> Exhibit:
     theta = signals(thesis_dictionary().resolved(start_s), time_s, ["tas"], window_start_s=start_s)[:, 0]
     z = z_of(theta.shape[1])
     truth = np.outer(TAPS, z)
-    found = {label: identify_fir(output(theta, z), theta, n_taps=len(TAPS), **how) for label, how in METHODS.items()}
-    ours = {label: error(one.product, z) for label, one in found.items()}
+    solutions = {
+        label: identify_fir(output(theta, z), theta, n_taps=len(TAPS), **how) for label, how in METHODS.items()
+    }
+    ours = {label: error(one.product, z) for label, one in solutions.items()}
     # The product summed over the taps, which the output tells, and what differs between taps, which it hardly does.
     rows, parts = [], {}
-    for label, one in found.items():
+    for label, one in solutions.items():
         off = one.product - truth
         common = float(np.linalg.norm(off.sum(axis=0)) / np.linalg.norm(truth.sum(axis=0)))
         differing = float(np.linalg.norm(off - off.mean(axis=0)) / np.linalg.norm(truth - truth.mean(axis=0)))
@@ -148,7 +150,7 @@ def fir(settings: Settings) -> Exhibit:
         numbers = (ours[label], one.vaf, one.rank_one_share, one.shrinkage, common, differing)
         rows.append((label, *(number(value, digits=6 if i == 1 else 2) for i, value in enumerate(numbers))))
     exact, noisy, by_noise = _sweeps(theta, settings)
-    relaxed = found[NUCLEAR]
+    relaxed = solutions[NUCLEAR]
     values = {
         "risro": ours[RISRO],
         "nuclear": ours[NUCLEAR],

@@ -172,14 +172,14 @@ def thesis_monte_carlo(settings: Settings) -> Exhibit:
     LogError : the log of the settings cannot be used.
     """
     page = load("thesis")["5-3"]
-    found = swept("thesis", settings, compare=page["methods"], quick=QUICK)
+    result = swept("thesis", settings, compare=page["methods"], quick=QUICK)
     # As published, no miss and no false alarm is seen.
-    isolated = [(pooled(found.of("sparse", noise)).rate or 0.0) >= NEARLY_ALL for noise in found.noises]
+    isolated = [(pooled(result.of("sparse", noise)).rate or 0.0) >= NEARLY_ALL for noise in result.noises]
     drawings = [
-        _errors(page, "thesis_5_3", found, page["methods"]),
-        _isolation(page, "thesis_5_4", found, page["methods"]),
+        _errors(page, "thesis_5_3", result, page["methods"]),
+        _isolation(page, "thesis_5_4", result, page["methods"]),
     ]
-    return _sweep_page(page, found, settings, heading=isolated, drawings=drawings)
+    return _sweep_page(page, result, settings, heading=isolated, drawings=drawings)
 
 
 def thesis_a(settings: Settings) -> Exhibit:
@@ -190,15 +190,15 @@ def thesis_a(settings: Settings) -> Exhibit:
     LogError : the log of the settings cannot be used.
     """
     page = load("thesis")["A"]
-    found = swept("thesis", settings, compare=page["methods"], quick=QUICK)
+    result = swept("thesis", settings, compare=page["methods"], quick=QUICK)
     # The stage changes nothing where rates without it lie in the intervals of those with it, at every point.
     alike = [
         all(
             one.summary.isolation.rate is not None and low <= one.summary.isolation.rate <= high
-            for one, other in zip(found.of("rank_only", noise), found.of("sparse", noise), strict=True)
+            for one, other in zip(result.of("rank_only", noise), result.of("sparse", noise), strict=True)
             for low, high in [other.summary.isolation.ci95 or (math.nan, math.nan)]
         )
-        for noise in found.noises
+        for noise in result.noises
     ]
     drawings = []
     for figure, draw, left_out in (
@@ -207,16 +207,16 @@ def thesis_a(settings: Settings) -> Exhibit:
         ("thesis_a_3", _isolation, ("sparse", "listing", "risro")),
         ("thesis_a_4", _isolation, ("rank_only",)),
     ):
-        drawings.append(draw(page, figure, found, [one for one in page["methods"] if one not in left_out]))
-    return _sweep_page(page, found, settings, heading=alike, drawings=drawings)
+        drawings.append(draw(page, figure, result, [one for one in page["methods"] if one not in left_out]))
+    return _sweep_page(page, result, settings, heading=alike, drawings=drawings)
 
 
-def _errors(page: Page, name: str, found: Swept, methods: Sequence[str]) -> Drawing:
+def _errors(page: Page, name: str, result: Swept, methods: Sequence[str]) -> Drawing:
     """Return the magnitude error against the number of active faults: means, beside them medians with quartiles."""
     panels = []
-    for noise in found.noises:
+    for noise in result.noises:
         means, medians = [], []
-        for label, cells, at in _beside(found, methods, noise):
+        for label, cells, at in _beside(result, methods, noise):
             means.append(curve(label, at, np.maximum([one.mean_error for one in cells], LEAST_ERROR), style="points"))
             low, middle, high = (
                 np.maximum([one.summary.magnitude_error.get(key, math.nan) for one in cells], LEAST_ERROR)
@@ -226,7 +226,7 @@ def _errors(page: Page, name: str, found: Swept, methods: Sequence[str]) -> Draw
         for what, curves in (("mean", means), ("median and quartiles", medians)):
             panels.append(
                 Panel(
-                    title=f"{found.words(noise)}, {what}",
+                    title=f"{result.words(noise)}, {what}",
                     x_label="active faults [-]",
                     y_label="relative magnitude error [-]",
                     curves=tuple(curves),
@@ -236,38 +236,38 @@ def _errors(page: Page, name: str, found: Swept, methods: Sequence[str]) -> Draw
     return drawing(page, name, panels, across=2)
 
 
-def _isolation(page: Page, name: str, found: Swept, methods: Sequence[str]) -> Drawing:
+def _isolation(page: Page, name: str, result: Swept, methods: Sequence[str]) -> Drawing:
     """Return the isolation rate against the number of active faults, with Wilson intervals, a panel per noise."""
     panels = [
         Panel(
-            title=found.words(noise),
+            title=result.words(noise),
             x_label="active faults [-]",
             y_label="isolated [%]",
             curves=tuple(
                 rate_curve(label, at, [cell.summary.isolation for cell in cells])
-                for label, cells, at in _beside(found, methods, noise)
+                for label, cells, at in _beside(result, methods, noise)
             ),
             y_limits=(-3.0, 103.0),
         )
-        for noise in found.noises
+        for noise in result.noises
     ]
     return drawing(page, name, panels)
 
 
-def _beside(found: Swept, methods: Sequence[str], noise: float) -> list[tuple[str, list[Cell], list[float]]]:
+def _beside(result: Swept, methods: Sequence[str], noise: float) -> list[tuple[str, list[Cell], list[float]]]:
     """Return the label of every method, its cells, and their numbers of active faults moved a little aside."""
     aside = [SPREAD * (i - 0.5 * (len(methods) - 1)) for i in range(len(methods))]
-    every = [(label_of(method), found.of(method, noise)) for method in methods]
+    every = [(label_of(method), result.of(method, noise)) for method in methods]
     return [(label, cells, [one.active + d for one in cells]) for (label, cells), d in zip(every, aside, strict=True)]
 
 
 def _sweep_page(
-    page: Page, found: Swept, settings: Settings, *, heading: object, drawings: Sequence[Drawing]
+    page: Page, result: Swept, settings: Settings, *, heading: object, drawings: Sequence[Drawing]
 ) -> Exhibit:
     """Return a page with the rates and errors of every method at every noise."""
     rows, parts = [], []
-    for noise in found.noises:
-        words, cells = found.words(noise), {method: found.of(method, noise) for method in page["methods"]}
+    for noise in result.noises:
+        words, cells = result.words(noise), {method: result.of(method, noise) for method in page["methods"]}
         for method, of in cells.items():
             said = {"label": label_of(method), "noise": words, "few": of[0].active, "many": of[-1].active}
             errors = [number(cell.mean_error, digits=2) for cell in (of[0], of[-1])]
@@ -277,28 +277,28 @@ def _sweep_page(
         isolated = ", ".join(f"{label_of(method)} {percent(pooled(of))}" for method, of in cells.items())
         parts.append(f"{words[:1].upper()}{words[1:]}, isolated: {isolated}.")
     body = []
-    for cell in found.cells:
+    for cell in result.cells:
         one = cell.summary
         rates = [percent(share) for share in (one.isolation, one.false_alarm, one.missed_detection)]
         bare = [text.replace(" % ", " ").replace(" to ", "-") for text in rates]
         errors = [number(value, digits=2) for value in (cell.mean_error, one.magnitude_error.get("p50"))]
         body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
-    active = sorted({cell.active for cell in found.cells})
+    active = sorted({cell.active for cell in result.cells})
     return exhibit(
         page,
         {
             "verdict": " ".join(parts),
             "record": page["record"] if settings.log is None else settings.log.path,
-            "trials": found.trials,
+            "trials": result.trials,
             "seed": settings.seed,
-            "points": f"{', '.join(map(str, active))} active; {', '.join(map(found.words, found.noises))}",
+            "points": f"{', '.join(map(str, active))} active; {', '.join(map(result.words, result.noises))}",
         },
         heading=heading,
         rows=rows,
         tables=[table(page, "rates", body)],
         drawings=drawings,
         before=(*stand_in(settings), page["simulated"]) if settings.log is None else (),
-        notes=found.notes,
+        notes=result.notes,
         who=tuple(page["methods"]),
     )
 
@@ -312,14 +312,14 @@ def isolation_noise(settings: Settings) -> Exhibit:
     """
     page = load("isolation_noise")
     methods = page["methods"]
-    found = swept("isolation_noise", settings, compare=methods, quick=QUICK_NOISE)
-    numbers = sorted({cell.active for cell in found.cells})
+    result = swept("isolation_noise", settings, compare=methods, quick=QUICK_NOISE)
+    numbers = sorted({cell.active for cell in result.cells})
     panels = []
     for title, shown in (("all trials", numbers), *((f"{n} active", [n]) for n in numbers)):
         curves = []
         for i, method in enumerate(methods):
-            at = [max(noise, AT_ZERO) * ASIDE**i for noise in found.noises]
-            cells = [[one for one in found.of(method, noise) if one.active in shown] for noise in found.noises]
+            at = [max(noise, AT_ZERO) * ASIDE**i for noise in result.noises]
+            cells = [[one for one in result.of(method, noise) if one.active in shown] for noise in result.noises]
             curves.append(rate_curve(label_of(method), at, [pooled(part) for part in cells]))
         panels.append(
             Panel(
@@ -328,10 +328,10 @@ def isolation_noise(settings: Settings) -> Exhibit:
                 y_label="isolated [%]",
                 curves=tuple(curves),
                 log_x=True,
-                spans=(Span(label=found.words(0.0), low=AT_ZERO, high=AT_ZERO),) if 0.0 in found.noises else (),
+                spans=(Span(label=result.words(0.0), low=AT_ZERO, high=AT_ZERO),) if 0.0 in result.noises else (),
                 y_limits=(-3.0, 103.0),
             )
         )
-    rule, *_, ours = (pooled(found.of(method, found.noises[-1])).rate or 0.0 for method in methods)
+    rule, *_, ours = (pooled(result.of(method, result.noises[-1])).rate or 0.0 for method in methods)
     drawings = [drawing(page, "isolation_noise", panels, across=2)]
-    return _sweep_page(page, found, settings, heading=rule < ours, drawings=drawings)
+    return _sweep_page(page, result, settings, heading=rule < ours, drawings=drawings)

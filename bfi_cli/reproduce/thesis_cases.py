@@ -151,11 +151,11 @@ def thesis_5_8(settings: Settings) -> Exhibit:
         for label, log in records_of(perturbed(clean, kappa), settings).items():
             swept.setdefault(label, []).append(_solved(log, LOW))
         settings.report(done, len(kappas))
-    names, last = (*READINGS, *PROGRAM), {label: found[-1] for label, found in swept.items()}
+    names, last = (*READINGS, *PROGRAM), {label: each[-1] for label, each in swept.items()}
     rows = [
         (label, f"{kappa:g}", *(percent(views[name].vaf_fault) for name in names))
-        for label, found in swept.items()
-        for kappa, views in zip(kappas, found, strict=True)
+        for label, each in swept.items()
+        for kappa, views in zip(kappas, each, strict=True)
     ]
     panels = [
         Panel(
@@ -163,34 +163,32 @@ def thesis_5_8(settings: Settings) -> Exhibit:
             x_label="kappa [m/s]",
             y_label=f"VAF of the {what} [%]",
             curves=tuple(
-                curve(label_of(name), kappas, [getattr(views[name], key) for views in found], style=_style(kappas))
+                curve(label_of(name), kappas, [getattr(views[name], key) for views in each], style=_style(kappas))
                 for name in names
                 if name != "sparse_2"
             ),
             y_limits=limits,
         )
         for what, key, limits in (("fault", "vaf_fault", VAF_LIMITS), ("airspeed", "vaf_output", (-5.0, 105.0)))
-        for label, found in swept.items()
+        for label, each in swept.items()
     ]
     return exhibit(
         page,
         {
             "log": clean,
             "kappas": f"{len(kappas)}: {', '.join(f'{kappa:g}' for kappa in kappas)}",
-            "verdict": " ".join(
-                _sentences(page, {label: found[-1] for label, found in swept.items()}, kappa=kappas[-1])
-            ),
+            "verdict": " ".join(_sentences(page, last, kappa=kappas[-1])),
         },
         heading=[views["sparse"].vaf_fault < 50.0 for views in last.values()],
         rows=[
             row
-            for label, found in swept.items()
+            for label, each in swept.items()
             for row in fill(
                 page["record_rows"],
                 record=label,
                 high=kappas[-1],
-                least=min(views["sparse"].vaf_output for views in found),
-                kept=min(views["default"].vaf_fault for views in found),
+                least=min(views["sparse"].vaf_output for views in each),
+                kept=min(views["default"].vaf_fault for views in each),
                 **last[label],
             )
         ],
@@ -275,7 +273,7 @@ def thesis_5_9(settings: Settings) -> Exhibit:
             "best": {name: f"{order} ({views[name].vaf_fault:.1f} %)" for name, (order, views) in best.items()},
             "verdict": " ".join(_sentences(page, {label: {**at_best[label], **program[label]} for label in records})),
             "drift": {name: number(one.magnitudes["drift_7.93"], digits=3) for name, one in at_best[first].items()},
-            "single": {name: ", ".join(found) or "none" for name, found in single.items()},
+            "single": {name: ", ".join(each) or "none" for name, each in single.items()},
             "last": orders[first][-1],
             "end": swept[first][-1],
             "fifth": swept[first][orders[first].index(5)],

@@ -105,7 +105,7 @@ def thesis_5_13(settings: Settings) -> Exhibit:
     )
     return exhibit(
         page,
-        {"log": log, "onset_s": spans[0].low, "found": "; ".join(f"{label}: {one}" for label, one in told.items())},
+        {"log": log, "onset_s": spans[0].low, "declared": "; ".join(f"{label}: {one}" for label, one in told.items())},
         heading=[bool(scan.faults) for scan in scans.values()],
         rows=[fill(page["scan_row"], label=label, declared=one) for label, one in told.items()],
         drawings=[drawing(page, "thesis_5_13", panels)],
@@ -182,7 +182,7 @@ def thesis_5_16(settings: Settings) -> Exhibit:
         "bias": _cases(settings, BIAS, "drift", step=0, of=2),
         "drift": _cases(settings, DRIFT, "bias", step=1, of=2),
     }
-    every = [one for found in cases.values() for one in found]
+    every = [one for group in cases.values() for one in group]
     drawings: list[Drawing] = []
     for i, pair in enumerate(zip(*cases.values(), strict=True)):
         titles = [page["panels"][fault] for fault in cases]
@@ -196,12 +196,12 @@ def thesis_5_16(settings: Settings) -> Exhibit:
     ]
     return exhibit(
         page,
-        {"first": every[0], "verdict": " ".join(_verdict(page, found, fault=fault) for fault, found in cases.items())},
+        {"first": every[0], "verdict": " ".join(_verdict(page, group, fault=fault) for fault, group in cases.items())},
         heading=right,
         rows=[
             row
-            for fault, found in cases.items()
-            for one in found
+            for fault, group in cases.items()
+            for one in group
             for row in fill(page["case_rows"], fault=fault, published=page["published"][fault], **_told(one))
         ],
         tables=[_peaks(every), _statistics(every)],
@@ -232,16 +232,16 @@ def _cases(settings: Settings, fault: Fault, shape: Shape, *, step: int = 0, of:
                 theta = unit_signal(atom, record.time_s, window_start_s=start_s) / unit
                 scale = float(np.sqrt(np.mean(theta**2)))  # the published stage sees magnitudes of standardised signals
                 data = compress(u[:, None], y[:, None] / unit, theta[:, None, None] / scale, order=LOW)
-                for name, found in magnitudes.items():
+                for name, values in magnitudes.items():
                     z = _by_stage(data) if name == "staged" else float(solve(data, method_config(name)).z[0])
-                    found.append(z / scale)
+                    values.append(z / scale)
             cases.append(
                 _Case(
                     label=label,
                     log=record,
                     shape=shape,
                     starts_s=starts_s,
-                    magnitudes={name: np.array(found) for name, found in magnitudes.items()},
+                    magnitudes={name: np.array(values) for name, values in magnitudes.items()},
                     scan=find_onset(record, config),
                 )
             )

@@ -25,8 +25,8 @@ HALVINGS = 12
 # A step that raises the likelihood nowhere is round-off at a maximum where it promised less than this squared norm per
 # row, in units of the prediction error; where it promised more, the fit is stuck.
 ROUND_OFF_GAIN = 1e-4
-# The columns of a support are worth a factorisation of their own where they are so much fewer than the rows: a fit
-# takes about ten passes over these. It changes the speed only.
+# Where its columns are so much fewer than the rows, a support is factorised once before the many passes of a fit. It
+# changes the speed only.
 COMPRESSED = 2
 
 

@@ -130,16 +130,17 @@ def sparse_supports(
     shape, R, least = penalty_constants(stage, price)
     prior = 0.0 if stage.p0 is None else 1.0 / stage.p0
     live, s, n_atoms = np.array([atom for _, atom in problem.signals], dtype=np.intp), problem.order, len(z)
-    theta, y, z, dof = problem.theta, problem.y[:, :, 0], z[live], float(len(live))
+    theta, y = problem.theta.transpose(1, 2, 0), problem.y[:, :, 0].T  # (order + 1, n, m) and (order + 1, m)
+    z, dof = z[live], float(len(live))
     supports: dict[tuple[int, ...], None] = {}
     settled, count = not len(live), 0
     while not settled and count < MAX_STEPS:
         # 1. Linearise at (z, K): the columns of K, those of z, and the residual.
-        n, corrected = len(z), y - theta @ z
-        stacked = np.empty((len(y), s + n + 1), order="F")
-        stacked[:, :s], stacked[:, s:-1] = corrected[:, 1:], np.append(1.0, -K) @ theta
-        stacked[:, -1] = residual = corrected[:, 0] - corrected[:, 1:] @ K
-        triangle = np.triu(lapack.dgeqrt(min(PANEL, s + n + 1), stacked, overwrite_a=True)[0][: s + n + 1])
+        n, corrected = len(z), y - z @ theta
+        stacked, predictor = np.empty((s + n + 1, y.shape[1])), np.append(1.0, -K)
+        stacked[:s], stacked[s:-1] = corrected[1:], np.tensordot(predictor, theta, axes=1)
+        stacked[-1] = residual = predictor @ corrected
+        triangle = np.triu(lapack.dgeqrt(min(PANEL, s + n + 1), stacked.T, overwrite_a=True)[0][: s + n + 1])
         R_zz = triangle[s:-1, s:-1]
         # 2. The unit of each magnitude: its standard deviation with K eliminated and the other atoms known.
         degrees = max(problem.n_rows - problem.n_base - s - dof, 1.0)
@@ -166,7 +167,7 @@ def sparse_supports(
         supports[support] = None
         keep = x >= NOTHING
         settled = not keep.any() or bool(keep.all() and np.all(np.abs(dz) < SETTLED * sd))
-        z, live, theta = z[keep], live[keep], theta if keep.all() else theta[:, :, keep]
+        z, live, theta = z[keep], live[keep], theta if keep.all() else theta[:, keep]
     whole = np.zeros(n_atoms)
     whole[live] = z
     return SparseSolution(supports=tuple(supports), z=whole, K=K, iterations=count, converged=settled)

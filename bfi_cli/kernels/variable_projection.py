@@ -36,7 +36,7 @@ class ProjectedRegression:
 
     Attributes
     ----------
-    theta : (m, order + 1, n_signals) dictionary signals at lags 0..order.
+    theta : (m, order + 1, n_signals) dictionary signals at lags 0..order; rows are next to each other in memory.
     y : (m, order + 1, n_outputs) measured outputs at lags 0..order.
     signals : (output, atom) of each signal.
     n_rows : rows the compressed data stand for; n_base : constant and input regressors per output.
@@ -97,7 +97,7 @@ def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> Proje
     lower = data if order == data.columns.order else restrict(data, order=order)
     columns, rest = lower.columns, lower.R[lower.columns.n_base :]
     theta, y = (
-        np.concatenate([rest[:, None, now], rest[:, lags].reshape(len(rest), order, now.stop - now.start)], axis=1)
+        np.concatenate([rest.T[now], rest.T[lags]]).reshape(order + 1, -1, len(rest)).transpose(2, 0, 1)
         for now, lags in ((columns.theta, columns.theta_lags), (columns.y, columns.y_lags))
     )
     return ProjectedRegression(

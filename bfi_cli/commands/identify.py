@@ -53,6 +53,7 @@ ONSET_SAMPLES = 1.5
 @click.option("--order", metavar="N|auto", help="Number of lags of the model.  [default: auto]")
 @click.option("--feedthrough/--no-feedthrough", default=None, help="Inputs act in the same sample too.")
 @click.option("--method", metavar="NAME", help=f"How: {', '.join(METHODS)}.  [default: ml]")
+@click.option("--sparsity", metavar="KIND", help="Stage of method risro: none, l1, lp, exp-l0.  [default: exp-l0]")
 @click.option("--model", metavar="NAME", help="A linear model of bfi simulate, for method dmae.")
 @click.option("--seed", type=int, metavar="N", help="Of random steps.  [default: 0]")
 @outside_option
@@ -74,7 +75,8 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     from ..provenance import provenance
     from ..tables import print_identify
 
-    config = configured(config_path, options, {"method": options["method"], "dmae.model": options["model"]})
+    own = {"method": "method", "risro.sparsity": "sparsity", "dmae.model": "model"}
+    config = configured(config_path, options, {place: options[name] for place, name in own.items()})
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:

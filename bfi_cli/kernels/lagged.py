@@ -230,12 +230,14 @@ def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int]
         index[whole.theta][kept],
         index[whole.y],
     )
-    R = data.R[:, np.concatenate(parts)]
+    picked = np.concatenate(parts)
+    R = data.R.T[picked].T
     if len(R) > columns.size:
-        return _compressed(np.asarray(np.linalg.qr(R, mode="r")), columns, data.n_rows)
-    upper = min(whole.n_base, len(R))  # rows below are zero in the columns of the constant and the inputs
-    R[:upper] = triangular_first(R[:upper], columns.n_base)
-    return _compressed(R, columns, data.n_rows)
+        R = np.asarray(np.linalg.qr(R, mode="r"))
+    else:
+        upper = min(whole.n_base, len(R))  # rows below are zero in the columns of the constant and the inputs
+        R[:upper] = triangular_first(R[:upper], columns.n_base)
+    return _frozen(R, columns, data.n_rows, data.scales[picked])
 
 
 def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
@@ -278,6 +280,10 @@ def _compressed(R: FloatArray, columns: Columns, n_rows: int) -> Compressed:
         raise ValueError("u, y and theta must be finite, got NaN or infinite values; repair or cut them first")
     norms = np.linalg.norm(R, axis=0)
     scales = np.where(norms > np.finfo(float).eps * norms.max(), norms, 1.0)
+    return _frozen(R, columns, n_rows, scales)
+
+
+def _frozen(R: FloatArray, columns: Columns, n_rows: int, scales: FloatArray) -> Compressed:
     for array in (R, scales):
         array.setflags(write=False)
     return Compressed(R=R, columns=columns, n_rows=n_rows, scales=scales)

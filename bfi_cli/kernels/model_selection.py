@@ -19,8 +19,7 @@ from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, linea
 BACKWARD_LIMIT = 24
 # Steps forward or backward without a better criterion before a search ends: two atoms may help only together.
 PATIENCE = 2
-# Additions to a support that are fitted, those that to first order gain the most: the first was the best of all in 95 %
-# of the steps of 200 trials on seven and on eighty atoms, the first three in all of them.
+# Additions to a support that are fitted, those that gain the most to first order, which may rank two alike wrongly.
 ADDITIONS = 3
 # log det by which a relaxed fit must be worse than the best addition before no further one is tried: round-off.
 MARGIN = 1e-9

@@ -25,6 +25,7 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 from .lagged import PANEL
+from .risro import least_squares
 from .variable_projection import ProjectedRegression
 
 Sparsity = Literal["none", "l1", "lp", "exp-l0"]
@@ -32,10 +33,10 @@ KINDS: tuple[str, ...] = get_args(Sparsity)
 
 # The thesis's settings of its own stage (section 5-3): steepness, variance of the pseudo-measurement, prior variance.
 PUBLISHED = {"alpha": 1.0, "r": 10.0, "p0": 1.0}
-# Steps of the stage from one start; it settles within 10 to 25.
+# Steps of the stage from one start; in the trials of tests/measurements/test_sparsity_stage.py it settles within 20.
 MAX_STEPS = 40
-# In standard deviations: a magnitude below the first leaves the problem; steps below the second have settled. Half and
-# double of either gave the same supports.
+# In standard deviations, beside the least survivor's two: a magnitude below the first leaves the problem, since its
+# weight only grows; steps below the second have settled.
 NOTHING, SETTLED = 0.1, 0.01
 # A number whose inverse and square are still numbers. No weight is below the second: equal atoms share a magnitude.
 SMALLEST, ROUND_OFF = 1e-30, 1e-14
@@ -129,16 +130,17 @@ def sparse_supports(
     shape, R, least = penalty_constants(stage, price)
     prior = 0.0 if stage.p0 is None else 1.0 / stage.p0
     live, s, n_atoms = np.array([atom for _, atom in problem.signals], dtype=np.intp), problem.order, len(z)
-    theta, y, z, dof = problem.theta, problem.y[:, :, 0], z[live], float(len(live))
+    theta, y = problem.theta.transpose(1, 2, 0), problem.y[:, :, 0].T  # (order + 1, n, m) and (order + 1, m)
+    z, dof = z[live], float(len(live))
     supports: dict[tuple[int, ...], None] = {}
     settled, count = not len(live), 0
     while not settled and count < MAX_STEPS:
         # 1. Linearise at (z, K): the columns of K, those of z, and the residual.
-        n, corrected = len(z), y - theta @ z
-        stacked = np.empty((len(y), s + n + 1), order="F")
-        stacked[:, :s], stacked[:, s:-1] = corrected[:, 1:], np.append(1.0, -K) @ theta
-        stacked[:, -1] = residual = corrected[:, 0] - corrected[:, 1:] @ K
-        triangle = np.triu(lapack.dgeqrt(min(PANEL, s + n + 1), stacked, overwrite_a=True)[0][: s + n + 1])
+        n, corrected = len(z), y - z @ theta
+        stacked, predictor = np.empty((s + n + 1, y.shape[1])), np.append(1.0, -K)
+        stacked[:s], stacked[s:-1] = corrected[1:], np.tensordot(predictor, theta, axes=1)
+        stacked[-1] = residual = predictor @ corrected
+        triangle = np.triu(lapack.dgeqrt(min(PANEL, s + n + 1), stacked.T, overwrite_a=True)[0][: s + n + 1])
         R_zz = triangle[s:-1, s:-1]
         # 2. The unit of each magnitude: its standard deviation with K eliminated and the other atoms known.
         degrees = max(problem.n_rows - problem.n_base - s - dof, 1.0)
@@ -154,7 +156,7 @@ def sparse_supports(
         below = np.column_stack([np.diag(w), -w * z])
         S = np.triu(lapack.dtpqrt(n, min(PANEL, n + 1), triangle[s:, s:], below)[0])
         dz = lapack.dtrtrs(S[:n, :n], S[:n, -1])[0]
-        dK = lapack.dtrtrs(triangle[:s, :s], triangle[:s, -1] - triangle[:s, s:-1] @ dz)[0]
+        dK = least_squares(triangle[:s, :s], triangle[:s, -1] - triangle[:s, s:-1] @ dz)[0]
         dof = n - float(np.sum((w[:, None] * lapack.dtrtri(S[:n, :n])[0]) ** 2))
         z, K, count = z + dz, K + dK, count + 1
         if count == 1:
@@ -165,7 +167,7 @@ def sparse_supports(
         supports[support] = None
         keep = x >= NOTHING
         settled = not keep.any() or bool(keep.all() and np.all(np.abs(dz) < SETTLED * sd))
-        z, live, theta = z[keep], live[keep], theta if keep.all() else theta[:, :, keep]
+        z, live, theta = z[keep], live[keep], theta if keep.all() else theta[:, keep]
     whole = np.zeros(n_atoms)
     whole[live] = z
     return SparseSolution(supports=tuple(supports), z=whole, K=K, iterations=count, converged=settled)

@@ -25,8 +25,8 @@ HALVINGS = 12
 # A step that raises the likelihood nowhere is round-off at a maximum where it promised less than this squared norm per
 # row, in units of the prediction error; where it promised more, the fit is stuck.
 ROUND_OFF_GAIN = 1e-4
-# The columns of a support are worth a factorisation of their own where they are so much fewer than the rows: a fit
-# takes about ten passes over these. It changes the speed only.
+# Where its columns are so much fewer than the rows, a support is factorised once before the many passes of a fit. It
+# changes the speed only.
 COMPRESSED = 2
 
 
@@ -36,7 +36,7 @@ class ProjectedRegression:
 
     Attributes
     ----------
-    theta : (m, order + 1, n_signals) dictionary signals at lags 0..order.
+    theta : (m, order + 1, n_signals) dictionary signals at lags 0..order; rows are next to each other in memory.
     y : (m, order + 1, n_outputs) measured outputs at lags 0..order.
     signals : (output, atom) of each signal.
     n_rows : rows the compressed data stand for; n_base : constant and input regressors per output.
@@ -97,7 +97,7 @@ def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> Proje
     lower = data if order == data.columns.order else restrict(data, order=order)
     columns, rest = lower.columns, lower.R[lower.columns.n_base :]
     theta, y = (
-        np.concatenate([rest[:, None, now], rest[:, lags].reshape(len(rest), order, now.stop - now.start)], axis=1)
+        np.concatenate([rest.T[now], rest.T[lags]]).reshape(order + 1, -1, len(rest)).transpose(2, 0, 1)
         for now, lags in ((columns.theta, columns.theta_lags), (columns.y, columns.y_lags))
     )
     return ProjectedRegression(

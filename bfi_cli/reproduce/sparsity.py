@@ -262,10 +262,9 @@ def sparsity(settings: Settings) -> Exhibit:
             x = np.array([point.noise if of is on_thesis else point.n_atoms for point in of])
             for group in (names[: len(names) // 2], names[len(names) // 2 :]):
                 curves = []
-                for j, rule in enumerate(names):
-                    if rule not in group:
-                        continue
-                    beside, share, (low, high) = x * BESIDE**j, 100.0 * counts[at, j] / n_trials, ends[at, j].T
+                for i, rule in enumerate(group):
+                    j = names.index(rule)
+                    beside, share, (low, high) = x * BESIDE**i, 100.0 * counts[at, j] / n_trials, ends[at, j].T
                     if y_label == "time [ms]":
                         curves.append(curve(labels[rule], beside, ms[at, j], style=_style(x, "line")))
                     else:
@@ -277,7 +276,7 @@ def sparsity(settings: Settings) -> Exhibit:
                         x_label=x_label,
                         y_label=y_label,
                         curves=tuple(curves),
-                        log_x=True,
+                        log_x=of is on_thesis,
                         log_y=name == "sparsity_time",
                         y_limits=(1.0, 1e3) if name == "sparsity_time" else (-3.0, 103.0),
                     )

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ..dictionary import signals
 from ..engine import in_order
-from ..exhibit import Exhibit, Panel, Style, curve
+from ..exhibit import Exhibit, Panel, curve
 from ..fir import identify_fir
 from ..wording import number
-from .page import drawing, exhibit, load, table
+from .page import drawing, exhibit, joined, load, table
 from .record import Settings, thesis_dictionary, thesis_record
 
 __all__ = ["METHODS", "TAPS", "Problem", "bound", "error", "fir", "output", "run", "slow_and_white"]
@@ -212,13 +212,12 @@ def _panel(title: str, x_label: str, points: Sequence[_Point]) -> Panel:
     x = [point.x for point in points]
     errors = np.maximum([point.errors for point in points], LEAST)
     low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75), axis=1)
-    # Two points, as a quick run has of noise, have no line through them.
-    style: Style = "bars" if len(x) > 2 else "points"
     curves = [
-        curve(label, x, middle[:, i], style=style, low=low[:, i], high=high[:, i]) for i, label in enumerate(METHODS)
+        curve(label, x, middle[:, i], style=joined(x, "bars"), low=low[:, i], high=high[:, i])
+        for i, label in enumerate(METHODS)
     ]
     if all(point.bound for point in points):
-        curves.append(curve("bound", x, [point.bound for point in points], style="dotted" if len(x) > 2 else "points"))
+        curves.append(curve("bound", x, [point.bound for point in points], style=joined(x, "dotted")))
     return Panel(
         title=title, x_label=x_label, y_label="relative error [-]", curves=tuple(curves), log_x=True, log_y=True
     )

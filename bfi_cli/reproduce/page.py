@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..exhibit import Drawing, Exhibit, Panel, Table
+from ..exhibit import Drawing, Exhibit, Panel, Style, Table
 from ..yaml12 import load_yaml
 
-__all__ = ["FOLDER", "Page", "drawing", "exhibit", "fill", "load", "percent", "table"]
+__all__ = ["FOLDER", "Page", "drawing", "exhibit", "fill", "joined", "load", "percent", "table"]
 
 FOLDER = Path(__file__).parent
 Page = Mapping[str, Any]
@@ -93,6 +93,11 @@ def drawing(
     """Return a figure with the caption that the page has for it, or for the name `caption`."""
     text = fill(page["captions"][caption or name], **values)
     return Drawing(name=name, caption=text, panels=tuple(panels), across=across)
+
+
+def joined(x: Sized, style: Style) -> Style:
+    """Return the style of so many points: a line goes through three and more, fewer stand alone."""
+    return style if len(x) > 2 else "points"
 
 
 def percent(value: float) -> str:

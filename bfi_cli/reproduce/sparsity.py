@@ -19,7 +19,7 @@ from ..aircraft import find_model, manoeuvre, simulate, time_axis
 from ..config import STRONG_EVIDENCE, Config, merge
 from ..dictionary import Dictionary
 from ..engine import in_order
-from ..exhibit import Exhibit, Panel, Style, curve
+from ..exhibit import Exhibit, Panel, curve
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify.risro import THRESHOLD
@@ -31,7 +31,7 @@ from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitud
 from ..montecarlo import wilson
 from ..preprocessing.regression import RegressionData, build_regression
 from ..preprocessing.window import prepare_window
-from .page import drawing, exhibit, fill, load, table
+from .page import drawing, exhibit, fill, joined, load, table
 from .record import Settings, thesis_dictionary, thesis_record, with_fault, with_noise
 
 __all__ = ["RULES", "Point", "Problem", "lasso_supports", "problem_of", "run", "sparsity"]
@@ -49,7 +49,6 @@ STEP_NOISES = (0.2, 0.5)  # m/s, on the steps
 TRIALS, QUICK_TRIALS = 100, 2
 MOST_ACTIVE, LARGEST = 3, 10  # active faults, and their integer magnitudes
 BESIDE = 1.03  # how far points of the next rule stand aside, so that they do not hide each other
-FEWEST_OF_A_LINE = 3  # points: fewer are drawn without a line through them
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,9 +265,9 @@ def sparsity(settings: Settings) -> Exhibit:
                     j = names.index(rule)
                     beside, share, (low, high) = x * BESIDE**i, 100.0 * counts[at, j] / n_trials, ends[at, j].T
                     if y_label == "time [ms]":
-                        curves.append(curve(labels[rule], beside, ms[at, j], style=_style(x, "line")))
+                        curves.append(curve(labels[rule], beside, ms[at, j], style=joined(x, "line")))
                     else:
-                        style = _style(x, "bars")
+                        style = joined(x, "bars")
                         curves.append(curve(labels[rule], beside, share, style=style, low=low, high=high))
                 panels.append(
                     Panel(
@@ -318,11 +317,6 @@ def sparsity(settings: Settings) -> Exhibit:
         drawings=drawings,
         facts=[(labels[name], page["who"][name]) for name in names],
     )
-
-
-def _style(x: FloatArray, many: Style) -> Style:
-    """Return the style of points that are many, or without a line where they are not."""
-    return many if len(x) >= FEWEST_OF_A_LINE else "points"
 
 
 def _words(point: Point) -> str:

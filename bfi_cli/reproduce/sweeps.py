@@ -19,14 +19,13 @@ from ..montecarlo import check_records, load_sweep, run_sweep, summarise, wilson
 from ..montecarlo.definition import RecordedLog
 from ..montecarlo.summary import Proportion, ScenarioSummary
 from ..wording import number
-from .page import FOLDER, Page, drawing, exhibit, fill, load, table
+from .page import FOLDER, Page, drawing, exhibit, fill, joined, load, table
 from .reconstruction import label_of
 from .record import Settings, stand_in, thesis_record
 
 __all__ = ["Cell", "Swept", "Thin", "isolation_noise", "swept", "thesis_a", "thesis_monte_carlo"]
 
 LEAST_ERROR = 1e-16  # what a log axis shows of an error of zero
-FEWEST_OF_A_LINE = 3  # points: fewer are drawn without a line through them
 NEARLY_ALL = 0.99  # of the trials isolated: as published, where no miss and no false alarm is seen in 100 trials
 AT_ZERO = 1e-4  # m/s, where a log axis shows the points without noise
 ASIDE = 1.06  # how far points of the second method stand aside on it
@@ -158,7 +157,7 @@ def rate_curve(label: str, x: Sequence[float], shares: Sequence[Proportion]) -> 
         label,
         x,
         [100.0 * (math.nan if share.rate is None else share.rate) for share in shares],
-        style="bars" if len(x) >= FEWEST_OF_A_LINE else "points",
+        style=joined(x, "bars"),
         low=[100.0 * low for low, _ in ends],
         high=[100.0 * high for _, high in ends],
     )
@@ -275,7 +274,7 @@ def _sweep_page(
             for what, computed in (("error", " and ".join(errors)), ("isolation", f"{shares} %")):
                 rows.append((fill(page["quantities"][what], **said), page["printed"][what].get(method, "-"), computed))
         isolated = ", ".join(f"{label_of(method)} {percent(pooled(of))}" for method, of in cells.items())
-        parts.append(f"{words[:1].upper()}{words[1:]}, isolated: {isolated}.")
+        parts.append(f"{words.capitalize()}, isolated: {isolated}.")
     body = []
     for cell in result.cells:
         one = cell.summary

@@ -17,7 +17,7 @@ from ..flightlog import FlightLog
 from ..identify.dmae import DmaeSettings
 from ..shapes import Shape
 from ..wording import number
-from .page import Page, drawing, exhibit, fill, load, percent, table
+from .page import Page, drawing, exhibit, fill, joined, load, percent, table
 from .reconstruction import (
     PROGRAM,
     READINGS,
@@ -59,7 +59,6 @@ LOW, BEST = 4, 45  # the orders of the thesis: of most of its figures, and the b
 SHOWN = (3, 4, 5, 10, 25, 40, 44, 45, 50, 60, 80)  # in the table of figure 5-9, and those solved with noise too
 LISTING_SHARE = 0.01  # of the norm of all magnitudes: what the listing of the sweep over orders counts as a fault
 VAF_LIMITS = (-105.0, 105.0)  # of an axis, %: minus 100 is an error as large as twice the power of the signal
-FEWEST_OF_A_LINE = 3  # points: fewer, and those of a quick run, are drawn without a line through them
 
 
 def thesis_5_5(settings: Settings) -> Exhibit:
@@ -163,7 +162,9 @@ def thesis_5_8(settings: Settings) -> Exhibit:
             x_label="kappa [m/s]",
             y_label=f"VAF of the {what} [%]",
             curves=tuple(
-                curve(label_of(name), kappas, [getattr(views[name], key) for views in each], style=_style(kappas))
+                curve(
+                    label_of(name), kappas, [getattr(views[name], key) for views in each], style=joined(kappas, "line")
+                )
                 for name in names
                 if name != "sparse_2"
             ),
@@ -248,7 +249,10 @@ def thesis_5_9(settings: Settings) -> Exhibit:
                     title=label,
                     x_label="order s [-]",
                     y_label=y_label,
-                    curves=tuple(curve(label_of(name), at, y, style=_style(at, ORDERS)) for name, y in drawn.items()),
+                    curves=tuple(
+                        curve(label_of(name), at, y, style="line" if len(at) == len(ORDERS) else "points")
+                        for name, y in drawn.items()
+                    ),
                     levels=tuple((one.label, read(log, one)) for one in program[label].values()),
                     log_y=y_label == "error [-]",
                     y_limits=limits,
@@ -402,11 +406,6 @@ def _sentences(page: Page, seen: Told, **values: object) -> list[str]:
 def _rows(page: Page, seen: Told) -> list[Sequence[str]]:
     """Return the page's rows of the comparison that every record has."""
     return [row for label, views in seen.items() for row in fill(page["record_rows"], record=label, **views)]
-
-
-def _style(at: Sequence[float], whole: Sequence[float] = ()) -> Style:
-    """Return how values at some points are drawn: a line where no point of the whole was left out."""
-    return "line" if len(at) >= max(FEWEST_OF_A_LINE, len(whole)) else "points"
 
 
 def _listed(orders: Sequence[int]) -> str:

@@ -263,7 +263,13 @@ def _by_stage(data: Compressed) -> float:
 
 def _told(one: _Case) -> dict[str, object]:
     peaks = {name: one.peak(name) for name in METHODS}
-    return {"label": one.label, "shape": one.shape, "declared": one.declared, "peaks": peaks}
+    return {
+        "label": one.label,
+        "record": one.label.capitalize(),
+        "shape": one.shape,
+        "declared": one.declared,
+        "peaks": peaks,
+    }
 
 
 def _verdict(page: Mapping[str, str], cases: Sequence[_Case], **known: object) -> str:

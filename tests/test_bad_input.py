@@ -205,6 +205,7 @@ OPTIONS = {
     "--method dmae": (3, "good.csv: method dmae needs a model, which no log holds; give --model NAME, or dmae: {model"),
     "--method dmae --model citation": (3, "good.csv: method dmae needs aoa, pitch, pitch_rate of the model 'citation'"),
     "--method dmae --model citatoin": (2, "dmae.model: no linear model, got 'citatoin'; did you mean 'citation'?"),
+    "--sparsity exp_l0": (2, "--sparsity: not one of the choices, got 'exp_l0'; did you mean 'exp-l0'?"),
     "--method rizro": (2, "--method: not one of the choices, got 'rizro'; did you mean 'risro'?"),
     "--fail-on faul": (2, "--fail-on: not one of the choices, got 'faul'; did you mean 'fault'?"),
     "--seed x": (2, "--seed: not a whole number, got 'x'; give one like 4"),

@@ -52,6 +52,7 @@ PLACES = {
     "model.order": "--order",
     "model.feedthrough": "--feedthrough",
     "method": "--method",
+    "risro.sparsity": "--sparsity",
     "dmae.model": "--model",
     "dictionary": "--dictionary",
     "seed": "--seed",

@@ -184,6 +184,14 @@ def test_a_key_of_the_derived_stage_changes_where_it_goes(identify: Callable, tm
     assert went(text) != went()
 
 
+@pytest.mark.parametrize("kind", ["none", "l1", "lp", "exp-l0"])
+def test_the_option_of_the_stage(identify: Callable, kind: str):
+    document = identify(TWO, "-d", FAULTS, "--method", "risro", "--order", "6", "--rate", "10", "--sparsity", kind)
+    told = document["solver"]["sparsity"]
+    assert (told and told["kind"]) == (None if kind == "none" else kind)
+    assert set(MAGNITUDE) <= {fault["name"] for fault in document["faults"]}
+
+
 def test_strict_refuses_an_answer_of_a_solver_that_did_not_converge(identify: Callable, tmp_path: Path):
     file = tmp_path / "c.yaml"
     file.write_text(

@@ -191,9 +191,14 @@ def refine_supports(
             return tuple(visits.result() for visits in every), agreed
         seen.add((at.problem.order, best.fit.atoms))
         at.search_backward(best)
-        if not dropping_only and at.result().best is best:
-            at.search_beside(best.fit, candidates)
-            agreed = agreed and at.result().best is best
+        if dropping_only or at.result().best is not best:
+            continue
+        for visits in every:
+            # An atom more may pay at an order at which the support itself is worse by less than its price.
+            same = visits.scored.get(best.fit.atoms)
+            if same and same.criterion < best.criterion + penalty.per_parameter + penalty.per_atom:
+                visits.search_beside(same.fit, candidates, exchanging=visits is at)
+        agreed = agreed and min(visits.result().best.criterion for visits in every) == best.criterion
 
 
 def _fits(known: Sequence[OrderSearch], problems: Sequence[ProjectedRegression]) -> list[tuple[Fit, ...]]:
@@ -275,12 +280,12 @@ class _Visits:
         assert best is not None
         return best
 
-    def search_beside(self, fit: Fit, candidates: Sequence[int]) -> None:
+    def search_beside(self, fit: Fit, candidates: Sequence[int], *, exchanging: bool) -> None:
         """Visit the most promising supports with one atom more, and with one atom exchanged for another.
 
-        The supports without one atom have been visited.
+        For an exchange, the supports without one atom have been visited.
         """
-        for leaving in (None, *fit.atoms):
+        for leaving in (None, *fit.atoms) if exchanging else (None,):
             base = fit if leaving is None else self.scored[tuple(atom for atom in fit.atoms if atom != leaving)].fit
             others = [atom for atom in candidates if atom != leaving and atom not in base.atoms]
             if not others or len(base.atoms) >= self.limit:

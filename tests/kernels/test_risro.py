@@ -369,6 +369,20 @@ def test_more_atoms_than_the_rows_can_carry_have_no_stage():
     assert sparse_varx(problem, None, n_atoms=40, stage=SparseStage(kind="exp-l0"), price=14.0) == ()
 
 
+def test_a_decomposition_that_does_not_converge_has_a_substitute(monkeypatch):
+    rng = np.random.default_rng(0)
+    S = rng.standard_normal((30, 6)) @ np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 1e-15])
+    S[:, 4] = S[:, 0] + S[:, 1]
+    y = rng.standard_normal(30)
+    expected = S @ least_squares(S, y)[0]
+
+    def fail(*_given, **_settings):
+        raise np.linalg.LinAlgError("SVD did not converge in Linear Least Squares")
+
+    monkeypatch.setattr(np.linalg, "lstsq", fail)
+    np.testing.assert_allclose(S @ least_squares(S, y)[0], expected, atol=1e-9)
+
+
 @pytest.mark.parametrize("order", [2, 6, 12])
 @pytest.mark.parametrize("seed", range(5))
 def test_many_noisy_atoms_have_a_start_whose_decomposition_always_ends(order, seed):

@@ -149,6 +149,8 @@ feedthrough  --feedthrough/--no-feedthrough  model.feedthrough  -  choice
     Inputs act in the same sample too.
 method  --method  method  NAME  text
     Method of identification: {", ".join(METHODS)}.  [default: ml]
+sparsity  --sparsity  risro.sparsity  KIND  text
+    Stage of method risro: none, l1, lp, exp-l0.  [default: exp-l0]
 model  --model  dmae.model  NAME  text
     A linear model of bfi simulate, for method dmae.
 seed  --seed  seed  N  whole

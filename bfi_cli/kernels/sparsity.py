@@ -34,7 +34,7 @@ KINDS: tuple[str, ...] = get_args(Sparsity)
 
 # The thesis's settings of its own stage (section 5-3): steepness, variance of the pseudo-measurement, prior variance.
 PUBLISHED = {"alpha": 1.0, "r": 10.0, "p0": 1.0}
-# Steps of the stage from one start; in the trials of tests/measurements/test_sparsity_stage.py it settles within 20.
+# Steps of the stage from one start; with seven and with eighty atoms it usually takes 5 to 20.
 MAX_STEPS = 40
 # In standard deviations, beside the least survivor's two: a magnitude below the first leaves the problem, since its
 # weight only grows; steps below the second have settled.

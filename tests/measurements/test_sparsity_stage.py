@@ -82,7 +82,7 @@ def test_thesis_atoms_on_the_linear_simulation(noise: float, wanted: float):
 @pytest.mark.realdata
 @pytest.mark.parametrize(("noise", "before"), [(0.01, 0.960), (0.05, 0.933)])
 def test_thesis_atoms_on_the_nonlinear_simulation(flights: Path, noise: float, before: float):
-    """`before` is the rate of method ml in version 0.1.0 on 300 other trials."""
+    """`before` is the rate of method ml in version 0.1.0 on the 300 trials of test_nonlinear_simulation."""
     log, trials = read_log(flights / "de3211_1.mat").window(19.0, 50.7), trials_of(THESIS, noise)
     default = isolated(f"nonlinear, {noise} m/s, ml", trials, log, THESIS, Config())
     share = isolated(f"nonlinear, {noise} m/s, risro", trials, log, THESIS, merge(Config(), {"method": "risro"}))

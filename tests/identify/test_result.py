@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bfi_cli.documents import identify_document
 
 from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary
@@ -14,6 +13,7 @@ from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogErr
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
+from bfi_cli.identify.document import identify_document
 from bfi_cli.kernels.termination import Termination
 from bfi_cli.provenance import provenance
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bfi_cli.onset.document import onset_document
 
 from bfi_cli.config import Config
 from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
-from bfi_cli.onset import find_onset
+from bfi_cli.onset import find_onset, onset_document
 from bfi_cli.provenance import provenance
 
 SETTINGS = {"method": "risro", "conditioning": {"rate_hz": 5.0}, "model": {"order": 2, "feedthrough": True}}

@@ -159,6 +159,7 @@ def select(
     searches, agreed = refine_supports(problems, atoms, penalty, proposals=proposals, max_active=max_active)
     if not proposals or (not agreed and n_atoms <= BACKWARD_LIMIT):
         searches = search_orders(problems, atoms, penalty, max_active=max_active, known=searches, report=searching)
+    searching(1.0)
     selection = best_of(regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
     effective = max(effective_rows(selection.unfolded.error), 2.0 * per_output)

@@ -63,7 +63,10 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultEstimate:
-    """A declared fault. `fault` carries shape, channel, times; `magnitude` multiplies its unit signal."""
+    """A declared fault. `fault` carries shape, channel, times; `magnitude` multiplies its unit signal.
+
+    `sd` and `ci95` are NaN where they are not known.
+    """
 
     name: str
     fault: Fault

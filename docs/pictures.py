@@ -1,18 +1,22 @@
 """Draw the pictures of this folder: the figures that the commands below write, made small.
 
-    python docs/pictures.py            write docs/pictures/*.png
+    python docs/pictures.py            write docs/pictures/*.png, and sparsity.md from the run that draws its picture
+    python docs/pictures.py NAME...    only those
 
-The logs are those of `data/`, or simulated. A picture is the PNG of `--out`, narrowed and reduced to a palette.
+The logs are those of `data/`, or simulated. A picture is the PNG of `--out`, narrowed and reduced to a palette. The run
+of `sparsity` takes half an hour.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
@@ -47,17 +51,21 @@ RUNS: tuple[tuple[str, dict[str, str]], ...] = (
         {"montecarlo_isolation": "isolation", "montecarlo_error": "magnitude_error"},
     ),
     ("reproduce thesis-5-5", {"reproduced": "thesis_5_5"}),
+    ("reproduce sparsity", {"sparsity": "sparsity", "sparsity_time": "sparsity_time"}),
 )
 
 
 def main() -> None:
     """Run the commands in a temporary folder and keep their figures."""
+    wanted = set(sys.argv[1:])
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for place in ("data", "configs"):
             (folder / place).symlink_to(ROOT / place)
         for i, (command, pictures) in enumerate(RUNS):
+            if wanted and pictures and not wanted & set(pictures):
+                continue
             out = ["--out", f"out{i}"] if pictures else []
             subprocess.run(
                 [sys.executable, "-m", "bfi_cli", *shlex.split(command), *out],
@@ -68,6 +76,9 @@ def main() -> None:
             )
             for picture, figure in pictures.items():
                 shrink(folder / f"out{i}" / f"{figure}.png", PICTURES / f"{picture}.png")
+            if "sparsity" in pictures:
+                document = json.loads((folder / f"out{i}" / "result.json").read_text("utf-8"))
+                (PICTURES.parent / "sparsity.md").write_text(sparsity_page(document["exhibit"]), encoding="utf-8")
 
 
 def shrink(figure: Path, picture: Path) -> None:
@@ -77,6 +88,38 @@ def shrink(figure: Path, picture: Path) -> None:
         page = drawn.convert("RGB").resize(size, Image.Resampling.LANCZOS)
     page.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(picture, optimize=True)
     print(f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1000} kB")
+
+
+def sparsity_page(exhibit: dict[str, Any]) -> str:
+    """Return sparsity.md: the question, the answer, a row per point and a column per rule, what each rule is."""
+    cells = next(table["rows"] for table in exhibit["tables"] if table["name"] == "rates")
+    points, rules = (list(dict.fromkeys(row[i] for row in cells)) for i in (0, 1))
+    facts = dict(exhibit["facts"])
+
+    def grid(column: int) -> list[str]:
+        value = {(row[0], row[1]): row[column] for row in cells}
+        lines = [["atoms, noise", *rules], ["---"] * (len(rules) + 1)]
+        lines += [[point, *(value[point, rule] for rule in rules)] for point in points]
+        return ["| " + " | ".join(line) + " |" for line in lines]
+
+    def shown(title: str, picture: str, drawing: dict[str, Any], lines: list[str]) -> list[str]:
+        return [f"## {title}", f"![{title}]({PICTURES.name}/{picture}.png)", drawing["caption"], "\n".join(lines)]
+
+    said = [f"- **{name}**: {facts[name]}." for name in rules]
+    settings = [f"- {name}: {text}." for name, text in facts.items() if name not in (*rules, "Points")]
+    parts = [
+        f"# {exhibit['title']}",
+        exhibit["verdict"],
+        *shown("Isolated [%], 95 % Wilson intervals", "sparsity", exhibit["drawings"][0], grid(2)),
+        *shown("Processor time [ms], median", "sparsity_time", exhibit["drawings"][1], grid(3)),
+        "## The rules",
+        "\n".join(said),
+        "## The trials",
+        "\n".join(settings),
+        *exhibit["notes"],
+        "Made by `python docs/pictures.py sparsity` from `bfi reproduce sparsity`.",
+    ]
+    return "\n\n".join(parts) + "\n"
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_limits
 
-from bfi_cli.commands import _run
+from bfi_cli.commands import run_command
 
 threadpool_limits(1)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -36,7 +36,7 @@ def bfi(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         words = [str(word) for word in argv]
         monkeypatch.setattr("sys.argv", ["bfi", *words])
         capsys.readouterr()
-        code = _run(words)
+        code = run_command(words)
         printed = capsys.readouterr()
         return Outcome(code, printed.out, printed.err)
 

@@ -6,6 +6,7 @@ import ast
 import graphlib
 import importlib
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -165,8 +166,8 @@ def test_what_takes_long_to_import_is_imported_where_it_is_used():
 HELP = """
 import json, sys
 before = set(sys.modules)
-from bfi_cli.commands import _run
-code = _run(["--help"])
+from bfi_cli.commands import run_command
+code = run_command(["--help"])
 print(json.dumps([code, sorted(set(sys.modules) - before)]), file=sys.stderr)
 """
 
@@ -210,3 +211,10 @@ def test_what_is_public_is_described(name: str):
 def test_what_a_module_offers_exists(name: str):
     module = importlib.import_module(f"bfi_cli.{name}")
     assert [offered for offered in getattr(module, "__all__", ()) if not hasattr(module, offered)] == []
+
+
+def test_tests_import_no_private_names():
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("bfi_cli"):
+                assert not [alias.name for alias in node.names if re.match("_[a-z]", alias.name)], path

@@ -205,6 +205,7 @@ OPTIONS = {
     "--method dmae": (3, "good.csv: method dmae needs a model, which no log holds; give --model NAME, or dmae: {model"),
     "--method dmae --model citation": (3, "good.csv: method dmae needs aoa, pitch, pitch_rate of the model 'citation'"),
     "--method dmae --model citatoin": (2, "dmae.model: no linear model, got 'citatoin'; did you mean 'citation'?"),
+    "--sparsity exp_l0": (2, "--sparsity: not one of the choices, got 'exp_l0'; did you mean 'exp-l0'?"),
     "--method rizro": (2, "--method: not one of the choices, got 'rizro'; did you mean 'risro'?"),
     "--fail-on faul": (2, "--fail-on: not one of the choices, got 'faul'; did you mean 'fault'?"),
     "--seed x": (2, "--seed: not a whole number, got 'x'; give one like 4"),
@@ -352,6 +353,10 @@ COMMANDS = {
     "dictionary good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
     "montecarlo -c sweep.yaml --out taken": (2, "taken/trials.csv: exists and was not written by bfi; give another"),
     "montecarlo -c sweep.yaml --out begun": (2, "begun/unfinished/trials.csv: exists and was not written by bfi; give"),
+    "reproduce thesis-2-2": (
+        2,
+        "thesis-2-2 has no page, it is a block diagram of DMAE with nothing to compute; give one",
+    ),
     "reproduce thesis-5-1 --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
     "identify good.csv --series": (2, "bfi identify: --series is about --json; add --json"),
     "report absent.json": (2, "absent.json: no such file or directory; give the result.json of a command's --out"),

@@ -28,7 +28,8 @@ conditioning: {rate_hz: auto, detrend: constant, variance: running, filter: line
 model: {order: auto, orders: [2, 4, 6, 8, 12], feedthrough: null}
 method: ml
 risro:
-  {as_published: false, max_iterations: 50, tolerance: 1e-10, sparsity: none, alpha: 1.0, r: 10.0, p0: 1.0, updates: 1}
+  {as_published: false, max_iterations: 50, tolerance: 1e-10, sparsity: exp-l0, alpha: auto, r: auto, p0: auto,
+    updates: 1}
 dmae: {model: null, reference: trim, process_variance: 4e-6, measurement_variance: {}, fault_variance: 0.0,
   adaptive_window: 20}
 selection: {criterion: ebic, evidence: 4.6, max_active: null, threshold: null}

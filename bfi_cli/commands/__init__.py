@@ -24,7 +24,7 @@ from .. import __version__
 from ..errors import BfiError
 from ..printable import SHOWN, shortened
 
-__all__ = ["COMMANDS", "cli", "main"]
+__all__ = ["COMMANDS", "cli", "main", "run_command"]
 
 COMMANDS = {
     "info": "Channels, units, rate, gaps, held samples, excitation of a log.",
@@ -107,7 +107,7 @@ def main(argv: list[str] | None = None) -> None:
         warnings.simplefilter("ignore")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written, fonts read anew
     _open_streams()
-    code = _run(argv)
+    code = run_command(argv)
     if code == INTERRUPTED:
         # Python ends by the signal, whatever sys.exit says, where the interruption passed through an exec of text, as
         # the making of a dataclass during an import is; scripts are promised 130.
@@ -137,7 +137,7 @@ def _open_streams() -> None:
             setattr(sys, name, opened)
 
 
-def _run(argv: Sequence[str] | None) -> int:
+def run_command(argv: Sequence[str] | None) -> int:
     """Run one command line and return its exit code; nothing escapes but what ends the interpreter."""
     try:
         with cli.make_context("bfi", list(sys.argv[1:] if argv is None else argv)) as context:

@@ -17,7 +17,7 @@ __all__ = ["command"]
 @click.command("identify")
 @log_argument
 @with_options(
-    *("config_path", "dictionary", *SIGNALS, *MODEL, "method", "model", "seed"),
+    *("config_path", "dictionary", *SIGNALS, *MODEL, "method", "sparsity", "model", "seed"),
     *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
 )
 @click.pass_context

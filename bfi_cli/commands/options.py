@@ -151,6 +151,8 @@ recorder  --recorder  recorder.edge_hz  HZ|none|auto  number_or_word
     Where the recorder's low-pass has half its gain; auto takes what the log states or shows.  [default: auto]
 method  --method  method  NAME  text
     Method of identification: {", ".join(METHODS)}.  [default: ml]
+sparsity  --sparsity  risro.sparsity  KIND  text
+    Stage of method risro: none, l1, lp, exp-l0.  [default: exp-l0]
 model  --model  dmae.model  NAME  text
     A linear model of bfi simulate, for method dmae.
 seed  --seed  seed  N  whole

@@ -61,6 +61,7 @@ WORD_OR_NUMBER = Discriminator(lambda value: "<word>" if isinstance(value, str) 
 Rate = Annotated[
     Annotated[Positive, Tag("<number>")] | Annotated[Literal["none", "auto"], Tag("<word>")], WORD_OR_NUMBER
 ]
+Size = Annotated[Annotated[Positive, Tag("<number>")] | Annotated[Literal["auto"], Tag("<word>")], WORD_OR_NUMBER]
 Order = Annotated[Annotated[Natural, Tag("<number>")] | Annotated[Literal["auto"], Tag("<word>")], WORD_OR_NUMBER]
 
 # Twice the log Bayes factor of ten to one, 2 log 10, which Jeffreys (1961) calls strong. With the overdispersion it
@@ -124,16 +125,16 @@ class Risro(Rules):
     max_iterations: Natural = 50
     tolerance: Positive = 1e-10
     """Stop at this relative change of the iterate and of the misfit."""
-    sparsity: Literal["none", "l1", "lp", "exp_l0"] = "none"
-    """The norm of the pseudo-measurement stage."""
-    alpha: Positive = 1.0
-    """Steepness of the exponential norm."""
-    r: Positive = 10.0
-    """Variance of the pseudo-measurement."""
-    p0: Positive = 1.0
-    """Initial variance of a magnitude."""
+    sparsity: Literal["none", "l1", "lp", "exp-l0"] = "exp-l0"
+    """The penalty of the pseudo-measurement stage."""
+    alpha: Size = "auto"
+    """Steepness of the exponential; auto follows from the criterion, as published it is 1."""
+    r: Size = "auto"
+    """Variance of a pseudo-measurement; auto follows from the criterion, as published it is 10."""
+    p0: Size = "auto"
+    """Prior variance of a magnitude in units of its own; auto has no prior beside the data, as published it is 1."""
     updates: Annotated[Whole, Field(ge=0)] = 1
-    """Pseudo-measurement updates per iteration."""
+    """Updates per iteration of the published stage; the other is repeated until it settles."""
 
 
 class Dmae(Rules):

@@ -55,6 +55,8 @@ def _fault_entry(estimate: FaultEstimate) -> dict[str, Any]:
     plain = to_plain(estimate)
     fault = plain["fault"]
     entry = {key: plain[key] for key in ("name", "magnitude", "unit", "sd", "ci95")}
+    if None in entry["ci95"]:
+        entry["ci95"] = None
     entry["physical"] = {"value": plain["physical_value"], "unit": plain["physical_unit"]}
     entry |= {key: fault[key] for key in FAULT_KEYS}
     if SHAPES[fault["shape"]].kind != "oscillating":

@@ -30,6 +30,8 @@ UNANSWERABLE = (
     "movement can pass for the aircraft's motion; choose a window with the onset and a manoeuvre inside"
 )
 
+NOT_CONVERGED = "the solver did not converge, so that there is no interval and no verdict"
+
 
 def identify_faults(
     log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen
@@ -75,7 +77,8 @@ def assemble_result(window: PreparedWindow, config: Config, outcome: MethodResul
     """Return the result of an identification: estimates, candidates, series, residuals, notes and decision."""
     estimates_all, place = METHODS[config.method].candidates, {entry: n for n, entry in enumerate(window.live)}
     hidden = hidden_atoms(window, outcome.magnitudes) if estimates_all else (False,) * len(window.live)
-    magnitudes, sd = outcome.magnitudes, np.sqrt(outcome.magnitudes.variance)
+    magnitudes, seen = outcome.magnitudes, 1.0 if outcome.converged else np.nan
+    sd, detectable = seen * np.sqrt(magnitudes.variance), seen * magnitudes.minimal_detectable
     faults, candidates = [], []
     for n in outcome.atoms:
         fault, z, reach = window.faults[window.live[n]], float(magnitudes.value[n]), magnitudes.quantile * float(sd[n])
@@ -102,13 +105,16 @@ def assemble_result(window: PreparedWindow, config: Config, outcome: MethodResul
             magnitude=None if live is None else _finite(magnitudes.value[live]),
             unit=magnitude_unit(fault, window.log.channel(fault.channel).unit if known else ""),
             sd=None if live is None else _finite(sd[live]),
-            minimal_detectable=None if live is None else _finite(magnitudes.minimal_detectable[live]),
+            minimal_detectable=None if live is None else _finite(detectable[live]),
             note=window.reasons.get(entry) if live is None else BLIND_NOTE if hidden[live] else None,
         )
         candidates.append(candidate)
     series = output_series(window, outcome, true_faults(window))
     residuals = residual_summaries(window, outcome)
     decision = outcome.decision or ("fault" if outcome.atoms else "not_identifiable" if all(hidden) else "no_fault")
+    unanswered = UNANSWERABLE
+    if not outcome.converged:
+        decision, unanswered = "not_identifiable", f"{NOT_CONVERGED}: {outcome.solver.termination}"
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
     return IdentifyResult(
         log=window.summary,
@@ -132,7 +138,7 @@ def assemble_result(window: PreparedWindow, config: Config, outcome: MethodResul
         },
         solver=outcome.solver,
         notes=(
-            *((UNANSWERABLE,) if decision == "not_identifiable" else ()),
+            *((unanswered,) if decision == "not_identifiable" else ()),
             *outcome.notes,
             *warnings_of(window, outcome, series, residuals, hidden),
             *((window.recorder,) if window.recorder else ()),

@@ -64,6 +64,7 @@ class MethodResult:
     order, feedthrough : of the model; condition_number : of its regressors, NaN where it has none.
     orders, criterion_no_fault, criterion_best : the order selection curve, empty for one order.
     decision : None to decide by what is declared and what could have been seen.
+    converged : the solver of the answer did; else there is no interval and no verdict.
     """
 
     atoms: tuple[int, ...]
@@ -78,6 +79,7 @@ class MethodResult:
     criterion_no_fault: tuple[float, ...] = ()
     criterion_best: tuple[float, ...] = ()
     decision: Decision | None = None
+    converged: bool = True
     notes: tuple[str, ...] = ()
 
 

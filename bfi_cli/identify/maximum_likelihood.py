@@ -17,17 +17,29 @@ from numpy.typing import NDArray
 from ..config import STRONG_EVIDENCE, Config
 from ..errors import LogError
 from ..kernels.covariance import FitRows, unfold
-from ..kernels.model_selection import OrderSearch, Penalty, ScoredFit, full_support, search_orders
+from ..kernels.lagged import restrict
+from ..kernels.model_selection import (
+    BACKWARD_LIMIT,
+    OrderSearch,
+    Penalty,
+    Proposal,
+    ScoredFit,
+    full_support,
+    refine_supports,
+    search_orders,
+)
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
-from ..kernels.variable_projection import Fit, fit_magnitudes
+from ..kernels.termination import Termination
+from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..kernels.whiteness import effective_rows
 from ..preprocessing.overdispersion import overdispersion
 from ..preprocessing.regression import RegressionData, build_regression, decimate_signals
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MagnitudeEstimates, MethodResult, averaged_magnitudes, with_rate_spread
 from .result import SolverSummary
+from .supports import propose_supports
 
-__all__ = ["Selection", "identify_by_likelihood", "select"]
+__all__ = ["Selection", "best_of", "identify_by_likelihood", "select"]
 
 FloatArray = NDArray[np.float64]
 
@@ -106,6 +118,7 @@ def identify_by_likelihood(
         orders=regression.orders if several else (),
         criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
         criterion_best=tuple(search.best.criterion for search in selection.searches) if several else (),
+        converged=fit.termination is Termination.CONVERGED,
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
 
@@ -138,20 +151,23 @@ def select(
     penalty = Penalty(
         n_rows=n_rows, n_effective=float(n_rows), n_candidates=n_atoms, evidence=evidence, extended=extended
     )
-    preparing, searching = shares(report, 1, 4)
+    preparing, proposing, searching = shares(report, 1, 2, 4)
     problems = [regression.problem(order) for order, _ in parts(preparing, regression.orders)]
-    searches = search_orders(problems, range(n_atoms), penalty, max_active=max_active, report=searching)
-    selection = _best_of(regression, searches, penalty)
+    atoms, proposals = range(n_atoms), tuple[Proposal, ...]()
+    if len(regression.layout.y[0]) == 1 and max_active != 0:
+        proposals = propose_supports(regression, penalty, proposing)
+    searches, agreed = refine_supports(problems, atoms, penalty, proposals=proposals, max_active=max_active)
+    if not proposals or (not agreed and n_atoms <= BACKWARD_LIMIT):
+        searches = search_orders(problems, atoms, penalty, max_active=max_active, known=searches, report=searching)
+    searching(1.0)
+    selection = best_of(regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
     effective = max(effective_rows(selection.unfolded.weighted_error), 2.0 * per_output)
     if effective >= n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)
-    scored = [
-        replace(search, visited=tuple(replace(one, criterion=penalty.criterion(one.fit)) for one in search.visited))
-        for search in searches
-    ]
-    return _best_of(regression, scored, penalty)
+    searches, _ = refine_supports(problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True)
+    return best_of(regression, searches, penalty)
 
 
 def _by_threshold(regression: RegressionData, selection: Selection, threshold: float) -> Selection:
@@ -185,10 +201,11 @@ def _without(regression: RegressionData, selection: Selection, atom: int) -> Sel
         replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
         for search in selection.searches
     ]
-    return _best_of(regression, searches, selection.penalty)
+    return best_of(regression, searches, selection.penalty)
 
 
-def _best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
+def best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
+    """Return the best of what was visited, its support fitted at every order."""
     best = min((search.best for search in searches), key=lambda scored: scored.criterion)
     return Selection(
         best=best,
@@ -223,8 +240,11 @@ def _estimates(
     active = list(selection.best.fit.atoms)
     penalty = replace(selection.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
     start = estimates.value[active] / coarse.magnitude_unit[active]
-    fits = [fit_magnitudes(coarse.problem(order), active, start) for order, _ in parts(fitting, coarse.orders)]
-    scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
+    scored = []
+    for order, _ in parts(fitting, coarse.orders):
+        alone = project_inputs(restrict(coarse.data, order=order, atoms=active), order, floor=coarse.floor)
+        fit = replace(fit_magnitudes(alone, range(len(active)), start), atoms=tuple(active))
+        scored.append(ScoredFit(criterion=penalty.criterion(fit), fit=fit))
     other = averaged_magnitudes(coarse, scored, penalty, dispersion, there)
     return with_rate_spread(estimates, other, active, selection.penalty)
 

@@ -12,6 +12,7 @@ from ..faults import Decision, FaultEstimate
 from ..preprocessing.summary import LogSummary, ModelSummary
 
 __all__ = ["AgainstTruth", "Candidate", "IdentifyResult", "OutputSeries", "ResidualSummary", "SolverSummary"]
+__all__ += ["SparsityRun", "SparsitySummary"]
 
 FloatArray = NDArray[np.float64]
 
@@ -31,6 +32,37 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SparsityRun:
+    """The sparsity stage from one start: its steps, whether they settled, and the supports that it visited in turn."""
+
+    order: int
+    start: str
+    iterations: int
+    converged: bool
+    supports: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SparsitySummary:
+    """The sparsity stage of an answer.
+
+    Attributes
+    ----------
+    kind, alpha, r : the penalty, its steepness (None for "l1" and "lp") and the variance of a pseudo-measurement.
+    updates : of the published stage that changed the magnitudes; None for the other.
+    runs : of the other stage, two for every order.
+    set_to_zero : what the published rule would declare of RISRO's magnitudes, and the stage leaves out.
+    """
+
+    kind: str
+    alpha: float | None
+    r: float
+    updates: int | None
+    runs: tuple[SparsityRun, ...]
+    set_to_zero: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SolverSummary:
     """How the result was computed: `method` is its name in the registry, `termination` a sentence."""
 
@@ -38,6 +70,7 @@ class SolverSummary:
     termination: str
     iterations: int
     condition_number: float
+    sparsity: SparsitySummary | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,7 +1,9 @@
-"""RISRO on the whole dictionary, a fault being a magnitude above a share of the largest (T section 5-1).
+"""RISRO on the whole dictionary with the sparsity stage; and as it stands in T, with T's rule of what is a fault.
 
 T is N. S. Ramesh, Blind Fault Identification of Air Data Sensors, thesis, TU Delft 2023. The method `risro` imposes the
-corner of the rank-one matrix, which T leaves free; `risro-as-published` follows T to the letter.
+corner of the rank-one matrix, which T leaves free; the stage proposes supports, and the criterion chooses among them
+and among the orders. `risro-as-published` follows T to the letter (section 5-1): a fault is a magnitude above a share
+of the largest. That rule also decides where a threshold is asked for or the stage is off.
 """
 
 from __future__ import annotations
@@ -13,19 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config
+from ..errors import LogError
 from ..kernels.covariance import unfold
-from ..kernels.lagged import Compressed, restrict
-from ..kernels.model_selection import Penalty, ScoredFit
+from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
 from ..kernels.progress import Progress, parts, unseen
-from ..kernels.risro_varx import VarxSolution, risro_varx
-from ..kernels.sparsity import SparseStage
-from ..kernels.termination import StoppingRule
+from ..kernels.risro_varx import VarxSolution
+from ..kernels.sparsity import PUBLISHED, penalty_constants
+from ..kernels.termination import Termination
 from ..kernels.variable_projection import fit_magnitudes
+from ..preprocessing.rank_one import as_published, decides_by_rule, solve, stage_of, stopping_of
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult, magnitudes_of_fit
-from .maximum_likelihood import select
-from .result import SolverSummary
+from .maximum_likelihood import best_of, select
+from .result import SolverSummary, SparsityRun, SparsitySummary
+from .supports import proposals_of, stage_runs
 
 __all__ = ["THRESHOLD", "declared", "identify_by_risro", "solve"]
 
@@ -37,19 +41,122 @@ THRESHOLD = 1e-3
 ZERO = 1e-7
 # A free corner this far from 1 scales the magnitudes by more than their own error.
 CORNER_ERROR = 0.01
+STARTS = ("risro", "no fault")
 
 
 def identify_by_risro(
-    _window: PreparedWindow, regression: RegressionData, config: Config, progress: Progress = unseen
+    window: PreparedWindow, regression: RegressionData, config: Config, progress: Progress = unseen
 ) -> MethodResult:
-    """Run RISRO at every order and keep that with the best criterion; variances are the likelihood's at its result."""
-    n_atoms, n_rows = len(regression.atoms), regression.n_rows
+    """Solve every order by RISRO, then choose order and support by the stage and the criterion, or by T's rule.
+
+    Raises
+    ------
+    LogError : the window has too few rows to estimate all magnitudes at once.
+    """
+    n_atoms = len(regression.atoms)
+    regression = replace(regression, orders=tuple(s for s in regression.orders if _has_rows(regression, s)))
+    if not regression.orders:
+        raise LogError(
+            f"{regression.signals.path}: too few samples to estimate all {n_atoms} magnitudes at once; choose a longer "
+            "window, a smaller dictionary or a lower --order"
+        )
     penalty = Penalty(
-        n_rows=n_rows, n_effective=float(n_rows), n_candidates=n_atoms, evidence=config.selection.evidence
+        n_rows=regression.n_rows,
+        n_effective=float(regression.n_rows),
+        n_candidates=n_atoms,
+        evidence=config.selection.evidence,
+        extended=config.selection.criterion == "ebic",
     )
+    if decides_by_rule(config):
+        return _by_rule(window, regression, config, penalty, progress)
+    return _by_stage(window, regression, config, penalty, progress)
+
+
+def _by_stage(
+    window: PreparedWindow, regression: RegressionData, config: Config, penalty: Penalty, progress: Progress
+) -> MethodResult:
+    """Score the supports that the stage visits at every order by the criterion, and drop atoms while it falls."""
+    names, stage = [window.names[j] for j in window.live], stage_of(config)
+    runs = stage_runs(
+        regression,
+        penalty,
+        orders=regression.orders,
+        stage=stage,
+        settings=stopping_of(config),
+        report=partial(progress, "every order"),
+    )
+    searches, _ = refine_supports(
+        [regression.problem(order) for order in regression.orders],
+        range(len(names)),
+        penalty,
+        proposals=proposals_of(runs),
+        max_active=config.selection.max_active,
+        dropping_only=True,
+    )
+    selection = best_of(regression, searches, penalty)
+    fit = selection.best.fit
+    plain = [search.of(()) for search in searches]
+    lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
+    (whole,) = (run.whole for run in runs if run.order == fit.order and run.whole is not None)
+    before = np.flatnonzero(declared(whole, whole.z * regression.magnitude_unit, config))
+    left_out = tuple(names[j] for j in before if j not in fit.atoms)
+    notes = []
+    if left_out:
+        steps = " and ".join(str(went.iterations) for run in runs if run.order == fit.order for went in run.visits)
+        notes.append(
+            f"the sparsity stage ({stage.kind}, {steps} steps from its two starts) sets {len(left_out)} of "
+            f"{before.size} magnitudes to zero that the published rule would declare"
+        )
+    several = len(searches) > 1
+    alpha, r, _ = penalty_constants(stage, penalty.per_parameter + penalty.per_atom)
+    return MethodResult(
+        atoms=fit.atoms,
+        magnitudes=magnitudes_of_fit(regression, selection.best, penalty),
+        error=selection.unfolded.error * regression.unit,
+        plain_error=unfold(regression.layout, lowest.fit).error * regression.unit,
+        order=fit.order,
+        feedthrough=regression.layout.feedthrough,
+        condition_number=selection.unfolded.condition_number,
+        solver=SolverSummary(
+            method=config.method,
+            termination=fit.termination.value,
+            iterations=whole.iterations,
+            condition_number=whole.condition_number,
+            sparsity=SparsitySummary(
+                kind=stage.kind,
+                alpha=alpha if stage.kind == "exp-l0" else None,
+                r=r,
+                updates=None,
+                runs=tuple(
+                    SparsityRun(
+                        order=run.order,
+                        start=start,
+                        iterations=went.iterations,
+                        converged=went.converged,
+                        supports=tuple(tuple(names[j] for j in support) for support in went.supports),
+                    )
+                    for run in runs
+                    for start, went in zip(STARTS, run.visits, strict=False)
+                ),
+                set_to_zero=left_out,
+            ),
+        ),
+        orders=regression.orders if several else (),
+        criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
+        criterion_best=tuple(search.best.criterion for search in searches) if several else (),
+        converged=fit.termination is Termination.CONVERGED,
+        notes=tuple(notes),
+    )
+
+
+def _by_rule(
+    _window: PreparedWindow, regression: RegressionData, config: Config, penalty: Penalty, progress: Progress
+) -> MethodResult:
+    """Keep the order with the best criterion and declare by T's rule; variances are the likelihood's at its result."""
+    n_atoms, n_rows, stage = len(regression.atoms), regression.n_rows, stage_of(config)
     solutions, criteria = {}, {}
     for order, _ in parts(partial(progress, "every order"), regression.orders):
-        solutions[order] = solution = solve(restrict(regression.data, order=order), config)
+        solutions[order] = solution = solve(regression.at_order(order), config)
         variance = solution.misfit**2 / n_rows + regression.floor**2
         n_parameters = regression.problem(order).n_predictor + n_atoms
         criteria[order] = n_rows * float(np.log(variance)) + n_parameters * penalty.per_parameter
@@ -63,10 +170,23 @@ def identify_by_risro(
     unfolded = unfold(regression.layout, fit)
     plain = select(regression, evidence=0.0, extended=True, max_active=0)
     notes = ["the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"]
-    if _as_published(config) and abs(solution.corner - 1.0) > CORNER_ERROR:
+    published = as_published(config)
+    if published and abs(solution.corner - 1.0) > CORNER_ERROR:
         notes.append(
             f"the published algorithm leaves the corner of its matrix free; it ended at {solution.corner:.3g} "
             "instead of 1, so its magnitudes are not those of a faulty sensor"
+        )
+    sparsity = None
+    if published and stage.kind != "none":
+        alpha, r, _ = (PUBLISHED[name] if (value := getattr(stage, name)) is None else value for name in PUBLISHED)
+        notes.append(f"the published sparsity stage changed the magnitudes {solution.updates} times")
+        sparsity = SparsitySummary(
+            kind=stage.kind,
+            alpha=alpha if stage.kind == "exp-l0" else None,
+            r=r,
+            updates=solution.updates,
+            runs=(),
+            set_to_zero=(),
         )
     return MethodResult(
         atoms=tuple(active),
@@ -81,23 +201,11 @@ def identify_by_risro(
             termination=solution.termination.value,
             iterations=solution.iterations,
             condition_number=solution.condition_number,
+            sparsity=sparsity,
         ),
+        converged=solution.termination in (Termination.CONVERGED, Termination.FIXED),
         notes=tuple(notes),
     )
-
-
-def solve(data: Compressed, config: Config) -> VarxSolution:
-    """Solve the regression of one order as the configuration says."""
-    rules = config.risro
-    stage = None
-    if rules.sparsity != "none":
-        stage = SparseStage(kind=rules.sparsity, alpha=rules.alpha, r=rules.r, p0=rules.p0, updates=rules.updates)
-    settings = StoppingRule(max_iterations=rules.max_iterations, tolerance=rules.tolerance)
-    return risro_varx(data, settings=settings, sparse=stage, as_published=_as_published(config))
-
-
-def _as_published(config: Config) -> bool:
-    return config.risro.as_published or config.method == "risro-as-published"
 
 
 def declared(solution: VarxSolution, z: FloatArray, config: Config) -> NDArray[np.bool_]:
@@ -110,3 +218,9 @@ def declared(solution: VarxSolution, z: FloatArray, config: Config) -> NDArray[n
     """
     threshold = THRESHOLD if config.selection.threshold is None else config.selection.threshold
     return (np.abs(z) > threshold * np.linalg.norm(z)) & (np.abs(solution.z) > ZERO)
+
+
+def _has_rows(regression: RegressionData, order: int) -> bool:
+    """Say whether the rows outnumber the unknowns of all magnitudes and the predictor of an order."""
+    columns = replace(regression.data.columns, order=order)
+    return regression.n_rows > columns.n_base + order + len(columns.signals)

@@ -4,7 +4,8 @@ The columns are ``[1 | u lags | theta lags 1..s | y lags 1..s | theta(k) | y(k)]
 triangular factor R carries every inner product between columns, so any least squares over any subset of them, for any
 order up to s, any support and any magnitudes, is a least squares over R. Householder QR does not care how columns are
 scaled, so R is in the caller's units. The constant and the inputs come first: the trailing block of R is the rest with
-these projected out. Faults enter outputs after theta, so adding a fault leaves R triangular.
+these projected out. Faults enter outputs after theta, so adding a fault leaves R triangular. Where there are fewer rows
+than columns nothing is gained by triangularity beyond the constant and the inputs, and R stays full below those.
 """
 
 from __future__ import annotations
@@ -88,7 +89,8 @@ class Compressed:
 
     Attributes
     ----------
-    R : (n_cols, n_cols) upper triangular, or (n_rows, n_cols) when there are fewer rows; read-only.
+    R : (n_cols, n_cols) upper triangular; where there are no more rows than columns (n_rows, n_cols), triangular in the
+        columns of the constant and the inputs only. Read-only.
     columns : where the blocks lie.
     n_rows : rows of the matrix that R stands for.
     scales : (n_cols,) norm of each column, 1 for a column that is zero beside the largest.
@@ -126,6 +128,16 @@ def lagged(x: FloatArray, lags: Sequence[int], *, first: int | None = None) -> F
 def add_rows(R: FloatArray, rows: FloatArray, *, overwrite: bool = False) -> FloatArray:
     """Return the triangular factor of the rows that `R`, (n, n), stands for and of `rows`, (m, n), below them."""
     return np.asarray(lapack.dtpqrt(0, min(PANEL, len(R)), R, rows, overwrite_a=overwrite, overwrite_b=overwrite)[0])
+
+
+def triangular_first(rows: FloatArray, n_first: int) -> FloatArray:
+    """Return `rows`, overwritten where column-major, so rotated that their first columns are triangular."""
+    rows = np.asfortranarray(rows)
+    factored, tau = lapack.dgeqrf(rows[:, :n_first])[:2]
+    rest, reflectors = rows[:, n_first:], factored[:, : len(rows)]
+    rows[:, n_first:] = lapack.dormqr("L", "T", reflectors, tau, rest, PANEL * rest.shape[1], overwrite_c=True)[0]
+    rows[:, :n_first] = np.triu(factored)
+    return rows
 
 
 def compress(
@@ -174,8 +186,10 @@ def compress(
     )
     picked = np.array([i * columns.n_atoms + j for i, j in signals], dtype=np.intp)
     past = range(1, order + 1)
-    R = np.zeros((columns.size, columns.size), order="F")
-    block = np.empty((columns.size, max(1, min(block_rows, len(y) - order))))
+    n_rows = len(y) - order
+    wide = n_rows <= columns.size
+    R = np.zeros((0 if wide else columns.size, columns.size), order="F")
+    block = np.empty((columns.size, n_rows if wide else min(block_rows, n_rows)))
     for start, _ in parts(report, range(order, len(y), block.shape[1])):
         rows = slice(start - order, start + block.shape[1])
         atoms = theta[rows].reshape(len(y[rows]), -1)[:, picked]
@@ -189,8 +203,8 @@ def compress(
         _fill(part[columns.y], y[rows], range(1))
         if weights is not None:
             part *= weights[start : start + part.shape[1]]
-        R = add_rows(R, block.T, overwrite=True)
-    return _compressed(R[: len(y) - order], columns, len(y) - order)
+        R = triangular_first(block.T, columns.n_base) if wide else add_rows(R, block.T, overwrite=True)
+    return _compressed(R, columns, n_rows)
 
 
 def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int] | None = None) -> Compressed:
@@ -220,8 +234,14 @@ def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int]
         index[whole.theta][kept],
         index[whole.y],
     )
-    R = np.asarray(np.linalg.qr(data.R[:, np.concatenate(parts)], mode="r"))
-    return _compressed(R, columns, data.n_rows)
+    picked = np.concatenate(parts)
+    R = data.R.T[picked].T
+    if len(R) > columns.size:
+        R = np.asarray(np.linalg.qr(R, mode="r"))
+    else:
+        upper = min(whole.n_base, len(R))  # rows below are zero in the columns of the constant and the inputs
+        R[:upper] = triangular_first(R[:upper], columns.n_base)
+    return _frozen(R, columns, data.n_rows, data.scales[picked])
 
 
 def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
@@ -264,6 +284,10 @@ def _compressed(R: FloatArray, columns: Columns, n_rows: int) -> Compressed:
         raise ValueError("u, y and theta must be finite, got NaN or infinite values; repair or cut them first")
     norms = np.linalg.norm(R, axis=0)
     scales = np.where(norms > np.finfo(float).eps * norms.max(), norms, 1.0)
+    return _frozen(R, columns, n_rows, scales)
+
+
+def _frozen(R: FloatArray, columns: Columns, n_rows: int, scales: FloatArray) -> Compressed:
     for array in (R, scales):
         array.setflags(write=False)
     return Compressed(R=R, columns=columns, n_rows=n_rows, scales=scales)

@@ -13,12 +13,14 @@ import numpy as np
 
 from . import FloatArray
 from .progress import Report, Step, parts, shares, silent, steps
-from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, relaxed_bound
+from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, linear_additions, relaxed_bound
 
 # The search backward from all candidates costs their number squared in fits, so only small dictionaries afford it.
 BACKWARD_LIMIT = 24
 # Steps forward or backward without a better criterion before a search ends: two atoms may help only together.
 PATIENCE = 2
+# Additions to a support that are fitted, those that gain the most to first order, which may rank two alike wrongly.
+ADDITIONS = 3
 # log det by which a relaxed fit must be worse than the best addition before no further one is tried: round-off.
 MARGIN = 1e-9
 
@@ -65,6 +67,15 @@ class ScoredFit:
     fit: Fit
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proposal:
+    """A support (ascending) to score at an order, and its magnitudes to start from."""
+
+    order: int
+    atoms: tuple[int, ...]
+    z: FloatArray
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderSearch:
     """Every support visited at one order, the best visit of each."""
@@ -92,6 +103,7 @@ def search_orders(
     penalty: Penalty,
     *,
     max_active: int | None = None,
+    known: Sequence[OrderSearch] = (),
     report: Report = silent,
 ) -> tuple[OrderSearch, ...]:
     """Search supports at every order: forward from none, backward from all (of a small dictionary) and from the best.
@@ -105,13 +117,16 @@ def search_orders(
     candidates : live atoms.
     penalty : the criterion.
     max_active : largest support; None for all candidates.
+    known : what was visited before.
     report : called with the fraction that is done.
     """
     limit = len(candidates) if max_active is None else min(max_active, len(candidates))
     exploring, comparing = shares(report, 3, 1)
     # Nobody knows how many fits an order takes: adding PATIENCE atoms that do not help tries each so often.
     about = (PATIENCE + 1) * len(candidates) + 1
-    every = [_Visits(problem, penalty, limit) for problem in problems]
+    every = [
+        _Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)
+    ]
     for visits, of_order in parts(exploring, every):
         visits.step = steps(of_order, about)
         forward = visits.search_forward(candidates)
@@ -127,6 +142,70 @@ def search_orders(
     return tuple(visits.result() for visits in every)
 
 
+def refine_supports(
+    problems: Sequence[ProjectedRegression],
+    candidates: Sequence[int],
+    penalty: Penalty,
+    *,
+    proposals: Sequence[Proposal] = (),
+    known: Sequence[OrderSearch] = (),
+    max_active: int | None = None,
+    dropping_only: bool = False,
+) -> tuple[tuple[OrderSearch, ...], bool]:
+    """Score proposed supports at every order, and go from the best to a neighbour as long as one is better.
+
+    Neighbours are the supports without one of its atoms, and unless `dropping_only` those with one more and with one
+    exchanged for another, the most promising of either to first order.
+
+    Parameters
+    ----------
+    problems, candidates, penalty, max_active : as in `search_orders`.
+    proposals : supports to score first.
+    known : what was visited before.
+
+    Returns
+    -------
+    searches : by order.
+    agreed : the best support was proposed, or is part of a proposed one.
+    """
+    limit = len(candidates) if max_active is None else min(max_active, len(candidates))
+    every = [
+        _Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)
+    ]
+    for visits in every:
+        visits.visit((), [[]])
+        for proposal in proposals:
+            if proposal.order == visits.problem.order and len(proposal.atoms) <= visits.room:
+                visited = visits.visit(proposal.atoms, [proposal.z])
+                if len(proposal.atoms) > limit:
+                    visits.search_backward(visited)
+    agreed, seen = True, set()
+    while True:
+        best = min((visits.result().best for visits in every), key=_criterion)
+        for visits in every:
+            if best.fit.atoms not in visits.scored and len(best.fit.atoms) <= visits.limit:
+                visits.visit(best.fit.atoms, [best.fit.z])
+        at = min(every, key=lambda visits: visits.result().best.criterion)
+        best = at.result().best
+        if (at.problem.order, best.fit.atoms) in seen:
+            return tuple(visits.result() for visits in every), agreed
+        seen.add((at.problem.order, best.fit.atoms))
+        at.search_backward(best)
+        if dropping_only or at.result().best is not best:
+            continue
+        for visits in every:
+            # An atom more may pay at an order at which the support itself is worse by less than its price.
+            same = visits.scored.get(best.fit.atoms)
+            if same and same.criterion < best.criterion + penalty.per_parameter + penalty.per_atom:
+                visits.search_beside(same.fit, candidates, exchanging=visits is at)
+        agreed = agreed and min(visits.result().best.criterion for visits in every) == best.criterion
+
+
+def _fits(known: Sequence[OrderSearch], problems: Sequence[ProjectedRegression]) -> list[tuple[Fit, ...]]:
+    """Return what is known of every order."""
+    return [tuple(scored.fit for scored in search.visited) for search in known] or [() for _ in problems]
+
+
 def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> ScoredFit | None:
     """Return the fit of all atoms at once, None where the rows do not suffice."""
     visits = _Visits(problem, penalty, len(atoms))
@@ -140,11 +219,11 @@ class _Visits:
     may be the answer.
     """
 
-    def __init__(self, problem: ProjectedRegression, penalty: Penalty, limit: int) -> None:
+    def __init__(self, problem: ProjectedRegression, penalty: Penalty, limit: int, known: Sequence[Fit] = ()) -> None:
         self.problem, self.penalty = problem, penalty
         self.room = max(0, penalty.n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
         self.limit = min(limit, self.room)
-        self.scored: dict[tuple[int, ...], ScoredFit] = {}
+        self.scored = {fit.atoms: ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in known}
         self.step: Step = steps(silent, 1)
 
     def result(self) -> OrderSearch:
@@ -200,6 +279,23 @@ class _Visits:
                 best = trial
         assert best is not None
         return best
+
+    def search_beside(self, fit: Fit, candidates: Sequence[int], *, exchanging: bool) -> None:
+        """Visit the most promising supports with one atom more, and with one atom exchanged for another.
+
+        For an exchange, the supports without one atom have been visited.
+        """
+        for leaving in (None, *fit.atoms) if exchanging else (None,):
+            base = fit if leaving is None else self.scored[tuple(atom for atom in fit.atoms if atom != leaving)].fit
+            others = [atom for atom in candidates if atom != leaving and atom not in base.atoms]
+            if not others or len(base.atoms) >= self.limit:
+                continue
+            gains, magnitudes = linear_additions(self.problem, base, others)
+            for n in np.argsort(-gains)[: ADDITIONS if leaving is None else 1]:
+                together = dict(zip((*base.atoms, others[n]), (*base.z, magnitudes[n]), strict=True))
+                atoms = tuple(sorted(together))
+                if atoms not in self.scored:
+                    self.visit(atoms, [[together[atom] for atom in atoms]])
 
     def search_backward(self, start: ScoredFit) -> None:
         """Drop the least atom again and again."""

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 from scipy.linalg import lapack
 
 from . import FloatArray
@@ -139,7 +140,11 @@ def least_squares(S: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]
     if lapack.dtrcon(triangle)[0] > DEFICIENT:
         x = lapack.dtrtrs(triangle, right)[0]
     else:
-        x = np.linalg.lstsq(np.triu(triangle), right, rcond=DEFICIENT)[0]
+        try:
+            x = np.linalg.lstsq(np.triu(triangle), right, rcond=DEFICIENT)[0]
+        except np.linalg.LinAlgError:
+            # The SVD need not converge (seen with 40 noisy steps); a pivoted QR always ends.
+            x = linalg.lstsq(np.triu(triangle), right, cond=DEFICIENT, lapack_driver="gelsy")[0]
     return x / norms, triangle
 
 

@@ -21,8 +21,9 @@ import numpy as np
 from . import FloatArray
 from .lagged import Compressed
 from .risro import NO_SKETCH, Factors, least_squares, risro
-from .sparsity import SparseStage, apply_sparsity
+from .sparsity import SparseSolution, SparseStage, published_updates, sparse_supports
 from .termination import StoppingRule, Termination, iterate
+from .variable_projection import ProjectedRegression
 
 Corner = Literal["free", "imposed"]
 
@@ -61,8 +62,8 @@ def risro_varx(
     initial: tuple[FloatArray, FloatArray] | None = None,
     corner: Corner = "imposed",
     settings: StoppingRule | None = None,
-    sparse: SparseStage | None = None,
     as_published: bool = False,
+    sparse: SparseStage | None = None,
 ) -> VarxSolution:
     """Fit a VARX of one output together with the magnitudes of the faults in its record.
 
@@ -73,9 +74,8 @@ def risro_varx(
         and row of X: the rest of X, far less certain, would spoil the rank-one part of the whole.
     corner : see the module.
     settings : when to stop.
-    sparse : pseudo-measurement stage after every step but the last, on magnitudes times the signals' rms.
-    as_published : 50 steps with a free corner and no stopping, whatever `corner` and `settings` say, and the stage on
-        magnitudes as they are.
+    as_published : 50 steps with a free corner and no stopping, whatever `corner` and `settings` say.
+    sparse : the published pseudo-measurement stage, after every step but the last; only `as_published` has it.
 
     Raises
     ------
@@ -99,17 +99,15 @@ def risro_varx(
     live = np.array([atom for _, atom in columns.signals], dtype=np.intp)
     start = _start(A, y) if initial is None else _pair(initial[0][live], initial[1])
 
-    stage, updates = sparse or SparseStage(), 0
-    scales = None if as_published else data.scales[columns.theta] / np.sqrt(data.n_rows)
+    stage, updates = sparse if as_published and sparse else SparseStage(), 0
 
     def sparsify(factors: Factors) -> Factors:
         nonlocal updates
         z, K = _read(factors)
-        z, made = apply_sparsity(z, stage, scales=scales)
+        z, made = published_updates(z, stage)
         updates += made
         return _pair(z, K)
 
-    between = sparsify if stage.kind != "none" and stage.updates > 0 else None
     if corner == "free":
         free = risro(
             A,
@@ -119,7 +117,7 @@ def risro_varx(
             max_iterations=settings.max_iterations,
             tolerance=settings.tolerance,
             fixed=settings.fixed,
-            between=between,
+            between=sparsify if stage.kind != "none" and stage.updates > 0 else None,
         )
         z, K = _read(free.factors)
         misfit, corner_value = _state(A, y, _pair(z, K), NO_SKETCH).misfit, float(free.factors.X[-1, -1])
@@ -130,7 +128,6 @@ def risro_varx(
             _state(A, y, start, NO_SKETCH),
             scale=float(np.linalg.norm(y)),
             settings=settings,
-            between=None if between is None else lambda state: _state(A, y, between(state.pair), state.sketch),
         )
         z, K = _read(imposed.last.pair)
         misfit, corner_value = imposed.last.misfit, 1.0
@@ -149,6 +146,30 @@ def risro_varx(
         condition_number=condition_number,
         updates=updates,
     )
+
+
+def sparse_varx(
+    problem: ProjectedRegression, whole: VarxSolution | None, *, n_atoms: int, stage: SparseStage, price: float
+) -> tuple[SparseSolution, ...]:
+    """Follow the sparsity stage from its two starts: converged RISRO, and no fault with the predictor of that.
+
+    Alone either misses a third of the true supports: RISRO fits all atoms at once, and the predictor without a fault
+    has absorbed a part of the faults. None where the atoms are too many for the rows.
+
+    Parameters
+    ----------
+    problem : of one output; n_atoms : of its dictionary.
+    whole : RISRO's solution; None leaves its start out, and guards the first step of the other.
+    stage, price : see `sparse_supports`.
+    """
+    y, s = problem.y[:, :, 0], problem.order
+    if len(y) <= s + len(problem.signals):
+        return ()
+    plain = np.zeros(n_atoms), least_squares(y[:, 1:], y[:, 0])[0]
+    if whole is None:
+        return (sparse_supports(problem, *plain, stage=stage, price=price, guarded=True),)
+    starts = (whole.z, whole.K), plain
+    return tuple(sparse_supports(problem, z, K, stage=stage, price=price) for z, K in starts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -180,7 +201,9 @@ def _gauss_newton(A: FloatArray, y: FloatArray, state: _State) -> _State:
 
 
 def _start(A: FloatArray, y: FloatArray) -> Factors:
-    """Return z and K of the unconstrained least squares, X's corner being 1."""
+    """Return z and K of the unconstrained least squares, X's corner being 1; no fault where the rows are too few."""
+    if len(A) < A[0].size - 1:
+        return _pair(np.zeros(A.shape[1] - 1), least_squares(A[:, -1, :-1], y)[0])
     X = np.append(least_squares(A.reshape(len(A), -1)[:, :-1], y)[0], 1.0).reshape(A.shape[1:])
     return _pair(X[:-1, -1], X[-1, :-1])
 

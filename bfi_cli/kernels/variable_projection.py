@@ -25,6 +25,9 @@ HALVINGS = 12
 # A step that raises the likelihood nowhere is round-off at a maximum where it promised less than this squared norm per
 # row, in units of the prediction error; where it promised more, the fit is stuck.
 ROUND_OFF_GAIN = 1e-4
+# Where its columns are so much fewer than the rows, a support is factorised once before the many passes of a fit. It
+# changes the speed only.
+COMPRESSED = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +36,7 @@ class ProjectedRegression:
 
     Attributes
     ----------
-    theta : (m, order + 1, n_signals) dictionary signals at lags 0..order.
+    theta : (m, order + 1, n_signals) dictionary signals at lags 0..order; rows are next to each other in memory.
     y : (m, order + 1, n_outputs) measured outputs at lags 0..order.
     signals : (output, atom) of each signal.
     n_rows : rows the compressed data stand for; n_base : constant and input regressors per output.
@@ -91,10 +94,10 @@ class Fit:
 
 def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> ProjectedRegression:
     """Return the regression of `order` on the rows of `data`, constant and inputs projected out."""
-    lower = restrict(data, order=order)
+    lower = data if order == data.columns.order else restrict(data, order=order)
     columns, rest = lower.columns, lower.R[lower.columns.n_base :]
     theta, y = (
-        np.concatenate([rest[:, None, now], rest[:, lags].reshape(len(rest), order, now.stop - now.start)], axis=1)
+        np.concatenate([rest.T[now], rest.T[lags]]).reshape(order + 1, -1, len(rest)).transpose(2, 0, 1)
         for now, lags in ((columns.theta, columns.theta_lags), (columns.y, columns.y_lags))
     )
     return ProjectedRegression(
@@ -160,6 +163,33 @@ def fit_magnitudes(
     )
 
 
+def linear_additions(problem: ProjectedRegression, fit: Fit, atoms: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Add each atom alone to a fit, linearised there.
+
+    Parameters
+    ----------
+    problem, fit : of one order.
+    atoms : to add, ascending.
+
+    Returns
+    -------
+    gain : (len(atoms),) by how much n_rows times log det falls, to first order; 0 for an atom that is not seen.
+    magnitude : (len(atoms),) of the addition.
+    """
+    support, together = _Support(problem, fit.atoms, compress=False), sorted({*fit.atoms, *atoms})
+    at = support.predict(fit.z)
+    own, e = support.linearise(at)
+    others = support.whiten(at, _Support(problem, together, compress=False).filter(at.K))[:, np.isin(together, atoms)]
+    raw = np.einsum("ij,ij->j", others, others)
+    Q = np.linalg.qr(own)[0]
+    others = others - Q @ (Q.T @ others)
+    power = np.einsum("ij,ij->j", others, others)
+    seen = power > RANK_TOLERANCE * raw
+    magnitude = np.where(seen, others.T @ (e - Q @ (Q.T @ e)), 0.0) / np.where(seen, power, 1.0)
+    share = np.minimum(magnitude**2 * power / problem.n_rows, 1.0 - ROUND_OFF_GAIN)
+    return -problem.n_rows * np.log1p(-share), magnitude
+
+
 def relaxed_bound(problem: ProjectedRegression, base: Fit | None, extra: int) -> tuple[float, float]:
     """Free the lagged coefficients of atom `extra`: the bilinear constraint dropped.
 
@@ -171,7 +201,8 @@ def relaxed_bound(problem: ProjectedRegression, base: Fit | None, extra: int) ->
     log_det : what the freed problem reaches.
     magnitude : the coefficient of `extra` at lag 0, a start for `fit_magnitudes`.
     """
-    support, own = _Support(problem, base.atoms if base else ()), _Support(problem, (extra,))
+    support = _Support(problem, base.atoms if base else (), compress=False)
+    own = _Support(problem, (extra,), compress=False)
     corrected = support.correct(base.z if base else np.zeros(0))
     n = len(corrected)
     moves = support.filter(base.K).reshape(n, -1) if base and base.atoms else np.zeros((n, 0))
@@ -197,22 +228,27 @@ class _Predictor:
 class _Support:
     """The regression with the magnitudes of some atoms free; all others are zero.
 
-    `theta`, (m, order + 1, n_kept), holds the signals of these atoms, and `scatter`, (n_kept, n_outputs, n_active), the
-    output and the atom that each belongs to.
+    `theta`, (m, order + 1, n_kept), holds the signals of these atoms, `y` the outputs on the same rows, and `scatter`,
+    (n_kept, n_outputs, n_active), the output and the atom that each belongs to.
     """
 
-    def __init__(self, problem: ProjectedRegression, atoms: Sequence[int]) -> None:
+    def __init__(self, problem: ProjectedRegression, atoms: Sequence[int], *, compress: bool = True) -> None:
         self.problem, self.atoms = problem, tuple(atoms)
         place = {atom: j for j, atom in enumerate(self.atoms)}
         kept = [n for n, (_, atom) in enumerate(problem.signals) if atom in place]
-        self.theta = problem.theta[:, :, kept]
+        every = len(kept) == len(problem.signals)
+        self.theta, self.y = problem.theta if every else problem.theta[:, :, kept], problem.y
+        if compress and len(self.y) > COMPRESSED * (columns := self.theta[0].size + self.y[0].size):
+            stacked = np.concatenate([self.theta, self.y], axis=2).reshape(len(self.y), columns)
+            R = np.asarray(np.linalg.qr(stacked, mode="r")).reshape(columns, problem.order + 1, -1)
+            self.theta, self.y = R[:, :, : len(kept)], R[:, :, len(kept) :]
         self.scatter = np.zeros((len(kept), problem.n_outputs, len(place)))
         for n, (output, atom) in enumerate(problem.signals[n] for n in kept):
             self.scatter[n, output, place[atom]] = 1.0
 
     def correct(self, z: FloatArray) -> FloatArray:
         """Return the outputs at lags 0..order without the faults of magnitudes z."""
-        return np.asarray(self.problem.y - self.theta @ (self.scatter @ z))
+        return np.asarray(self.y - self.theta @ (self.scatter @ z))
 
     def predict(self, z: FloatArray) -> _Predictor:
         """Return the predictor that fits best for given magnitudes."""
@@ -227,16 +263,23 @@ class _Support:
         """Return (m, n_outputs, n_active) signals filtered by the predictor: theta(k) - sum K_i theta(k - i)."""
         place = self.scatter.sum(axis=2)
         filtered = self.theta[:, 0, None, :] * place.T - np.einsum("nls,los->nos", self.theta[:, 1:], K @ place.T)
-        return np.asarray(filtered @ self.scatter.sum(axis=1))
+        alike = self.problem.n_outputs == 1 and len(self.scatter) == len(self.atoms)
+        return np.asarray(filtered if alike else filtered @ self.scatter.sum(axis=1))
 
     def linearise(self, at: _Predictor) -> tuple[FloatArray, FloatArray]:
         """Return filtered signatures off the regressors and the prediction error, both whitened, outputs stacked."""
-        n, n_y = len(self.theta), self.problem.n_outputs
-        G = self.filter(at.K)
-        G -= (at.Q @ (at.Q.T @ G.reshape(n, -1))).reshape(G.shape)
-        stacked = np.concatenate([G, at.error[:, :, None]], axis=2).transpose(1, 0, 2).reshape(n_y, -1)
-        white = np.asarray(lapack.dtrtrs(at.root, stacked, trans=1)[0]).reshape(n_y * n, -1)
-        return white[:, :-1], white[:, -1]
+        return self.whiten(at, self.filter(at.K)), _white(at.root, at.error[:, :, None])[:, 0]
+
+    def whiten(self, at: _Predictor, G: FloatArray) -> FloatArray:
+        """Return (n_outputs * m, n) filtered signatures G (m, n_outputs, n) off the regressors, whitened."""
+        flat = G.reshape(len(G), -1)
+        return _white(at.root, (flat - at.Q @ (at.Q.T @ flat)).reshape(G.shape))
+
+
+def _white(root: FloatArray, x: FloatArray) -> FloatArray:
+    """Return (n_outputs * m, n) columns of unit covariance from (m, n_outputs, n), root being that of theirs."""
+    stacked = x.transpose(1, 0, 2).reshape(len(root), -1)
+    return np.asarray(lapack.dtrtrs(root, stacked, trans=1)[0]).reshape(len(root) * len(x), x.shape[2])
 
 
 def _regress(X: FloatArray, Y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ..errors import BfiError
 from ..identify import identify_faults
 from ..identify.methods import METHODS
-from ..identify.risro import declared, solve
+from ..identify.risro import declared
+from ..preprocessing.rank_one import decides_by_rule, solve
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import prepare_window, regression_of
 from ..serialization import to_json
@@ -180,7 +181,7 @@ class SharedRecord:
 def shared_record(setting: Setting) -> SharedRecord | None:
     """Return the factorised record of a setting; None where its trials must be solved one by one."""
     config = setting.config
-    published = config.method in ("risro", "risro-as-published")
+    published = config.method in ("risro", "risro-as-published") and decides_by_rule(config)
     asked = published and config.conditioning.rate_hz == "none" and config.model.order != "auto"
     silent = all(sd == 0.0 for _, sd in setting.noise)
     if not (asked and silent and is_shared(setting) and len(config.outputs) == 1):

@@ -44,7 +44,7 @@ class Estimate:
     Attributes
     ----------
     form : the hypothesis, with its frequency or time constant.
-    onset_s, onset_ci95 : on the log's axis.
+    onset_s, onset_ci95 : on the log's axis; NaN where there is no interval.
     offset_s : time at which the fault ends, None where it lasts.
     z, sd : magnitude and its standard deviation, which includes the spread of the magnitude over the likely onsets.
     signal : (n_samples,) what the fault adds to its output, conditioned and scaled.

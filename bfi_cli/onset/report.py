@@ -64,8 +64,10 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
                     "phase_rad": fault.estimate.fault.phase_rad if fault.estimate.fault.shape == "sine" else None,
                     **{key: getattr(fault.estimate, key) for key in ("name", "magnitude", "unit")},
                     "physical": {"value": fault.estimate.physical_value, "unit": fault.estimate.physical_unit},
-                    **{key: getattr(fault.estimate, key) for key in ("sd", "ci95")},
-                    **{key: getattr(fault, key) for key in ("onset_ci95", "statistic", "p_value")},
+                    "sd": fault.estimate.sd,
+                    "ci95": _known(fault.estimate.ci95),
+                    "onset_ci95": _known(fault.onset_ci95),
+                    **{key: getattr(fault, key) for key in ("statistic", "p_value")},
                 }
                 for fault in result.faults
             ],
@@ -83,6 +85,11 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
         }
     )
     return document
+
+
+def _known(ends: tuple[float, float]) -> tuple[float, float] | None:
+    """Return an interval, None where its ends are not numbers."""
+    return ends if math.isfinite(ends[0] + ends[1]) else None
 
 
 def onset_content(document: Plain) -> ReportContent:
@@ -131,12 +138,13 @@ def _sentence(fault: Plain) -> str:
     within = interval(size)
     if within != "-":
         magnitude += f" (95 % interval {within})"
-    onset = f"from {number(fault['onset_s'], spread=_half(when))} s ({interval(when)} s){_until(fault)}"
+    between = "" if interval(when) == "-" else f" ({interval(when)} s)"
+    onset = f"from {number(fault['onset_s'], spread=_half(when))} s{between}{_until(fault)}"
     return f"a {_shape(fault)} of {magnitude} on {shortened(fault['channel'], 40)} {onset}"
 
 
-def _ends(ends: Sequence[float | None]) -> tuple[float, float]:
-    low, high = (math.nan if end is None else float(end) for end in ends)
+def _ends(ends: Sequence[float | None] | None) -> tuple[float, float]:
+    low, high = (math.nan if end is None else float(end) for end in ends or (None, None))
     return low, high
 
 
@@ -229,7 +237,7 @@ def _profile_drawing(profiles: Sequence[Plain], faults: Sequence[Plain]) -> Draw
         spans: list[Span] = []
         for fault in faults:
             if fault["shape"] == one["shape"]:
-                low, high = _ends(fault["onset_ci95"])
+                low, high = _ends(fault["onset_ci95"] or (fault["onset_s"], fault["onset_s"]))
                 spans.append(Span(label="onset", low=low, high=high))
                 if fault["offset_s"] is not None:
                     spans.append(Span(label="end", low=fault["offset_s"], high=fault["offset_s"]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from ..config import Config
 from ..errors import LogError
 from ..kernels.covariance import Layout, unfold
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
-from ..kernels.lagged import Compressed, compress, with_fault, with_scaled_outputs
+from ..kernels.lagged import Compressed, compress, restrict, with_fault, with_scaled_outputs
 from ..kernels.progress import Report, silent
 from ..kernels.running_weights import running_weights
 from ..kernels.variable_projection import ProjectedRegression, fit_magnitudes, project_inputs
@@ -96,6 +96,7 @@ class RegressionData:
     orders: tuple[int, ...]
     floor: float
     centred: bool
+    _problems: dict[int, ProjectedRegression] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def n_rows(self) -> int:
@@ -108,8 +109,14 @@ class RegressionData:
         return self.signals.time_s[self.layout.first :]
 
     def problem(self, order: int) -> ProjectedRegression:
-        """Return the regression of one order."""
-        return project_inputs(self.data, order, floor=self.floor)
+        """Return the regression of one order, made at the first call."""
+        if order not in self._problems:
+            self._problems[order] = project_inputs(self.at_order(order), order, floor=self.floor)
+        return self._problems[order]
+
+    def at_order(self, order: int) -> Compressed:
+        """Return the factor of one order."""
+        return self.data if order == self.data.columns.order else restrict(self.data, order=order)
 
     def with_fault(self, magnitudes: FloatArray) -> RegressionData:
         """Return the regression of the same record with the fault ``theta @ magnitudes`` added to its outputs.

@@ -1,39 +1,227 @@
-"""Table II of the F-16 diagnosability paper: the index of a faulty gyro before the fault, with it, with twice it."""
+"""Table II of the F-16 diagnosability paper: flights with a faulty gyro, the index of the fault in three windows.
+
+The paper states neither command, aerodynamic variation, gyro noise, observer, reference window, throttle, exponent nor
+the base of its logarithm. Each is an option, whose default comes close to the paper's table.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
-from ..aircraft.f16 import STATES
+from ..aircraft.f16 import STATES, Inversion, Observation, observe
+from ..errors import ConfigError
 from ..kernels.density import Density, gaussian_density, kernel_density, log_density
 from ..kernels.divergence import jensen_shannon_montecarlo, jensen_shannon_quadrature
-from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
-from .f16_flights import Case, F16Options, Residuals, fly_cases, options_from
+from ..report.content import Drawing, Panel, ReportContent, Span, curve
+from ..validation import Number, Positive, Rules, validate
+from ..yaml12 import load_yaml
 from .page import Page, drawing, exhibit, fill, load, table
 from .record import Settings
 
-__all__ = ["BANDWIDTHS", "TABLE_2", "Indices", "f16_table2", "indices", "montecarlo"]
+__all__ = ["BANDWIDTHS", "TABLE_2", "Case", "F16Options", "Indices", "Residuals", "f16_table2", "fault_deg_s"]
+__all__ += ["fly_cases", "indices", "montecarlo", "options_from"]
 
 FloatArray = NDArray[np.float64]
-Row = tuple[str, "Indices", bool]
+NotNegative = Annotated[Number, Field(ge=0)]
+WHERE = "f16-table2"  # what messages about an option name
+AOA_COMMAND = ((0.0, 0.0), (1.0, 8.0), (2.0, 8.0), (4.0, 35.0), (5.5, 35.0), (7.5, 6.0), (20.0, 6.0))
+ONSET_S, GROWS_S = 4.0, 12.0  # of the fault, eq. 26
+AMPLITUDES_DEG_S = (2.0, 4.0)
+FREQUENCY_HZ = 1.0
+ROLL_RAMP_S = 1.0
+SAMPLES = 200  # of the record, 20 s at 10 Hz
+KINDS = ("nominal", "healthy", "roll_fault", "pitch_fault")
+FAULTY_GYRO = {"roll_fault": 0, "pitch_fault": 1}
+INSTANT = 1e-9  # s: a sample at an instant belongs to what begins there
+END = 1e-6  # s: a sample at the end of a window belongs to the next one
 
 AXES = ("roll rate", "pitch rate")
 WINDOWS = ((0.0, 4.0), (4.0, 12.0), (12.0, 20.0))
 FAULTY = {"2 deg/s": WINDOWS[1], "4 deg/s": WINDOWS[2]}
 TABLE_2, BANDWIDTHS = (np.array(load("f16_table2")[key]) for key in ("index", "bandwidth"))
 """Published: one row per axis, one column per window."""
-INSTANT = 1e-6  # s: a sample at the end of a window belongs to the next one
 EARLY = 0.2  # just above the published 0.17 and 0.19 of the window before the fault
 
 SEEDS, QUICK_SEEDS, OTHER_SEEDS = 6, 2, 2
 QUICK_STEP_S = 0.05
 DRAWS = 2000  # values of each density in eq. 17
 POINTS, REACH = 401, 3.0  # of a drawn density: points, and bandwidths beyond the samples
-LIMITS = (1e-3, 20.0)
+BINS = 10  # of the histogram of a residual: 80 samples, eight to a bin
+
+
+class F16Options(Rules):
+    """One reading of the experiment."""
+
+    reference: Literal["kde", "gaussian"] = "kde"
+    """Density of the fault-free residual: by kernels, or a Gaussian fit, as the paper's conclusion says."""
+    reference_window: Literal["whole", "same"] = "whole"
+    """Of the fault-free residual: the whole flight, or the window of the faulty one."""
+    reference_aircraft: Literal["varied", "nominal"] = "varied"
+    """That flies without a fault: with the aerodynamic variation, or without."""
+    exponent: NotNegative | None = 0.5
+    """a of eq. 22, 0 for one bandwidth everywhere, none for the most likely."""
+    log_base: Literal["2", "e"] = "2"
+    """Of eq. 15."""
+    halves: bool = True
+    """The factors 1/2 of eq. 15, which eq. 17 leaves out."""
+    noise_deg_s: NotNegative = 0.05
+    """Standard deviation of the gyros, held for 0.1 s."""
+    variation: tuple[Number, Number, Number] = (0.10, 0.25, 0.20)
+    """Relative changes of Cl, Cm, Cn, eq. 8."""
+    observer_gain: tuple[Positive, Positive, Positive] = (9.0, 6.0, 8.0)
+    """Of p, q, r, 1/s."""
+    observer_rates: Literal["measured", "estimated"] = "measured"
+    """At which the observer takes the nominal moments: f2(y) or f2(x-hat)."""
+    aoa_command: tuple[tuple[Number, Number], ...] = AOA_COMMAND
+    """Corners of the commanded angle of attack: seconds, degrees."""
+    roll_deg: Number = 25.0
+    """Commanded roll, reached after 1 s."""
+    throttle: Annotated[Number, Field(ge=0, le=1)] = 0.9
+    """Fixed."""
+    nozzle_deg: Annotated[Number, Field(ge=0, le=45)] = 15.0
+    """Largest deflection of the thrust-vectoring nozzle."""
+    step_s: Annotated[Number, Field(gt=0, le=0.1)] = 0.02
+    """Of the Runge-Kutta integration; the record's step is 0.1 s."""
+
+    @model_validator(mode="after")
+    def _has_a_density(self) -> F16Options:
+        times = [time for time, _ in self.aoa_command]
+        if len(times) < 2 or any(after <= before for before, after in pairwise(times)):
+            raise ValueError("aoa_command: needs two corners or more in the order of time; write [[0, 0], [1, 8]]")
+        still = self.noise_deg_s == 0.0
+        if still and (self.reference_aircraft == "nominal" or not any(self.variation)):
+            raise ValueError("noise_deg_s: the fault-free residual is zero and has no density; give some noise")
+        return self
+
+
+def options_from(assignments: Sequence[str]) -> F16Options:
+    """Return the options of texts like "noise_deg_s=0.03" or "variation=[0.3, 0.3, 0.3]"; the rest as by default.
+
+    Raises
+    ------
+    ConfigError : there is no such option, or it cannot have this value.
+    """
+    given: dict[str, object] = {}
+    for text in assignments:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise ConfigError(f"{WHERE}: expected KEY=VALUE, got '{text}'; write noise_deg_s=0.03")
+        read = load_yaml(value, where=f"{WHERE}: {name.strip()}")
+        given[name.strip()] = str(read) if name.strip() == "log_base" else read
+    return validate(F16Options, given, where=WHERE, error=ConfigError)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One set of four flights."""
+
+    options: F16Options
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Residuals:
+    """What a set of four flights gave.
+
+    Attributes
+    ----------
+    time_s : (m,).
+    nominal, healthy, roll_fault, pitch_fault : (m, 3) residuals of p, q, r, deg/s; all but the first with the
+        aerodynamic variation.
+    states : (m, 13) of the healthy flight.
+    """
+
+    time_s: FloatArray
+    nominal: FloatArray
+    healthy: FloatArray
+    roll_fault: FloatArray
+    pitch_fault: FloatArray
+    states: FloatArray
+
+
+def fly_cases(cases: Sequence[Case], report: Callable[[int, int], None] | None = None) -> list[Residuals]:
+    """Fly all cases, those that share an aircraft at once, and return their residuals in the order of `cases`.
+
+    Parameters
+    ----------
+    report : told how many samples are flown, (done, total).
+    """
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for i, case in enumerate(cases):
+        o = case.options
+        groups.setdefault((o.observer_rates, o.throttle, o.nozzle_deg, o.step_s), []).append(i)
+    flown: dict[int, Residuals] = {}
+    for number, members in enumerate(groups.values()):
+        before, total = number * SAMPLES, len(groups) * SAMPLES
+        told = None if report is None else lambda done, _all, first=before, of=total: report(first + done, of)
+        flown.update(zip(members, _fly([cases[i] for i in members], told), strict=True))
+    return [flown[i] for i in range(len(cases))]
+
+
+def _fly(cases: Sequence[Case], report: Callable[[int, int], None] | None) -> list[Residuals]:
+    """Fly the four flights of every case, one column each."""
+    o = cases[0].options
+    gains, variation = (
+        np.repeat(np.array([getattr(case.options, key) for case in cases]).T, len(KINDS), axis=1)
+        for key in ("observer_gain", "variation")
+    )
+    variation[:, :: len(KINDS)] = 0.0
+    faulty = np.zeros_like(variation)
+    for kind, gyro in FAULTY_GYRO.items():
+        faulty[gyro, KINDS.index(kind) :: len(KINDS)] = 1.0
+    noise = []  # (m, 3, 4) rad/s; a seed gives the same noise but for its size
+    for case in cases:
+        rng = np.random.default_rng(case.seed)
+        noise.append(np.radians(case.options.noise_deg_s) * rng.standard_normal((SAMPLES, 3, len(KINDS))))
+    flown = observe(
+        Observation(
+            command=_command([case.options for case in cases]),
+            observer_gain=gains,
+            from_measured=o.observer_rates == "measured",
+            inversion=Inversion(nozzle_limit=float(np.radians(o.nozzle_deg))),
+            throttle=o.throttle,
+            step_s=o.step_s,
+        ),
+        variation=variation,
+        noise=np.concatenate(noise, axis=2),
+        fault=lambda t: fault_deg_s(t) * np.radians(faulty),
+        report=report,
+    )
+    residuals = []
+    for first in range(0, len(cases) * len(KINDS), len(KINDS)):
+        columns = {kind: first + i for i, kind in enumerate(KINDS)}
+        of = {kind: np.degrees(flown.residual[:, :, column]) for kind, column in columns.items()}
+        residuals.append(Residuals(time_s=flown.time_s, states=flown.states[:, :, columns["healthy"]], **of))
+    return residuals
+
+
+def fault_deg_s(t: float) -> float:
+    """Return f(t) of eq. 26: a sine of 1 Hz, called a bias there."""
+    if t < ONSET_S - INSTANT:
+        return 0.0
+    amplitude = AMPLITUDES_DEG_S[int(t > GROWS_S - INSTANT)]
+    return float(amplitude * np.sin(2.0 * np.pi * FREQUENCY_HZ * t))
+
+
+def _command(options: Sequence[F16Options]) -> Callable[[float], FloatArray]:
+    """Return the commanded aoa, sideslip and roll, (3, n) rad, as a function of time; equal curves are one look-up."""
+    curves = list(dict.fromkeys(one.aoa_command for one in options))
+    which = np.repeat([curves.index(one.aoa_command) for one in options], len(KINDS))
+    rolls = np.repeat(np.radians([one.roll_deg for one in options]), len(KINDS))
+    corners = [np.array(one).T for one in curves]
+
+    def at(t: float) -> FloatArray:
+        aoa = np.radians([float(np.interp(t, times, degrees)) for times, degrees in corners])[which]
+        return np.array([aoa, np.zeros_like(aoa), rolls * min(t / ROLL_RAMP_S, 1.0)])
+
+    return at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,31 +252,44 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
     page = load("f16_table2")
     if options is None:
         options = options_from([*([f"step_s={QUICK_STEP_S}"] if settings.quick else []), *settings.choices])
+
+    def changed(change: dict[str, object]) -> F16Options:
+        # Lists of the YAML file become the tuples that options have.
+        update = {key: tuple(value) if isinstance(value, list) else value for key, value in change.items()}
+        return options.model_copy(update=update)
+
     n = max(1, settings.trials_or(SEEDS, QUICK_SEEDS))
     seeds = [settings.seed + i for i in range(n)]
-    others = [] if settings.quick else [(label, _changed(options, change)) for label, change in page["flights"]]
+    others = [] if settings.quick else [(label, changed(change)) for label, change in page["flights"]]
     n_other = min(n, OTHER_SEEDS)
     cases = [Case(options=options, seed=seed) for seed in seeds]
-    cases += [Case(options=changed, seed=seed) for _, changed in others for seed in seeds[:n_other]]
+    cases += [Case(options=other, seed=seed) for _, other in others for seed in seeds[:n_other]]
     flights = fly_cases(cases, settings.report)
     own = flights[:n]
-    found = indices(own, options)
-    # The open choices one at a time: first other readings of the same flights, then other flights. The last entry of a
-    # row tells whether its index has the same scale.
-    rows: list[Row] = [("as chosen", found, True)]
+    chosen = indices(own, options)
+    # The open choices one at a time: first other readings of the same flights, then other flights. The index of the
+    # readings in `comparable` has the same scale.
+    rows, comparable = {"as chosen": chosen}, {"as chosen": chosen}
     for label, change in page["readings"]:
-        changed = _changed(options, change)
-        if changed != options:
-            same_scale = (changed.log_base, changed.halves) == (options.log_base, options.halves)
-            rows.append((label, indices(own, changed), same_scale))
-    for i, (label, changed) in enumerate(others):
-        rows.append((label, indices(flights[n + i * n_other : n + (i + 1) * n_other], changed), True))
+        other = changed(change)
+        if other != options:
+            rows[label] = indices(own, other)
+            if (other.log_base, other.halves) == (options.log_base, options.halves):
+                comparable[label] = rows[label]
+    for i, (label, other) in enumerate(others):
+        at = n + i * n_other
+        rows[label] = comparable[label] = indices(flights[at : at + n_other], other)
+    means = np.array([one.index.mean(axis=0) for one in comparable.values()])
+    smallest, largest = means.min(axis=0), means.max(axis=0)
     value, error = montecarlo(own[0], options, DRAWS, rng=np.random.default_rng(settings.seed))
-    off = np.abs(value - indices(own[:1], _changed(options, {"log_base": "2", "halves": True})).index[0])
+    off = np.abs(value - indices(own[:1], changed({"log_base": "2", "halves": True})).index[0])
     values = {
-        "rms": found.rms,
-        "worst": found.worst,
-        "rises": page["rises"][bool(np.all(np.diff(found.index, axis=2) > 0.0))],
+        "rms": chosen.rms,
+        "worst": chosen.worst,
+        "rises": page["rises"][bool(np.all(np.diff(chosen.index, axis=2) > 0.0))],
+        "n_readings": len(comparable) - 1,
+        "moves": float(np.max(np.abs(means - means[0]))),
+        "rms_range": " to ".join(f"{end([one.rms for one in comparable.values()]):.3f}" for end in (min, max)),
         "o": options,
         "corners": ", ".join(f"{time:g} s {degrees:g} deg" for time, degrees in options.aoa_command),
         "variation": ", ".join(f"{value:+g}" for value in options.variation),
@@ -101,20 +302,48 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
         "errors": np.max(off / error),
         "seeds": ", ".join(map(str, seeds)),
     }
+    compared: list[Sequence[str]] = []
+    for row, published, ours in (("index_row", TABLE_2, chosen.index), ("bandwidth_row", BANDWIDTHS, chosen.bandwidth)):
+        for (i, j), number in np.ndenumerate(published):
+            if np.isfinite(number):
+                low, high = WINDOWS[j]
+                sd = f" (sd {np.std(ours[:, i, j], ddof=1):.3f})" if n > 1 else ""
+                text = f"{np.mean(ours[:, i, j]):.3f}{sd}"
+                compared.append(fill(page[row], axis=AXES[i], low=low, high=high, published=number, ours=text))
+    choices = [("published", *(f"{one:.3f}" for one in TABLE_2.ravel()), "", "")]
+    for label, each in rows.items():
+        cells = (f"{one:.3f}" for one in each.index.mean(axis=0).ravel())
+        choices.append((label, *cells, f"{each.rms:.3f}", f"{each.worst:.3f}"))
+    for label, ends in (("smallest, same scale", smallest), ("largest, same scale", largest)):
+        choices.append((label, *(f"{one:.3f}" for one in ends.ravel()), "", ""))
+    start = dict(zip(STATES, own[0].states[0], strict=True))
+    initial = [
+        (label, f"{printed} (table I)", ", ".join(f"{start[name]:g}" for name in names))
+        for label, printed, names in page["initial"]
+    ]
+    # In how many of the rows each statement of the paper holds for every set of flights.
+    holds = {
+        "rising_first": [one.index[:, :, 1] > one.index[:, :, 0] for one in rows.values()],
+        "rising_second": [one.index[:, :, 2] > one.index[:, :, 1] for one in rows.values()],
+        "larger": [one.index[:, 0, 1:] > one.index[:, 1, 1:] for one in rows.values()],
+        "early": [one.index[:, :, 0] < EARLY for one in comparable.values()],
+    }
+    shares = {key: f"{sum(bool(np.all(one)) for one in each)} of {len(each)} rows" for key, each in holds.items()}
+    ratio = np.concatenate([one.bandwidth[:, :, 2] / one.bandwidth[:, :, 1] for one in rows.values()])
+    ratios = " and ".join(f"{np.min(each):.2f} to {np.max(each):.2f}" for each in ratio.T)
     return exhibit(
         page,
         values,
-        rows=_compared(page, found),
-        tables=[_choices_table(page, rows), _robust_table(page, rows), table(page, "errata", page["errata"])],
+        rows=compared,
+        tables=[
+            table(page, "choices", choices),
+            table(page, "robust", fill(page["robust"], ratios=ratios, **shares)),
+            table(page, "errata", page["errata"]),
+            table(page, "initial", initial),
+        ],
         drawings=_drawings(page, own[0], options),
         notes=() if settings.log is None else (page["no_log"],),
     )
-
-
-def _changed(options: F16Options, change: dict[str, object]) -> F16Options:
-    """Return the options with others, lists of the YAML file as the tuples that options have."""
-    update = {key: tuple(value) if isinstance(value, list) else value for key, value in change.items()}
-    return options.model_copy(update=update)
 
 
 def indices(flights: Sequence[Residuals], options: F16Options) -> Indices:
@@ -137,14 +366,14 @@ def montecarlo(
     flown: Residuals, options: F16Options, n: int, *, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return J in bits by n values of each density (eq. 17), and its standard errors, both (2, 3)."""
-    found = [
+    pairs = [
         [
             jensen_shannon_montecarlo(*density_pair(flown, options, axis=axis, window=window), n, rng=rng)
             for window in WINDOWS
         ]
         for axis in range(len(AXES))
     ]
-    value, error = np.moveaxis(np.array(found), 2, 0)
+    value, error = np.moveaxis(np.array(pairs), 2, 0)
     return value, error
 
 
@@ -153,9 +382,10 @@ def density_pair(
 ) -> tuple[Density, Density]:
     """Return the density of the residual of a faulty gyro in a window, and that without a fault."""
     faulty = (flown.roll_fault, flown.pitch_fault)[axis][:, axis]
-    healthy = (flown.healthy if options.reference_aircraft == "varied" else flown.nominal)[:, axis]
+    normal = (flown.healthy if options.reference_aircraft == "varied" else flown.nominal)[:, axis]
     inside = _in_window(flown.time_s, window)
-    normal = healthy if options.reference_window == "whole" else healthy[inside]
+    if options.reference_window == "same":
+        normal = normal[inside]
     if options.reference == "gaussian":
         q = gaussian_density(normal)
     else:
@@ -165,43 +395,7 @@ def density_pair(
 
 def _in_window(time_s: FloatArray, window: tuple[float, float]) -> NDArray[np.bool_]:
     low, high = window
-    return np.asarray((time_s > low - INSTANT) & (time_s < high - INSTANT))
-
-
-def _compared(page: Page, found: Indices) -> list[Sequence[str]]:
-    rows = []
-    for row, published, ours in (("index_row", TABLE_2, found.index), ("bandwidth_row", BANDWIDTHS, found.bandwidth)):
-        for (i, j), value in np.ndenumerate(published):
-            if np.isfinite(value):
-                values, (low, high) = ours[:, i, j], WINDOWS[j]
-                sd = f" (sd {np.std(values, ddof=1):.3f})" if values.size > 1 else ""
-                text = f"{np.mean(values):.3f}{sd}"
-                rows.append(fill(page[row], axis=AXES[i], low=low, high=high, published=value, ours=text))
-    return rows
-
-
-def _choices_table(page: Page, rows: Sequence[Row]) -> Table:
-    """Return a row per choice, the published values first."""
-    body = [("published", *(f"{value:.3f}" for value in TABLE_2.ravel()), "", "")]
-    for label, found, _ in rows:
-        means = (f"{value:.3f}" for value in found.index.mean(axis=0).ravel())
-        body.append((label, *means, f"{found.rms:.3f}", f"{found.worst:.3f}"))
-    return table(page, "choices", body)
-
-
-def _robust_table(page: Page, rows: Sequence[Row]) -> Table:
-    """Return in how many of the rows each statement of the paper holds for every set of flights."""
-    found = [one for _, one, _ in rows]
-    ratio = np.concatenate([one.bandwidth[:, :, 2] / one.bandwidth[:, :, 1] for one in found])
-    holds = {
-        "rising_first": [one.index[:, :, 1] > one.index[:, :, 0] for one in found],
-        "rising_second": [one.index[:, :, 2] > one.index[:, :, 1] for one in found],
-        "larger": [one.index[:, 0, 1:] > one.index[:, 1, 1:] for one in found],
-        "early": [one.index[:, :, 0] < EARLY for _, one, comparable in rows if comparable],
-    }
-    shares = {key: f"{sum(bool(np.all(one)) for one in each)} of {len(each)} rows" for key, each in holds.items()}
-    ratios = " and ".join(f"{np.min(each):.2f} to {np.max(each):.2f}" for each in ratio.T)
-    return table(page, "robust", fill(page["robust"], ratios=ratios, **shares))
+    return np.asarray((time_s > low - END) & (time_s < high - END))
 
 
 def _drawings(page: Page, flown: Residuals, options: F16Options) -> list[Drawing]:
@@ -211,48 +405,44 @@ def _drawings(page: Page, flown: Residuals, options: F16Options) -> list[Drawing
     angles = [curve(name, t, np.degrees(states[name])) for name in ("aoa", "roll", "pitch")]
     angles.append(curve("aoa, commanded", times, corners, style="dashed"))
     airspeed = (curve("tas", t, states["tas"]),)
-    panels: dict[str, list[Panel]] = {
-        "f16_manoeuvre": [
-            Panel(x_label="time [s]", y_label="angle [deg]", curves=tuple(angles)),
-            Panel(x_label="time [s]", y_label="true airspeed [m/s]", curves=airspeed),
-        ],
-        "f16_residuals": [],
-        "f16_bandwidths": [],
-        "f16_densities": [],
-    }
+    manoeuvre = [
+        Panel(x_label="time [s]", y_label="angle [deg]", curves=tuple(angles)),
+        Panel(x_label="time [s]", y_label="true airspeed [m/s]", curves=airspeed),
+    ]
+    residuals, bandwidths, densities = [], [], []
     for axis, title in enumerate(AXES):
         faulty = (flown.roll_fault, flown.pitch_fault)[axis][:, axis]
-        panels["f16_residuals"].append(
-            Panel(
-                title=title,
-                x_label="time [s]",
-                y_label="residual [deg/s]",
-                curves=(curve("faulty gyro", t, faulty), curve("no fault", t, flown.healthy[:, axis])),
-                spans=tuple(Span(label=f"fault of {label}", low=low, high=low) for label, (low, _) in FAULTY.items()),
-            )
-        )
-        pairs = {label: density_pair(flown, options, axis=axis, window=window) for label, window in FAULTY.items()}
-        reach = max(float(np.max(np.abs(p.samples) + REACH * p.bandwidths)) for p, _ in pairs.values())
-        at = np.linspace(-reach, reach, POINTS)
-        bandwidths, densities = [], []
-        for label, (p, _) in pairs.items():
-            inside = t[_in_window(t, FAULTY[label])]
+        shown = (curve("faulty gyro", t, faulty), curve("no fault", t, flown.healthy[:, axis]))
+        spans = tuple(Span(label=f"fault of {label}", low=low, high=low) for label, (low, _) in FAULTY.items())
+        residuals.append(Panel(title=title, x_label="time [s]", y_label="residual [deg/s]", curves=shown, spans=spans))
+        local = []
+        for label, window in FAULTY.items():
+            p, q = density_pair(flown, options, axis=axis, window=window)
+            inside = t[_in_window(t, window)]
             fixed = np.full_like(inside, p.pilot_bandwidth)
-            bandwidths += [curve(label, inside, p.bandwidths), curve("", inside, fixed, style="dashed")]
-            densities.append(curve(f"fault of {label}", at, np.exp(log_density(p, at))))
-        reference = next(iter(pairs.values()))[1]
-        densities.append(curve("no fault", at, np.exp(log_density(reference, at)), style="dashed"))
-        panels["f16_bandwidths"].append(
-            Panel(title=title, x_label="time [s]", y_label="bandwidth [deg/s]", curves=tuple(bandwidths))
-        )
-        panels["f16_densities"].append(
-            Panel(
-                title=title,
-                x_label="residual [deg/s]",
-                y_label="density [s/deg]",
-                curves=tuple(densities),
-                log_y=True,
-                y_limits=LIMITS,
+            local += [curve(label, inside, p.bandwidths), curve("", inside, fixed, style="dashed")]
+            reach = float(np.max(np.abs(p.samples) + REACH * p.bandwidths))
+            at = np.linspace(-reach, reach, POINTS)
+            same = kernel_density(p.samples, exponent=0.0)
+            share, edges = np.histogram(p.samples, bins=BINS, density=True)
+            densities.append(
+                Panel(
+                    title=f"{title}, fault of {label}",
+                    x_label="residual [deg/s]",
+                    y_label="density [s/deg]",
+                    curves=(
+                        curve("data", np.append(edges[0], edges), np.concatenate([[0.0], share, [0.0]]), style="steps"),
+                        curve("adaptive bandwidth", at, np.exp(log_density(p, at))),
+                        curve("fixed bandwidth", at, np.exp(log_density(same, at)), style="dashed"),
+                        curve("no fault", at, np.exp(log_density(q, at)), style="dotted"),
+                    ),
+                    y_limits=(0.0, 1.25 * float(max(share.max(), np.exp(log_density(p, at)).max()))),
+                )
             )
-        )
-    return [drawing(page, name, each) for name, each in panels.items()]
+        bandwidths.append(Panel(title=title, x_label="time [s]", y_label="bandwidth [deg/s]", curves=tuple(local)))
+    return [
+        drawing(page, "f16_manoeuvre", manoeuvre),
+        drawing(page, "f16_residuals", residuals),
+        drawing(page, "f16_bandwidths", bandwidths),
+        drawing(page, "f16_densities", densities, across=2),
+    ]

@@ -14,10 +14,10 @@ from ..engine import in_order
 from ..fir import identify_fir
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number
-from .page import drawing, exhibit, load, table
+from .page import drawing, exhibit, joined, load, table
 from .record import Settings, thesis_dictionary, thesis_record
 
-__all__ = ["METHODS", "TAPS", "Outcome", "Problem", "Trial", "bound", "error", "fir", "output", "run", "slow_and_white"]
+__all__ = ["METHODS", "TAPS", "Problem", "bound", "error", "fir", "output", "run", "slow_and_white"]
 
 FloatArray = NDArray[np.float64]
 
@@ -54,23 +54,6 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trial:
-    """One trial of a problem; the seed is all that is random about it."""
-
-    problem: Problem
-    seed: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """Relative errors by method in the order of `METHODS`, their first-order bound, the condition number."""
-
-    errors: tuple[float, ...]
-    bound: float
-    condition_number: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Point:
     """A point of a sweep: its place, its errors (n_trials, n_methods), the median of their bound."""
 
@@ -84,20 +67,20 @@ class _Point:
         return float(np.median(self.errors[:, list(METHODS).index(RISRO)]))
 
 
-def run(trial: Trial) -> Outcome:
-    """Return the outcome of a trial: a dictionary, an output with noise, the error of every method."""
-    rng, problem = np.random.default_rng(trial.seed), trial.problem
+def run(trial: tuple[Problem, tuple[int, ...]]) -> list[float]:
+    """Return of a problem and the seed of a trial the errors by method, their first-order bound, the condition number.
+
+    The seed is all that is random: a dictionary where the problem has none, and the noise of the output.
+    """
+    problem, seed = trial
+    rng = np.random.default_rng(seed)
     theta = slow_and_white(problem.white, rng) if problem.theta is None else problem.theta
     z = z_of(theta.shape[1])
     clean = output(theta, z)
     sd = problem.noise * float(np.std(clean))
     y = clean + sd * rng.standard_normal(len(clean))
-    found = [identify_fir(y, theta, n_taps=len(TAPS), **how) for how in METHODS.values()]
-    return Outcome(
-        errors=tuple(error(one.product, z) for one in found),
-        bound=bound(theta, z, sd),
-        condition_number=found[0].condition_number,
-    )
+    solutions = [identify_fir(y, theta, n_taps=len(TAPS), **how) for how in METHODS.values()]
+    return [*(error(one.product, z) for one in solutions), bound(theta, z, sd), solutions[0].condition_number]
 
 
 def z_of(n_atoms: int) -> FloatArray:
@@ -153,11 +136,13 @@ def fir(settings: Settings) -> ReportContent:
     theta = signals(thesis_dictionary().resolved(start_s), time_s, ["tas"], window_start_s=start_s)[:, 0]
     z = z_of(theta.shape[1])
     truth = np.outer(TAPS, z)
-    found = {label: identify_fir(output(theta, z), theta, n_taps=len(TAPS), **how) for label, how in METHODS.items()}
-    ours = {label: error(one.product, z) for label, one in found.items()}
+    solutions = {
+        label: identify_fir(output(theta, z), theta, n_taps=len(TAPS), **how) for label, how in METHODS.items()
+    }
+    ours = {label: error(one.product, z) for label, one in solutions.items()}
     # The product summed over the taps, which the output tells, and what differs between taps, which it hardly does.
     rows, parts = [], {}
-    for label, one in found.items():
+    for label, one in solutions.items():
         off = one.product - truth
         common = float(np.linalg.norm(off.sum(axis=0)) / np.linalg.norm(truth.sum(axis=0)))
         differing = float(np.linalg.norm(off - off.mean(axis=0)) / np.linalg.norm(truth - truth.mean(axis=0)))
@@ -165,7 +150,7 @@ def fir(settings: Settings) -> ReportContent:
         numbers = (ours[label], one.vaf, one.rank_one_share, one.shrinkage, common, differing)
         rows.append((label, *(number(value, digits=6 if i == 1 else 2) for i, value in enumerate(numbers))))
     exact, noisy, by_noise = _sweeps(theta, settings)
-    relaxed = found[NUCLEAR]
+    relaxed = solutions[NUCLEAR]
     values = {
         "risro": ours[RISRO],
         "nuclear": ours[NUCLEAR],
@@ -175,6 +160,7 @@ def fir(settings: Settings) -> ReportContent:
         "magnitudes": ", ".join(f"{one:g}" for one in z),
         "taps": ", ".join(f"{tap:g}" for tap in TAPS),
         "trials": settings.trials_or(TRIALS, QUICK_TRIALS),
+        "points": f"{len(exact)} condition numbers, {len(by_noise)} noises",
         "seed": settings.seed,
         "well": number(exact[0].x, digits=2),
         "ill": number(exact[-1].x, digits=2),
@@ -195,9 +181,7 @@ def fir(settings: Settings) -> ReportContent:
         tables=[table(page, "fir", rows)],
         drawings=[
             drawing(
-                page,
-                "fir_condition",
-                (_panel("no noise", condition, exact), _panel("noise 1 %", condition, noisy)),
+                page, "fir_condition", (_panel("no noise", condition, exact), _panel("noise 1 %", condition, noisy))
             ),
             drawing(page, "fir_noise", [_panel("", "noise / output [-]", by_noise)]),
         ],
@@ -210,26 +194,16 @@ def _sweeps(theta: FloatArray, settings: Settings) -> tuple[list[_Point], list[_
     problems = [Problem(theta=None, white=share, noise=sd) for sd in (0.0, SWEEP_NOISE) for share in shares]
     problems += [Problem(theta=theta, white=0.0, noise=sd) for sd in noises]
     n_trials, n_shares = settings.trials_or(TRIALS, QUICK_TRIALS), len(shares)
-    trials = [
-        Trial(problem=problem, seed=(settings.seed, i, k))
-        for i, problem in enumerate(problems)
-        for k in range(n_trials)
-    ]
-    done: list[Outcome] = []
+    trials = [(problem, (settings.seed, i, k)) for i, problem in enumerate(problems) for k in range(n_trials)]
+    done: list[list[float]] = []
     for outcome, _ in in_order(run, trials, workers=settings.workers):
         done.append(outcome)
         settings.report(len(done), len(trials))
     points = []
-    for i, problem in enumerate(problems):
-        outcomes = done[i * n_trials : (i + 1) * n_trials]
-        condition = float(np.median([one.condition_number for one in outcomes]))
-        points.append(
-            _Point(
-                x=condition if problem.theta is None else problem.noise,
-                errors=np.array([one.errors for one in outcomes]),
-                bound=float(np.median([one.bound for one in outcomes])),
-            )
-        )
+    for problem, outcomes in zip(problems, np.array(done).reshape(len(problems), n_trials, -1), strict=True):
+        bounds, condition = np.median(outcomes[:, -2:], axis=0).tolist()
+        x = condition if problem.theta is None else problem.noise
+        points.append(_Point(x=x, errors=outcomes[:, :-2], bound=bounds))
     return points[:n_shares], points[n_shares : 2 * n_shares], points[2 * n_shares :]
 
 
@@ -239,10 +213,11 @@ def _panel(title: str, x_label: str, points: Sequence[_Point]) -> Panel:
     errors = np.maximum([point.errors for point in points], LEAST)
     low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75), axis=1)
     curves = [
-        curve(label, x, middle[:, i], style="bars", low=low[:, i], high=high[:, i]) for i, label in enumerate(METHODS)
+        curve(label, x, middle[:, i], style=joined(x, "bars"), low=low[:, i], high=high[:, i])
+        for i, label in enumerate(METHODS)
     ]
     if all(point.bound for point in points):
-        curves.append(curve("bound", x, [point.bound for point in points], style="dotted"))
+        curves.append(curve("bound", x, [point.bound for point in points], style=joined(x, "dotted")))
     return Panel(
         title=title, x_label=x_label, y_label="relative error [-]", curves=tuple(curves), log_x=True, log_y=True
     )

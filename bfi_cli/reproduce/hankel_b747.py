@@ -54,14 +54,14 @@ class Case:
     ----------
     failures : (sample, channels) of each.
     healthy, measured, u : (n_samples, n_channels) true outputs, those with the failures, inputs.
-    found : the criteria of the measured ones.
+    null_space : the criteria of the measured ones.
     """
 
     failures: tuple[Failure, ...]
     healthy: FloatArray
     measured: FloatArray
     u: FloatArray
-    found: Criteria
+    null_space: Criteria
 
     @property
     def expected(self) -> set[tuple[int, str]]:
@@ -71,7 +71,7 @@ class Case:
     @property
     def flagged(self) -> set[tuple[int, str]]:
         """(sample, channel) wherever a criterion rises above the level."""
-        above = np.nan_to_num(self.found.channel) > LEVEL
+        above = np.nan_to_num(self.null_space.channel) > LEVEL
         rises = above[1:] & ~above[:-1]
         return {(int(i) + 1, B747.outputs[k]) for i, k in np.argwhere(rises)}
 
@@ -89,7 +89,7 @@ class Case:
         recent = np.zeros(len(B747.outputs), dtype=bool)
         for k, names in self.failures:
             recent[_columns(names)] |= k <= i <= k + WIDTH
-        values = self.found.channel[i]
+        values = self.null_space.channel[i]
         return float(values[_columns(failure[1])].min()), float(values[~recent].max(initial=0.0))
 
     def ratio(self, failure: Failure, *, after: int = 0) -> float:
@@ -124,8 +124,8 @@ def fly(
     measured = healthy.copy()
     for k, names in failures:
         measured[k : k + lasting, _columns(names)] *= GAIN
-    found = criteria(measured, u, width=WIDTH)
-    return Case(failures=tuple(failures), healthy=healthy, measured=measured, u=u, found=found)
+    null_space = criteria(measured, u, width=WIDTH)
+    return Case(failures=tuple(failures), healthy=healthy, measured=measured, u=u, null_space=null_space)
 
 
 def blamed(A: FloatArray, gains: tuple[float, float], *, onset: int = ONSET, step: int | None = None) -> FloatArray:
@@ -140,9 +140,9 @@ def blamed(A: FloatArray, gains: tuple[float, float], *, onset: int = ONSET, ste
     for k in range(SHORT_N_SAMPLES - 1):
         y[k + 1] = A @ y[k] + u[k]
     y[onset:] *= gains
-    found = criteria(y, u[:, None], width=WIDTH).channel
+    values = criteria(y, u[:, None], width=WIDTH).channel
     at = max(onset, ONSET)
-    return np.array([found[at], found[at : at + WIDTH].max(axis=0)])
+    return np.array([values[at], values[at : at + WIDTH].max(axis=0)])
 
 
 def hankel_b747(settings: Settings) -> ReportContent:
@@ -175,7 +175,7 @@ def hankel_b747(settings: Settings) -> ReportContent:
         "every": page["every"][right],
         "least": min(ratio for case in everything for ratio in case.ratios),
         "width": WIDTH,
-        "ready": together[0].found.ready,
+        "ready": together[0].null_space.ready,
         "gain": GAIN,
         "hits": {
             kind: f"{hits[kind]} of {len(case.expected)}; {len(case.flagged) - hits[kind]} other alarms"
@@ -193,10 +193,23 @@ def hankel_b747(settings: Settings) -> ReportContent:
         "rise_redundant": max(moved[name,] for name in ("aoa", "pitch", "altitude_rate")),
     }
     words = page["words"]
+    # What two sensors show for failures that hold and break condition (30), and for unseen ones.
+    one, same = (0.9, 1.0), (0.9, 0.9)
+    cases = (
+        ("coupled channels, gain of the first", "no", blamed(COUPLED, one)),
+        ("independent channels (diagonal), gain of the first", "yes", blamed(DIAGONAL, one)),
+        ("coupled channels, the same gain of both", "yes", blamed(COUPLED, same)),
+        ("gain of the first from before the record on", "no", blamed(COUPLED, one, onset=0)),
+        ("gain of the first as an input moves for the first time", "no", blamed(COUPLED, one, step=ONSET)),
+    )
+    condition = [
+        (what, holds, *(f"{value:.1e}" if value > SEEN else "round-off" for value in both.T.ravel()))
+        for what, holds, both in cases
+    ]
     rows = {
         "together": [_row(kind, case, one, words) for kind, case in flights.items() for one in FAILURES],
         "alone": [_row(kind, case, case.failures[0], words) for kind, cases in alone.items() for case in cases],
-        "condition_30": _condition_rows(),
+        "condition_30": condition,
     }
     figures = {"one sample": "hankel_b747", "to the end": "hankel_b747_persistent"}
     return exhibit(
@@ -223,22 +236,6 @@ def _row(kind: str, case: Case, failure: Failure, words: dict[str, str]) -> tupl
     return (kind, channels, f"{k / RATE_HZ:.2f}", when, *shown)
 
 
-def _condition_rows() -> list[tuple[str, ...]]:
-    """Return what two sensors show for failures that hold and break condition (30), and for unseen ones."""
-    one, same = (0.9, 1.0), (0.9, 0.9)
-    cases = (
-        ("coupled channels, gain of the first", "no", blamed(COUPLED, one)),
-        ("independent channels (diagonal), gain of the first", "yes", blamed(DIAGONAL, one)),
-        ("coupled channels, the same gain of both", "yes", blamed(COUPLED, same)),
-        ("gain of the first from before the record on", "no", blamed(COUPLED, one, onset=0)),
-        ("gain of the first as an input moves for the first time", "no", blamed(COUPLED, one, step=ONSET)),
-    )
-    return [
-        (what, holds, *(f"{value:.1e}" if value > SEEN else "round-off" for value in found.T.ravel()))
-        for what, holds, found in cases
-    ]
-
-
 def _panels(case: Case, words: dict[str, str]) -> list[Panel]:
     """Return the measurement errors and the criteria of every channel."""
     t = np.arange(N_SAMPLES) / RATE_HZ
@@ -254,6 +251,6 @@ def _panels(case: Case, words: dict[str, str]) -> list[Panel]:
         )
         for label, drawn, levels in (
             ("error [-]", errors, ()),
-            ("criterion (29) [-]", case.found.channel, (("level", LEVEL),)),
+            ("criterion (29) [-]", case.null_space.channel, (("level", LEVEL),)),
         )
     ]

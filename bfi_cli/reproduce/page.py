@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..report.content import Drawing, Panel, ReportContent, Table
+from ..report.content import Drawing, Panel, ReportContent, Style, Table
 from ..yaml12 import load_yaml
 
-__all__ = ["FOLDER", "Page", "drawing", "exhibit", "fill", "load", "percent", "table"]
+__all__ = ["FOLDER", "Page", "drawing", "exhibit", "fill", "joined", "load", "percent", "table"]
 
 FOLDER = Path(__file__).parent
 Page = Mapping[str, Any]
@@ -36,32 +36,44 @@ def exhibit(
     page: Page,
     values: Mapping[str, object],
     *,
-    heading: object = None,
+    heading: object = (),
     rows: Iterable[Sequence[str]] = (),
     tables: Sequence[Table] = (),
     drawings: Sequence[Drawing] = (),
     before: Sequence[str] = (),
     notes: Sequence[str] = (),
+    who: Sequence[str] = (),
+    facts: Sequence[tuple[str, str]] = (),
 ) -> ReportContent:
     """Return a page, the table of published and own numbers first.
 
     Parameters
     ----------
     values : of the names in its text.
-    heading : key in the page's `headings`; None where it has one `heading`.
+    heading : whether what the page's true heading says holds, for every record, those without noise first; a key of
+        its `headings`; nothing where it has one `heading`.
     rows : of the comparison, after those of the page.
     before, notes : notes before and after those of the page.
+    who : the methods on the page, of which `who` in thesis.yaml says what they are.
+    facts : after those of the page.
     """
+    methods = [fill(load("thesis")["shared"]["who"][name]) for name in who]
     compared = (*fill(page.get("rows", ()), **values), *map(tuple, rows))
     comparison = Table(
-        name="comparison", title="Published and ours", heads=("quantity", "published", "ours"), rows=compared
+        name="comparison", title="Printed and computed", heads=("quantity", "printed", "computed here"), rows=compared
     )
+    if isinstance(heading, Sequence):
+        said = page["headings"][any(heading)] if heading else page["heading"]
+        if any(heading) and not all(heading):
+            said = f"{said} {'without' if heading[0] else 'with'} noise only"
+    else:
+        said = page["headings"][heading]
     return ReportContent(
         category="Reproduction",
         title=fill(page["title"], **values),
-        heading=fill(page["heading"] if heading is None else page["headings"][heading], **values),
+        heading=fill(said, **values),
         verdict=fill(page["verdict"], **values),
-        facts=fill(page.get("facts", ()), **values),
+        facts=(*fill(page.get("facts", ()), **values), *methods, *facts),
         tables=(comparison, *tables),
         drawings=tuple(drawings),
         notes=(*before, *fill(page["notes"], **values), *notes),
@@ -75,9 +87,17 @@ def table(page: Page, name: str, rows: Iterable[Sequence[str]], **values: object
     return Table(name=name, title=fill(text["title"], **values), heads=heads, rows=tuple(map(tuple, rows)))
 
 
-def drawing(page: Page, name: str, panels: Iterable[Panel], *, across: int = 1, **values: object) -> Drawing:
-    """Return a figure with the caption that the page has for it."""
-    return Drawing(name=name, caption=fill(page["captions"][name], **values), panels=tuple(panels), across=across)
+def drawing(
+    page: Page, name: str, panels: Iterable[Panel], *, across: int = 1, caption: str | None = None, **values: object
+) -> Drawing:
+    """Return a figure with the caption that the page has for it, or for the name `caption`."""
+    text = fill(page["captions"][caption or name], **values)
+    return Drawing(name=name, caption=text, panels=tuple(panels), across=across)
+
+
+def joined(x: Sized, style: Style) -> Style:
+    """Return the style of so many points: a line goes through three and more, fewer stand alone."""
+    return style if len(x) > 2 else "points"
 
 
 def percent(value: float) -> str:

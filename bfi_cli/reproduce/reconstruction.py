@@ -1,10 +1,10 @@
-"""A fault as every method reconstructs it: the published one at many orders, DMAE, the default method, the scan."""
+"""A fault as each method reconstructs it: readings of the thesis's algorithm 3, the program, DMAE, the scan."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,13 +17,11 @@ from ..calibration import save_tables
 from ..config import Config, merge
 from ..faults import unit_signal
 from ..flightlog import FlightLog
-from ..flightlog.record import frozen_array
 from ..identify import identify_faults
-from ..identify.dmae import DmaeSettings, Reference, dmae
+from ..identify.dmae import DmaeSettings, dmae
 from ..identify.result import IdentifyResult
-from ..identify.risro import declared as declared_atoms
-from ..identify.risro import solve
-from ..kernels.lagged import restrict
+from ..identify.risro import THRESHOLD, solve
+from ..kernels.lagged import lagged
 from ..onset import find_onset, table_of_windows
 from ..onset.result import OnsetFault
 from ..preprocessing.regression import build_regression
@@ -34,152 +32,134 @@ from .page import load
 from .record import NOISE_M_S, Settings, thesis_dictionary, thesis_record, true_fault, with_noise
 
 __all__ = [
-    *("COPIES", "LISTING", "SETTLED", "Reconstruction", "Solved", "by_default", "by_dmae", "by_published", "by_scan"),
-    *("clause", "dated", "declared", "scanning", "shipped", "solved", "vaf"),
+    "COPIES",
+    "PROGRAM",
+    "READINGS",
+    "Reconstruction",
+    "above",
+    "by_dmae",
+    "by_program",
+    "by_readings",
+    "by_scan",
 ]
+__all__ += ["dated", "declared", "label_of", "method_config", "scanning", "shipped", "vaf"]
 
 FloatArray = NDArray[np.float64]
 
-OWN_RATE = {"method": "risro", "conditioning.rate_hz": "none"}
-LISTING = merge(Config(), {**OWN_RATE, "risro": {"as_published": True, "sparsity": "exp_l0", "p0": 1e-300}})
-"""As the listing runs: 50 steps, its updates that never happen, its matrix put together anew after every step."""
-SETTLED = merge(Config(), OWN_RATE)
-"""The same problem with the corner of the matrix imposed, solved until it settles."""
-LISTING_SHARE = 0.01  # of the norm of all magnitudes: what the listing of the sweep over orders counts as a fault
+# Methods by the names of their settings in methods.yaml; `who` in thesis.yaml has their labels and says what each is.
+# The readings solve the thesis's problem at the log's own rate: the first four as its algorithm 3 is printed and as its
+# program runs. The methods of the program choose rate and order by themselves.
+READINGS = ("sparse", "sparse_2", "rank_only", "listing", "imposed")
+PROGRAM = ("risro", "default")
 COPIES = 60  # fault-free copies of the record behind a threshold: as many as a figure of the scan can wait for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Solved:
-    """The published method at one order.
-
-    Attributes
-    ----------
-    z : (n_atoms,) all magnitudes of the dictionary.
-    names : declared by the rule of section 5-1.
-    n_listing : how many the listing of the sweep over orders counts, whose rule is ten times as strict.
-    error : of the magnitudes, equation 5-1; NaN where no true fault is in the dictionary.
-    fault : (n_samples,) from all magnitudes, as in the thesis.
-    vaf_fault, vaf_output : equation 5-2 in %, not below 0 (as in the listing); the output about its mean.
-    """
-
-    order: int
-    z: FloatArray
-    names: tuple[str, ...]
-    n_listing: int
-    error: float
-    fault: FloatArray
-    vaf_fault: float
-    vaf_output: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reconstruction:
-    """A fault as one method sees it.
+    """A fault, and the measurement with it, as one method sees them.
 
     Attributes
     ----------
-    time_s, fault : (n_samples,) of the method's own rate, m/s.
-    vaf_fault, vaf_output : equation 5-2 in %, the output about its mean.
-    found : what is declared, in a few words.
+    label : of the method.
+    time_s, fault : (n_samples,) at the method's own rate, m/s.
+    airspeed : (n_samples,) the measurement as the method reconstructs it, NaN where it does not.
+    vaf_fault, vaf_output : equation 5-2 in %, the airspeed about its mean; below 0 where the error is the larger.
+    declared : in a few words.
+    magnitudes : by name, of the whole dictionary; empty for a method that has none.
     """
 
     label: str
     time_s: FloatArray
     fault: FloatArray
+    airspeed: FloatArray
     vaf_fault: float
     vaf_output: float
-    found: str
+    declared: str
+    magnitudes: dict[str, float] = field(default_factory=dict)
 
 
-def solved(
-    log: FlightLog, orders: Sequence[int], config: Config, *, report: Callable[[int], None] = lambda _done: None
-) -> tuple[Solved, ...]:
-    """Solve a log with injected faults for the thesis's dictionary, every order on the rows of the largest.
+def method_config(name: str) -> Config:
+    """Return the settings of a method in methods.yaml."""
+    return merge(Config(), load("methods")[name], where="methods.yaml")
 
-    Parameters
-    ----------
-    log : with its truth.
-    config : `LISTING` or `SETTLED`.
-    report : told how many orders are done.
+
+def label_of(name: str) -> str:
+    """Return how figures and tables call a method."""
+    label: str = load("thesis")["shared"]["who"][name][0]
+    return label
+
+
+def above(magnitudes: dict[str, float], share: float = THRESHOLD) -> list[str]:
+    """Return the names of the magnitudes above a share of the norm of all of them, the rule of section 5-1."""
+    size = float(np.linalg.norm(list(magnitudes.values())))
+    return [name for name, z in magnitudes.items() if abs(z) > share * size]
+
+
+def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> dict[str, Reconstruction]:
+    """Solve a log with injected faults for the thesis's dictionary at its own rate, by each of some readings.
+
+    The rows are those of the order itself, as in the thesis.
 
     Raises
     ------
-    LogError, ExcitationError : the log cannot be used, or is too short for an order.
+    LogError, ExcitationError : the log cannot be used, or is too short for the order.
     DictionaryError : no signal of the dictionary can be seen in it.
     """
-    assert log.truth is not None
-    window = prepare_window(log, thesis_dictionary(), config)
-    regression = build_regression(window.signals, window.live, config, orders=orders)
-    channel = window.log.channel("tas")
-    true = channel.values - log.truth.clean[channel.name]
-    sizes = {fault.name: fault.magnitude for fault in log.truth.faults}
-    wanted = np.array([sizes.get(name, 0.0) for name in window.names])
-    spread = float(np.linalg.norm(regression.layout.y[regression.layout.first :, 0]))
-    found = []
-    for done, order in enumerate(regression.orders, start=1):
-        solution = solve(restrict(regression.data, order=order), config)
+    configs = {name: method_config(name) for name in names}
+    first, *_ = configs.values()
+    window = prepare_window(log, thesis_dictionary(), first)
+    regression = build_regression(window.signals, window.live, first, orders=[order])
+    layout, columns, live = regression.layout, regression.data.columns, list(window.live)
+    base = np.hstack([np.ones((regression.n_rows, 1)), lagged(layout.u, columns.input_lags)])
+    y, true = log.channel("tas").values, true_fault(log)
+    reconstructions = {}
+    for name, config in configs.items():
+        solution = solve(regression.data, config)
         z = np.zeros(len(window.names))
-        z[list(window.live)] = solution.z * regression.magnitude_unit
-        size = float(np.linalg.norm(z))
-        active = declared_atoms(solution, z[list(window.live)], config)
+        z[live] = solution.z * regression.magnitude_unit
+        # The prediction error of the VARX with these K and z: what its inputs and constant leave of the rest.
+        corrected = layout.y - layout.theta @ solution.z
+        rest = corrected[order:, 0] - lagged(corrected, range(1, order + 1)) @ solution.K
+        error = regression.unit[0] * (rest - base @ np.linalg.lstsq(base, rest, rcond=None)[0])
         fault = window.signals.theta[:, 0] @ z
-        found.append(
-            Solved(
-                order=order,
-                z=frozen_array(z),
-                names=tuple(window.names[j] for j, is_one in zip(window.live, active, strict=True) if is_one),
-                n_listing=int(np.sum(np.abs(z) > LISTING_SHARE * size)),
-                error=float(np.linalg.norm(z - wanted) / np.linalg.norm(wanted)) if wanted.any() else float("nan"),
-                fault=frozen_array(fault),
-                vaf_fault=vaf(true, fault),
-                vaf_output=max(0.0, 100.0 * (1.0 - (solution.misfit / spread) ** 2)),
-            )
+        magnitudes = dict(zip(window.names, z.tolist(), strict=True))
+        reconstructions[name] = Reconstruction(
+            label=label_of(name),
+            time_s=log.time_s,
+            fault=fault,
+            airspeed=np.concatenate([np.full(order, np.nan), y[order:] - error]),
+            vaf_fault=vaf(true, fault),
+            vaf_output=100.0 * (1.0 - float(np.sum(error**2) / np.sum((y[order:] - y.mean()) ** 2))),
+            declared=", ".join(f"{one} {number(magnitudes[one], digits=3)}" for one in above(magnitudes)) or "none",
+            magnitudes=magnitudes,
         )
-        report(done)
-    return tuple(found)
+    return reconstructions
 
 
 def vaf(true: FloatArray, estimate: FloatArray) -> float:
-    """Return the variance accounted for in %, not below 0 (equation 5-2 and the listing)."""
-    return max(0.0, float(100.0 * (1.0 - np.sum((true - estimate) ** 2) / np.sum(true**2))))
+    """Return the variance accounted for in %, below 0 where the error is larger than the signal (equation 5-2)."""
+    return float(100.0 * (1.0 - np.sum((true - estimate) ** 2) / np.sum(true**2)))
 
 
-def by_published(log: FlightLog, order: int) -> Reconstruction:
-    """Return the published method at an order, solved until it settles.
-
-    Raises
-    ------
-    LogError, ExcitationError, DictionaryError : see `solved`.
-    """
-    (one,) = solved(log, [order], SETTLED)
-    z = dict(zip((str(atom.name) for atom in thesis_dictionary().atoms), one.z.tolist(), strict=True))
-    return Reconstruction(
-        label=f"published, s = {order}",
-        time_s=log.time_s,
-        fault=one.fault,
-        vaf_fault=one.vaf_fault,
-        vaf_output=one.vaf_output,
-        found=", ".join(f"{name} {number(z[name], digits=3)}" for name in one.names) or "none",
-    )
-
-
-def by_default(log: FlightLog) -> Reconstruction:
-    """Return what `bfi identify` finds by itself.
+def by_program(log: FlightLog, name: str) -> Reconstruction:
+    """Return what a method of the program finds, which chooses rate and order by itself.
 
     Raises
     ------
     LogError, ExcitationError, DictionaryError : see `identify_faults`.
     """
-    answer = identify_faults(log, thesis_dictionary(), Config())
-    accounted = answer.truth.vaf_fault["tas"] if answer.truth is not None else None
+    answer = identify_faults(log, thesis_dictionary(), method_config(name))
+    (output,) = answer.outputs
+    assert output.true_fault is not None
     return Reconstruction(
-        label="ours",
+        label=label_of(name),
         time_s=answer.time_s,
-        fault=answer.outputs[0].fault,
-        vaf_fault=accounted or 0.0,
-        vaf_output=max(0.0, answer.vaf_output["tas"]),
-        found=declared(answer),
+        fault=output.fault,
+        airspeed=output.predicted,
+        vaf_fault=vaf(output.true_fault, output.fault),
+        vaf_output=answer.vaf_output["tas"],
+        declared=declared(answer),
+        magnitudes={one.name: one.magnitude for one in answer.faults},
     )
 
 
@@ -190,14 +170,7 @@ def declared(answer: IdentifyResult) -> str:
     return ", ".join(f"{one.name} {number(one.magnitude)}" for one in answer.faults) or "none"
 
 
-def clause(answer: IdentifyResult) -> str:
-    """Return what the default method declares, as a clause of a sentence."""
-    if answer.decision == "not_identifiable":
-        return "the default method says that it cannot tell"
-    return f"the default method declares {declared(answer) if answer.faults else 'no fault'}"
-
-
-def by_dmae(log: FlightLog, filters: DmaeSettings, settings: Settings, *, label: str = "DMAE") -> Reconstruction:
+def by_dmae(log: FlightLog, filters: DmaeSettings, settings: Settings, *, label: str | None = None) -> Reconstruction:
     """Return what double-model adaptive estimation makes of a log.
 
     Parameters
@@ -209,16 +182,16 @@ def by_dmae(log: FlightLog, filters: DmaeSettings, settings: Settings, *, label:
     LogError : the log lacks elevator or tas, or its rate is not uniform.
     """
     assert log.truth is not None
-    reference: Reference = "trim" if settings.log is None else "start"
-    found = dmae(log, CITATION, reference=reference, settings=filters)
-    measured, mean = found.measured, found.measured.mean()
+    answer = dmae(log, CITATION, reference="trim" if settings.log is None else "start", settings=filters)
+    mean, airspeed = answer.measured.mean(), answer.estimate[:, 0] + answer.fault
     return Reconstruction(
-        label=label,
-        time_s=found.time_s,
-        fault=found.fault,
-        vaf_fault=vaf(measured - log.truth.clean[log.channel("tas").name], found.fault),
-        vaf_output=vaf(measured - mean, found.estimate[:, 0] + found.fault - mean),
-        found="no fault" if found.onset_s is None else f"a fault from {found.onset_s:.5g} s",
+        label=label or label_of("dmae"),
+        time_s=answer.time_s,
+        fault=answer.fault,
+        airspeed=airspeed,
+        vaf_fault=vaf(answer.measured - log.truth.clean[log.channel("tas").name], answer.fault),
+        vaf_output=vaf(answer.measured - mean, airspeed - mean),
+        declared="no fault" if answer.onset_s is None else f"a fault from {answer.onset_s:.5g} s",
     )
 
 
@@ -237,12 +210,13 @@ def by_scan(log: FlightLog, settings: Settings, *, shapes: Sequence[str]) -> Rec
         fault += one.estimate.magnitude * signal
     left = float(answer.model.noise_sd["tas"]) ** 2 / float(np.var(log.channel("tas").values))
     return Reconstruction(
-        label="ours, scan",
+        label=label_of("scan"),
         time_s=log.time_s,
         fault=fault,
+        airspeed=np.full(log.n_samples, np.nan),
         vaf_fault=vaf(true_fault(log), fault),
-        vaf_output=max(0.0, 100.0 * (1.0 - left)),
-        found="; ".join(map(dated, answer.faults)) or "none",
+        vaf_output=100.0 * (1.0 - left),
+        declared="; ".join(map(dated, answer.faults)) or "none",
     )
 
 

@@ -17,10 +17,8 @@ from ..flightlog.record import frozen_array
 from ..report.content import Panel, Span, curve
 from .page import FOLDER, load
 
-__all__ = [
-    *("NOISE_M_S", "Settings", "airspeed_panel", "fault_starts", "stand_in", "thesis_dictionary", "thesis_record"),
-    *("true_fault", "with_fault", "with_noise"),
-]
+__all__ = ["NOISE_M_S", "Settings", "airspeed_panel", "fault_starts", "records_of", "stand_in", "thesis_dictionary"]
+__all__ += ["thesis_record", "true_fault", "with_fault", "with_noise"]
 
 FloatArray = NDArray[np.float64]
 
@@ -103,6 +101,13 @@ def with_noise(log: FlightLog, sd: float, *, seed: int) -> FlightLog:
     noise = np.random.default_rng(seed).standard_normal(log.n_samples)
     noisy = replace(channel, values=frozen_array(channel.values + sd * noise))
     return replace(log, channels={**log.channels, channel.name: noisy})
+
+
+def records_of(log: FlightLog, settings: Settings) -> dict[str, FlightLog]:
+    """Return a log by what is said of its noise; a simulated one with and without noise on its airspeed."""
+    if settings.log is not None:
+        return {"as recorded": log}
+    return {"no noise": log, f"noise {NOISE_M_S:g} m/s": with_noise(log, NOISE_M_S, seed=settings.seed)}
 
 
 def true_fault(log: FlightLog) -> FloatArray:

@@ -1,11 +1,12 @@
-"""Faults of the thesis reconstructed by the published method, DMAE and the default method.
+"""Faults of the thesis as every method reconstructs them: cases 1 to 3 of its section 5-3, figures 5-5 to 5-12.
 
-A fast and a slow sinusoid (figures 5-5, 5-6), a perturbed bias (5-10), faults that start too late (5-11, 5-12).
+Case 1 is a fault of the dictionary (5-5, 5-6), case 2 a bias with a perturbation that the dictionary lacks (5-7 to
+5-10), case 3 a fault that starts later than the dictionary's (5-11, 5-12).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,26 +14,29 @@ import numpy as np
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify.dmae import DmaeSettings
-from ..report.content import Panel, ReportContent, Style, curve
+from ..report.content import Curve, Panel, ReportContent, Style, Table, curve
 from ..report.text import number
-from .page import drawing, exhibit, fill, load, percent, table
-from .reconstruction import Reconstruction, by_default, by_dmae, by_published, by_scan, shipped
-from .record import (
-    NOISE_M_S,
-    Settings,
-    airspeed_panel,
-    fault_starts,
-    stand_in,
-    thesis_record,
-    true_fault,
-    with_fault,
-    with_noise,
+from ..shapes import Shape
+from .page import Page, drawing, exhibit, fill, joined, load, percent, table
+from .reconstruction import (
+    PROGRAM,
+    READINGS,
+    Reconstruction,
+    above,
+    by_dmae,
+    by_program,
+    by_readings,
+    by_scan,
+    label_of,
+    shipped,
 )
-from .thesis_perturbed import BEST, KAPPA, LOW, perturbed
+from .record import Settings, airspeed_panel, fault_starts, records_of, stand_in, thesis_record, true_fault, with_fault
 
-__all__ = ["thesis_5_5", "thesis_5_6", "thesis_5_10", "thesis_5_11", "thesis_5_12"]
+__all__ = ["BEST", "KAPPA", "KAPPAS", "LOW", "ORDERS", "magnitude_error", "perturbed", "thesis_5_5", "thesis_5_6"]
+__all__ += ["thesis_5_7", "thesis_5_8", "thesis_5_9", "thesis_5_10", "thesis_5_11", "thesis_5_12"]
 
-Views = tuple[Reconstruction, ...]
+Views = Mapping[str, Reconstruction]
+Told = Mapping[str, Mapping[str, object]]
 
 # Q and R as the thesis prints them for each figure; 5-12 prints none and takes those of 5-11.
 SINUSOIDS = DmaeSettings(process_variance=0.4e-5, measurement_variance=0.01)
@@ -45,23 +49,36 @@ FAST = Fault(shape="sine", name="sine_1.15", magnitude=5.0, frequency_hz=1.15, o
 SLOW = Fault(shape="sine", name="sine_0.35", magnitude=4.0, frequency_hz=0.35, onset_s=5.29, phase_reference="window")
 LATE_SINE = Fault(shape="sine", magnitude=1.0, frequency_hz=1.15, onset_s=15.86, phase_reference="window")
 LATE_DRIFT = Fault(shape="drift", magnitude=1.0, slope=0.23, onset_s=15.86)
-STYLES: tuple[Style, ...] = ("dashed", "line", "dotted", "dashed")
+
+KAPPAS = tuple(np.round(np.arange(0.0, 0.501, 0.05), 2).tolist())
+QUICK_KAPPAS = (0.0, 0.5)
+KAPPA = 0.2  # of figures 5-7, 5-9 and 5-10
+ORDERS = tuple(range(3, 81))
+QUICK_ORDERS = (5, 25, 45, 60)
+LOW, BEST = 4, 45  # the orders of the thesis: of most of its figures, and the best of figure 5-9
+SHOWN = (3, 4, 5, 10, 25, 40, 44, 45, 50, 60, 80)  # in the table of figure 5-9, and those solved with noise too
+LISTING_SHARE = 0.01  # of the norm of all magnitudes: what the listing of the sweep over orders counts as a fault
+VAF_LIMITS = (-105.0, 105.0)  # of an axis, %: minus 100 is an error as large as twice the power of the signal
 
 
 def thesis_5_5(settings: Settings) -> ReportContent:
-    """Return figure 5-5: a sinusoid of 1.15 Hz, which the published method, DMAE and ours all follow.
+    """Return figure 5-5: a sinusoid of 1.15 Hz, a fault of the dictionary that DMAE follows too.
 
     Raises
     ------
     LogError : the log of the settings cannot be used.
     DictionaryError : it ends before the fault.
     """
-    log, see = with_fault(thesis_record(settings), FAST), _methods(settings, LOW, SINUSOIDS)
-    found = see(log)
-    followed = found[1].vaf_fault > 50.0
-    follows = load("thesis")["5-5"]["follows"][followed]
-    others = _with_fault_noise(log, settings)
-    return _reconstructed("5-5", log, found, settings, again=see, others=others, heading=followed, follows=follows)
+    log = with_fault(thesis_record(settings), FAST)
+    return _reconstructed(
+        "5-5",
+        log,
+        settings,
+        order=LOW,
+        filters=SINUSOIDS,
+        holds=lambda views: min(views[one].vaf_fault for one in ("sparse", "dmae")) > 50.0,
+        others=_with_fault_noise(log, settings),
+    )
 
 
 def thesis_5_6(settings: Settings) -> ReportContent:
@@ -72,20 +89,219 @@ def thesis_5_6(settings: Settings) -> ReportContent:
     LogError : the log of the settings cannot be used.
     DictionaryError : it ends before the fault.
     """
-    log, see = with_fault(thesis_record(settings), SLOW), _methods(settings, LOW, SINUSOIDS)
-    _, dmae, _ = found = see(log)
-    settled = dmae.fault[dmae.time_s > fault_starts(log)[0].low + SETTLED_S]
-    level, wander = float(np.mean(settled)), float(np.std(settled))
+    log = with_fault(thesis_record(settings), SLOW)
+
+    def level(views: Views) -> tuple[float, float]:
+        dmae = views["dmae"]
+        afterwards = dmae.fault[dmae.time_s > fault_starts(log)[0].low + SETTLED_S]
+        return float(np.mean(afterwards)), float(np.std(afterwards))
+
     return _reconstructed(
         "5-6",
         log,
-        found,
         settings,
-        again=see,
+        order=LOW,
+        filters=SINUSOIDS,
+        holds=lambda views: level(views)[1] < 0.1 * abs(level(views)[0]),
+        values=lambda views: {"level": number(level(views)[0], digits=3), "wander": number(level(views)[1], digits=2)},
         others=_with_fault_noise(log, settings),
-        heading=wander < 0.1 * abs(level),
-        level=number(level, digits=3),
-        wander=number(wander, digits=2),
+    )
+
+
+def thesis_5_7(settings: Settings) -> ReportContent:
+    """Return figure 5-7: a bias of 4 m/s with a perturbation that the dictionary lacks (kappa = 0.2).
+
+    Raises
+    ------
+    LogError : the log of the settings cannot be used.
+    DictionaryError : it ends before the fault.
+    """
+    page, log = load("thesis")["5-7"], thesis_record(settings)
+    faulty = perturbed(log, KAPPA)
+    seen = {label: _solved(one, LOW) for label, one in records_of(faulty, settings).items()}
+    spans, fault = fault_starts(faulty), curve("", log.time_s, true_fault(faulty))
+    panels = (
+        airspeed_panel(faulty, spans),
+        Panel(x_label="time [s]", y_label="fault [m/s]", curves=(fault,), spans=spans),
+    )
+    return exhibit(
+        page,
+        {"log": log, "declared": "; ".join(f"{label}: {views['risro'].declared}" for label, views in seen.items())},
+        rows=_rows(page, seen),
+        tables=_method_tables(seen),
+        drawings=[drawing(page, "thesis_5_7", panels)],
+        notes=stand_in(settings),
+        who=tuple(next(iter(seen.values()))),
+    )
+
+
+def thesis_5_8(settings: Settings) -> ReportContent:
+    """Return figure 5-8: the perturbation's size kappa from 0 to 0.5 at order 4.
+
+    Raises
+    ------
+    LogError : the log of the settings cannot be used.
+    DictionaryError : it ends before the fault.
+    """
+    page, clean = load("thesis")["5-8"], thesis_record(settings)
+    kappas = QUICK_KAPPAS if settings.quick else KAPPAS
+    swept: dict[str, list[Views]] = {}
+    for done, kappa in enumerate(kappas, start=1):
+        for label, log in records_of(perturbed(clean, kappa), settings).items():
+            swept.setdefault(label, []).append(_solved(log, LOW))
+        settings.report(done, len(kappas))
+    names, last = (*READINGS, *PROGRAM), {label: each[-1] for label, each in swept.items()}
+    rows = [
+        (label, f"{kappa:g}", *(percent(views[name].vaf_fault) for name in names))
+        for label, each in swept.items()
+        for kappa, views in zip(kappas, each, strict=True)
+    ]
+    panels = [
+        Panel(
+            title=label,
+            x_label="kappa [m/s]",
+            y_label=f"VAF of the {what} [%]",
+            curves=tuple(
+                curve(
+                    label_of(name), kappas, [getattr(views[name], key) for views in each], style=joined(kappas, "line")
+                )
+                for name in names
+                if name != "sparse_2"
+            ),
+            y_limits=limits,
+        )
+        for what, key, limits in (("fault", "vaf_fault", VAF_LIMITS), ("airspeed", "vaf_output", (-5.0, 105.0)))
+        for label, each in swept.items()
+    ]
+    return exhibit(
+        page,
+        {
+            "log": clean,
+            "kappas": f"{len(kappas)}: {', '.join(f'{kappa:g}' for kappa in kappas)}",
+            "verdict": " ".join(_sentences(page, last, kappa=kappas[-1])),
+        },
+        heading=[views["sparse"].vaf_fault < 50.0 for views in last.values()],
+        rows=[
+            row
+            for label, each in swept.items()
+            for row in fill(
+                page["record_rows"],
+                record=label,
+                high=kappas[-1],
+                least=min(views["sparse"].vaf_output for views in each),
+                kept=min(views["default"].vaf_fault for views in each),
+                **last[label],
+            )
+        ],
+        tables=[table(page, "kappa", rows, **{name: label_of(name) for name in names})],
+        drawings=[drawing(page, "thesis_5_8", panels, across=len(swept))],
+        notes=stand_in(settings),
+        who=names,
+    )
+
+
+def thesis_5_9(settings: Settings) -> ReportContent:
+    """Return figure 5-9: orders 3 to 80 at kappa = 0.2, each solved on its own rows.
+
+    Raises
+    ------
+    LogError : the log of the settings cannot be used.
+    DictionaryError : it ends before the fault.
+    """
+    page, clean = load("thesis")["5-9"], thesis_record(settings)
+    records = records_of(perturbed(clean, KAPPA), settings)
+    whole = QUICK_ORDERS if settings.quick else ORDERS
+    orders = {label: whole if i == 0 or settings.quick else SHOWN for i, label in enumerate(records)}
+    total, done = sum(map(len, orders.values())), 0
+    swept: dict[str, list[Views]] = {}
+    for label, log in records.items():
+        for order in orders[label]:
+            swept.setdefault(label, []).append(by_readings(log, order))
+            settings.report(done := done + 1, total)
+    program = {label: {name: by_program(log, name) for name in PROGRAM} for label, log in records.items()}
+
+    def count(one: Reconstruction) -> int:
+        return len(above(one.magnitudes, LISTING_SHARE))
+
+    rows = [
+        (
+            *(label, str(order), one.label, percent(one.vaf_fault), number(magnitude_error(log, one)), str(count(one))),
+            ", ".join(above(one.magnitudes, LISTING_SHARE)),
+        )
+        for label, log in records.items()
+        for order, views in zip(orders[label], swept[label], strict=True)
+        if order in SHOWN
+        for one in views.values()
+    ]
+    panels = []
+    for y_label, read, limits in (
+        ("VAF of the fault [%]", lambda _, one: one.vaf_fault, VAF_LIMITS),
+        ("error [-]", magnitude_error, (5e-3, 5.0)),
+        ("faults [-]", lambda _, one: count(one), (0.0, 7.5)),
+    ):
+        for label, log in records.items():
+            at = orders[label]
+            drawn = {
+                name: [read(log, views[name]) for views in swept[label]] for name in READINGS if name != "sparse_2"
+            }
+            panels.append(
+                Panel(
+                    title=label,
+                    x_label="order s [-]",
+                    y_label=y_label,
+                    curves=tuple(
+                        curve(label_of(name), at, y, style="line" if len(at) == len(ORDERS) else "points")
+                        for name, y in drawn.items()
+                    ),
+                    levels=tuple((one.label, read(log, one)) for one in program[label].values()),
+                    log_y=y_label == "error [-]",
+                    y_limits=limits,
+                )
+            )
+    first = next(iter(records))
+    at_best = {label: swept[label][orders[label].index(BEST)] for label in records}
+    best = {
+        name: max(zip(orders[first], swept[first], strict=True), key=lambda pair: pair[1][name].vaf_fault)
+        for name in READINGS
+    }
+    single = {
+        name: [str(order) for order, views in zip(orders[first], swept[first], strict=True) if count(views[name]) == 1]
+        for name in READINGS
+    }
+    return exhibit(
+        page,
+        {
+            "log": clean,
+            "orders": {label: _listed(each) for label, each in orders.items()},
+            "solved": "; ".join(f"{label}: {_listed(each)}" for label, each in orders.items()),
+            "best": {name: f"{order} ({views[name].vaf_fault:.1f} %)" for name, (order, views) in best.items()},
+            "verdict": " ".join(_sentences(page, {label: {**at_best[label], **program[label]} for label in records})),
+            "drift": {name: number(one.magnitudes["drift_7.93"], digits=3) for name, one in at_best[first].items()},
+            "single": {name: ", ".join(each) or "none" for name, each in single.items()},
+            "last": orders[first][-1],
+            "end": swept[first][-1],
+            "fifth": swept[first][orders[first].index(5)],
+        },
+        heading=[best["sparse"][0] == BEST and best["sparse"][1]["sparse"].vaf_fault > 50.0],
+        rows=[
+            row
+            for label in records
+            for row in fill(
+                page["record_rows"],
+                record=label,
+                faults={
+                    name: f"{count(one)}: {', '.join(above(one.magnitudes, LISTING_SHARE)) or 'none'}"
+                    for name, one in at_best[label].items()
+                },
+                **at_best[label],
+                **program[label],
+            )
+        ],
+        tables=[table(page, "orders", rows)],
+        drawings=[drawing(page, "thesis_5_9", panels, across=len(records))],
+        before=page["simulated"] if settings.log is None else (),
+        notes=stand_in(settings),
+        who=(*READINGS, *PROGRAM),
     )
 
 
@@ -97,9 +313,17 @@ def thesis_5_10(settings: Settings) -> ReportContent:
     LogError : the log of the settings cannot be used.
     DictionaryError : it ends before the fault.
     """
-    log, see = perturbed(thesis_record(settings), KAPPA), _methods(settings, BEST, PERTURBED)
-    found = see(log)
-    return _reconstructed("5-10", log, found, settings, again=see, heading=found[0].vaf_fault > 50.0)
+    return _reconstructed(
+        "5-10",
+        perturbed(thesis_record(settings), KAPPA),
+        settings,
+        order=BEST,
+        filters=PERTURBED,
+        holds=lambda views: views["sparse"].vaf_fault > 50.0,
+        values=lambda views: {
+            "drift": {name: number(views[name].magnitudes.get("drift_7.93", 0.0), digits=4) for name in views}
+        },
+    )
 
 
 def thesis_5_11(settings: Settings) -> ReportContent:
@@ -111,19 +335,15 @@ def thesis_5_11(settings: Settings) -> ReportContent:
     DictionaryError : it ends before the fault.
     """
     page = load("thesis")["5-11"]
-    log, see = with_fault(thesis_record(settings), LATE_SINE), _methods(settings, LOW, SHIFTED)
-    found = see(log)
-    scan = () if settings.quick else (by_scan(log, settings, shapes=("bias", "drift", "sine")),)
     return _reconstructed(
         "5-11",
-        log,
-        (*found, *scan),
+        with_fault(thesis_record(settings), LATE_SINE),
         settings,
-        again=see,
-        heading=found[1].vaf_fault > 50.0,
-        notes=(page["shipped"],) if scan else (),
-        scan=scan[0].found if scan else page["left_out"],
-        scan_too=fill(page["scan_too"], scan=scan[0].found) if scan else "",
+        order=LOW,
+        filters=SHIFTED,
+        holds=lambda views: views["dmae"].vaf_fault > 50.0,
+        scanned=() if settings.quick else ("bias", "drift", "sine"),
+        notes=(page["quick"] if settings.quick else load("thesis")["shared"]["shipped"],),
     )
 
 
@@ -135,78 +355,145 @@ def thesis_5_12(settings: Settings) -> ReportContent:
     LogError : the log of the settings cannot be used.
     DictionaryError : it ends before the fault.
     """
-    log, see = with_fault(thesis_record(settings), LATE_DRIFT), _methods(settings, BEST, SHIFTED)
-
-    def again(record: FlightLog) -> Views:
-        return *see(record), by_scan(record, settings, shapes=("bias", "drift"))
-
-    found = again(log)
-    missed = found[0].vaf_fault < 50.0
-    notes = shipped(settings)
-    return _reconstructed("5-12", log, found, settings, again=again, heading=missed, notes=notes, scan=found[-1])
-
-
-def _methods(settings: Settings, order: int, filters: DmaeSettings) -> Callable[[FlightLog], Views]:
-    """Return what gives the published method at an order, DMAE and ours on a log."""
-    return lambda log: (by_published(log, order), by_dmae(log, filters, settings), by_default(log))
+    return _reconstructed(
+        "5-12",
+        with_fault(thesis_record(settings), LATE_DRIFT),
+        settings,
+        order=BEST,
+        filters=SHIFTED,
+        holds=lambda views: views["sparse"].vaf_fault < 50.0,
+        scanned=("bias", "drift"),
+        notes=shipped(settings),
+    )
 
 
-def _with_fault_noise(log: FlightLog, settings: Settings) -> Views:
+def perturbed(clean: FlightLog, kappa: float) -> FlightLog:
+    """Return a record with a bias of 4 m/s and kappa cos(4.5 pi t), which starts at 12 s as in the listing."""
+    bias = Fault(shape="bias", name="bias_13.8", magnitude=4.0, onset_s=13.8)
+    ripple = Fault(
+        shape="cosine", name="perturbation", magnitude=kappa, frequency_hz=2.25, onset_s=12.0, phase_reference="window"
+    )
+    return with_fault(clean, *((bias, ripple) if kappa else (bias,)))
+
+
+def magnitude_error(log: FlightLog, one: Reconstruction) -> float:
+    """Return the error of the magnitudes, equation 5-1; NaN where no fault of the log is in the dictionary."""
+    assert log.truth is not None
+    true = {fault.name: fault.magnitude for fault in log.truth.faults if fault.name in one.magnitudes}
+    if not true:
+        return float("nan")
+    off = [z - true.get(name, 0.0) for name, z in one.magnitudes.items()]
+    return float(np.linalg.norm(off) / np.linalg.norm(list(true.values())))
+
+
+def _with_fault_noise(log: FlightLog, settings: Settings) -> Sequence[Reconstruction]:
     """Return DMAE with process noise of the fault, which a quick run leaves out."""
     tuned = {f"DMAE, fault noise {size:g} (m/s)^2": replace(SINUSOIDS, fault_variance=size) for size in FAULT_VARIANCES}
     return () if settings.quick else tuple(by_dmae(log, one, settings, label=label) for label, one in tuned.items())
 
 
+def _solved(log: FlightLog, order: int) -> dict[str, Reconstruction]:
+    return by_readings(log, order) | {name: by_program(log, name) for name in PROGRAM}
+
+
+def _sentences(page: Page, seen: Told, **values: object) -> list[str]:
+    """Return the page's sentence about a record, for every record."""
+    return [
+        fill(page["sentence"], record=f"{label[:1].upper()}{label[1:]}", **values, **v) for label, v in seen.items()
+    ]
+
+
+def _rows(page: Page, seen: Told) -> list[Sequence[str]]:
+    """Return the page's rows of the comparison that every record has."""
+    return [row for label, views in seen.items() for row in fill(page["record_rows"], record=label, **views)]
+
+
+def _listed(orders: Sequence[int]) -> str:
+    first, last = orders[0], orders[-1]
+    return f"{first} to {last}" if len(orders) > last - first else ", ".join(map(str, orders))
+
+
+def _method_tables(seen: Mapping[str, Views], others: Sequence[Reconstruction] = ()) -> list[Table]:
+    """Return a table of all methods for every record; `others` belong to the first of them."""
+    tables = []
+    for i, (label, views) in enumerate(seen.items()):
+        rows = [
+            (one.label, percent(one.vaf_fault), f"{one.vaf_output:.3f} %", one.declared)
+            for one in (*views.values(), *(others if i == 0 else ()))
+        ]
+        name = "methods" if i == 0 else "noise"
+        tables.append(table(load("thesis")["shared"], name, rows, record=label))
+    return tables
+
+
 def _reconstructed(
     figure: str,
-    log: FlightLog,
-    found: Views,
+    faulty: FlightLog,
     settings: Settings,
     *,
-    again: Callable[[FlightLog], Views],
-    heading: object,
-    others: Views = (),
+    order: int,
+    filters: DmaeSettings,
+    holds: Callable[[Views], bool],
+    values: Callable[[Views], Mapping[str, object]] = lambda _: {},
+    scanned: Sequence[Shape] = (),
+    others: Sequence[Reconstruction] = (),
     notes: Sequence[str] = (),
-    **values: object,
 ) -> ReportContent:
-    """Return the page of a faulty log: every method, the same with noise, the figure.
+    """Return the page of a faulty log: every method, with and without noise where the log is simulated.
 
     Parameters
     ----------
-    found : the published method, DMAE, ours and further reconstructions, which are drawn.
-    others : reconstructions that are only tabulated.
-    again : makes those of the table with noise, which a quick run and a log of the user's own have none of.
+    order : of the readings of algorithm 3.
+    holds : whether what the thesis says of the figure holds for the methods.
+    values : further values of the page's text about a record.
+    scanned : shapes for which the scan over all starts is made too.
+    others : reconstructions of the first record that are only tabulated.
     """
-    page, shared = load("thesis")[figure], load("thesis")["shared"]
-    tables = {"methods": (*found, *others)}
-    if settings.log is None and not settings.quick:
-        tables["noise"] = again(with_noise(log, NOISE_M_S, seed=settings.seed))
-    true, spans = true_fault(log), fault_starts(log)[:1]
-    curves = [curve("true", log.time_s, true)]
-    curves += [curve(one.label, one.time_s, one.fault, style=look) for one, look in zip(found, STYLES, strict=False)]
-    # The true fault fills about half of the axis; a reconstruction far outside leaves it.
-    low, high = min(float(true.min()), 0.0), max(float(true.max()), 0.0)
-    room = 0.6 * (high - low)
-    faults = Panel(
-        x_label="time [s]",
-        y_label="fault [m/s]",
-        curves=tuple(curves),
-        spans=spans,
-        y_limits=(low - room, high + room),
-    )
+    page, shared, name = load("thesis")[figure], load("thesis")["shared"], f"thesis_{figure.replace('-', '_')}"
+    seen: dict[str, Views] = {}
+    records = records_of(faulty, settings)
+    for done, (label, log) in enumerate(records.items(), start=1):
+        scan = {"scan": by_scan(log, settings, shapes=scanned)} if scanned else {}
+        seen[label] = {**_solved(log, order), "dmae": by_dmae(log, filters, settings), **scan}
+        settings.report(done, len(records))
+    drawings = []
+    for i, (label, log) in enumerate(records.items()):
+        true, spans, views = true_fault(log), fault_starts(log)[:1], seen[label]
+        # The true fault fills about half of the axis; a reconstruction far outside leaves it.
+        low, high = min(float(true.min()), 0.0), max(float(true.max()), 0.0)
+        room = 0.6 * (high - low)
+        airspeed = airspeed_panel(log, spans)
+        panels = [
+            replace(airspeed, curves=(*airspeed.curves, *_curves(views, ("sparse", "dmae", "risro"), "airspeed")))
+        ]
+        for names in (READINGS[:-1], [one for one in views if one not in READINGS[:-1]]):
+            panels.append(
+                Panel(
+                    x_label="time [s]",
+                    y_label="fault [m/s]",
+                    curves=(curve("true", log.time_s, true), *_curves(views, names, "fault")),
+                    spans=spans,
+                    y_limits=(low - room, high + room),
+                )
+            )
+        drawings.append(drawing(page, name if i == 0 else f"{name}_noise", panels, caption=name, record=label))
+    told = {label: {**views, **values(views)} for label, views in seen.items()}
     return exhibit(
         page,
-        {"log": log, "published": found[0], "dmae": found[1], "ours": found[2], **values},
-        heading=heading,
-        tables=[
-            table(
-                page,
-                name,
-                [(one.label, percent(one.vaf_fault), percent(one.vaf_output), one.found) for one in views],
-                noise=NOISE_M_S,
-            )
-            for name, views in tables.items()
-        ],
-        drawings=[drawing(page, f"thesis_{figure.replace('-', '_')}", (airspeed_panel(log, spans), faults))],
+        {"log": faulty, "verdict": " ".join(_sentences(page, told))},
+        heading=[holds(views) for views in seen.values()],
+        rows=_rows(page, told),
+        tables=_method_tables(seen, others),
+        drawings=drawings,
+        before=page.get("simulated", ()) if settings.log is None else (),
         notes=(*notes, *(() if settings.log is None else (shared["dmae_model"],)), *stand_in(settings)),
+        who=tuple(next(iter(seen.values()))),
+    )
+
+
+def _curves(views: Views, names: Sequence[str], what: str) -> tuple[Curve, ...]:
+    looks: tuple[Style, ...] = ("dashed", "dotted", "line", "dashed", "dotted")
+    drawn = [views[name] for name in names if name in views]
+    return tuple(
+        curve(one.label, one.time_s, getattr(one, what), style=look) for one, look in zip(drawn, looks, strict=False)
     )

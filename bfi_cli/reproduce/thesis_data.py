@@ -1,17 +1,30 @@
-"""The thesis's data: its record (figure 5-1) and its dictionary (figure 5-2)."""
+"""The thesis's data: its faults (table 2-1), its record (5-1) and its dictionary (5-2)."""
 
 from __future__ import annotations
 
 from ..config import Config
 from ..dictionary import signals
+from ..faults import Fault
 from ..identify import identify_faults
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number, quantity
+from ..shapes import SHAPES
 from .page import drawing, exhibit, fill, load, table
-from .reconstruction import clause, declared
-from .record import NOISE_M_S, Settings, stand_in, thesis_dictionary, thesis_record, with_noise
+from .reconstruction import declared
+from .record import (
+    NOISE_M_S,
+    Settings,
+    airspeed_panel,
+    fault_starts,
+    stand_in,
+    thesis_dictionary,
+    thesis_record,
+    true_fault,
+    with_fault,
+    with_noise,
+)
 
-__all__ = ["thesis_5_1", "thesis_5_2"]
+__all__ = ["thesis_5_1", "thesis_5_2", "thesis_table_2_1"]
 
 
 def thesis_5_1(settings: Settings) -> ReportContent:
@@ -34,7 +47,6 @@ def thesis_5_1(settings: Settings) -> ReportContent:
             "log": log,
             "interval_s": 1.0 / log.rate_hz,
             "altitude": page["altitude"][given],
-            "clause": clause(answer),
             "declared": declared(answer),
             **{name: f"{number(float(y.min()))} and {number(float(y.max()))}" for name, y in values.items()},
         },
@@ -68,5 +80,33 @@ def thesis_5_2(settings: Settings) -> ReportContent:
         rows=rows,
         tables=[table(page, "signals", shown, noise=NOISE_M_S)],
         drawings=[drawing(page, "thesis_5_2", panels, across=2)],
+        notes=stand_in(settings),
+    )
+
+
+def thesis_table_2_1(settings: Settings) -> ReportContent:
+    """Return table 2-1: what blocks a pitot probe and the signal that stands for it, drawn on the record's airspeed.
+
+    Raises
+    ------
+    LogError : the log of the settings cannot be used.
+    DictionaryError : it ends before a fault.
+    """
+    page, log = load("thesis")["2-1"], thesis_record(settings)
+    rows, panels = [], []
+    for blockage, printed, spec in page["faults"]:
+        fault = Fault(**spec)
+        faulty = with_fault(log, fault)
+        rows.append((blockage, f"{printed} (table 2-1)", f"{fault.shape}: {SHAPES[fault.shape].formula.rstrip('.')}"))
+        signal = (curve("", log.time_s, true_fault(faulty)),)
+        panels += [
+            Panel(title=blockage, x_label="time [s]", y_label="fault [m/s]", curves=signal),
+            airspeed_panel(faulty, fault_starts(faulty)),
+        ]
+    return exhibit(
+        page,
+        {"log": log},
+        rows=rows,
+        drawings=[drawing(page, "thesis_table_2_1", panels, across=2)],
         notes=stand_in(settings),
     )

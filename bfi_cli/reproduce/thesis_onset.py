@@ -2,35 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config import Config, merge
+from ..config import STRONG_EVIDENCE
 from ..faults import Fault, unit_signal
 from ..flightlog import FlightLog
 from ..identify.risro import solve
-from ..kernels.lagged import compress
+from ..kernels.lagged import Compressed, compress
+from ..kernels.model_selection import Penalty, Proposal, refine_supports
+from ..kernels.risro_varx import risro_varx, sparse_varx
+from ..kernels.sparsity import SparseStage
+from ..kernels.variable_projection import project_inputs
 from ..onset import OnsetResult, find_onset
-from ..report.content import Panel, ReportContent, Table, curve
-from ..report.text import interval, number
+from ..preprocessing.regression import ROUND_OFF
+from ..report.content import Drawing, Panel, ReportContent, Table, curve
+from ..report.text import number
 from ..shapes import Shape
 from .page import drawing, exhibit, fill, load, table
-from .reconstruction import COPIES, SETTLED, dated, scanning, shipped
+from .reconstruction import COPIES, READINGS, dated, label_of, method_config, scanning, shipped
 from .record import (
     NOISE_M_S,
     Settings,
     airspeed_panel,
     fault_starts,
+    records_of,
     stand_in,
     thesis_record,
     true_fault,
     with_fault,
-    with_noise,
 )
-from .thesis_perturbed import LOW
+from .thesis_cases import LOW
 
 __all__ = ["thesis_5_13", "thesis_5_14", "thesis_5_15", "thesis_5_16"]
 
@@ -39,37 +44,42 @@ FloatArray = NDArray[np.float64]
 BIAS = Fault(shape="bias", magnitude=5.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=5.0, slope=0.05, onset_s=16.0)
 FIRST_S, LAST_S, STEP_S, QUICK_STEP_S = 14.5, 17.0, 0.01, 0.1  # the axis of the published figures, every sample
+METHODS = (*READINGS, "staged")  # that solve the problem anew for every start
 SHAPES: tuple[Shape, ...] = ("bias", "drift")
 UNIT = {"bias": "m/s", "drift": "0.05 m/s^2"}
 TIMES = {"bias": "m/s", "drift": "x 0.05 m/s^2"}
-SCAN = {"conditioning.rate_hz": 10.0, "model.order": 4, "start_time.shapes": list(SHAPES)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Case:
-    """A record with one fault: the published magnitudes over the starts of signals of one shape, and the scan."""
+    """A record with one fault: magnitudes over the starts of signals of one shape, and the scan.
+
+    `magnitudes` are those of the readings of algorithm 3 and of our stage by their names, (n_starts,) each.
+    """
 
     label: str
     log: FlightLog
     shape: Shape
     starts_s: FloatArray
-    magnitude: FloatArray
+    magnitudes: Mapping[str, FloatArray]
     scan: OnsetResult
 
-    @property
-    def peak(self) -> str:
-        """The largest published magnitude and its start."""
-        best = int(np.argmax(np.abs(self.magnitude)))
-        return f"{number(float(self.magnitude[best]))} {TIMES[self.shape]} at {self.starts_s[best]:.5g} s"
+    def peak(self, name: str = "sparse") -> str:
+        """Return the largest magnitude of a method and its start."""
+        best = int(np.argmax(np.abs(self.magnitudes[name])))
+        if self.magnitudes[name][best] == 0.0:
+            return "0 at every start"
+        return f"{number(float(self.magnitudes[name][best]))} {TIMES[self.shape]} at {self.starts_s[best]:.5g} s"
 
     @property
     def declared(self) -> str:
         """What the scan says."""
         return "; ".join(map(dated, self.scan.faults)) or "none"
 
-    def has_other_than(self, shape: str) -> bool:
-        """Say whether the scan declares a fault of another shape."""
-        return any(one.estimate.fault.shape != shape for one in self.scan.faults)
+    @property
+    def shapes(self) -> set[str]:
+        """The shapes of the faults that the scan declares."""
+        return {one.estimate.fault.shape for one in self.scan.faults}
 
 
 def thesis_5_13(settings: Settings) -> ReportContent:
@@ -82,13 +92,11 @@ def thesis_5_13(settings: Settings) -> ReportContent:
     """
     page, log = load("thesis")["5-13"], thesis_record(settings)
     faulty = with_fault(log, BIAS)
-    spans = fault_starts(faulty)
-    scan = find_onset(with_noise(faulty, NOISE_M_S, seed=settings.seed), merge(Config(), SCAN))
-    found = [
-        fill(page["found"], shape=fault.shape, onset_s=fault.onset_s, interval=interval(one.onset_ci95))
-        for one in scan.faults
-        for fault in (one.estimate.fault,)
-    ]
+    spans, scans = fault_starts(faulty), {}
+    with scanning(settings, SHAPES) as config:
+        for label, record in records_of(faulty, settings).items():
+            scans[label] = find_onset(record, config)
+    told = {label: "; ".join(map(dated, scan.faults)) or "none" for label, scan in scans.items()}
     elevator, fault = curve("", log.time_s, log.channel("elevator").values), curve("", log.time_s, true_fault(faulty))
     panels = (
         Panel(x_label="time [s]", y_label="elevator [rad]", curves=(elevator,)),
@@ -97,16 +105,12 @@ def thesis_5_13(settings: Settings) -> ReportContent:
     )
     return exhibit(
         page,
-        {
-            "log": log,
-            "noise": NOISE_M_S,
-            "onset_s": spans[0].low,
-            "found": "; ".join(found) or "nothing",
-            "sizes": ", ".join(f"{number(one.estimate.magnitude)} {one.estimate.unit}" for one in scan.faults) or "-",
-        },
-        heading=bool(scan.faults),
+        {"log": log, "onset_s": spans[0].low, "declared": "; ".join(f"{label}: {one}" for label, one in told.items())},
+        heading=[bool(scan.faults) for scan in scans.values()],
+        rows=[fill(page["scan_row"], label=label, declared=one) for label, one in told.items()],
         drawings=[drawing(page, "thesis_5_13", panels)],
-        notes=stand_in(settings),
+        notes=(*_about_the_scan(settings)[:1], *stand_in(settings)),
+        who=("scan",),
     )
 
 
@@ -136,30 +140,32 @@ def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) ->
     """Return the page of a fault that is looked for with signals of its own shape."""
     page = {**load("thesis")["5-14"], **load("thesis")[figure]}
     cases = _cases(settings, fault, fault.shape)
-    first, last = cases[0], cases[-1]
-    spans, x_label = fault_starts(first.log), "assumed start [s]"
+    first = cases[0]
+    spans = fault_starts(first.log)
     profiles = [(one.label, p) for one in cases for p in one.scan.profiles if p.shape == fault.shape]
     true = curve("", first.log.time_s, true_fault(first.log))
-    sizes = tuple(curve(label, p.onset_s, p.magnitude) for label, p in profiles)
-    panels = (
+    panels = [
         Panel(x_label="time [s]", y_label="fault [m/s]", curves=(true,), spans=spans),
-        _published_panel(cases),
-        _statistic_panel(last),
-        Panel(x_label=x_label, y_label=f"ours [{profiles[0][1].unit}]", curves=sizes, spans=spans),
-    )
+        *map(_magnitudes_panel, cases),
+        *map(_statistic_panel, cases),
+        Panel(
+            x_label="assumed start [s]",
+            y_label=f"magnitude, scan [{profiles[0][1].unit}]",
+            curves=tuple(curve(label, p.onset_s, p.magnitude) for label, p in profiles),
+            spans=spans,
+        ),
+    ]
     known = {"figure": figure, "shape": fault.shape, "onset_s": fault.onset_s}
     return exhibit(
         page,
-        {**known, "peak": first.peak, "size": size, "true_s": spans[0].low, "first": first, "last": last},
-        heading=all(len(one.scan.faults) == 1 and not one.has_other_than(fault.shape) for one in cases),
-        rows=[
-            fill(page[row], label=one.label, peak=one.peak, declared=one.declared, **known)
-            for row in ("peak_row", "scan_row")
-            for one in cases
-        ],
-        tables=[_statistics(cases)],
+        {**known, "size": size, "true_s": spans[0].low, "first": first, "verdict": _verdict(page, cases)},
+        heading=[len(one.scan.faults) == 1 and one.shapes == {fault.shape} for one in cases],
+        rows=[row for one in cases for row in fill(page["case_rows"], **{**known, **_told(one)})],
+        tables=[_peaks(cases), _statistics(cases)],
         drawings=[drawing(page, f"thesis_{figure.replace('-', '_')}", panels)],
+        before=page["simulated"] if settings.log is None else (),
         notes=_about_the_scan(settings),
+        who=(*METHODS, "scan"),
     )
 
 
@@ -176,52 +182,42 @@ def thesis_5_16(settings: Settings) -> ReportContent:
         "bias": _cases(settings, BIAS, "drift", step=0, of=2),
         "drift": _cases(settings, DRIFT, "bias", step=1, of=2),
     }
-    published = [_published_panel(found, title=page["panels"][fault]) for fault, found in cases.items()]
+    every = [one for group in cases.values() for one in group]
+    drawings: list[Drawing] = []
+    for i, pair in enumerate(zip(*cases.values(), strict=True)):
+        titles = [page["panels"][fault] for fault in cases]
+        panels = [_magnitudes_panel(one, title=title) for one, title in zip(pair, titles, strict=True)]
+        panels += [_statistic_panel(one) for one in pair]
+        name = "thesis_5_16" if i == 0 else "thesis_5_16_noise"
+        drawings.append(drawing(page, name, panels, across=2, caption="thesis_5_16", record=pair[0].label))
+    right = [
+        all(one.shapes <= {fault} for fault, one in zip(cases, pair, strict=True))
+        for pair in zip(*cases.values(), strict=True)
+    ]
     return exhibit(
         page,
-        {
-            "drift_peak": cases["bias"][0].peak,
-            "bias_peak": cases["drift"][0].peak,
-            **{fault: found[-1] for fault, found in cases.items()},
-        },
-        heading=any(one.has_other_than(fault) for fault, found in cases.items() for one in found),
+        {"first": every[0], "verdict": " ".join(_verdict(page, group, fault=fault) for fault, group in cases.items())},
+        heading=right,
         rows=[
-            fill(
-                page[row],
-                fault=fault,
-                shape=one.shape,
-                label=one.label,
-                published=page["published"][fault],
-                peak=one.peak,
-                declared=one.declared,
-            )
-            for row in ("peak_row", "scan_row")
-            for fault, found in cases.items()
-            for one in found
+            row
+            for fault, group in cases.items()
+            for one in group
+            for row in fill(page["case_rows"], fault=fault, published=page["published"][fault], **_told(one))
         ],
-        tables=[_statistics([one for found in cases.values() for one in found])],
-        drawings=[
-            drawing(
-                page,
-                "thesis_5_16",
-                (*published, *(_statistic_panel(found[-1]) for found in cases.values())),
-                across=2,
-            )
-        ],
+        tables=[_peaks(every), _statistics(every)],
+        drawings=drawings,
         notes=_about_the_scan(settings),
+        who=(*METHODS, "scan"),
     )
 
 
 def _cases(settings: Settings, fault: Fault, shape: Shape, *, step: int = 0, of: int = 1) -> tuple[_Case, ...]:
     """Return the record with a fault, simulated ones with and without noise.
 
-    The published method has signals of one shape and solves the whole problem anew for every start; the scan has both.
+    Algorithm 3 has signals of one shape and solves the whole problem anew for every start; the scan has both shapes.
     """
     clean = thesis_record(settings)
-    log, simulated = with_fault(clean, fault), settings.log is None
-    records = {"no noise" if simulated else "as recorded": log}
-    if simulated and not settings.quick:
-        records[f"noise {NOISE_M_S:g} m/s"] = with_noise(log, NOISE_M_S, seed=settings.seed)
+    records = records_of(with_fault(clean, fault), settings)
     apart = QUICK_STEP_S if settings.quick else STEP_S
     start_s = float(clean.time_s[0])
     starts_s = start_s + np.round(np.arange(FIRST_S, LAST_S + 0.5 * apart, apart), 2)
@@ -230,24 +226,54 @@ def _cases(settings: Settings, fault: Fault, shape: Shape, *, step: int = 0, of:
         for n, (label, record) in enumerate(records.items(), start=1):
             u, y = (record.channel(name).values - record.channel(name).values.mean() for name in ("elevator", "tas"))
             u, unit = u / (np.std(u) or 1.0), float(np.std(y))
-            magnitude = []
+            magnitudes: dict[str, list[float]] = {name: [] for name in METHODS}
             for assumed_s in starts_s.tolist():
                 atom = Fault(shape=shape, onset_s=assumed_s, slope=DRIFT.slope if shape == "drift" else None)
-                theta = unit_signal(atom, record.time_s, window_start_s=start_s)
-                data = compress(u[:, None], y[:, None] / unit, theta[:, None, None], order=LOW)
-                magnitude.append(unit * float(solve(data, SETTLED).z[0]))
+                theta = unit_signal(atom, record.time_s, window_start_s=start_s) / unit
+                scale = float(np.sqrt(np.mean(theta**2)))  # the published stage sees magnitudes of standardised signals
+                data = compress(u[:, None], y[:, None] / unit, theta[:, None, None] / scale, order=LOW)
+                for name, values in magnitudes.items():
+                    z = _by_stage(data) if name == "staged" else float(solve(data, method_config(name)).z[0])
+                    values.append(z / scale)
             cases.append(
                 _Case(
                     label=label,
                     log=record,
                     shape=shape,
                     starts_s=starts_s,
-                    magnitude=np.array(magnitude),
+                    magnitudes={name: np.array(values) for name, values in magnitudes.items()},
                     scan=find_onset(record, config),
                 )
             )
             settings.report(step * len(records) + n, of * len(records))
     return tuple(cases)
+
+
+def _by_stage(data: Compressed) -> float:
+    """Return the magnitude of the one atom of the data that our sparsity stage and the criterion leave, 0 for none."""
+    problem, n_rows = project_inputs(data, LOW, floor=ROUND_OFF), data.n_rows
+    penalty = Penalty(n_rows=n_rows, n_effective=float(n_rows), n_candidates=1, evidence=STRONG_EVIDENCE)
+    price, stage = penalty.per_parameter + penalty.per_atom, SparseStage(kind="exp-l0")
+    visits = sparse_varx(problem, risro_varx(data), n_atoms=1, stage=stage, price=price)
+    proposals = [Proposal(order=LOW, atoms=one, z=went.z[list(one)]) for went in visits for one in went.supports]
+    (search,), _ = refine_supports([problem], [0], penalty, proposals=proposals, dropping_only=True)
+    fit = search.best.fit
+    return float(fit.z[0]) if fit.atoms else 0.0
+
+
+def _told(one: _Case) -> dict[str, object]:
+    peaks = {name: one.peak(name) for name in METHODS}
+    return {
+        "label": one.label,
+        "record": one.label.capitalize(),
+        "shape": one.shape,
+        "declared": one.declared,
+        "peaks": peaks,
+    }
+
+
+def _verdict(page: Mapping[str, str], cases: Sequence[_Case], **known: object) -> str:
+    return " ".join(fill(page["sentence"], **known, **_told(one)) for one in cases)
 
 
 def _about_the_scan(settings: Settings) -> tuple[str, ...]:
@@ -257,6 +283,14 @@ def _about_the_scan(settings: Settings) -> tuple[str, ...]:
     whole = (page["whole"],) if settings.log is None else ()
     quick = (page["quick"],) if settings.quick else ()
     return (*(shipped(settings) or (counted,)), *whole, *quick, *stand_in(settings))
+
+
+def _peaks(cases: Sequence[_Case]) -> Table:
+    rows = []
+    for case in cases:
+        fault = case.scan.truth[0].shape if case.scan.truth else "-"
+        rows += [(fault, case.label, case.shape, label_of(name), case.peak(name)) for name in METHODS]
+    return table(load("thesis")["5-14"], "peaks", rows)
 
 
 def _statistics(cases: Sequence[_Case]) -> Table:
@@ -271,19 +305,20 @@ def _statistics(cases: Sequence[_Case]) -> Table:
     return table(load("thesis")["5-14"], "statistics", rows)
 
 
-def _published_panel(cases: Sequence[_Case], *, title: str = "") -> Panel:
+def _magnitudes_panel(case: _Case, *, title: str = "") -> Panel:
     return Panel(
-        title=title,
+        title=", ".join(part for part in (title, case.label) if part),
         x_label="assumed start [s]",
-        y_label=f"published [{UNIT[cases[0].shape]}]",
-        curves=tuple(curve(one.label, one.starts_s, one.magnitude) for one in cases),
-        spans=fault_starts(cases[0].log),
+        y_label=f"magnitude [{UNIT[case.shape]}]",
+        curves=tuple(curve(label_of(name), case.starts_s, case.magnitudes[name]) for name in METHODS),
+        spans=fault_starts(case.log),
     )
 
 
 def _statistic_panel(case: _Case) -> Panel:
     profiles = case.scan.profiles
     return Panel(
+        title=f"ours, scan, {case.label}",
         x_label="assumed start [s]",
         y_label="statistic [-]",
         curves=tuple(curve(one.shape, one.onset_s, one.statistic) for one in profiles),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.aircraft import MODELS, Dryden, Flown, find_model, manoeuvre, simulate, time_axis
-from bfi_cli.commands import _run
+from bfi_cli.commands import run_command
 from bfi_cli.errors import ConfigError
 from bfi_cli.flightlog import FlightLog, read_log
 
@@ -141,7 +141,7 @@ def test_leaving_the_tables_is_refused():
 def test_the_command_writes_the_librarys_log(tmp_path: Path):
     out = tmp_path / "f16.h5"
     options = ["--manoeuvre", "doublet", "--duration", "5", "--rate", f"{RATE:g}", "--seed", "3", "--noise", "tas=0.05"]
-    assert _run(["simulate", "f16", "-o", str(out), *options]) == 0
+    assert run_command(["simulate", "f16", "-o", str(out), *options]) == 0
     expected = flown(rng=np.random.default_rng(3), noise_sd={"tas": 0.05})
     log = read_log(out)
     for name, channel in expected.channels.items():
@@ -150,7 +150,7 @@ def test_the_command_writes_the_librarys_log(tmp_path: Path):
 
 def test_the_command_refuses_turbulence_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "f16.h5"
-    assert _run(["simulate", "f16", "-o", str(out), "--turbulence", "1"]) == 2
+    assert run_command(["simulate", "f16", "-o", str(out), "--turbulence", "1"]) == 2
     assert capsys.readouterr().err == "f16: turbulence: not modelled, got 1 m/s; leave it out\n"
     assert not out.exists()
 

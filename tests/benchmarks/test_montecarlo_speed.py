@@ -32,7 +32,9 @@ def sweep(tmp_path: Path) -> Sweep:
     text = (ROOT / "configs" / "montecarlo_thesis.yaml").read_text()
     path = tmp_path / "sweep.yaml"
     path.write_text(
-        text.replace("[risro, ml]", "risro").replace("dictionary: ", f"dictionary: {ROOT / 'configs'}/", 1),
+        text.replace("[risro, ml]", "risro\n  risro.sparsity: none").replace(
+            "dictionary: ", f"dictionary: {ROOT / 'configs'}/", 1
+        ),
     )
     return load_sweep(path)
 

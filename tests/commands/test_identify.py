@@ -148,8 +148,8 @@ DMAE = (
     "fault_variance: 1.0",
     "adaptive_window: null",
 )
-# Those change the magnitudes that the method finds.
-SPARSITY = ("sparsity: exp_l0", "alpha: 9.0", "r: 1e-3", "p0: 1e3", "updates: 9")
+# Those change the magnitudes that the published method finds.
+SPARSITY = ("sparsity: none", "alpha: 9.0", "r: 1e-3", "p0: 1e3", "updates: 9")
 
 
 @pytest.mark.parametrize(("key", "text", "path", "expected"), EFFECTS, ids=[effect[0] for effect in EFFECTS])
@@ -165,13 +165,42 @@ def test_a_key_of_the_sparsity_stage(identify: Callable, tmp_path: Path, i: int)
     file = tmp_path / "c.yaml"
 
     def magnitudes(*settings: str) -> list[float]:
-        fixed = "method: risro\nmodel: {order: 4}\nconditioning: {rate_hz: 10}"
+        fixed = "method: risro-as-published\nmodel: {order: 4}\nconditioning: {rate_hz: 10}"
         file.write_text(f"{fixed}\ndictionary: {FAULTS}\nrisro: {{{', '.join(settings)}}}\n")
         return [candidate["magnitude"] for candidate in identify(TWO, "-c", file)["candidates"]]
 
-    # Each setting takes effect only beside those before it; all the others are at the defaults.
-    first = [] if i == 0 else [SPARSITY[0]]
-    assert magnitudes(*first, SPARSITY[i]) != magnitudes(*first)
+    assert magnitudes(SPARSITY[i]) != magnitudes()
+
+
+@pytest.mark.parametrize("text", ["sparsity: l1", "alpha: 0.1", "r: 10.0", "p0: 0.01"])
+def test_a_key_of_the_derived_stage_changes_where_it_goes(identify: Callable, tmp_path: Path, text: str):
+    file = tmp_path / "c.yaml"
+
+    def went(*settings: str) -> list[tuple[int, list[list[str]]]]:
+        fixed = "method: risro\nmodel: {order: 4}\nconditioning: {rate_hz: 10}"
+        file.write_text(f"{fixed}\ndictionary: {FAULTS}\nrisro: {{{', '.join(settings)}}}\n")
+        return [(run["iterations"], run["supports"]) for run in identify(TWO, "-c", file)["solver"]["sparsity"]["runs"]]
+
+    assert went(text) != went()
+
+
+@pytest.mark.parametrize("kind", ["none", "l1", "lp", "exp-l0"])
+def test_the_option_of_the_stage(identify: Callable, kind: str):
+    document = identify(TWO, "-d", FAULTS, "--method", "risro", "--order", "6", "--rate", "10", "--sparsity", kind)
+    told = document["solver"]["sparsity"]
+    assert (told and told["kind"]) == (None if kind == "none" else kind)
+    assert set(MAGNITUDE) <= {fault["name"] for fault in document["faults"]}
+
+
+def test_strict_refuses_an_answer_of_a_solver_that_did_not_converge(identify: Callable, tmp_path: Path):
+    file = tmp_path / "c.yaml"
+    file.write_text(
+        f"method: risro\nstrict: true\ndictionary: {FAULTS}\n"
+        "risro: {sparsity: none, max_iterations: 2, tolerance: 1e-300}\n"
+    )
+    document = identify(TWO, "-c", file, code=4)
+    assert document["decision"] == "not_identifiable"
+    assert {fault["ci95"] for fault in document["faults"]} == {None}
 
 
 @pytest.mark.parametrize("text", DMAE, ids=[text.partition(":")[0] for text in DMAE])

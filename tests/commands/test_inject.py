@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bfi_cli.commands import _run
+from bfi_cli.commands import run_command
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log
 from bfi_cli.flightlog.report import log_lines
@@ -20,7 +20,7 @@ SINE = "sine,channel=aoa,magnitude=0.02,frequency_hz=1.15,onset_s=1,offset_s=2,p
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("logs") / "clean.h5"
-    assert _run(["simulate", "citation", "-o", str(path), "--duration", "4", "--noise", "tas=0.01"]) == 0
+    assert run_command(["simulate", "citation", "-o", str(path), "--duration", "4", "--noise", "tas=0.01"]) == 0
     return path
 
 
@@ -30,7 +30,7 @@ def out(tmp_path: Path) -> Path:
 
 
 def test_the_file_holds_the_faulty_channel_and_the_truth(clean: Path, out: Path):
-    assert _run(["inject", str(clean), "--fault", BIAS, "-o", str(out)]) == 0
+    assert run_command(["inject", str(clean), "--fault", BIAS, "-o", str(out)]) == 0
     original, faulty = read_log(clean), read_log(out)
     assert faulty.truth is not None
     assert faulty.truth.faults == (Fault(shape="bias", channel="tas", magnitude=4.0, onset_s=1.5),)
@@ -43,9 +43,9 @@ def test_the_file_holds_the_faulty_channel_and_the_truth(clean: Path, out: Path)
 
 def test_two_commands_do_the_same_as_one_with_both_faults(clean: Path, out: Path, tmp_path: Path):
     between, again = tmp_path / "between.h5", tmp_path / "again.h5"
-    assert _run(["inject", str(clean), "--fault", BIAS, "--fault", SINE, "-o", str(out)]) == 0
-    assert _run(["inject", str(clean), "--fault", BIAS, "-o", str(between)]) == 0
-    assert _run(["inject", str(between), "--fault", SINE, "-o", str(again)]) == 0
+    assert run_command(["inject", str(clean), "--fault", BIAS, "--fault", SINE, "-o", str(out)]) == 0
+    assert run_command(["inject", str(clean), "--fault", BIAS, "-o", str(between)]) == 0
+    assert run_command(["inject", str(between), "--fault", SINE, "-o", str(again)]) == 0
     both, steps = read_log(out), read_log(again)
     assert both.truth is not None
     assert steps.truth is not None
@@ -58,12 +58,12 @@ def test_two_commands_do_the_same_as_one_with_both_faults(clean: Path, out: Path
 
 def test_a_file_is_never_replaced_by_its_faulty_version(clean: Path, out: Path):
     out.write_bytes(clean.read_bytes())
-    assert _run(["inject", str(out), "--fault", BIAS, "-o", str(out), "--force"]) == 2
+    assert run_command(["inject", str(out), "--fault", BIAS, "-o", str(out), "--force"]) == 2
     assert out.read_bytes() == clean.read_bytes()
 
 
 def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, capsys: pytest.CaptureFixture[str]):
-    assert _run(["inject", str(clean), "--fault", SINE, "-o", str(out), "--json"]) == 0
+    assert run_command(["inject", str(clean), "--fault", SINE, "-o", str(out), "--json"]) == 0
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert captured.err == ""
@@ -88,7 +88,7 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
 
 
 def test_a_fault_over_the_whole_log_is_a_note(clean: Path, out: Path, capsys: pytest.CaptureFixture[str]):
-    assert _run(["inject", str(clean), "--fault", "bias,channel=tas,magnitude=1", "-o", str(out), "--json"]) == 0
+    assert run_command(["inject", str(clean), "--fault", "bias,channel=tas,magnitude=1", "-o", str(out), "--json"]) == 0
     [note] = json.loads(capsys.readouterr().out)["notes"]
     assert note.startswith("fault 'bias' on tas acts at every sample of the log")
 
@@ -125,7 +125,7 @@ def test_the_lines_of_a_terminal_name_channels_faults_and_notes(clean: Path):
 def test_what_the_user_can_mend_is_one_line(
     spec: str, code: int, message: str, clean: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ):
-    assert _run(["inject", str(clean), "--fault", spec, "-o", str(out)]) == code
+    assert run_command(["inject", str(clean), "--fault", spec, "-o", str(out)]) == code
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith(message.format(log=clean))
@@ -134,7 +134,7 @@ def test_what_the_user_can_mend_is_one_line(
 
 
 def test_a_fault_and_an_output_are_required(clean: Path, out: Path, capsys: pytest.CaptureFixture[str]):
-    assert _run(["inject", str(clean), "-o", str(out)]) == 2
+    assert run_command(["inject", str(clean), "-o", str(out)]) == 2
     assert "--fault" in capsys.readouterr().err
-    assert _run(["inject", str(clean), "--fault", BIAS]) == 2
+    assert run_command(["inject", str(clean), "--fault", BIAS]) == 2
     assert "-o" in capsys.readouterr().err

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bfi_cli import aircraft
-from bfi_cli.commands import _run
+from bfi_cli.commands import run_command
 from bfi_cli.flightlog import read_log
 
 SHORT = ["--duration", "3", "--rate", "50"]
@@ -23,7 +23,7 @@ def out(tmp_path: Path) -> Path:
 
 
 def simulate(out: Path, *options: str, model: str = "citation") -> None:
-    assert _run(["simulate", model, "-o", str(out), *options]) == 0
+    assert run_command(["simulate", model, "-o", str(out), *options]) == 0
 
 
 def test_the_defaults_are_those_of_the_library(out: Path):
@@ -74,7 +74,7 @@ def test_a_model_of_a_file_flies_as_the_one_of_the_program(tmp_path: Path):
     file = Path(__file__).parents[2] / "configs" / "citation_model.yaml"
     noisy = ["--noise", "tas=0.01", "--turbulence", "0.5", *SHORT]
     simulate(tmp_path / "ours.h5", *noisy)
-    assert _run(["simulate", "--model", str(file), "-o", str(tmp_path / "file.h5"), *noisy]) == 0
+    assert run_command(["simulate", "--model", str(file), "-o", str(tmp_path / "file.h5"), *noisy]) == 0
     assert (tmp_path / "ours.h5").read_bytes() == (tmp_path / "file.h5").read_bytes()
 
 
@@ -110,7 +110,7 @@ def on_a_terminal(*arguments: str) -> str:
     """Run the command with a terminal as stdout and return what it shows."""
     screen, tty = os.openpty()
     with open(tty, "w") as stdout, contextlib.redirect_stdout(stdout):
-        assert _run(list(arguments)) == 0
+        assert run_command(list(arguments)) == 0
     shown = os.read(screen, 4096).decode()
     os.close(screen)
     return shown
@@ -156,7 +156,7 @@ def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFix
 def test_what_the_user_can_mend_is_one_line_and_exit_code_2(
     options: list[str], message: str, out: Path, capsys: pytest.CaptureFixture[str]
 ):
-    assert _run(["simulate", "citation", "-o", str(out), *options]) == 2
+    assert run_command(["simulate", "citation", "-o", str(out), *options]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith(message)
@@ -165,5 +165,5 @@ def test_what_the_user_can_mend_is_one_line_and_exit_code_2(
 
 
 def test_an_unknown_model_is_named(out: Path, capsys: pytest.CaptureFixture[str]):
-    assert _run(["simulate", "citatoin", "-o", str(out)]) == 2
+    assert run_command(["simulate", "citatoin", "-o", str(out)]) == 2
     assert capsys.readouterr().err == "simulate: no such model, got 'citatoin'; did you mean 'citation'?\n"

@@ -119,7 +119,7 @@ def test_what_the_model_explains_away_tells_nothing(flight, tmp_path):
     result = assess(flight, both, QUICK)
     hidden = result.atoms[0]
     assert (hidden.live, hidden.divergence_bits, hidden.minimal_detectable) == (True, 0.0, None)
-    assert any(note.startswith("'course' leaves nothing") for note in result.notes)
+    assert any(note.startswith("the inputs and lags of the model explain all of 'course'") for note in result.notes)
     assert result.between[0, 1] == result.atoms[1].divergence_bits
     at_limit = assess(flight, both, QUICK, magnitudes=Magnitudes(in_limits=True))
     assert (at_limit.atoms[0].magnitude, at_limit.atoms[0].divergence_bits) == (None, None)

@@ -155,7 +155,7 @@ def test_causal_filtering_finds_the_same_fault(flight, thesis, faulty):
 def test_a_window_keeps_the_fault_that_lies_in_it(flight, thesis, faulty):
     late = replace(thesis, relative_to="log")
     config = Config.model_validate({"window": {"from_s": 4.0, "to_s": 28.0}})
-    result = identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0}), late, config)
+    result = identify_faults(faulty(flight(2), thesis, {"bias_13.8": 3.0}), late, config)
     assert result.truth.isolated, result.notes
     assert 4.0 <= result.log.start_s < result.log.stop_s < 28.0
     assert result.faults[0].fault.onset_s == 13.8

@@ -13,6 +13,9 @@ from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogErr
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
+from bfi_cli.identify.document import identify_document
+from bfi_cli.kernels.termination import Termination
+from bfi_cli.provenance import provenance
 
 
 @pytest.fixture(scope="module")
@@ -227,13 +230,56 @@ def test_a_dictionary_without_a_live_entry_is_refused(flight):
 
 
 def test_the_published_method_says_what_it_lacks(flight, thesis, faulty):
-    config = Config.model_validate({"method": "risro"})
+    config = Config.model_validate({"method": "risro", "risro": {"sparsity": "none"}})
     result = identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0}), thesis, config)
     assert result.solver.method == "risro"
+    assert result.solver.sparsity is None
     assert not result.model.feedthrough
     assert "no false-alarm rate" in result.notes[0]
     assert "bias_13.8" in {fault.name for fault in result.faults}
     assert all(np.isfinite([fault.magnitude, fault.sd]).all() for fault in result.faults)
+
+
+@pytest.mark.parametrize("kind", ["exp-l0", "l1", "lp"])
+def test_the_answer_says_what_the_sparsity_stage_did(flight, thesis, faulty, kind):
+    config = Config.model_validate({"method": "risro", "model": {"order": 6}, "risro": {"sparsity": kind}})
+    result = identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0}), thesis, config)
+    told = result.solver.sparsity
+    assert result.truth.isolated
+    assert (told.kind, told.alpha is None, told.updates) == (kind, kind != "exp-l0", None)
+    assert [(run.order, run.start) for run in told.runs] == [(6, "risro"), (6, "no fault")]
+    assert all(run.iterations > 1 and run.converged for run in told.runs)
+    assert ("bias_13.8",) in {run.supports[-1] for run in told.runs}
+    assert "bias_13.8" not in told.set_to_zero
+    steps = " and ".join(str(run.iterations) for run in told.runs)
+    said = f"({kind}, {steps} steps from its two starts) sets {len(told.set_to_zero)} of"
+    assert any(said in note for note in result.notes) == bool(told.set_to_zero)
+
+
+def test_the_published_stage_runs_as_published_only(flight, thesis, faulty):
+    log, rate = (
+        faulty(flight(1), thesis, {"bias_13.8": 3.0}),
+        {"conditioning": {"rate_hz": 10.0}, "model": {"order": 4}},
+    )
+    for updates in (0, 1, 2):
+        rules = {"method": "risro-as-published", "risro": {"updates": updates}}
+        result = identify_faults(log, thesis, Config.model_validate({**rules, **rate}))
+        told = result.solver.sparsity
+        assert (told.kind, told.alpha, told.r, told.runs) == ("exp-l0", 1.0, 10.0, ())
+        assert told.updates == updates * (result.solver.iterations - 1)
+
+
+def test_a_solver_that_did_not_converge_gives_no_interval_and_no_verdict(flight, thesis, faulty):
+    rules = {"method": "risro", "risro": {"sparsity": "none", "max_iterations": 2, "tolerance": 1e-300}}
+    result = identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0}), thesis, Config.model_validate(rules))
+    assert result.decision == "not_identifiable"
+    assert "did not converge" in result.notes[0]
+    assert Termination.MAX_ITERATIONS.value in result.notes[0]
+    assert result.faults
+    assert all(np.isnan([fault.sd, *fault.ci95]).all() for fault in result.faults)
+    assert all(entry.sd is None and entry.minimal_detectable is None for entry in result.candidates)
+    entries = identify_document(result, provenance(log_sha256=""))["faults"]
+    assert all(entry["sd"] is None and entry["ci95"] is None for entry in entries)
 
 
 def test_the_published_threshold_decides_what_is_active(flight, thesis, faulty):

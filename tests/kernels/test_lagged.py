@@ -49,8 +49,20 @@ def test_factor_is_triangular_and_has_the_gram_matrix_of_the_whole(n, feedthroug
     S = stacked(u, y, theta, order=4, first=4, feedthrough=feedthrough)
     assert data.n_rows == n - 4
     assert data.R.shape == (min(n - 4, data.columns.size), data.columns.size)
-    assert not np.tril(data.R, -1).any()
+    triangular = data.columns.size if n - 4 > data.columns.size else data.columns.n_base
+    assert not np.tril(data.R[:, :triangular], -1).any()
     assert_same_gram(data.R, S)
+
+
+def test_dependent_columns_lose_nothing_where_there_are_fewer_rows_than_columns():
+    """A column that the ones before it explain leaves a row of the triangle empty, and none may be cut off."""
+    u, y, theta = record(30)
+    theta = np.concatenate([theta, theta[:, :, :1], np.roll(theta, 1, axis=0)], axis=2)
+    data = compress(u, y, theta, order=4)
+    assert data.n_rows < data.columns.size
+    assert_same_gram(data.R, stacked(u, y, theta, order=4, first=4, feedthrough=False))
+    lower = restrict(data, order=2)
+    assert_same_gram(lower.R, stacked(u, y, theta, order=2, first=4, feedthrough=False))
 
 
 @settings(max_examples=20, deadline=None)

@@ -10,7 +10,7 @@ from made_varx import dictionary, explicit_error, made, wave
 
 from bfi_cli.kernels.lagged import compress
 from bfi_cli.kernels.termination import Termination
-from bfi_cli.kernels.variable_projection import Fit, fit_magnitudes, project_inputs, relaxed_bound
+from bfi_cli.kernels.variable_projection import Fit, fit_magnitudes, linear_additions, project_inputs, relaxed_bound
 
 ORDER = 2
 TINY = 1e-12
@@ -278,3 +278,20 @@ def test_the_iteration_limit_is_reported():
     u, y, theta, _ = faulty(15, noise_sd=0.1)
     fit = fit_magnitudes(problem_of(u, y, theta), ATOMS, max_iterations=1)
     assert (fit.iterations, fit.termination) == (1, Termination.MAX_ITERATIONS)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+@pytest.mark.parametrize("atoms", [(), (1,)])
+def test_what_an_addition_promises_is_what_it_brings_near_the_fit(n_y, atoms):
+    """For a small fault the likelihood is linear, so that gain and magnitude are those of the fit itself."""
+    z = np.array([0.0, -2.0 if atoms else 0.0, 0.02])
+    u, y, theta, _ = faulty(3, n_y=n_y, z=z, noise_sd=0.1)
+    problem = problem_of(u, y, theta)
+    base = fit_magnitudes(problem, atoms)
+    others = [atom for atom in range(3) if atom not in atoms]
+    gains, magnitudes = linear_additions(problem, base, others)
+    for gain, magnitude, atom in zip(gains, magnitudes, others, strict=True):
+        support = tuple(sorted((*atoms, atom)))
+        fit = fit_magnitudes(problem, support)
+        assert gain == pytest.approx(problem.n_rows * (base.log_det - fit.log_det), rel=0.1, abs=0.05)
+        assert magnitude == pytest.approx(fit.z[support.index(atom)], rel=0.1, abs=2e-3)

@@ -16,7 +16,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from bfi_cli.commands import _run
+from bfi_cli.commands import run_command
 
 EVERY_IDENTIFY = 10  # every tenth file is also given to `identify`
 LONGEST_S = 20
@@ -26,7 +26,7 @@ def outcome(*argv: str) -> str:
     """Run a command line and return what came of it: "read", "refused", or a sentence on what should never come."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = _run(argv)
+        code = run_command(argv)
     lines = err.getvalue().splitlines()
     if code in (2, 3):
         return "refused" if len(lines) == 1 and not out.getvalue() else f"{len(lines)} lines of error: {lines[:3]}"

@@ -8,8 +8,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from bfi_cli.reproduce.f16_flights import Case, F16Options, fly_cases
-from bfi_cli.reproduce.f16_table2 import BANDWIDTHS, TABLE_2, Indices, indices, montecarlo
+from bfi_cli.reproduce.f16_table2 import BANDWIDTHS, TABLE_2, Case, F16Options, Indices, fly_cases, indices, montecarlo
 
 pytestmark = pytest.mark.slow
 

@@ -130,12 +130,12 @@ def test_loaders(name: str, tmp_path: Path):
 # One process for all command lines of a file: its peak is that of the worst.
 RUN = """
 import contextlib, io, json, resource, sys
-from bfi_cli.commands import _run
+from bfi_cli.commands import run_command
 done = []
 for argv in json.load(sys.stdin):
     printed, said = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said):
-        code = _run(argv)
+        code = run_command(argv)
     done.append([code, printed.getvalue(), said.getvalue()])
 print(json.dumps([done, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss]))
 """

@@ -79,8 +79,9 @@ def test_fault_free(log: FlightLog) -> None:
 
 def test_the_rule_of_the_thesis_beside_it(log: FlightLog) -> None:
     """No bar: printed, so that the default's numbers have something to stand beside."""
-    published = merge(Config(), {"method": "risro", "model.order": 4, "conditioning.rate_hz": "none"})
-    decimated = merge(Config(), {"method": "risro", "model.order": 4, "conditioning.rate_hz": 10.0})
+    rule = {"method": "risro", "risro.sparsity": "none", "model.order": 4}
+    published = merge(Config(), {**rule, "conditioning.rate_hz": "none"})
+    decimated = merge(Config(), {**rule, "conditioning.rate_hz": 10.0})
     for noise in NOISES:
         trials = [draw(DICTIONARY, n, seed, noise) for n in (0, *SIZES) for seed in range(25)]
         for name, config in {"100 Hz": published, "10 Hz": decimated}.items():

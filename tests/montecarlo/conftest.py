@@ -21,7 +21,7 @@ RECORD = "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: di
 SWEEPS = {
     "noisy": f"{RECORD}noise: {{tas: [0.01, 0.05]}}\nactive: [0, 2]\ntrials: 3\nidentify: {{model: {{order: 4}}}}\n",
     "fast": f"{RECORD}active: [1, 2]\ntrials: 6\n"
-    "identify: {conditioning: {rate_hz: none}, model: {order: 4}, method: risro}\n",
+    "identify: {conditioning: {rate_hz: none}, model: {order: 4}, method: risro, risro: {sparsity: none}}\n",
     "failing": f"{RECORD}active: 1\ntrials: 2\nidentify: {{method: risro}}\ngrid: {{model.order: [4, 90]}}\n",
 }
 

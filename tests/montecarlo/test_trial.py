@@ -22,14 +22,15 @@ from bfi_cli.montecarlo.trial import Row, declared_magnitudes, row_from_cells, s
 DATA = Path(__file__).parents[2] / "data"
 HEAD = "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\n"
 OWN = "identify: {conditioning: {rate_hz: none}, model: {order: 4}, method: risro"
+RULE = "risro: {sparsity: none}"
 SHARING = {
-    "simulated": f"{HEAD}active: [1, 2, 3]\ntrials: 3\n{OWN}}}\n",
+    "simulated": f"{HEAD}active: [1, 2, 3]\ntrials: 3\n{OWN}, {RULE}}}\n",
     "letter": f"{HEAD}active: [1, 3]\ntrials: 3\n{OWN}, risro: {{as_published: true}}}}\n",
-    "stage": f"{HEAD}active: [1, 3]\ntrials: 3\n{OWN}, risro: {{sparsity: l1, max_iterations: 9}}}}\n",
-    "not centred": f"{HEAD}active: 2\ntrials: 3\n{OWN.replace('none}', 'none, detrend: none}')}}}\n",
-    "magnitudes of 1000": f"{HEAD}active: 2\nmagnitudes: [1000, -1000]\ntrials: 3\n{OWN}}}\n",
+    "stage": f"{HEAD}active: [1, 3]\ntrials: 3\n{OWN}, risro: {{as_published: true, sparsity: l1}}}}\n",
+    "not centred": f"{HEAD}active: 2\ntrials: 3\n{OWN.replace('none}', 'none, detrend: none}')}, {RULE}}}\n",
+    "magnitudes of 1000": f"{HEAD}active: 2\nmagnitudes: [1000, -1000]\ntrials: 3\n{OWN}, {RULE}}}\n",
     "log": f"record: {{log: {DATA / 'citation_clean.h5'}, from_s: 3}}\ndictionary: dictionary.yaml\n"
-    f"active: [1, 3]\ntrials: 3\n{OWN}}}\n",
+    f"active: [1, 3]\ntrials: 3\n{OWN}, {RULE}}}\n",
 }
 
 
@@ -55,6 +56,7 @@ def test_shared_factorisation_gives_what_each_record_alone_gives(sweep: Callable
     "changed",
     [
         ("method: risro", "method: ml"),
+        ("sparsity: none", "sparsity: exp-l0"),
         ("order: 4", "order: auto"),
         ("rate_hz: none", "rate_hz: 5.0"),
         ("trials: 6", "noise: {tas: 0.1}"),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from bfi_cli.config import Config
 from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
-from bfi_cli.onset import find_onset
+from bfi_cli.onset import find_onset, onset_document
+from bfi_cli.provenance import provenance
 
 SETTINGS = {"method": "risro", "conditioning": {"rate_hz": 5.0}, "model": {"order": 2, "feedthrough": True}}
 
@@ -23,6 +25,27 @@ def test_the_peak_of_the_magnitude_is_the_step(flown):
     assert found.estimate.magnitude == pytest.approx(2.0, rel=0.1)
     assert (result.method, result.p_value, result.threshold, result.calibration) == ("thesis", None, None, None)
     assert any("left out: sine" in note for note in result.notes)
+    document = onset_document(result, provenance(log_sha256=""))["faults"][0]
+    assert document["onset_ci95"] is document["ci95"] is document["sd"] is None
+
+
+def test_it_heeds_the_sparsity_settings(flown):
+    """The stage leaves the peak as it is and puts most other onsets to zero; without a fault it declares none."""
+    log = flown(Fault(shape="bias", magnitude=2.0, onset_s=15.0))
+    with_stage, without, published = (
+        find_onset(log, Config.model_validate({**SETTINGS, "risro": rules, "start_time": {"shapes": ("bias",)}}))
+        for rules in ({}, {"sparsity": "none"}, {"as_published": True})
+    )
+    (kept,), (whole,), (letter,) = with_stage.profiles, without.profiles, published.profiles
+    best = int(np.argmax(np.abs(whole.magnitude)))
+    assert kept.magnitude[best] == pytest.approx(whole.magnitude[best], rel=1e-6)
+    assert np.all((kept.magnitude == 0.0) | np.isclose(kept.magnitude, whole.magnitude, rtol=1e-6))
+    assert np.mean(kept.magnitude == 0.0) > 0.25
+    assert not np.allclose(letter.magnitude, whole.magnitude)
+    assert "no test of whether" in without.notes[0]
+    assert "sets the magnitude to zero at" in with_stage.notes[0]
+    silent = find_onset(flown(), config(shapes=("bias",)))
+    assert (silent.decision, silent.faults) == ("no_fault", ())
 
 
 def test_its_profile_is_that_of_the_scan(flown, settings):

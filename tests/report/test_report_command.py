@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from made_results import fault_result
 
-from bfi_cli.commands import _run
+from bfi_cli.commands import run_command
 from bfi_cli.identify.document import identify_document
 from bfi_cli.serialization import to_json
 
@@ -29,7 +29,7 @@ def stored(tmp_path, provenance):
 
 
 def test_draws_all_files_and_prints_the_document(stored, tmp_path, capsys):
-    assert _run(["report", str(stored), "--out", str(tmp_path / "again"), "--json", "--series"]) == 0
+    assert run_command(["report", str(stored), "--out", str(tmp_path / "again"), "--json", "--series"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out) == json.loads(stored.read_text("utf-8"))
     assert err == ""
@@ -41,13 +41,13 @@ def test_reads_standard_input_and_writes_to_the_working_folder(stored, tmp_path,
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     monkeypatch.setattr("sys.stdin", io.StringIO(stored.read_text("utf-8")))
-    assert _run(["report", "-"]) == 0
+    assert run_command(["report", "-"]) == 0
     assert (tmp_path / "here" / "report.html").exists()
 
 
 def test_a_terminal_gets_the_tables(stored, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    assert _run(["report", str(stored), "--out", str(tmp_path)]) == 0
+    assert run_command(["report", str(stored), "--out", str(tmp_path)]) == 0
     assert "Fault: a bias of 4.00 m/s" in capsys.readouterr().out
 
 
@@ -69,7 +69,7 @@ def test_what_it_cannot_read_is_named_in_one_line(content, message, tmp_path, ca
     monkeypatch.chdir(tmp_path)
     if content is not None:
         (tmp_path / "x.json").write_bytes(content)
-    assert _run(["report", "x.json"]) == 2
+    assert run_command(["report", "x.json"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith(message)

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from bfi_cli.commands import COMMANDS
-from bfi_cli.reproduce.catalogue import REPRODUCTIONS
-from bfi_cli.reproduce.document import reproduce_exhibit
+from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_exhibit
 from bfi_cli.serialization import to_plain
 
 pytestmark = pytest.mark.slow

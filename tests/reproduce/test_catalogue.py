@@ -16,16 +16,40 @@ from bfi_cli.flightlog import inject
 from bfi_cli.provenance import provenance
 from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
-from bfi_cli.reproduce.catalogue import REPRODUCTIONS, find, run
-from bfi_cli.reproduce.document import list_exhibit, reproduce_document, reproduce_exhibit, summary_exhibit
+from bfi_cli.reproduce.catalogue import (
+    ABSENT,
+    REPRODUCTIONS,
+    find,
+    list_exhibit,
+    reproduce_document,
+    reproduce_exhibit,
+    run,
+    summary_exhibit,
+)
 from bfi_cli.reproduce.record import thesis_record
 from bfi_cli.serialization import to_plain
 
 OURS = (
-    *("fir", "thesis-5-1", "thesis-5-2", "thesis-5-3", "thesis-5-4", "thesis-5-7", "thesis-5-13"),
-    *("thesis-A-1", "thesis-A-2", "thesis-A-3", "thesis-A-4", "isolation-noise"),
+    *("fir", "thesis-table-2-1", "thesis-5-1", "thesis-5-2", "thesis-5-3", "thesis-5-4", "thesis-5-7", "thesis-5-13"),
+    *("thesis-A-1", "thesis-A-2", "thesis-A-3", "thesis-A-4", "isolation-noise", "sparsity"),
+)
+# Every figure and table of the three papers: the thesis, the F-16 paper, the paper on the null space.
+PRINTED = (
+    *("thesis-2-1", "thesis-2-2", *(f"thesis-5-{i}" for i in range(1, 17)), *(f"thesis-A-{i}" for i in range(1, 5))),
+    *("thesis-table-2-1", "thesis-table-5-1", "thesis-table-5-2", "thesis-table-B-1"),
+    *("f16-1", "f16-2", "f16-3", "f16-table1", "f16-table2", "hankel-b747"),
 )
 SOURCE = re.compile(r"\((table |figure |listing|sections? )?[\dA]-\d|figure [\dA]-\d|^-$")
+
+
+def test_every_figure_and_table_of_the_papers_has_a_page_or_a_reason_why_not(made: Callable[[str], ReportContent]):
+    assert set(PRINTED) == {*REPRODUCTIONS, *ABSENT} - {"fir", "isolation-noise", "sparsity"}
+    assert not set(REPRODUCTIONS) & set(ABSENT)
+    with pytest.raises(ConfigError, match="reproduce: thesis-2-2 has no page, it is a block diagram"):
+        find("thesis-2-2")
+    assert [row[0] for row in made("thesis-table-2-1").tables[0].rows] == [
+        *("abrupt blockage", "gradual blockage", "partial water blockage")
+    ]
 
 
 @pytest.mark.parametrize("name", REPRODUCTIONS)
@@ -60,7 +84,7 @@ def test_published_and_ours_stand_first_each_published_value_with_its_place(
 ):
     exhibit = made(name)
     first = exhibit.tables[0]
-    assert (first.name, first.heads) == ("comparison", ("quantity", "published", "ours"))
+    assert (first.name, first.heads) == ("comparison", ("quantity", "printed", "computed here"))
     published = [row[1] for row in first.rows]
     assert [text for text in published if not SOURCE.search(text)] == []
     assert any(text != "-" for text in published)

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from bfi_cli.reproduce import catalogue
-from bfi_cli.reproduce.catalogue import REPRODUCTIONS
-from bfi_cli.reproduce.document import reproduce_exhibit
+from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_exhibit
 
 DATA = Path(__file__).parents[2] / "data"
 Run = Callable[..., Any]
@@ -24,7 +23,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     first = REPRODUCTIONS["thesis-5-1"]
     kept = {"thesis-5-1": first, "thesis-5-1-again": first, "thesis-5-13": REPRODUCTIONS["thesis-5-13"]}
     monkeypatch.setattr(catalogue, "REPRODUCTIONS", kept)
-    monkeypatch.setattr("bfi_cli.reproduce.document.REPRODUCTIONS", kept)
+    monkeypatch.setattr("bfi_cli.reproduce.catalogue.REPRODUCTIONS", kept)
 
 
 @pytest.mark.parametrize("words", [(), ("list",)])

@@ -9,8 +9,18 @@ from bfi_cli.errors import ConfigError
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.report.content import ReportContent
 from bfi_cli.reproduce import Settings
-from bfi_cli.reproduce.f16_flights import Case, F16Options, Residuals, fault_deg_s, fly_cases, options_from
-from bfi_cli.reproduce.f16_table2 import TABLE_2, f16_table2, indices, montecarlo
+from bfi_cli.reproduce.f16_table2 import (
+    TABLE_2,
+    Case,
+    F16Options,
+    Residuals,
+    f16_table2,
+    fault_deg_s,
+    fly_cases,
+    indices,
+    montecarlo,
+    options_from,
+)
 
 COARSE = F16Options(step_s=0.1)
 
@@ -90,7 +100,7 @@ def test_the_index_rises_and_stays_near_the_table_even_with_a_coarse_step(flight
 
 def test_the_exhibit_holds_table_errata_and_figures(quick: ReportContent):
     names = [table.name for table in quick.tables]
-    assert names == ["comparison", "choices", "robust", "errata"]
+    assert names == ["comparison", "choices", "robust", "errata", "initial"]
     comparison, choices, *_ = quick.tables
     assert comparison.rows[0][:2] == ("FD, roll rate, 0-4 s", "0.1691 (table II)")
     assert [row[1].removesuffix(" (section IV)") for row in comparison.rows[6:]] == [
@@ -108,6 +118,32 @@ def test_the_exhibit_holds_table_errata_and_figures(quick: ReportContent):
             assert all(np.isfinite(one.y).all() for one in panel.curves)
     assert dict(quick.facts)["Gyro noise"].startswith("0.05 deg/s")
     assert quick.notes
+    assert all(published == f"{ours} (table I)" for _, published, ours in quick.tables[4].rows)
+
+
+def test_figure_3_has_the_data_and_both_bandwidths(quick: ReportContent):
+    """Every density of a window integrates to 1; the adaptive one is not the fixed one."""
+    panels = quick.drawings[3].panels
+    assert len(panels) == 4
+    for panel in panels:
+        data, adaptive, fixed, _ = panel.curves
+        assert [one.label for one in panel.curves[:3]] == ["data", "adaptive bandwidth", "fixed bandwidth"]
+        assert np.sum(data.y[:-1] * np.diff(data.x)) == pytest.approx(1.0, abs=1e-9)
+        for one in (adaptive, fixed):
+            assert np.trapezoid(one.y, one.x) == pytest.approx(1.0, abs=0.01)
+        assert np.abs(adaptive.y - fixed.y).max() > 1e-3
+
+
+def test_the_verdict_says_that_the_settings_were_chosen_and_how_far_the_table_moves(quick: ReportContent):
+    choices = {row[0]: row[1:7] for row in quick.tables[1].rows}
+    assert quick.verdict.startswith("With settings chosen for it")
+    chosen, *ends = (
+        np.array([float(cell) for cell in choices[name]])
+        for name in ("as chosen", "smallest, same scale", "largest, same scale")
+    )
+    moves = max(np.abs(end - chosen).max() for end in ends)
+    assert moves > 0.2
+    assert float(quick.verdict.split("moves by up to ")[1].split()[0]) == pytest.approx(moves, abs=0.0011)
 
 
 def test_the_chosen_reading_is_not_repeated_among_the_others(quick: ReportContent):

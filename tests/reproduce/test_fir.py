@@ -9,13 +9,13 @@ import pytest
 
 from bfi_cli.fir import identify_fir
 from bfi_cli.report.content import ReportContent
-from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, Trial, bound, error, output, run, slow_and_white, z_of
+from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, bound, error, output, run, slow_and_white, z_of
 
 
 def outcomes(white: float, noise: float, n: int) -> list[tuple[float, ...]]:
     problem = Problem(theta=None, white=white, noise=noise)
-    found = [run(Trial(problem=problem, seed=(0, number))) for number in range(n)]
-    return [(one.errors[0], one.bound, one.condition_number) for one in found]
+    found = [run((problem, (0, number))) for number in range(n)]
+    return [(one[0], one[-2], one[-1]) for one in found]
 
 
 def test_the_product_is_recovered_to_1e_8_without_noise(made: Callable[[str], ReportContent]):
@@ -68,3 +68,11 @@ def test_both_methods_agree_where_the_lags_differ():
     z = z_of(theta.shape[1])
     found = identify_fir(output(theta, z), theta, n_taps=3, method="nuclear", penalty=1e-6)
     assert error(found.product, z) < 1e-4
+
+
+def test_no_line_goes_through_the_two_noises_of_a_quick_run(made: Callable[[str], ReportContent]):
+    exhibit = made("fir")
+    condition, noise = exhibit.drawings
+    assert {one.style for panel in condition.panels for one in panel.curves} == {"bars", "dotted"}
+    assert {one.style for panel in noise.panels for one in panel.curves} == {"points"}
+    assert dict(exhibit.facts)["Points"] == "3 condition numbers, 2 noises"

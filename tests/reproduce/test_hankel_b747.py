@@ -11,7 +11,7 @@ import pytest
 from bfi_cli.aircraft.catalogue import B747
 from bfi_cli.provenance import provenance
 from bfi_cli.report.content import ReportContent
-from bfi_cli.reproduce.document import reproduce_document, reproduce_exhibit
+from bfi_cli.reproduce.catalogue import reproduce_document, reproduce_exhibit
 from bfi_cli.reproduce.hankel_b747 import (
     COUPLED,
     DIAGONAL,
@@ -67,7 +67,7 @@ def test_a_single_failure_blames_no_healthy_channel_while_it_is_in_the_window(fa
 
 @lastings
 def test_the_criterion_is_ready_within_ten_samples_as_in_the_paper_after_seven(lasting):
-    found = fly(FAILURES, lasting=lasting).found
+    found = fly(FAILURES, lasting=lasting).null_space
     assert found.ready == 7
     assert np.isnan(found.channel[:6]).all()
     assert np.isfinite(found.channel[6:]).all()
@@ -76,7 +76,7 @@ def test_the_criterion_is_ready_within_ten_samples_as_in_the_paper_after_seven(l
 def test_without_a_failure_every_channel_is_at_round_off():
     case = fly([], lasting=1)
     assert case.flagged == set()
-    assert np.nanmax(case.found.channel) < 1e-11
+    assert np.nanmax(case.null_space.channel) < 1e-11
 
 
 def test_a_failure_of_a_redundant_channel_blames_nobody_even_with_moving_elevators():

@@ -10,7 +10,7 @@ import pytest
 
 from bfi_cli.reproduce.page import fill, load
 
-FAMILIES = ("thesis", "isolation_noise", "fir", "f16_table2", "hankel_b747")
+FAMILIES = ("thesis", "isolation_noise", "sparsity", "fir", "f16_table2", "hankel_b747")
 PLACE = re.compile(r"\(.*(-\d+|table II|section IV|figure 1|example)\)|figure [\dA]-\d|^-$|^\{")
 
 
@@ -41,6 +41,15 @@ def test_a_row_compares_a_quantity_a_published_value_with_its_place_and_ours(nam
         assert len(row) == 3
         assert all(isinstance(cell, str) for cell in row)
         assert PLACE.search(row[1]), row
+
+
+@pytest.mark.parametrize("name", [name for name, page in PAGES.items() if "printed" in page])
+def test_what_a_sweep_compares_has_its_place_too(name: str):
+    page = PAGES[name]
+    assert set(page["printed"]) == set(page["quantities"])
+    for printed in page["printed"].values():
+        assert set(printed) <= set(page["methods"])
+        assert all(PLACE.search(text) for text in printed.values())
 
 
 @pytest.mark.parametrize("name", [name for name in PAGES if name != "5-15"])

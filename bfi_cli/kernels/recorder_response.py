@@ -31,6 +31,8 @@ MISFIT = 0.01
 # Edges tried first, as a share of the sampling rate, 10 % apart; the best of them is then refined to a part in 1000.
 EDGES = np.geomspace(0.03, HIGHEST_EDGE, 30)
 REFINED = 1e-3
+# Larger values are no measurements, and their differences no numbers.
+LARGEST = 1e100
 # A jump between two samples is complete this many samples after its half crossing where there is no filter.
 SHARP = 0.6
 # Steps per sample of the grid on which a kind's own step response is made, and phases of its jumps.
@@ -77,7 +79,7 @@ def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArr
 
     plateau, half = max(2, round(PLATEAU_S * rate_hz)), round((width_s + PLATEAU_S) * rate_hz)
     n = 2 * half + 2 - plateau  # from the start of one plateau to that of the other
-    if len(values) < n + plateau or not np.isfinite(values).all():
+    if len(values) < n + plateau or not np.abs(values).max() < LARGEST:
         return None
     centre = slice(plateau // 2, len(values) - plateau + plateau // 2 + 1)
     travel = (maximum_filter1d(values, plateau) - minimum_filter1d(values, plateau))[centre]

@@ -176,7 +176,8 @@ def build_regression(
     theta = theta * magnitude_unit
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
     layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
-    if config.conditioning.variance == "running":
+    published = config.method == "risro-as-published" or config.risro.as_published
+    if config.conditioning.variance == "running" and not published:
         layout = replace(layout, weights=_weights(layout, signals.rate_hz, floor))
     return RegressionData(
         signals=signals,

@@ -59,6 +59,7 @@ def choose_rate(
     exact: bool,
     asked: float | str = "auto",
     recorder_hz: float | None = None,
+    fastest_hz: float = FASTEST_HZ,
     purpose: Purpose = "estimate",
 ) -> RateChoice:
     """Choose the rate that suits the recorder, rigid-body dynamics, the window's length and the dictionary.
@@ -72,6 +73,7 @@ def choose_rate(
     exact : see `is_exact`; decimation would only add a remainder to a record without noise.
     asked : a rate in Hz, "none" for the log's own, or "auto".
     recorder_hz : edge of the recorder's low-pass, None where it has none or none is known.
+    fastest_hz : the highest rate to choose.
     purpose : an estimate needs more of what is left above the edge than a scan.
     """
     if asked == "none":
@@ -81,7 +83,7 @@ def choose_rate(
     if exact:
         return RateChoice(factor=1, reason="the log's own rate, where a VARX explains the record to round-off")
     duration = len(signals.time_s) / signals.rate_hz
-    rate = float(np.clip(SAMPLES_WANTED / duration, SLOWEST_HZ, FASTEST_HZ))
+    rate = float(np.clip(SAMPLES_WANTED / duration, SLOWEST_HZ, fastest_hz))
     reason = f"{rate:.3g} Hz suits rigid-body dynamics in a window of {duration:.3g} s"
     factor = int(np.floor(signals.rate_hz / rate + TIE))
     empty = _empty_from(signals)

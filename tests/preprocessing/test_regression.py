@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.variable_projection import fit_magnitudes
 from bfi_cli.preprocessing.regression import build_regression, feasible_orders
 from bfi_cli.preprocessing.window import prepare_window, regression_of
@@ -53,32 +53,19 @@ def test_a_fault_added_to_the_factor_is_a_fault_added_to_the_record(log, detrend
     np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
-def test_the_regression_of_the_rate_choice_is_the_one_built_anew():
-    """Gusts are predicted by a few lags, so the first rate looked at is the one kept."""
-    rng, gusts = np.random.default_rng(5), Dryden(sigma_m_s=0.3)
-    log = simulate(find_model("citation"), manoeuvre("3211", time_axis()), rng=rng, turbulence=gusts)
-    window = prepare_window(log, load_dictionary(THESIS), Config())
-    assert window.regression is not None
-    anew = build_regression(window.signals, window.live, Config())
-    np.testing.assert_array_equal(regression_of(window, Config()).data.R, anew.data.R)
-    assert window.regression.orders == anew.orders
-    assert window.regression.signals.rate_hz == window.summary.rate_hz
-
-
-@pytest.mark.parametrize(
-    ("config", "extra"),
-    [({"model.order": 4}, {}), ({"conditioning.rate_hz": 10.0}, {}), ({}, {"name": "twin", "onset_s": 13.8})],
-)
-def test_another_regression_is_built_where_order_rate_or_entries_differ(log, config, extra):
-    dictionary = load_dictionary(THESIS)
-    if extra:
-        dictionary = replace(dictionary, atoms=(*dictionary.atoms, replace(dictionary.atoms[1], **extra)))
-    settings = merge(Config(), config)
-    window = prepare_window(log, dictionary, settings)
-    assert window.regression is None
-    regression = regression_of(window, settings)
-    assert regression.atoms == window.live
-    assert max(regression.orders) == (4 if "model.order" in config else 12)
+def test_rows_are_weighted_where_gusts_come_and_go(log):
+    rng = np.random.default_rng(0)
+    tas = log.channel("tas")
+    gusts = np.where(log.time_s < 15.0, 0.01, 0.1) * rng.standard_normal(log.n_samples)
+    gusty = replace(log, channels={**log.channels, "tas": replace(tas, values=frozen_array(tas.values + gusts))})
+    config, dictionary = merge(Config(), {"conditioning.rate_hz": 10.0}), load_dictionary(THESIS)
+    weights = regression_of(prepare_window(gusty, dictionary, config), config).layout.weights
+    assert weights is not None
+    assert np.median(weights[20:120]) > 2.0 * np.median(weights[-120:])
+    constant = merge(config, {"conditioning.variance": "constant"})
+    assert regression_of(prepare_window(gusty, dictionary, constant), constant).layout.weights is None
+    published = merge(config, {"method": "risro-as-published"})
+    assert regression_of(prepare_window(gusty, dictionary, published), published).layout.weights is None
 
 
 def test_orders_need_two_rows_for_each_regressor():

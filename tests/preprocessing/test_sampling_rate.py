@@ -9,11 +9,12 @@ import pytest
 from scipy import signal
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
+from bfi_cli.config import Config, merge
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.decimation import WHITE, Lowpass
 from bfi_cli.preprocessing.regression import Signals, decimate_signals
-from bfi_cli.preprocessing.sampling_rate import choose_rate, is_exact
+from bfi_cli.preprocessing.sampling_rate import candidate_orders, choose_rate, is_exact
 
 CITATION = MODELS["citation"]
 BIAS = Fault(shape="bias", channel="tas", onset_s=13.8)
@@ -50,8 +51,8 @@ def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("made", "faults", "rate_hz", "reason"),
     [
-        ({}, (BIAS,), 20.0, "rigid-body"),
-        ({}, (BIAS, SINE), 20.0, "rigid-body"),
+        ({}, (BIAS,), 10.0, "rigid-body"),
+        ({}, (BIAS, SINE), 10.0, "rigid-body"),
         ({"seconds": 200.0, "rate_hz": 20.0}, (BIAS,), 20.0 / 6, "rigid-body"),
         ({"seconds": 200.0, "rate_hz": 20.0}, (BIAS, SINE), 10.0, "2.25 Hz is the fastest oscillation"),
         ({"seconds": 2000.0, "rate_hz": 10.0}, (BIAS,), 1.0, "rigid-body"),
@@ -75,6 +76,19 @@ def test_a_log_low_passed_by_its_recorder_runs_near_its_bandwidth():
     choice = choose_rate(log, (BIAS,), exact=False)
     assert 1.5 <= log.rate_hz / choice.factor <= 3.4
     assert "low-passed" in choice.reason
+
+
+@pytest.mark.parametrize(("purpose", "rate_hz", "order"), [("estimate", 10.0 / 3.0, 8), ("scan", 2.0, 6)])
+def test_a_known_recorder_fixes_rate_and_order(purpose, rate_hz, order):
+    fast = record(seconds=120.0, noise_sd=0.05)
+    slow = {name: getattr(fast, name)[::10] for name in ("u", "y", "theta", "time_s")}
+    log = replace(fast, rate_hz=10.0, **slow)
+    choice = choose_rate(log, (BIAS,), exact=False, recorder_hz=0.75, purpose=purpose)
+    assert log.rate_hz / choice.factor == pytest.approx(rate_hz)
+    assert candidate_orders(Config(), rate_hz, 0.75) == (order,)
+    assert candidate_orders(merge(Config(), {"model.orders": [2, 4]}), rate_hz, 0.75) == (2, 4)
+    assert candidate_orders(merge(Config(), {"model.order": 5}), rate_hz, 0.75) == (5,)
+    assert candidate_orders(Config(), rate_hz, None) == Config().model.orders
 
 
 def test_the_dictionary_keeps_four_samples_per_cycle_whatever_the_recorder_did():

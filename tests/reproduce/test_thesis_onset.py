@@ -87,7 +87,7 @@ def test_the_heading_follows_from_the_noisy_record_too(bias: ReportContent, drif
 def test_a_log_of_ones_own_and_another_road_to_its_magnitudes():
     """The reproduction's own solves against `bfi start-time --method thesis`, at 20 Hz on a time axis that is moved."""
     log = resample(thesis_record(QUICK), 20.0)
-    log = replace(log, time_s=frozen_array(np.round(log.time_s, 6) + 250.0))
+    log = replace(log, time_s=frozen_array(np.round(log.time_s, 6) + 250.0), filters=())
     exhibit = thesis_5_14(Settings(log=log, quick=True))
     starts, z = curve(exhibit, EXACT, IMPOSED)
     onset_s = float(log.time_s[0]) + 15.0

@@ -1,7 +1,7 @@
 """The low-pass filters that a log went through, recorder first: what they make of a fault.
 
 A fault that hit the aircraft before the recorder went through all of them, as the recorded motion did. A sharp signal
-beside a filtered one is another fault: it is found less often, and its magnitude is wrong (docs/theory.md, 9).
+beside a filtered one is another fault: it is found less often, and its magnitude is wrong (docs/theory.md, 7.4).
 """
 
 from __future__ import annotations

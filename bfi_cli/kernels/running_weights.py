@@ -10,7 +10,7 @@ from . import FloatArray
 MAD = 1.4826
 # Least running deviation, as a share of its median: calm stretches must not carry the whole record. Tuned with the
 # half-width of ten seconds on two recorded flights; weights from mean squares or a t-distribution take the transient
-# of a step for an outlier and lose the step (docs/theory.md, 9).
+# of a step for an outlier and lose the step (docs/theory.md, 7.5).
 LEAST = 0.35
 
 

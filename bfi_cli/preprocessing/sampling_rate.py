@@ -29,7 +29,7 @@ FEWEST_SAMPLES = 100
 # Behind a recorder's low-pass the rate follows its edge, for an estimate and for a scan, and the order spans this
 # time: 3.3 Hz and order 8, 2 Hz and order 6 on flights recorded with an edge of 0.75 Hz. There a fixed order found more
 # faults than one chosen together with them, whose choice the fault itself moves; rates above and below found fewer
-# (docs/theory.md, 9).
+# (docs/theory.md, 7.3).
 SAMPLES_PER_EDGE = {"estimate": 4.5, "scan": 2.67}
 MEMORY_S = 2.6
 # Twice what Nyquist asks for: the low-pass of the analysis has lost half the power at the new Nyquist frequency.

@@ -137,8 +137,9 @@ def test_info(run: Callable, desk: Path):
         names = set(names_of(json.loads(printed)))
         assert {OUTPUT, f"label{BAD}", f"note{BAD}", str(desk / "log.h5")} <= names
     else:
+        letters = "".join(printed.split())  # a long path wraps the line
         for name in (OUTPUT, f"label{BAD}", str(desk / "log.h5")):
-            assert printable(name) in printed
+            assert "".join(printable(name).split()) in letters
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".h5"])

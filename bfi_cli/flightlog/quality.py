@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..channels import INPUTS
 from ..errors import LogError
+from ..filters import Filter
 from .holds import Hold, find_hold, find_quantum, repeat_fraction
 from .record import FlightLog, FloatArray, Segment
 
@@ -92,6 +93,7 @@ class LogReport:
     ----------
     jitter : largest deviation of a time step from the median, relative to it, gaps left out.
     gaps : (start_s, stop_s), the last sample before and the first after each gap.
+    filters : the low-pass filters that the log went through, None where nothing is known of them.
     """
 
     path: str
@@ -106,6 +108,7 @@ class LogReport:
     excitation: tuple[Excitation, ...]
     windows: tuple[ExcitedWindow, ...]
     segments: tuple[Segment, ...]
+    filters: tuple[Filter, ...] | None
     notes: tuple[str, ...]
 
 
@@ -172,6 +175,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         excitation=tuple(_excitation(log, name, flying) for name in _inputs(log)),
         windows=_suggested_windows(log, at_most=10),
         segments=log.segments,
+        filters=log.filters,
         notes=log.notes,
     )
 

@@ -28,6 +28,7 @@ def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
             "kind": "info",
             "schema": SCHEMA,
             "log": {key: getattr(report, key) for key in span},
+            "recorder": next((one for one in report.filters or () if one.stage == "recorder"), None),
             "gaps": [{"start_s": start, "stop_s": stop} for start, stop in report.gaps],
             **{key: getattr(report, key) for key in same},
             "provenance": provenance,
@@ -47,10 +48,18 @@ def info_content(document: Plain) -> ReportContent:
         title=str(log["path"]),
         heading="What the log holds",
         verdict=f"{log['path']}: {size}, time step {step}",
-        facts=tuple(("Gap", f"from {start:g} s to {stop:g} s ({stop - start:.3g} s)") for start, stop in gaps),
+        facts=(
+            *(("Gap", f"from {start:g} s to {stop:g} s ({stop - start:.3g} s)") for start, stop in gaps),
+            *_recorder(document.get("recorder")),
+        ),
         tables=tuple(_tables(document)),
         notes=tuple(document["notes"]),
     )
+
+
+def _recorder(known: Plain | None) -> Iterator[tuple[str, str]]:
+    if known is not None:
+        yield "Recorder", f"{known['kind']} low-pass, gain one half at {known['edge_hz']:.3g} Hz, {known['source']}"
 
 
 def _tables(document: Plain) -> Iterator[Table]:

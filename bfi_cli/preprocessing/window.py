@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 # Inputs of "auto": what moves a longitudinal motion, and what else of it a log may show. In recorded flights they cut
 # the largest statistic of healthy windows from 129 to 39 and made the thresholds of two flights agree; the price is
-# that a fault of one of them is taken for one of the output (docs/theory.md, 9.1).
+# that a fault of one of them is taken for one of the output (docs/theory.md, 10.2).
 TRUSTED = ("elevator", "pitch", "longitudinal_acc", "n1_left", "aoa", "normal_acc", "pitch_rate")
 STILL_ANGLE = 5e-4  # rad: a control surface that moves by less than 0.03 degrees does not excite an aircraft
 STILL_RELATIVE = 1e-6  # of the largest value: a constant stored in single precision moves by less

@@ -62,8 +62,9 @@ def test_a_terminal_gets_tables(bfi, log: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("TERM", "dumb")
     outcome = bfi("info", log)
     assert outcome.code == 0
-    for text in ("600 samples at 10 Hz", "vtas", "90 %, 1 Hz", "Windows to analyse", "phugoid [1]", "Note  no unit"):
-        assert text in outcome.stdout
+    words = " ".join(outcome.stdout.split())  # a long path wraps the line
+    for text in ("600 samples at 10 Hz", "vtas", "90 %, 1 Hz", "Windows to analyse", "phugoid [1]", "Note no unit"):
+        assert text in words
     assert json.loads(bfi("info", log, "--json").stdout)["kind"] == "info"
 
 

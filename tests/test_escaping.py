@@ -131,8 +131,7 @@ def names_of(value: object) -> Iterator[str]:
             yield from (name for one in value for name in names_of(one))
 
 
-def test_info(run: Callable, desk: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("COLUMNS", "300")
+def test_info(run: Callable, desk: Path):
     printed = run("info", desk / "log.h5").stdout
     if printed.startswith("{"):
         names = set(names_of(json.loads(printed)))

@@ -116,8 +116,10 @@ def _print_rich(draw: Callable[[Console], None]) -> None:
     from rich.console import Console
 
     on_terminal = sys.stdout.isatty()
-    columns = shutil.get_terminal_size((80 if on_terminal else PIPE_COLUMNS, 24)).columns
-    console = Console(width=columns, force_terminal=on_terminal, highlight=False, markup=False, emoji=False)
+    columns, lines = shutil.get_terminal_size((80 if on_terminal else PIPE_COLUMNS, 24))
+    # Without a height a terminal that is dumb is taken to be 80 columns wide.
+    size = {"width": columns, "height": lines}
+    console = Console(**size, force_terminal=on_terminal, highlight=False, markup=False, emoji=False)
     with console.capture() as captured:
         draw(console)
     text = captured.get()

@@ -118,8 +118,9 @@ def _print_rich(draw: Callable[[Console], None]) -> None:
     on_terminal = sys.stdout.isatty()
     columns, lines = shutil.get_terminal_size((80 if on_terminal else PIPE_COLUMNS, 24))
     # Without a height a terminal that is dumb is taken to be 80 columns wide.
-    size = {"width": columns, "height": lines}
-    console = Console(**size, force_terminal=on_terminal, highlight=False, markup=False, emoji=False)
+    console = Console(
+        width=columns, height=lines, force_terminal=on_terminal, highlight=False, markup=False, emoji=False
+    )
     with console.capture() as captured:
         draw(console)
     text = captured.get()

@@ -148,7 +148,7 @@ def _facts(result: IdentifyResult) -> tuple[tuple[str, str], ...]:
         ("Dictionary", f"{len(result.candidates)} candidates, {len(result.faults)} declared"),
         ("Model", f"VARX of order {model.order} at {number(model.rate_hz)} Hz"),
         ("Inputs act", "in the same sample too" if model.feedthrough else "from the next sample on"),
-        ("Orders tried", ", ".join(map(str, model.orders)) or "none, the order was given"),
+        ("Orders tried", ", ".join(map(str, model.orders)) or "this one only"),
         ("Method", METHODS[solver.method].summary if solver.method in METHODS else solver.method),
         ("Termination", f"{solver.termination} ({solver.iterations} iterations)"),
         ("Condition number", number(solver.condition_number, digits=3)),

@@ -41,17 +41,16 @@ def command(
     """
     from ..faults import parse_spec
     from ..files import check_files
-    from ..filters import response_of
     from ..flightlog import inject, read_log
+    from ..kernels.low_pass import IDENTITY
 
     faults = [parse_spec(spec) for spec in specs]
     check_files([out], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
     clean = read_log(log, **source)
-    filters = clean.filters or ()
-    if through_recorder and not filters:
+    if through_recorder and not clean.filters:
         raise LogError(
             f"{clean.path}: --through-recorder: neither stated nor shown by the log, got no filter; "
             "state it in the file's attribute filters, or leave the option out"
         )
-    faulty = inject(clean, faults, response=response_of(() if through_recorder is False else filters, clean.rate_hz))
+    faulty = inject(clean, faults, response=IDENTITY if through_recorder is False else None)
     write_and_show(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, active_samples, fault_from_dict, fault_to_dict
-from ..filters import Filter, recorded_signal
-from ..kernels.low_pass import IDENTITY, Response
+from ..filters import Filter, recorded_signal, response_of
+from ..kernels.low_pass import Response
 
 __all__ = ["CLEAN", "Channel", "FlightLog", "Segment", "Truth", "faults_from_json", "faults_to_json", "frozen_array"]
 __all__ += ["inject", "nothing_between", "segments_from_json", "segments_to_json"]
@@ -155,7 +155,7 @@ class FlightLog:
         return replace(self, time_s=frozen_array(self.time_s[keep]), channels=channels, truth=truth)
 
 
-def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response = IDENTITY) -> FlightLog:
+def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None = None) -> FlightLog:
     """Return `log` with `faults` added to their channels, in that order, and the truth extended by them.
 
     Times of the faults are on the log's own time axis; a `phase_reference` of "window" counts from its first sample.
@@ -164,7 +164,8 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response = IDEN
 
     Parameters
     ----------
-    response : of the recorder, through which a fault of the aircraft went; see `bfi_cli.filters.response_of`.
+    response : through which the faults go; None for that of the filters that the log went through, as a fault of the
+        aircraft would have, `bfi_cli.kernels.low_pass.IDENTITY` for none.
 
     Raises
     ------
@@ -172,6 +173,7 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response = IDEN
     DictionaryError : a fault is zero at every sample of the log, or its signal cannot be made.
     """
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
+    through = response_of(log.filters or (), log.rate_hz) if response is None else response
     for declared in faults:
         channel = log.channel(declared.channel)
         fault = replace(declared, channel=channel.name)
@@ -180,7 +182,7 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response = IDEN
             phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
             fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
         name = fault.name or fault.shape
-        added = fault.magnitude * recorded_signal(fault, log.time_s, response, window_start_s=start_s)
+        added = fault.magnitude * recorded_signal(fault, log.time_s, through, window_start_s=start_s)
         if not np.any(added):
             until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
             raise DictionaryError(

@@ -152,6 +152,8 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
 def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report = silent) -> CalibrationTable:
     """Return the table of records simulated with the model fitted without a fault and white Gaussian errors.
 
+    Where the rows of the record are weighted, the errors are as unequal as the weights say.
+
     Parameters
     ----------
     record : its inputs are kept.
@@ -165,7 +167,8 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
     first = 0 if record.feedthrough else 1
     X = np.hstack([np.ones((len(model.error), 1)), lagged(record.u, range(first, order + 1), first=order)])
     driven, past = X @ model.coefficients[: X.shape[1]], model.coefficients[X.shape[1] :]
-    _, scale, axes = np.linalg.svd(model.error / np.sqrt(len(model.error)), full_matrices=False)
+    _, scale, axes = np.linalg.svd(model.weighted_error / np.sqrt(len(model.error)), full_matrices=False)
+    sizes = np.ones((len(model.error), 1)) if record.weights is None else 1.0 / record.weights[order:, None]
     # The output lags are shrunk, lag by lag, until the recursion does not grow.
     companion = np.eye(order * n_outputs, k=-n_outputs)
     companion[:n_outputs] = past.T
@@ -175,7 +178,7 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
     scans = []
     with threadpool_limits(1):
         for _, own in parts(report, range(TRIALS)):
-            expected = driven + rng.standard_normal(model.error.shape) @ (scale[:, None] * axes)
+            expected = driven + sizes * (rng.standard_normal(model.error.shape) @ (scale[:, None] * axes))
             y = record.y.copy()
             for k in range(order, len(y)):
                 y[k] = expected[k - order] + y[k - 1 :: -1][:order].reshape(-1) @ past

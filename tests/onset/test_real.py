@@ -62,6 +62,7 @@ def test_real_flights_need_a_higher_threshold_than_white_noise(flight: FlightLog
     own = find_onset(flight, settings(calibration="self"))
     white = find_onset(flight, settings(calibration="gaussian"))
     thresholds = [{one.shape: one.threshold for one in result.profiles} for result in (own, white)]
+    print(thresholds)
     assert all(thresholds[0][shape] > 1.5 * thresholds[1][shape] for shape in ("bias", "drift"))
 
 

@@ -321,7 +321,8 @@ def test_a_nonlinear_simulation_shows_the_same(flights):
     settings = Settings(log=read_log(flights / "de3211_1.mat").window(19.0, 50.72), quick=True)
     lost, followed, shifted = (make(settings) for make in (thesis_5_8, thesis_5_10, thesis_5_11))
     recorded = "as recorded"
-    assert curves(lost)[IMPOSED].y[-1] < 10.0
+    of_fault = {one.label: one for one in lost.drawings[0].panels[0].curves}
+    assert of_fault[IMPOSED].y[-1] < 10.0
     assert share(row(followed, IMPOSED, "methods")[0]) > 95.0
     assert share(row(followed, f"VAF of the fault, ours (ml), {recorded}")[1]) > 95.0
     assert share(row(shifted, f"VAF of the fault, algorithm 3, {recorded}")[1]) < 0.0

@@ -22,7 +22,7 @@ __all__ = ["csv_lines", "from_plain", "mapping", "member", "to_csv", "to_json", 
 
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"
-# Keys of what has an entry per sample or onset: gigabytes for a day at 100 Hz. The drawings are those of an exhibit.
+# Keys of what has an entry per sample or onset: gigabytes for a day at 100 Hz. A reproduction has drawings in it.
 SERIES = ("series", "profile", "drawings")
 
 

@@ -90,11 +90,11 @@ def shrink(figure: Path, picture: Path) -> None:
     print(f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1000} kB")
 
 
-def sparsity_page(exhibit: dict[str, Any]) -> str:
+def sparsity_page(content: dict[str, Any]) -> str:
     """Return sparsity.md: the question, the answer, a row per point and a column per rule, what each rule is."""
-    cells = next(table["rows"] for table in exhibit["tables"] if table["name"] == "rates")
+    cells = next(table["rows"] for table in content["tables"] if table["name"] == "rates")
     points, rules = (list(dict.fromkeys(row[i] for row in cells)) for i in (0, 1))
-    facts = dict(exhibit["facts"])
+    facts = dict(content["facts"])
 
     def grid(column: int) -> list[str]:
         value = {(row[0], row[1]): row[column] for row in cells}
@@ -108,15 +108,15 @@ def sparsity_page(exhibit: dict[str, Any]) -> str:
     said = [f"- **{name}**: {facts[name]}." for name in rules]
     settings = [f"- {name}: {text}." for name, text in facts.items() if name not in (*rules, "Points")]
     parts = [
-        f"# {exhibit['title']}",
-        exhibit["verdict"],
-        *shown("Isolated [%], 95 % Wilson intervals", "sparsity", exhibit["drawings"][0], grid(2)),
-        *shown("Processor time [ms], median", "sparsity_time", exhibit["drawings"][1], grid(3)),
+        f"# {content['title']}",
+        content["verdict"],
+        *shown("Isolated [%], 95 % Wilson intervals", "sparsity", content["drawings"][0], grid(2)),
+        *shown("Processor time [ms], median", "sparsity_time", content["drawings"][1], grid(3)),
         "## The rules",
         "\n".join(said),
         "## The trials",
         "\n".join(settings),
-        *exhibit["notes"],
+        *content["notes"],
         "Made by `python docs/pictures.py sparsity` from `bfi reproduce sparsity`.",
     ]
     return "\n\n".join(parts) + "\n"

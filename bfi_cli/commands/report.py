@@ -34,7 +34,7 @@ KINDS = {
     "info": ("flightlog.report", "info_content", 1),
     "inject": ("flightlog.report", "log_content", 1),
     "montecarlo": ("montecarlo", "montecarlo_content", 1),
-    "reproduce": ("reproduce.catalogue", "reproduce_exhibit", 1),
+    "reproduce": ("reproduce.catalogue", "reproduce_content", 1),
     "simulate": ("flightlog.report", "log_content", 1),
     "start-time": ("onset", "onset_content", 1),
 }

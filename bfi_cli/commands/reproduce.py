@@ -47,7 +47,7 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
     from ..provenance import provenance
     from ..report.files import content_names
     from ..reproduce import Settings
-    from ..reproduce.catalogue import find, list_exhibit, reproduce_document, run
+    from ..reproduce.catalogue import find, list_content, reproduce_document, run
 
     if name not in ("list", "all"):
         name = find(name)
@@ -62,14 +62,14 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
     origin = provenance(log_sha256=log.sha256 if log else "", seed=settings.seed)
     code = 0
     if name == "list":
-        exhibit = list_exhibit()
+        content = list_content()
     elif name == "all":
-        exhibit, code = _every(settings, origin, options, inputs)
+        content, code = _every(settings, origin, options, inputs)
     else:
         with progress(name, wanted=options["progress"]) as report:
-            exhibit = run(name, replace(settings, report=report))
-    document = reproduce_document(name, exhibit, origin)
-    emit(exhibit, document, options, origin=origin, inputs=inputs)
+            content = run(name, replace(settings, report=report))
+    document = reproduce_document(name, content, origin)
+    emit(content, document, options, origin=origin, inputs=inputs)
     context.exit(code)
 
 
@@ -104,7 +104,7 @@ def _every(
     """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
     from ..files import replace_files
     from ..report.files import content_files
-    from ..reproduce.catalogue import REPRODUCTIONS, reproduce_document, run, summary_exhibit
+    from ..reproduce.catalogue import REPRODUCTIONS, reproduce_document, run, summary_content
 
     shared: dict[tuple[str, str], ReportContent | BfiError] = {}
     made: list[tuple[str, ReportContent | BfiError]] = []
@@ -123,4 +123,4 @@ def _every(
             replace_files(files, folder, inputs=inputs, force=options["force"])
             note(f"wrote {folder / 'report.html'}")
     codes = [one.exit_code for _, one in made if isinstance(one, BfiError)]
-    return summary_exhibit(made), max(codes, default=0)
+    return summary_content(made), max(codes, default=0)

@@ -25,6 +25,8 @@ FloatArray = NDArray[np.float64]
 # decimation leaves unpredicted even of a record that a VARX explains exactly. Smaller errors are no noise.
 ROUND_OFF = 1e-10
 DECIMATION_REMAINDER = 1e-4
+# Prediction error over the output's range: double precision leaves 1e-10 and less, single precision 1e-7 and more.
+EXACT = 1e-8
 # Seconds on each side over which the size of the prediction error is taken: gusts last tens of seconds. A window whose
 # running deviation spreads by less than this factor, as white noise's does, is left unweighted.
 RUNNING_S, UNEQUAL = 10.0, 2.0
@@ -207,7 +209,10 @@ def _weights(layout: Layout, rate_hz: float, floor: float) -> FloatArray | None:
     plain = replace(layout, theta=np.zeros((*layout.y.shape, 0)))
     data = compress(plain.u, plain.y, plain.theta, order=order, feedthrough=layout.feedthrough)
     fit = fit_magnitudes(project_inputs(data, order, floor=floor), ())
-    weights = running_weights(unfold(plain, fit).error, round(RUNNING_S * rate_hz))
+    error = unfold(plain, fit).error
+    if float(np.abs(error).max()) < EXACT:  # round-off has no gusts
+        return None
+    weights = running_weights(error, round(RUNNING_S * rate_hz))
     if weights.max() < UNEQUAL * weights.min():
         return None
     return np.concatenate([np.ones(order), weights])

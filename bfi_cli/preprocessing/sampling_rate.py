@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..faults import Fault
 from ..kernels.lagged import compress
-from .regression import Signals
+from .regression import EXACT, Signals
 
 __all__ = ["SAMPLES_PER_CYCLE", "Purpose", "RateChoice", "candidate_orders", "choose_rate", "is_exact"]
 
@@ -38,8 +38,6 @@ SAMPLES_PER_CYCLE = 4.0
 EMPTY_BAND = 1e-3
 # Rates and frequencies that differ by less are the same.
 TIE = 1e-6
-# Prediction error over the output's range: double precision leaves 1e-10 and less, single precision 1e-7 and more.
-EXACT = 1e-8
 EXACT_ORDER = 4  # states of the longitudinal motion
 EXACT_SAMPLES = 5000  # more tell no more and take time
 

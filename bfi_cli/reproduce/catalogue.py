@@ -1,4 +1,4 @@
-"""Every reproduction by its name, and the JSON document from which its exhibit is drawn again without its data."""
+"""Every reproduction by its name, and the JSON document from which its report is drawn again without its data."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from ..report.content import ReportContent, Table
 from ..serialization import from_plain, mapping, member, to_plain
 from .record import Settings
 
-__all__ = ["ABSENT", "REPRODUCTIONS", "Entry", "find", "list_exhibit", "reproduce_document", "reproduce_exhibit", "run"]
-__all__ += ["summary_exhibit"]
+__all__ = ["ABSENT", "REPRODUCTIONS", "Entry", "find", "list_content", "reproduce_content", "reproduce_document", "run"]
+__all__ += ["summary_content"]
 
 REPRODUCE_SCHEMA = 1
 
@@ -23,7 +23,7 @@ REPRODUCE_SCHEMA = 1
 class Entry(NamedTuple):
     """A reproduction: what it shows, and the function of a module of this package that makes it.
 
-    Names that share a computation share the function; its exhibit then shows all of their figures.
+    Names that share a computation share the function; its content then shows all of their figures.
     """
 
     title: str
@@ -107,14 +107,14 @@ def run(name: str, settings: Settings) -> ReportContent:
     return make(settings)
 
 
-def reproduce_document(name: str, exhibit: ReportContent, provenance: Provenance) -> dict[str, Any]:
+def reproduce_document(name: str, content: ReportContent, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi reproduce NAME --json`.
 
     Parameters
     ----------
     name : of the reproduction, "all" or "list".
     """
-    body = to_plain(exhibit)
+    body = to_plain(content)
     body["kicker"] = body.pop("category")  # as schema 1 calls it
     del body["data"]
     return {
@@ -122,13 +122,13 @@ def reproduce_document(name: str, exhibit: ReportContent, provenance: Provenance
         "schema": REPRODUCE_SCHEMA,
         "name": name,
         "exhibit": body,
-        "notes": list(exhibit.notes),
+        "notes": list(content.notes),
         "provenance": to_plain(provenance),
     }
 
 
-def reproduce_exhibit(document: Mapping[str, Any], *, where: str = "reproduce") -> ReportContent:
-    """Return the exhibit of a document, the inverse of `reproduce_document`.
+def reproduce_content(document: Mapping[str, Any], *, where: str = "reproduce") -> ReportContent:
+    """Return the content of a document, the inverse of `reproduce_document`.
 
     Raises
     ------
@@ -136,14 +136,14 @@ def reproduce_exhibit(document: Mapping[str, Any], *, where: str = "reproduce") 
     """
     body = mapping(member(document, "exhibit", where=where), where=f"{where}: exhibit")
     whole = {**body, "category": member(document, "exhibit.kicker", where=where), "data": {}}
-    exhibit = from_plain(ReportContent, whole, where=f"{where}: exhibit")
-    for name in [one.name for one in exhibit.drawings] + [one.name for one in exhibit.tables]:
+    content = from_plain(ReportContent, whole, where=f"{where}: exhibit")
+    for name in [one.name for one in content.drawings] + [one.name for one in content.tables]:
         if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
             raise ConfigError(f"{where}: exhibit: {shown(name)} is no name of a file; run the command again")
-    return exhibit
+    return content
 
 
-def summary_exhibit(made: Sequence[tuple[str, ReportContent | Exception]]) -> ReportContent:
+def summary_content(made: Sequence[tuple[str, ReportContent | Exception]]) -> ReportContent:
     """Return the summary of several reproductions, each by its name; an error stands for one that could not be made."""
     failed = [name for name, one in made if isinstance(one, Exception)]
     rows = tuple(
@@ -162,7 +162,7 @@ def summary_exhibit(made: Sequence[tuple[str, ReportContent | Exception]]) -> Re
     )
 
 
-def list_exhibit() -> ReportContent:
+def list_content() -> ReportContent:
     """Return the names there are."""
     rows = tuple((name, entry.title) for name, entry in REPRODUCTIONS.items())
     return ReportContent(

@@ -22,7 +22,7 @@ from ..kernels.divergence import jensen_shannon_montecarlo, jensen_shannon_quadr
 from ..report.content import Drawing, Panel, ReportContent, Span, curve
 from ..validation import Number, Positive, Rules, validate
 from ..yaml12 import load_yaml
-from .page import Page, drawing, exhibit, fill, load, table
+from .page import Page, drawing, fill, load, report_content, table
 from .record import Settings
 
 __all__ = ["BANDWIDTHS", "TABLE_2", "Case", "F16Options", "Indices", "Residuals", "f16_table2", "fault_deg_s"]
@@ -331,7 +331,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
     shares = {key: f"{sum(bool(np.all(one)) for one in each)} of {len(each)} rows" for key, each in holds.items()}
     ratio = np.concatenate([one.bandwidth[:, :, 2] / one.bandwidth[:, :, 1] for one in rows.values()])
     ratios = " and ".join(f"{np.min(each):.2f} to {np.max(each):.2f}" for each in ratio.T)
-    return exhibit(
+    return report_content(
         page,
         values,
         rows=compared,

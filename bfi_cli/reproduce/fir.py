@@ -14,7 +14,7 @@ from ..engine import in_order
 from ..fir import identify_fir
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number
-from .page import drawing, exhibit, joined, load, table
+from .page import drawing, joined, load, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record
 
 __all__ = ["METHODS", "TAPS", "Problem", "bound", "error", "fir", "output", "run", "slow_and_white"]
@@ -174,7 +174,7 @@ def fir(settings: Settings) -> ReportContent:
         **parts[NUCLEAR],
     }
     condition = "condition number [-]"
-    return exhibit(
+    return report_content(
         page,
         values,
         heading=ours[RISRO] < 1e-8,

@@ -13,7 +13,7 @@ from ..aircraft.model import LinearModel, response
 from ..kernels.nullspace import Criteria, criteria, data_matrices, window_criteria
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number
-from .page import drawing, exhibit, load, table
+from .page import drawing, load, report_content, table
 from .record import Settings
 
 __all__ = ["COUPLED", "DIAGONAL", "FAILURES", "KINDS", "N_SAMPLES", "ONSET", "WIDTH", "Case", "blamed", "fly"]
@@ -212,7 +212,7 @@ def hankel_b747(settings: Settings) -> ReportContent:
         "condition_30": condition,
     }
     figures = {"one sample": "hankel_b747", "to the end": "hankel_b747_persistent"}
-    return exhibit(
+    return report_content(
         page,
         values,
         heading=right,

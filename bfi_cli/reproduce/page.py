@@ -10,7 +10,7 @@ from typing import Any
 from ..report.content import Drawing, Panel, ReportContent, Style, Table
 from ..yaml12 import load_yaml
 
-__all__ = ["FOLDER", "Page", "drawing", "exhibit", "fill", "joined", "load", "percent", "table"]
+__all__ = ["FOLDER", "Page", "drawing", "fill", "joined", "load", "percent", "report_content", "table"]
 
 FOLDER = Path(__file__).parent
 Page = Mapping[str, Any]
@@ -21,7 +21,7 @@ def load(name: str) -> Page:
     """Return a YAML file of this package, read once.
 
     A page of it has a title, a heading (or `headings` by what came out), a verdict, `facts`, `rows` of (quantity,
-    published, ours), `captions` and `tables` by name, and `notes`. `{names}` in it are filled by `exhibit`.
+    published, ours), `captions` and `tables` by name, and `notes`. `{names}` in it are filled by `report_content`.
     """
     loaded: Page = load_yaml(FOLDER / f"{name}.yaml")
     return loaded
@@ -32,7 +32,7 @@ def fill(text: Any, **values: object) -> Any:
     return text.format_map(values) if isinstance(text, str) else tuple(fill(part, **values) for part in text)
 
 
-def exhibit(
+def report_content(
     page: Page,
     values: Mapping[str, object],
     *,

@@ -31,7 +31,7 @@ from ..montecarlo import wilson
 from ..preprocessing.regression import RegressionData, build_regression
 from ..preprocessing.window import prepare_window
 from ..report.content import Panel, ReportContent, curve
-from .page import drawing, exhibit, fill, joined, load, table
+from .page import drawing, fill, joined, load, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, with_fault, with_noise
 
 __all__ = ["RULES", "Point", "Problem", "lasso_supports", "problem_of", "run", "sparsity"]
@@ -282,7 +282,7 @@ def sparsity(settings: Settings) -> ReportContent:
                 )
         drawings.append(drawing(page, name, panels, across=2))
     last = points.index(on_steps[STEP_NOISES[-1]][-1])
-    return exhibit(
+    return report_content(
         page,
         {
             "order": ORDER,

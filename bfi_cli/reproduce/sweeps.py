@@ -19,7 +19,7 @@ from ..montecarlo.definition import RecordedLog
 from ..montecarlo.summary import Proportion, ScenarioSummary
 from ..report.content import Curve, Drawing, Panel, ReportContent, Span, curve
 from ..report.text import number
-from .page import FOLDER, Page, drawing, exhibit, fill, joined, load, table
+from .page import FOLDER, Page, drawing, fill, joined, load, report_content, table
 from .reconstruction import label_of
 from .record import Settings, stand_in, thesis_record
 
@@ -283,7 +283,7 @@ def _sweep_page(
         errors = [number(value, digits=2) for value in (cell.mean_error, one.magnitude_error.get("p50"))]
         body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
     active = sorted({cell.active for cell in result.cells})
-    return exhibit(
+    return report_content(
         page,
         {
             "verdict": " ".join(parts),

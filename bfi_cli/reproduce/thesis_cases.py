@@ -17,7 +17,7 @@ from ..identify.dmae import DmaeSettings
 from ..report.content import Curve, Panel, ReportContent, Style, Table, curve
 from ..report.text import number
 from ..shapes import Shape
-from .page import Page, drawing, exhibit, fill, joined, load, percent, table
+from .page import Page, drawing, fill, joined, load, percent, report_content, table
 from .reconstruction import (
     PROGRAM,
     READINGS,
@@ -124,7 +124,7 @@ def thesis_5_7(settings: Settings) -> ReportContent:
         airspeed_panel(faulty, spans),
         Panel(x_label="time [s]", y_label="fault [m/s]", curves=(fault,), spans=spans),
     )
-    return exhibit(
+    return report_content(
         page,
         {"log": log, "declared": "; ".join(f"{label}: {views['risro'].declared}" for label, views in seen.items())},
         rows=_rows(page, seen),
@@ -173,7 +173,7 @@ def thesis_5_8(settings: Settings) -> ReportContent:
         for what, key, limits in (("fault", "vaf_fault", VAF_LIMITS), ("airspeed", "vaf_output", (-5.0, 105.0)))
         for label, each in swept.items()
     ]
-    return exhibit(
+    return report_content(
         page,
         {
             "log": clean,
@@ -268,7 +268,7 @@ def thesis_5_9(settings: Settings) -> ReportContent:
         name: [str(order) for order, views in zip(orders[first], swept[first], strict=True) if count(views[name]) == 1]
         for name in READINGS
     }
-    return exhibit(
+    return report_content(
         page,
         {
             "log": clean,
@@ -478,7 +478,7 @@ def _reconstructed(
             )
         drawings.append(drawing(page, name if i == 0 else f"{name}_noise", panels, caption=name, record=label))
     told = {label: {**views, **values(views)} for label, views in seen.items()}
-    return exhibit(
+    return report_content(
         page,
         {"log": faulty, "verdict": " ".join(_sentences(page, told))},
         heading=[holds(views) for views in seen.values()],

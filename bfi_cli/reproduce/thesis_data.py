@@ -9,7 +9,7 @@ from ..identify import identify_faults
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number, quantity
 from ..shapes import SHAPES
-from .page import drawing, exhibit, fill, load, table
+from .page import drawing, fill, load, report_content, table
 from .reconstruction import declared
 from .record import (
     NOISE_M_S,
@@ -41,7 +41,7 @@ def thesis_5_1(settings: Settings) -> ReportContent:
         Panel(x_label="time [s]", y_label=f"{name} [{unit}]", curves=(curve("", log.time_s, values[name]),))
         for name, unit in (("elevator", "rad"), ("tas", "m/s"))
     ]
-    return exhibit(
+    return report_content(
         page,
         {
             "log": log,
@@ -74,7 +74,7 @@ def thesis_5_2(settings: Settings) -> ReportContent:
         shown.append((f"theta {i}", str(atom.name), expression, smallest[str(atom.name)]))
         signal = curve("", log.time_s, theta[:, i - 1])
         panels.append(Panel(title=f"theta {i}", x_label="time [s]", y_label="[-]", curves=(signal,)))
-    return exhibit(
+    return report_content(
         page,
         {"log": log, "noise": NOISE_M_S, "smallest": smallest, "model": answer.model},
         rows=rows,
@@ -103,7 +103,7 @@ def thesis_table_2_1(settings: Settings) -> ReportContent:
             Panel(title=blockage, x_label="time [s]", y_label="fault [m/s]", curves=signal),
             airspeed_panel(faulty, fault_starts(faulty)),
         ]
-    return exhibit(
+    return report_content(
         page,
         {"log": log},
         rows=rows,

@@ -22,7 +22,7 @@ from ..preprocessing.regression import ROUND_OFF
 from ..report.content import Drawing, Panel, ReportContent, Table, curve
 from ..report.text import number
 from ..shapes import Shape
-from .page import drawing, exhibit, fill, load, table
+from .page import drawing, fill, load, report_content, table
 from .reconstruction import COPIES, READINGS, dated, label_of, method_config, scanning, shipped
 from .record import (
     NOISE_M_S,
@@ -103,7 +103,7 @@ def thesis_5_13(settings: Settings) -> ReportContent:
         airspeed_panel(faulty, spans),
         Panel(x_label="time [s]", y_label="fault [m/s]", curves=(fault,), spans=spans),
     )
-    return exhibit(
+    return report_content(
         page,
         {"log": log, "onset_s": spans[0].low, "declared": "; ".join(f"{label}: {one}" for label, one in told.items())},
         heading=[bool(scan.faults) for scan in scans.values()],
@@ -156,7 +156,7 @@ def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) ->
         ),
     ]
     known = {"figure": figure, "shape": fault.shape, "onset_s": fault.onset_s}
-    return exhibit(
+    return report_content(
         page,
         {**known, "size": size, "true_s": spans[0].low, "first": first, "verdict": _verdict(page, cases)},
         heading=[len(one.scan.faults) == 1 and one.shapes == {fault.shape} for one in cases],
@@ -194,7 +194,7 @@ def thesis_5_16(settings: Settings) -> ReportContent:
         all(one.shapes <= {fault} for fault, one in zip(cases, pair, strict=True))
         for pair in zip(*cases.values(), strict=True)
     ]
-    return exhibit(
+    return report_content(
         page,
         {"first": every[0], "verdict": " ".join(_verdict(page, group, fault=fault) for fault, group in cases.items())},
         heading=right,

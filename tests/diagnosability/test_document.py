@@ -37,11 +37,11 @@ def test_what_is_not_known_is_null(at_unit):
     between[0], between[:, 0] = np.nan, np.nan
     document = stored(replace(at_unit, atoms=(dead, *at_unit.atoms[1:]), between=frozen_array(between)))
     assert document["between"][0] == [None] * 7
-    exhibit = diagnosability_content(document)
-    (heat_map,) = exhibit.drawings[0].heat_maps
+    content = diagnosability_content(document)
+    (heat_map,) = content.drawings[0].heat_maps
     assert len(heat_map.rows) == 6
     assert np.isfinite(heat_map.values).all()
-    assert exhibit.tables[0].rows[-1][:3] == ("sine_2.25", "1 m/s", "-")
+    assert content.tables[0].rows[-1][:3] == ("sine_2.25", "1 m/s", "-")
 
 
 def test_the_heat_map_has_no_fault_first_and_then_every_fault(at_unit):
@@ -64,12 +64,12 @@ def test_the_curves_cross_the_dashed_line_at_the_minimal_detectable_magnitudes(a
 
 def test_the_verdict_names_what_is_hardest_and_the_best_manoeuvre(at_unit, compared):
     assert "Hardest to see: drift_7.93 of 1 (" in diagnosability_content(stored(at_unit)).verdict
-    exhibit = diagnosability_content(stored(compared))
-    assert exhibit.heading == f"Best manoeuvre: {compared.best}"
-    assert exhibit.verdict.startswith(f"Of 3 manoeuvres {compared.best} tells most.")
-    assert [row[0] for row in exhibit.tables[1].rows] == [score.name for score in compared.manoeuvres]
-    assert "does not move" in exhibit.tables[1].rows[-1][-1]
-    (heat_map,) = exhibit.drawings[-1].heat_maps
+    content = diagnosability_content(stored(compared))
+    assert content.heading == f"Best manoeuvre: {compared.best}"
+    assert content.verdict.startswith(f"Of 3 manoeuvres {compared.best} tells most.")
+    assert [row[0] for row in content.tables[1].rows] == [score.name for score in compared.manoeuvres]
+    assert "does not move" in content.tables[1].rows[-1][-1]
+    (heat_map,) = content.drawings[-1].heat_maps
     assert heat_map.rows == tuple(score.name for score in compared.manoeuvres[:2])
 
 
@@ -87,7 +87,7 @@ def test_every_drawing_can_be_drawn(compared):
 
 def test_a_large_dictionary_has_no_map(at_unit):
     many = tuple(replace(at_unit.atoms[n % 7], name=f"fault {n}") for n in range(31))
-    exhibit = diagnosability_content(stored(replace(at_unit, atoms=many, between=frozen_array(np.zeros((31, 31))))))
-    assert [drawing.name for drawing in exhibit.drawings] == ["information"]
-    assert sum(len(panel.curves) for panel in exhibit.drawings[0].panels) == 8
-    assert len(exhibit.tables[0].rows) == 31
+    content = diagnosability_content(stored(replace(at_unit, atoms=many, between=frozen_array(np.zeros((31, 31))))))
+    assert [drawing.name for drawing in content.drawings] == ["information"]
+    assert sum(len(panel.curves) for panel in content.drawings[0].panels) == 8
+    assert len(content.tables[0].rows) == 31

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from bfi_cli.commands import COMMANDS
-from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_exhibit
+from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_content
 from bfi_cli.serialization import to_plain
 
 pytestmark = pytest.mark.slow
@@ -21,19 +21,19 @@ def test_all_of_them_are_made_and_can_be_drawn_again(
 ):
     monkeypatch.setitem(COMMANDS, "reproduce", "")
     done = bfi("reproduce", "all", "--quick", "--out", tmp_path, "--json", "--series")
-    summary = reproduce_exhibit(json.loads(done.stdout))
+    summary = reproduce_content(json.loads(done.stdout))
     print("\n" + "\n".join(f"{row[0]}: {row[2]}. {row[3]}" for row in summary.tables[0].rows))
     assert done.code == 0, done.stderr
     for name in REPRODUCTIONS:
         document = json.loads((tmp_path / name / "result.json").read_text())
-        exhibit = reproduce_exhibit(document, where=name)
-        body = to_plain(exhibit)
+        content = reproduce_content(document, where=name)
+        body = to_plain(content)
         same = body.keys() - {"category", "data"}
         assert {key: body[key] for key in same} == {key: document["exhibit"][key] for key in same}
         assert document["exhibit"]["kicker"] == body["category"]
         assert (tmp_path / name / "report.html").stat().st_size > 1000
-        for drawing in exhibit.drawings:
+        for drawing in content.drawings:
             assert (tmp_path / name / f"{drawing.name}.svg").exists()
             assert (tmp_path / name / f"{drawing.name}.png").exists()
-        for table in exhibit.tables:
+        for table in content.tables:
             assert (tmp_path / name / f"{table.name}.csv").exists()

@@ -20,11 +20,11 @@ from bfi_cli.reproduce.catalogue import (
     ABSENT,
     REPRODUCTIONS,
     find,
-    list_exhibit,
+    list_content,
+    reproduce_content,
     reproduce_document,
-    reproduce_exhibit,
     run,
-    summary_exhibit,
+    summary_content,
 )
 from bfi_cli.reproduce.record import thesis_record
 from bfi_cli.serialization import to_plain
@@ -69,12 +69,12 @@ def test_a_name_is_found_in_any_case_and_a_wrong_one_is_answered_with_the_neares
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OURS)
-def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[str], ReportContent]):
-    exhibit = made(name)
-    document = json.loads(json.dumps(reproduce_document(name, exhibit, provenance(log_sha256=""))))
+def test_the_document_alone_gives_the_content_back(name: str, made: Callable[[str], ReportContent]):
+    content = made(name)
+    document = json.loads(json.dumps(reproduce_document(name, content, provenance(log_sha256=""))))
     assert (document["kind"], document["schema"], document["name"]) == ("reproduce", 1, name)
-    assert document["notes"] == list(exhibit.notes)
-    assert to_plain(reproduce_exhibit(document)) == to_plain(exhibit)
+    assert document["notes"] == list(content.notes)
+    assert to_plain(reproduce_content(document)) == to_plain(content)
 
 
 @pytest.mark.slow
@@ -82,16 +82,16 @@ def test_the_document_alone_gives_the_exhibit_back(name: str, made: Callable[[st
 def test_published_and_ours_stand_first_each_published_value_with_its_place(
     name: str, made: Callable[[str], ReportContent]
 ):
-    exhibit = made(name)
-    first = exhibit.tables[0]
+    content = made(name)
+    first = content.tables[0]
     assert (first.name, first.heads) == ("comparison", ("quantity", "printed", "computed here"))
     published = [row[1] for row in first.rows]
     assert [text for text in published if not SOURCE.search(text)] == []
     assert any(text != "-" for text in published)
     assert all(len(cell) <= 60 for row in first.rows for cell in row)
-    assert exhibit.drawings
-    assert all(panel.curves for drawing in exhibit.drawings for panel in drawing.panels)
-    assert exhibit.notes
+    assert content.drawings
+    assert all(panel.curves for drawing in content.drawings for panel in drawing.panels)
+    assert content.notes
 
 
 @pytest.mark.slow
@@ -103,8 +103,8 @@ def test_names_that_share_figures_share_the_function_and_every_figure_is_drawn(m
 
 
 def test_the_list_and_the_summary_name_everything(made: Callable[[str], ReportContent]):
-    assert [row[0] for row in list_exhibit().tables[0].rows] == list(REPRODUCTIONS)
-    summary = summary_exhibit([("fir", made("fir")), ("thesis-5-1", LogError("log.csv: too short"))])
+    assert [row[0] for row in list_content().tables[0].rows] == list(REPRODUCTIONS)
+    summary = summary_content([("fir", made("fir")), ("thesis-5-1", LogError("log.csv: too short"))])
     assert summary.verdict == "Made 1 of 2 figures and tables; not thesis-5-1."
     assert summary.tables[0].rows[0][2:] == (made("fir").heading, made("fir").verdict)
     assert summary.tables[0].rows[1][2:] == ("not made", "log.csv: too short")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from bfi_cli.reproduce import catalogue
-from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_exhibit
+from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_content
 
 DATA = Path(__file__).parents[2] / "data"
 Run = Callable[..., Any]
@@ -31,7 +31,7 @@ def test_without_a_name_the_names_are_listed(words: tuple[str, ...], bfi: Run):
     done = bfi("reproduce", *words, *JSON)
     document = json.loads(done.stdout)
     assert (done.code, document["name"]) == (0, "list")
-    assert [row[0] for row in reproduce_exhibit(document).tables[0].rows] == list(REPRODUCTIONS)
+    assert [row[0] for row in reproduce_content(document).tables[0].rows] == list(REPRODUCTIONS)
 
 
 def test_a_figure_is_written_with_everything_that_draws_it_again(bfi: Run, tmp_path: Path):
@@ -42,10 +42,10 @@ def test_a_figure_is_written_with_everything_that_draws_it_again(bfi: Run, tmp_p
     assert document["provenance"]["seed"] == 3
     names = {path.name for path in (tmp_path / "fir").iterdir()}
     assert {"report.html", "fir_condition.svg", "fir_condition.png", "fir_noise.svg", "comparison.csv"} <= names
-    assert "1 per point, seed 3" in dict(reproduce_exhibit(document).facts)["Trials"]
+    assert "1 per point, seed 3" in dict(reproduce_content(document).facts)["Trials"]
 
 
-def test_the_same_seed_gives_the_same_exhibit_and_another_another(bfi: Run):
+def test_the_same_seed_gives_the_same_content_and_another_another(bfi: Run):
     first, again, other = (
         json.loads(bfi("reproduce", "fir", "--quick", "--trials", 1, "--seed", seed, *JSON).stdout)["exhibit"]
         for seed in (1, 1, 2)
@@ -59,7 +59,7 @@ def test_a_log_takes_the_place_of_the_simulated_record(bfi: Run):
     document = json.loads(done.stdout)
     assert done.code == 0, done.stderr
     assert len(document["provenance"]["log_sha256"]) == 64
-    ours = {row[0]: row[2] for row in reproduce_exhibit(document).tables[0].rows}
+    ours = {row[0]: row[2] for row in reproduce_content(document).tables[0].rows}
     assert ours["samples"] == "2000"
 
 
@@ -69,7 +69,7 @@ def test_all_makes_each_in_a_folder_of_its_own_and_names_what_a_log_does_not_all
     log = ("--log", DATA / "citation_clean.h5", "--to", 10)
     done = bfi("reproduce", "all", "--quick", *log, "--out", tmp_path, *JSON)
     assert done.code == 2
-    rows = reproduce_exhibit(json.loads(done.stdout)).tables[0].rows
+    rows = reproduce_content(json.loads(done.stdout)).tables[0].rows
     assert [row[0] for row in rows] == ["thesis-5-1", "thesis-5-1-again", "thesis-5-13"]
     assert [row[2] == "not made" for row in rows] == [False, False, True]
     for name in ("thesis-5-1", "thesis-5-1-again"):

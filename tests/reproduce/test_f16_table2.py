@@ -98,7 +98,7 @@ def test_the_index_rises_and_stays_near_the_table_even_with_a_coarse_step(flight
         assert found.worst < 0.15
 
 
-def test_the_exhibit_holds_table_errata_and_figures(quick: ReportContent):
+def test_the_content_holds_table_errata_and_figures(quick: ReportContent):
     names = [table.name for table in quick.tables]
     assert names == ["comparison", "choices", "robust", "errata", "initial"]
     comparison, choices, *_ = quick.tables
@@ -155,12 +155,12 @@ def test_the_chosen_reading_is_not_repeated_among_the_others(quick: ReportConten
 
 def test_other_choices_reach_the_answer():
     log = FlightLog(path="flight", time_s=np.arange(3.0), channels={})
-    exhibit = f16_table2(Settings(quick=True, trials=1, log=log), changed(reference="gaussian", noise_deg_s=0.1))
-    assert "The record given is not used: the flights are the experiment." in exhibit.notes
-    facts = dict(exhibit.facts)
+    content = f16_table2(Settings(quick=True, trials=1, log=log), changed(reference="gaussian", noise_deg_s=0.1))
+    assert "The record given is not used: the flights are the experiment." in content.notes
+    facts = dict(content.facts)
     assert facts["Gyro noise"].startswith("0.1 deg/s")
     assert facts["Reference"].startswith("Gaussian fit")
-    assert "reference: kernels" in [row[0] for row in exhibit.tables[1].rows]
+    assert "reference: kernels" in [row[0] for row in content.tables[1].rows]
 
 
 def test_options_are_read_from_texts():

@@ -71,8 +71,8 @@ def test_both_methods_agree_where_the_lags_differ():
 
 
 def test_no_line_goes_through_the_two_noises_of_a_quick_run(made: Callable[[str], ReportContent]):
-    exhibit = made("fir")
-    condition, noise = exhibit.drawings
+    content = made("fir")
+    condition, noise = content.drawings
     assert {one.style for panel in condition.panels for one in panel.curves} == {"bars", "dotted"}
     assert {one.style for panel in noise.panels for one in panel.curves} == {"points"}
-    assert dict(exhibit.facts)["Points"] == "3 condition numbers, 2 noises"
+    assert dict(content.facts)["Points"] == "3 condition numbers, 2 noises"

@@ -11,7 +11,7 @@ import pytest
 from bfi_cli.aircraft.catalogue import B747
 from bfi_cli.provenance import provenance
 from bfi_cli.report.content import ReportContent
-from bfi_cli.reproduce.catalogue import reproduce_document, reproduce_exhibit
+from bfi_cli.reproduce.catalogue import reproduce_content, reproduce_document
 from bfi_cli.reproduce.hankel_b747 import (
     COUPLED,
     DIAGONAL,
@@ -107,20 +107,20 @@ def test_two_failures_that_cannot_be_seen():
     assert first[0].max() < 1e-11 < 1e-6 < first[1].min()
 
 
-def test_the_exhibit_says_so_and_comes_back_from_its_document(made: Callable[[str], ReportContent]):
-    exhibit = made("hankel-b747")
-    assert exhibit.heading == "Every failure localised"
-    assert exhibit.tables[0].name == "comparison"
-    assert exhibit.tables[0].rows[0] == ("samples before the criterion can be formed", "7 (example)", "7")
-    document = json.loads(json.dumps(reproduce_document("hankel-b747", exhibit, provenance(log_sha256=""))))
-    assert to_plain(reproduce_exhibit(document)) == to_plain(exhibit)
+def test_the_content_says_so_and_comes_back_from_its_document(made: Callable[[str], ReportContent]):
+    content = made("hankel-b747")
+    assert content.heading == "Every failure localised"
+    assert content.tables[0].name == "comparison"
+    assert content.tables[0].rows[0] == ("samples before the criterion can be formed", "7 (example)", "7")
+    document = json.loads(json.dumps(reproduce_document("hankel-b747", content, provenance(log_sha256=""))))
+    assert to_plain(reproduce_content(document)) == to_plain(content)
 
 
 def test_the_tables_have_a_row_per_failure_and_the_drawings_log_axes(made: Callable[[str], ReportContent]):
-    exhibit = made("hankel-b747")
-    for table in exhibit.tables[1:3]:
+    content = made("hankel-b747")
+    for table in content.tables[1:3]:
         assert len(table.rows) == len(KINDS) * len(FAILURES)
         assert [row[2] for row in table.rows] == [row[3] for row in table.rows]
         assert min(float(row[6]) for row in table.rows) >= BAR
-    assert [drawing.name for drawing in exhibit.drawings] == ["hankel_b747", "hankel_b747_persistent"]
-    assert all(panel.log_y and len(panel.curves) == 6 for one in exhibit.drawings for panel in one.panels)
+    assert [drawing.name for drawing in content.drawings] == ["hankel_b747", "hankel_b747_persistent"]
+    assert all(panel.log_y and len(panel.curves) == 6 for one in content.drawings for panel in one.panels)

@@ -63,10 +63,10 @@ def test_every_rule_has_its_words():
 
 
 def test_the_page_has_intervals_and_says_what_was_made(made: Callable[[str], ReportContent]):
-    exhibit = made("sparsity")
-    assert {cells[2] for cells in exhibit.tables[1].rows} <= {"0 % (0 to 79)", "100 % (21 to 100)"}  # one trial
-    assert dict(exhibit.facts)["Trials"] == "1 per point, seed 0"
-    assert {one.style for panel in exhibit.drawings[0].panels for one in panel.curves} == {"points"}
+    content = made("sparsity")
+    assert {cells[2] for cells in content.tables[1].rows} <= {"0 % (0 to 79)", "100 % (21 to 100)"}  # one trial
+    assert dict(content.facts)["Trials"] == "1 per point, seed 0"
+    assert {one.style for panel in content.drawings[0].panels for one in panel.curves} == {"points"}
 
 
 @pytest.mark.slow

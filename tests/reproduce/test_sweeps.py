@@ -22,8 +22,8 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 ONE = Thin(trials=1, active=(1, 7), noise=(0.0, 1e-4))
 
 
-def rates(exhibit: ReportContent) -> list[dict[str, str]]:
-    table = next(table for table in exhibit.tables if table.name == "rates")
+def rates(content: ReportContent) -> list[dict[str, str]]:
+    table = next(table for table in content.tables if table.name == "rates")
     return [dict(zip(table.heads, row, strict=True)) for row in table.rows]
 
 
@@ -88,7 +88,7 @@ def test_one_update_of_the_stage_takes_six_hundredths_off_what_is_nearly_zero():
 
 
 def test_the_methods_differ_in_what_they_say_and_in_nothing_else():
-    common = {"conditioning": {"rate_hz": "none"}, "model": {"order": 4}}
+    common = {"conditioning": {"rate_hz": "none", "variance": "constant"}, "model": {"order": 4}}
     methods = load("methods")
     for name in ("rank_only", "sparse", "sparse_2", "listing"):
         assert {**methods[name], "risro": {}} == {**common, "method": "risro-as-published", "risro": {}}
@@ -108,12 +108,12 @@ def test_a_page_says_how_many_trials_and_which_points_were_made(name: str, made:
 
 
 def test_a_mean_stands_beside_its_median_and_no_line_goes_through_two_points(made: Callable[[str], ReportContent]):
-    exhibit = made("thesis-5-3")
-    errors, isolation = exhibit.drawings
+    content = made("thesis-5-3")
+    errors, isolation = content.drawings
     assert [panel.title for panel in errors.panels[:2]] == ["no noise, mean", "no noise, median and quartiles"]
     for panel in (*errors.panels, *isolation.panels):
         assert {one.style for one in panel.curves} == {"points"}
-    for one in rates(exhibit):  # one trial per point
+    for one in rates(content):  # one trial per point
         assert one["mean error"] == one["median error"]
 
 

@@ -55,15 +55,15 @@ def slow() -> ReportContent:
     return thesis_5_6(QUICK)
 
 
-def curves(exhibit: ReportContent, *panels: int, drawing: int = 0) -> dict[str, Curve]:
+def curves(content: ReportContent, *panels: int, drawing: int = 0) -> dict[str, Curve]:
     """Return the curves of some panels, all where none is named, by their labels."""
-    drawn = exhibit.drawings[drawing].panels
+    drawn = content.drawings[drawing].panels
     return {one.label: one for i in panels or range(len(drawn)) for one in drawn[i].curves}
 
 
-def row(exhibit: ReportContent, name: str, table: str = "comparison") -> tuple[str, ...]:
+def row(content: ReportContent, name: str, table: str = "comparison") -> tuple[str, ...]:
     """Return what stands beside a name in a table."""
-    (found,) = (one for one in exhibit.tables if one.name == table)
+    (found,) = (one for one in content.tables if one.name == table)
     return next(cells[1:] for cells in found.rows if cells[0] == name)
 
 
@@ -122,16 +122,16 @@ def test_no_order_runs_away_on_its_own_rows(clean: FlightLog, order: int):
 def test_the_readings_and_ours_are_exact_where_the_dictionary_is_and_there_is_no_noise(
     fast: ReportContent, slow: ReportContent
 ):
-    for exhibit in (fast, slow):
-        drawn = curves(exhibit)
+    for content in (fast, slow):
+        drawn = curves(content)
         for label in (M1, LISTING, IMPOSED, ML):
             true = np.interp(drawn[label].x, drawn["true"].x, drawn["true"].y)
             np.testing.assert_allclose(drawn[label].y, true, rtol=0, atol=1e-4)
 
 
 def test_the_reconstructed_measurement_is_drawn(fast: ReportContent, slow: ReportContent):
-    for exhibit in (fast, slow):
-        drawn = curves(exhibit, 0)
+    for content in (fast, slow):
+        drawn = curves(content, 0)
         for label in (M1, "DMAE"):
             assert {"measured", label} <= set(drawn)
         known = np.isfinite(drawn[M1].y)
@@ -179,9 +179,9 @@ def test_none_of_ours_is_called_published_and_the_page_says_who_computed_what(fa
 
 
 def test_the_reasons_for_disagreement_are_given(fast: ReportContent, slow: ReportContent):
-    for exhibit in (fast, slow):
-        assert any("process noise it gives the fault" in note for note in exhibit.notes)
-        assert any("not public" in note for note in exhibit.notes)
+    for content in (fast, slow):
+        assert any("process noise it gives the fault" in note for note in content.notes)
+        assert any("not public" in note for note in content.notes)
     assert any("5.29 s" in note for note in slow.notes)
 
 
@@ -204,66 +204,66 @@ def test_logs_that_cannot_be_used(clean: FlightLog):
 
 
 def test_figure_5_8_quick_says_what_was_solved_and_draws_no_line_through_two_points():
-    exhibit = thesis_5_8(QUICK)
-    assert dict(exhibit.facts)["Values of kappa"] == "2: 0, 0.5"
-    drawn = curves(exhibit, 0)
+    content = thesis_5_8(QUICK)
+    assert dict(content.facts)["Values of kappa"] == "2: 0, 0.5"
+    drawn = curves(content, 0)
     assert {one.style for one in drawn.values()} == {"points"}
     assert drawn[M1].y[0] > 99.99
     assert drawn[M1].y[-1] < 0.0
     assert drawn[ML].y.min() > 99.0
-    assert min(curves(exhibit, 2)[M1].y) > 99.9
-    assert row(exhibit, f"declared at kappa = 0.5, ours (ml), {EXACT}")[1] == "bias_13.8 4"
-    assert exhibit.heading == "The fault is lost by algorithm 3"
+    assert min(curves(content, 2)[M1].y) > 99.9
+    assert row(content, f"declared at kappa = 0.5, ours (ml), {EXACT}")[1] == "bias_13.8 4"
+    assert content.heading == "The fault is lost by algorithm 3"
 
 
 @pytest.mark.slow
 def test_figure_5_9_quick_says_which_orders_were_solved_and_counts_by_one_rule():
-    exhibit = thesis_5_9(QUICK)
-    assert "5, 25, 45, 60; each on its own rows" in dict(exhibit.facts)["Orders solved"]
-    assert {one.style for panel in exhibit.drawings[0].panels for one in panel.curves} == {"points"}
-    settled = curves(exhibit, 0)[IMPOSED]
+    content = thesis_5_9(QUICK)
+    assert "5, 25, 45, 60; each on its own rows" in dict(content.facts)["Orders solved"]
+    assert {one.style for panel in content.drawings[0].panels for one in panel.curves} == {"points"}
+    settled = curves(content, 0)[IMPOSED]
     at = dict(zip(settled.x.tolist(), settled.y.tolist(), strict=True))
     assert max(at, key=lambda order: at[order]) == 45
     assert at[45] > at[60] + 20.0 > at[25]
-    counted = row(exhibit, f"faults at s = 45, algorithm 3, {EXACT}")[1]
+    counted = row(content, f"faults at s = 45, algorithm 3, {EXACT}")[1]
     assert counted == "2: bias_13.8, drift_7.93"
-    (orders,) = (one for one in exhibit.tables if one.name == "orders")
+    (orders,) = (one for one in content.tables if one.name == "orders")
     for cells in orders.rows:
         assert int(cells[5]) == len(cells[6].split(", "))
-    assert exhibit.heading == "Not best at order 45"
-    assert share(row(exhibit, f"VAF of the fault, ours (ml), {EXACT}")[1]) > 99.5
+    assert content.heading == "Not best at order 45"
+    assert share(row(content, f"VAF of the fault, ours (ml), {EXACT}")[1]) > 99.5
 
 
 def test_figure_5_10_says_whose_drift_is_which():
-    exhibit = thesis_5_10(QUICK)
+    content = thesis_5_10(QUICK)
     for text in ("-2.115 in algorithm 3 as published", "-0.4781 with two", "-0.4328 in the listing", "0.2002 in ours"):
-        assert text in exhibit.verdict
+        assert text in content.verdict
     for name in ("DMAE", "ours (ml)"):
-        assert share(row(exhibit, f"VAF of the fault, {name}, {EXACT}")[1]) > 95.0
-    assert row(exhibit, f"declared by ours (ml), {EXACT}")[1] == "bias_13.8 4"
-    assert exhibit.heading == "Not followed by algorithm 3"
+        assert share(row(content, f"VAF of the fault, {name}, {EXACT}")[1]) > 95.0
+    assert row(content, f"declared by ours (ml), {EXACT}")[1] == "bias_13.8 4"
+    assert content.heading == "Not followed by algorithm 3"
 
 
 def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
-    exhibit = thesis_5_11(QUICK)
-    found = row(exhibit, f"declared by algorithm 3, s = 4, {EXACT}")[1]
+    content = thesis_5_11(QUICK)
+    found = row(content, f"declared by algorithm 3, s = 4, {EXACT}")[1]
     assert "sine_1.15" in found
     assert "drift_7.93" in found
-    assert share(row(exhibit, f"VAF of the fault, algorithm 3, {EXACT}")[1]) < -1000.0
-    assert share(row(exhibit, f"VAF of the airspeed, algorithm 3, {EXACT}")[1]) > 99.9
-    assert share(row(exhibit, f"VAF of the fault, DMAE, {NOISY}")[1]) > 80.0
-    assert row(exhibit, f"declared by ours (ml), {EXACT}")[1] == "none"
-    assert exhibit.heading == "Harmless for DMAE"
-    assert any("Quick: the scan over all starts" in note for note in exhibit.notes)
+    assert share(row(content, f"VAF of the fault, algorithm 3, {EXACT}")[1]) < -1000.0
+    assert share(row(content, f"VAF of the airspeed, algorithm 3, {EXACT}")[1]) > 99.9
+    assert share(row(content, f"VAF of the fault, DMAE, {NOISY}")[1]) > 80.0
+    assert row(content, f"declared by ours (ml), {EXACT}")[1] == "none"
+    assert content.heading == "Harmless for DMAE"
+    assert any("Quick: the scan over all starts" in note for note in content.notes)
 
 
 def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it():
-    exhibit = thesis_5_12(QUICK)
-    assert share(row(exhibit, f"VAF of the fault, algorithm 3, s = 45, {EXACT}")[1]) < 5.0
-    assert row(exhibit, f"declared by ours (ml), {EXACT}")[1] == "none"
-    assert row(exhibit, f"scan over all starts, ours, {EXACT}")[1].startswith("drift of 0.23 m/s^2 from 15.86 s")
-    assert share(row(exhibit, f"VAF of the fault, scan, {EXACT}")[1]) > 99.9
-    assert exhibit.heading == "Missed by algorithm 3 without noise only"
+    content = thesis_5_12(QUICK)
+    assert share(row(content, f"VAF of the fault, algorithm 3, s = 45, {EXACT}")[1]) < 5.0
+    assert row(content, f"declared by ours (ml), {EXACT}")[1] == "none"
+    assert row(content, f"scan over all starts, ours, {EXACT}")[1].startswith("drift of 0.23 m/s^2 from 15.86 s")
+    assert share(row(content, f"VAF of the fault, scan, {EXACT}")[1]) > 99.9
+    assert content.heading == "Missed by algorithm 3 without noise only"
 
 
 @pytest.mark.slow
@@ -276,15 +276,15 @@ def test_no_process_noise_of_the_fault_gives_both_figures():
     assert share(row(slow, "DMAE, fault noise 0.0003 (m/s)^2", "methods")[0]) < 0.0
     assert share(row(slow, "DMAE, fault noise 0.05 (m/s)^2", "methods")[0]) == pytest.approx(98.1, abs=0.2)
     assert share(row(fast, "DMAE, fault noise 0.0003 (m/s)^2", "methods")[1]) == pytest.approx(97.2, abs=0.1)
-    for exhibit in (fast, slow):
-        assert row(exhibit, ML, "noise")[0] == "100.0 %"
+    for content in (fast, slow):
+        assert row(content, ML, "noise")[0] == "100.0 %"
 
 
 @pytest.mark.slow
 def test_figure_5_8_whole():
     reported: list[tuple[int, int]] = []
-    exhibit = thesis_5_8(Settings(report=lambda done, total: reported.append((done, total))))
-    fault = curves(exhibit, 0)
+    content = thesis_5_8(Settings(report=lambda done, total: reported.append((done, total))))
+    fault = curves(content, 0)
     assert tuple(fault[M1].x) == KAPPAS
     assert fault[M1].y[0] > 99.99
     assert max(fault[IMPOSED].y[2:]) < 10.0
@@ -294,23 +294,23 @@ def test_figure_5_8_whole():
 
 @pytest.mark.slow
 def test_figure_5_9_whole():
-    exhibit = thesis_5_9(Settings())
+    content = thesis_5_9(Settings())
     for name in (IMPOSED, "published, no stage"):
-        found = curves(exhibit, 0)[name]
+        found = curves(content, 0)[name]
         assert tuple(found.x) == ORDERS
         best = found.x[np.argmax(found.y)]
         print(f"\n{name}: best order {best:g} with {found.y.max():.1f} %")
         assert 40 <= best <= 52
         assert found.y.max() > 95.0
-    assert curves(exhibit, 0)[LISTING].y[ORDERS.index(45)] == pytest.approx(84.4, abs=0.1)
-    assert curves(exhibit, 0)[IMPOSED].y[ORDERS.index(10) : ORDERS.index(40)].max() < 10.0
-    assert max(curves(exhibit, 2)[LISTING].y) < 10.0
+    assert curves(content, 0)[LISTING].y[ORDERS.index(45)] == pytest.approx(84.4, abs=0.1)
+    assert curves(content, 0)[IMPOSED].y[ORDERS.index(10) : ORDERS.index(40)].max() < 10.0
+    assert max(curves(content, 2)[LISTING].y) < 10.0
 
 
 @pytest.mark.slow
 def test_figure_5_11_whole():
-    exhibit = thesis_5_11(Settings())
-    found = row(exhibit, "ours, scan", "methods")[2]
+    content = thesis_5_11(Settings())
+    found = row(content, "ours, scan", "methods")[2]
     assert found.startswith("1.15 Hz sine of 1 m/s from 15.86 s")
 
 

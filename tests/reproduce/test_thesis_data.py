@@ -18,8 +18,8 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 N, RATE = 3172, 100.0
 
 
-def cells(exhibit: ReportContent) -> dict[str, tuple[str, str]]:
-    return {row[0]: (row[1], row[2]) for row in exhibit.tables[0].rows}
+def cells(content: ReportContent) -> dict[str, tuple[str, str]]:
+    return {row[0]: (row[1], row[2]) for row in content.tables[0].rows}
 
 
 def test_the_dictionary_shipped_with_the_program_is_the_one_users_are_given():
@@ -72,14 +72,14 @@ def test_the_perturbed_fault_is_equation_5_8(made: Callable[[str], ReportContent
 
 
 def test_the_start_of_the_bias_of_equation_5_12_is_found_to_a_sample_at_10_hz(made: Callable[[str], ReportContent]):
-    exhibit = made("thesis-5-13")
-    fault = exhibit.drawings[0].panels[-1].curves[0]
+    content = made("thesis-5-13")
+    fault = content.drawings[0].panels[-1].curves[0]
     np.testing.assert_allclose(fault.y, 5.0 * (fault.x >= 14.995), rtol=0, atol=1e-9)
     for record in ("no noise", "noise 0.01 m/s"):
-        found = cells(exhibit)[f"scan over all starts, ours, {record}"][1]
+        found = cells(content)[f"scan over all starts, ours, {record}"][1]
         assert found.startswith("bias of 5 m/s from 15 s")
         assert ";" not in found
-    assert exhibit.heading == "Start found by the scan"
+    assert content.heading == "Start found by the scan"
 
 
 def test_times_count_from_the_start_of_a_log_of_the_user(made: Callable[[str], ReportContent]):
@@ -89,6 +89,6 @@ def test_times_count_from_the_start_of_a_log_of_the_user(made: Callable[[str], R
     log = thesis_record(Settings())
     later = dataclasses.replace(log, time_s=log.time_s + 100.0)
     here, there = made("thesis-5-13"), run("thesis-5-13", Settings(log=later, quick=True))
-    one, other = (exhibit.drawings[0].panels[-1].curves[0] for exhibit in (here, there))
+    one, other = (content.drawings[0].panels[-1].curves[0] for content in (here, there))
     np.testing.assert_array_equal(one.y, other.y)
     assert other.x[0] == 100.0

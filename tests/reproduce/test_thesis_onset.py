@@ -45,13 +45,13 @@ def wrong() -> ReportContent:
     return thesis_5_16(QUICK)
 
 
-def curve(exhibit: ReportContent, panel: int, label: str) -> tuple[np.ndarray, np.ndarray]:
-    found = next(one for one in exhibit.drawings[0].panels[panel].curves if one.label == label)
+def curve(content: ReportContent, panel: int, label: str) -> tuple[np.ndarray, np.ndarray]:
+    found = next(one for one in content.drawings[0].panels[panel].curves if one.label == label)
     return found.x, found.y
 
 
-def row(exhibit: ReportContent, name: str) -> tuple[str, ...]:
-    return next(cells[1:] for cells in exhibit.tables[0].rows if cells[0] == name)
+def row(content: ReportContent, name: str) -> tuple[str, ...]:
+    return next(cells[1:] for cells in content.tables[0].rows if cells[0] == name)
 
 
 @pytest.mark.parametrize(("name", "start"), [("bias", 15.0), ("drift", 16.0)])
@@ -67,9 +67,9 @@ def test_without_noise_the_magnitude_of_every_reading_peaks_at_the_start(
 
 
 def test_our_statistic_peaks_there_too_above_its_threshold(bias: ReportContent, drift: ReportContent):
-    for exhibit, shape, start in ((bias, "bias", 15.0), (drift, "drift", 16.0)):
-        starts, statistic = curve(exhibit, STATISTIC, shape)
-        thresholds = dict(exhibit.drawings[0].panels[STATISTIC].levels)
+    for content, shape, start in ((bias, "bias", 15.0), (drift, "drift", 16.0)):
+        starts, statistic = curve(content, STATISTIC, shape)
+        thresholds = dict(content.drawings[0].panels[STATISTIC].levels)
         assert starts[np.argmax(statistic)] == pytest.approx(start, abs=0.1)
         assert statistic.max() > thresholds[f"threshold, {shape}"]
     assert row(bias, "scan over all starts, ours, no noise")[1].startswith("bias of 5 m/s from 15 s")
@@ -88,15 +88,15 @@ def test_a_log_of_ones_own_and_another_road_to_its_magnitudes():
     """The reproduction's own solves against `bfi start-time --method thesis`, at 20 Hz on a time axis that is moved."""
     log = resample(thesis_record(QUICK), 20.0)
     log = replace(log, time_s=frozen_array(np.round(log.time_s, 6) + 250.0), filters=())
-    exhibit = thesis_5_14(Settings(log=log, quick=True))
-    starts, z = curve(exhibit, EXACT, IMPOSED)
+    content = thesis_5_14(Settings(log=log, quick=True))
+    starts, z = curve(content, EXACT, IMPOSED)
     onset_s = float(log.time_s[0]) + 15.0
     assert starts[np.argmax(np.abs(z))] == pytest.approx(onset_s)
-    assert row(exhibit, "scan over all starts, ours, as recorded")[1].startswith(f"bias of 5 m/s from {onset_s:.5g} s")
+    assert row(content, "scan over all starts, ours, as recorded")[1].startswith(f"bias of 5 m/s from {onset_s:.5g} s")
     faulty = inject(log, [Fault(shape="bias", magnitude=5.0, onset_s=onset_s)])
     rules = {"method": "risro", "conditioning.rate_hz": "none", "model.order": 4, "start_time.shapes": ["bias"]}
     for label, sparsity in ((IMPOSED, "none"), ("ours, with stage", "exp-l0")):
-        starts, z = curve(exhibit, EXACT, label)
+        starts, z = curve(content, EXACT, label)
         scan = find_onset(faulty, merge(Config(), {**rules, "risro.sparsity": sparsity})).profiles[0]
         same = [int(np.argmin(np.abs(scan.onset_s - start))) for start in starts]
         np.testing.assert_allclose(z, scan.magnitude[same], rtol=1e-4, atol=1e-4)
@@ -128,23 +128,23 @@ def test_ours_does_not_declare_the_wrong_shape(wrong: ReportContent):
 
 @pytest.mark.slow
 def test_with_noise_only_ours_finds_the_drift():
-    exhibit = thesis_5_15(Settings())
-    starts, z = curve(exhibit, EXACT, IMPOSED)
+    content = thesis_5_15(Settings())
+    starts, z = curve(content, EXACT, IMPOSED)
     assert len(starts) == 251
     assert starts[np.argmax(np.abs(z))] == pytest.approx(16.0)
     for label in READINGS:
-        starts, z = curve(exhibit, NOISY, label)
+        starts, z = curve(content, NOISY, label)
         assert abs(starts[np.argmax(np.abs(z))] - 16.0) > 0.2
-    found = row(exhibit, "scan over all starts, ours, noise 0.01 m/s")[1]
+    found = row(content, "scan over all starts, ours, noise 0.01 m/s")[1]
     assert found.startswith("drift of 0.26 m/s^2 from 16 s")
-    assert exhibit.heading == "Start found by the scan"
+    assert content.heading == "Start found by the scan"
 
 
 @pytest.mark.slow
 def test_the_wrong_shape_with_noise():
-    exhibit = thesis_5_16(Settings())
-    assert exhibit.heading == "The scan declares no wrong shape"
-    noisy = replace(exhibit, drawings=exhibit.drawings[1:])
+    content = thesis_5_16(Settings())
+    assert content.heading == "The scan declares no wrong shape"
+    noisy = replace(content, drawings=content.drawings[1:])
     assert np.abs(curve(noisy, 0, "published, M = 1")[1]).max() > 1000.0
     assert np.abs(curve(noisy, 1, IMPOSED)[1]).max() < 0.1
 

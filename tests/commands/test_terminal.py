@@ -140,7 +140,7 @@ COMMANDS = (
 )
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+@pytest.mark.parametrize("encoding", ["utf-8", pytest.param("ascii", marks=pytest.mark.slow)])
 def test_names_that_are_no_text(encoding: str, tmp_path: Path):
     names = {
         "log": NAME, "new": b"n\xff", "faults": b"d\xff.yaml", "config": b"c\xff.yaml",
@@ -199,7 +199,9 @@ def test_a_disk_that_fills_up_leaves_nothing(line: str, tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("home", ["/nonexistent", "/dev/null", ""])
+@pytest.mark.parametrize(
+    "home", ["/nonexistent", *(pytest.param(home, marks=pytest.mark.slow) for home in ("/dev/null", ""))]
+)
 def test_a_home_that_cannot_be_written_is_no_news(home: str, tmp_path: Path):
     elsewhere = dict.fromkeys(("XDG_CACHE_HOME", "XDG_CONFIG_HOME"), f"{home}/x")
     done = in_shell(f"bfi identify {BIAS} -d {FAULTS} --out {tmp_path}", ROOT, HOME=home, **elsewhere)

@@ -24,7 +24,7 @@ class Termination(Enum):
     """Why an iteration ended; the value is the sentence shown to the user."""
 
     CONVERGED = "converged"
-    FIXED = "ran the fixed number of iterations asked for, convergence not judged"
+    FIXED = "ran the fixed number of iterations asked for, without a test of convergence"
     MAX_ITERATIONS = "reached the iteration limit before converging"
     STAGNATED = "the fit stopped improving while the estimate kept moving"
     DIVERGED = "the fit grew worse without bound"

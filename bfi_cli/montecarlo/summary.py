@@ -38,10 +38,10 @@ class ScenarioSummary:
     axes : what it is, value by axis.
     trials, failed : how many, and how many gave an error instead of an answer.
     isolation : trials whose declared faults are those added; a failed trial isolates nothing.
-    false_alarm : answered trials that declare a fault which was not added.
-    missed_detection : answered trials with faults that do not declare one of them.
+    false_alarm : trials with an answer that declare a fault which was not added.
+    missed_detection : trials with an answer and faults that do not declare one of them.
     coverage : 95 % intervals of rightly declared faults that hold the truth.
-    magnitude_error : quantiles over answered trials with faults, relative; empty where there are none.
+    magnitude_error : quantiles over trials with an answer and faults, relative; empty where there are none.
     seconds : median time of a trial.
     """
 

@@ -49,8 +49,8 @@ class PreparedWindow:
     faults : every dictionary entry, times on the log's axis; names : their names.
     reasons : why an entry is left out, by index; live : the indices of the others.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
-    response : of the filters that the log went through, the recorder's first; recorder : a sentence on it, and
-        recorder_hz : its edge, None where there is none or none is known.
+    response : at the rate of `native`, of the filters that the log went through, the recorder's first.
+    recorder : a sentence on it; recorder_hz : its edge, None where there is none or none is known.
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
@@ -124,6 +124,8 @@ def prepare_window(
         assert not isinstance(rate_hz, str)
         part, theta = resample_with(log, dictionary_signals(log.time_s), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
+        added = (part.filters or ())[len(log.filters or ()) :]
+        response = response_of((*filters, *added), part.rate_hz)
     else:
         theta = dictionary_signals(part.time_s)
     _require_movement(part, config)

@@ -11,6 +11,7 @@ import pytest
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import LogError
+from bfi_cli.filters import Filter, recorded_signal
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.variable_projection import fit_magnitudes
@@ -66,6 +67,18 @@ def test_rows_are_weighted_where_gusts_come_and_go(log):
     assert regression_of(prepare_window(gusty, dictionary, constant), constant).layout.weights is None
     published = merge(config, {"method": "risro-as-published"})
     assert regression_of(prepare_window(gusty, dictionary, published), published).layout.weights is None
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 10.0, 7.0, 3.0])
+def test_the_response_of_a_window_makes_the_dictionary_at_its_native_rate(log, rate_hz):
+    """Two roads to the same step: through the filters on the log's own grid, and through the window's response."""
+    recorder = Filter(kind="gaussian", edge_hz=0.75, rate_hz=100.0)
+    step = {"relative_to": "log", "atoms": [{"shape": "bias", "channel": "tas", "onset_s": 15.0}]}
+    config = merge(Config(), {"conditioning.rate_hz": rate_hz})
+    window = prepare_window(replace(log, filters=(recorder,)), load_dictionary(step), config)
+    made = recorded_signal(window.faults[0], window.native.time_s, window.response, window_start_s=0.0)
+    # A step that begins between two samples is known to half a sample, in which this one rises by 1.6 per second.
+    np.testing.assert_allclose(made, window.native.theta[:, 0, 0], atol=0.05 + 0.8 / window.native.rate_hz)
 
 
 def test_orders_need_two_rows_for_each_regressor():

@@ -18,11 +18,11 @@ from .errors import DictionaryError
 from .printable import shortened
 from .shapes import KEY_RULES, SHAPES, Shape
 
-__all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "did_you_mean", "fault_from_dict", "fault_to_dict"]
-__all__ += ["magnitude_unit", "parse_spec", "physical", "shown", "unit_signal", "unknown_key"]
+__all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "did_you_mean", "fault_from_dict"]
+__all__ += ["fault_to_dict", "magnitude_unit", "parse_spec", "physical", "shown", "unit_signal", "unknown_key"]
 
 FloatArray = NDArray[np.float64]
-Decision = Literal["fault", "no_fault", "not_identifiable"]
+Decision = Literal["fault", "no_fault", "inconclusive"]
 
 COMMON_KEYS = ("shape", "name", "channel", "magnitude", "onset_s", "offset_s")
 TEXT_KEYS = ("shape", "name", "channel", *(key for key, rule in KEY_RULES.items() if rule in ("reference", "file")))
@@ -143,6 +143,11 @@ def physical(fault: Fault, magnitude: float, channel_unit: str) -> tuple[float, 
     The rate of change of a drift, the value a ramp-hold ends at, otherwise the magnitude itself.
     """
     return SHAPES[fault.shape].physical(magnitude, channel_unit, **_parameters(fault))
+
+
+def build_up_s(fault: Fault) -> float | None:
+    """Return the seconds in which a fault reaches nine tenths of its size, None where it grows to the end."""
+    return SHAPES[fault.shape].build_up_s(**_parameters(fault))
 
 
 def fault_to_dict(fault: Fault) -> dict[str, Any]:

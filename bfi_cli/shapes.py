@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from .sample_file import read_samples
 
-__all__ = ["KEY_RULES", "SCANNED", "SHAPES", "FaultShape", "Key", "ScannedShape", "Shape"]
+__all__ = ["KEY_RULES", "SCANNED", "SHAPES", "FaultShape", "Key", "Kind", "ScannedShape", "Shape"]
 
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]
+Kind = Literal["abrupt", "oscillating", "slow"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +47,14 @@ def _same_value(magnitude: float, channel_unit: str, **_: Any) -> tuple[float, s
     return magnitude, channel_unit
 
 
+def _at_once(**_: Any) -> float | None:
+    return 0.0
+
+
+def _never(**_: Any) -> float | None:
+    return None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultShape:
     """What the program knows of one shape.
@@ -55,8 +64,9 @@ class FaultShape:
     signal : from the seconds since the onset (since the start of the window where `phase_reference` says so) and the
         keys of the shape by name, the signal of magnitude 1.
     formula : the signal in words, for tables and editors.
-    kind : abrupt (it jumps within a sample), slow, or oscillating. A slow one can be mistaken for a
-        change of thrust, configuration or wind.
+    kind : of fault, by which verdicts go: abrupt (it reaches a size and stays near it), oscillating, slow (it grows).
+    build_up_s : from its keys, the seconds in which it reaches nine tenths of its size; None where it has none. What
+        takes long can be mistaken for a change of thrust, configuration or wind.
     label : what sentences call it.
     keys : its own, in the order in which JSON and messages list them.
     is_scanned : whether `bfi start-time` can look for it.
@@ -66,8 +76,9 @@ class FaultShape:
 
     signal: Callable[..., FloatArray]
     formula: str
-    kind: Literal["abrupt", "slow", "oscillating"]
+    kind: Kind
     label: str
+    build_up_s: Callable[..., float | None] = _at_once
     keys: tuple[Key, ...] = ()
     is_scanned: bool = False
     magnitude_unit: Callable[..., str] = _same_unit
@@ -122,6 +133,7 @@ OSCILLATION_KEYS = (
         description="Where the phase counts from: the onset (default) or the start of the window.",
     ),
 )
+LN_10 = 2.302585092994046  # time constants until an exponential is within a tenth of its end
 TIME_CONSTANT = Key(name="time_constant_s", rule="positive", required=True)
 
 SHAPES: Mapping[str, FaultShape] = {
@@ -137,6 +149,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="slope x (t - onset).",
         kind="slow",
         label="drift",
+        build_up_s=_never,
         keys=(
             Key(
                 name="slope",
@@ -166,16 +179,18 @@ SHAPES: Mapping[str, FaultShape] = {
     "lagged_bias": FaultShape(
         signal=lambda elapsed_s, *, time_constant_s: -np.expm1(-elapsed_s / time_constant_s),
         formula="1 - exp(-(t - onset) / time constant).",
-        kind="slow",
+        kind="abrupt",
         label="lagged bias",
+        build_up_s=lambda *, time_constant_s: LN_10 * time_constant_s,
         keys=(TIME_CONSTANT,),
         is_scanned=True,
     ),
     "ramp_hold": FaultShape(
         signal=_ramp_hold,
         formula="slope x min(t - onset, duration).",
-        kind="slow",
+        kind="abrupt",
         label="ramp and hold",
+        build_up_s=lambda *, slope, duration_s: 0.9 * duration_s,
         keys=(
             Key(name="slope", rule="nonzero", description="Per second; default 1 / duration, so that it ends at 1."),
             Key(name="duration_s", rule="positive", required=True),
@@ -195,6 +210,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="The values of a CSV file.",
         kind="slow",  # it may be, and nothing says it is not
         label="sampled shape",
+        build_up_s=_never,
         keys=(
             Key(
                 name="file",

@@ -23,6 +23,9 @@ channels: {}
 units: {}
 group: null
 window: {from_s: null, to_s: null}
+tolerances: {}
+onset_tolerance_s: 1.0
+require: [abrupt, oscillating, slow]
 recorder: {edge_hz: auto, kind: auto}
 conditioning: {rate_hz: auto, detrend: constant, variance: running, filter: linear-phase}
 model: {order: auto, orders: [2, 4, 6, 8, 12], feedthrough: null}
@@ -73,7 +76,7 @@ def keys_in(data, prefix=""):
     """Return every dotted key of nested mappings, the free ones of channels and units left out."""
     for key, value in data.items():
         yield f"{prefix}{key}"
-        if isinstance(value, dict) and key not in ("channels", "units"):
+        if isinstance(value, dict) and key not in ("channels", "units", "tolerances"):
             yield from keys_in(value, f"{prefix}{key}.")
 
 
@@ -90,7 +93,7 @@ def test_the_example_has_every_key_and_says_the_defaults():
     example = load_config(CONFIGS / "example.yaml")
     data = load_yaml(CONFIGS / "example.yaml")
     assert list(keys_in(data)) == list(keys_of(Config()))
-    changed = ("channels", "units", "dictionary")
+    changed = ("channels", "units", "tolerances", "dictionary")
     assert example.model_dump(exclude=set(changed)) == Config().model_dump(exclude=set(changed))
     assert example.load_dictionary() == load_dictionary(CONFIGS / "thesis_dictionary.yaml")
 

@@ -7,7 +7,18 @@ from typing import Any
 
 import click
 
-from .options import MODEL, SIGNALS, advise, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import (
+    MODEL,
+    SIGNALS,
+    VERDICT,
+    advise,
+    config_of,
+    exit_code,
+    inputs_of,
+    log_argument,
+    log_of,
+    with_options,
+)
 from .output import emit
 from .progress import stages
 
@@ -17,7 +28,18 @@ __all__ = ["command"]
 @click.command("identify")
 @log_argument
 @with_options(
-    *("config_path", "dictionary", *SIGNALS, *MODEL, "method", "sparsity", "model", "seed"),
+    *(
+        "config_path",
+        "dictionary",
+        "onset_tolerance",
+        *SIGNALS,
+        *MODEL,
+        *VERDICT,
+        "method",
+        "sparsity",
+        "model",
+        "seed",
+    ),
     *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
 )
 @click.pass_context
@@ -27,9 +49,8 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
     from ..files import check_folder
-    from ..identify import identify_faults
     from ..identify.document import identify_document
-    from ..identify.from_scan import identify_from_scan
+    from ..identify.from_scan import identify_and_scan, identify_from_scan
     from ..identify.report import DRAWINGS, TABLES, identify_content
     from ..provenance import provenance
     from ..report.files import content_names
@@ -45,7 +66,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         if dictionary is None:
             result, dictionary = identify_from_scan(flight, config, progress)
         else:
-            result = identify_faults(flight, dictionary, config, progress)
+            result = identify_and_scan(flight, dictionary, config, progress)
     result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(
         log_sha256=flight.sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed

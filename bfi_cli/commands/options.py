@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
 
-__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "advise", "channel_options", "config_of", "exit_code"]
+__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "advise", "channel_options", "config_of", "exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
 __all__ += ["outside_option", "pairs", "progress_option", "series_option", "window_options", "with_options"]
 
@@ -92,6 +92,10 @@ def _scan_method(_context: click.Context, option: click.Parameter, word: str | N
     return SCAN_METHODS.get(word or "")
 
 
+def _kinds(_context: click.Context, _option: click.Parameter, text: str | None) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",")) if text else ()
+
+
 def _with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:
     if given and not context.params["as_json"]:
         raise click.UsageError("--series is about --json; add --json", context)
@@ -114,6 +118,8 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "channels": {"multiple": True, "callback": pairs("tas=my_airspeed")},
     "units": {"multiple": True, "callback": pairs("tas=kt")},
     "noise": {"multiple": True, "callback": pairs("tas=0.01", float)},
+    "tolerances": {"multiple": True, "callback": pairs("tas=2.6", float)},
+    "kinds": {"callback": _kinds},
     "magnitudes": {"multiple": True, "callback": pairs("0.5 or --magnitude NAME=0.5", float, bare=True)},
     "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
     "stretch": {"callback": _two_numbers("a stretch of time", "1160:1500, in s")},
@@ -149,6 +155,12 @@ feedthrough  --feedthrough/--no-feedthrough  model.feedthrough  -  choice
     Inputs act in the same sample too.
 recorder  --recorder  recorder.edge_hz  HZ|none|auto  number_or_word
     Where the recorder's low-pass has half its gain; auto takes what the log states or shows.  [default: auto]
+onset_tolerance  --onset-tolerance  onset_tolerance_s  S  number
+    How well the onsets of the dictionary are known.  [default: 1]
+require  --require  require  KINDS  kinds
+    Kinds of fault that must be excluded for a no_fault: abrupt,oscillating,slow.  [default: all]
+tolerance  --tolerance  tolerances  CHANNEL=VALUE  tolerances
+    Largest error that may stay unseen, SI; repeatable.  [default: by channel, for tas 3 % or 5 kt]
 method  --method  method  NAME  text
     Method of identification: {", ".join(METHODS)}.  [default: ml]
 sparsity  --sparsity  risro.sparsity  KIND  text
@@ -252,6 +264,7 @@ FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if
 CHANNELS = ("channel_map", "unit_map", "group")
 SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
+VERDICT = ("require", "tolerance")
 
 
 def with_options(*names: str, **words: str) -> Callable[[Command], Command]:
@@ -300,8 +313,8 @@ def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
 
     Parameters
     ----------
-    given : the command's options by their names in `OPTIONS`. Channels and units are added to those of the file, every
-        other value that was given takes the place of the file's.
+    given : the command's options by their names in `OPTIONS`. Channels, units and tolerances are added to those of the
+        file, every other value that was given takes the place of the file's.
 
     Raises
     ------
@@ -312,7 +325,7 @@ def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
     config = load_config(path, allow_outside=given["allow_outside"]) if path is not None else Config()
     named = {OPTIONS[name].key: value for name, value in given.items() if name in OPTIONS}
     values = {key: value for key, value in named.items() if key and value is not None and value not in ((), {})}
-    for key in {"channels", "units"} & values.keys():
+    for key in {"channels", "units", "tolerances"} & values.keys():
         values[key] = {**getattr(config, key), **values[key]}
     try:
         return merge(config, values)

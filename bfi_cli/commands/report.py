@@ -30,13 +30,13 @@ KINDS = {
     "detect": ("detect", "detect_content", 1),
     "diagnosability": ("diagnosability", "diagnosability_content", 1),
     "dictionary": ("audit", "audit_content", 1),
-    "identify": ("identify.report", "content_of_document", 1),
+    "identify": ("identify.report", "content_of_document", 2),
     "info": ("flightlog.report", "info_content", 1),
     "inject": ("flightlog.report", "log_content", 1),
     "montecarlo": ("montecarlo", "montecarlo_content", 1),
     "reproduce": ("reproduce.catalogue", "reproduce_content", 1),
     "simulate": ("flightlog.report", "log_content", 1),
-    "start-time": ("onset", "onset_content", 1),
+    "start-time": ("onset", "onset_content", 2),
 }
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.

@@ -7,20 +7,31 @@ from typing import Any
 
 import click
 
-from .options import MODEL, SIGNALS, advise, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import (
+    MODEL,
+    SIGNALS,
+    VERDICT,
+    advise,
+    config_of,
+    exit_code,
+    inputs_of,
+    log_argument,
+    log_of,
+    with_options,
+)
 from .output import emit
 from .progress import stages
 
 __all__ = ["command"]
 
-DRAWINGS, TABLES = ("profile", "outputs"), ("faults", "profile", "shapes")
+DRAWINGS, TABLES = ("hidden", "profile", "outputs"), ("faults", "candidates", "profile", "shapes")
 
 
 @click.command("start-time")
 @log_argument
 @with_options(
     *("config_path", "shapes", "false_alarm", "calibration", "ends", "samples", "frequency", "scan_method"),
-    *(*SIGNALS, *MODEL, "seed"),
+    *(*SIGNALS, *MODEL, *VERDICT, "seed"),
     *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
 )
 @click.pass_context

@@ -25,8 +25,9 @@ from ..dictionary import Dictionary, DictionaryDocument, expand, load_dictionary
 from ..errors import ConfigError
 from ..faults import did_you_mean, shown
 from ..identify.methods import METHODS
-from ..shapes import SCANNED, ScannedShape
+from ..shapes import SCANNED, Kind, ScannedShape
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
+from ..verdicts import KINDS
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["STRONG_EVIDENCE", "AuditOfDictionary", "Calibrate", "Conditioning", "Config", "Detect", "Diagnosability"]
@@ -299,6 +300,12 @@ class Config(Rules):
     group: Text | None = None
     """HDF5 group or MATLAB struct that holds the channels."""
     window: Window = Window()
+    tolerances: Mapping[Text, Positive] = Field(default_factory=dict)
+    """Output: the largest error that may stay unseen, SI; default by the channel, see docs/formats.md."""
+    onset_tolerance_s: Annotated[Number, Field(ge=0)] = 1.0
+    """How well the onsets of the dictionary are known, s: what can be detected is stated for the worst within it."""
+    require: Annotated[tuple[Kind, ...], Field(min_length=1), AfterValidator(_distinct)] = KINDS
+    """The kinds of fault that must be excluded for the decision no_fault; default all."""
     recorder: Recorder = Recorder()
     conditioning: Conditioning = Conditioning()
     model: Model = Model()

@@ -17,7 +17,7 @@ __all__ = ["SCHEMA", "detect_content", "detect_document"]
 
 SCHEMA = 1
 Plain = Mapping[str, Any]
-HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "not_identifiable": "Not identifiable"}
+HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "inconclusive": "Inconclusive"}
 METHODS = {"exact": "right null space of the last samples", "parity": "parity residuals (left null space)"}
 # Round-off: what is drawn of a criterion of 0 on a logarithmic axis.
 LEAST = 1e-16

@@ -74,7 +74,7 @@ def identify_by_residual(
             iterations=len(regression.orders),
             condition_number=unfolded.condition_number,
         ),
-        decision="fault" if alarms_s.size else None,
+        fires=alarms_s.size > 0,
         notes=(
             f"the residual exceeds five standard deviations {alarms_s.size} times"
             + (f", first at {shown} s" if alarms_s.size else "")

@@ -316,7 +316,7 @@ def identify_by_dmae(
             iterations=log.n_samples,
             condition_number=nan,
         ),
-        decision="no_fault" if run.onset_s is None else "fault",
+        fires=run.onset_s is not None,
         notes=notes,
     )
 

@@ -17,7 +17,7 @@ from .result import IdentifyResult
 
 __all__ = ["IDENTIFY_SCHEMA", "identify_document", "identify_from_document"]
 
-IDENTIFY_SCHEMA = 1
+IDENTIFY_SCHEMA = 2
 GIVE = "give the result.json of bfi identify --out"
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 FAULT_KEYS = tuple(field.name for field in fields(Fault) if field.name not in ("name", "magnitude"))
@@ -37,6 +37,9 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "schema": IDENTIFY_SCHEMA,
         "log": whole["log"],
         "decision": whole["decision"],
+        "verdicts": whole["verdicts"],
+        "summary": whole["summary"],
+        "scan": whole["scan"],
         "faults": [_fault_entry(estimate) for estimate in result.faults],
         "candidates": whole["candidates"],
         "model": whole["model"],

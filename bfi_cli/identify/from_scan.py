@@ -1,53 +1,220 @@
-"""Identification without a dictionary: the onset scan proposes the faults."""
+"""Identification and the scan over all onsets on one window: they check each other, or the scan takes the lead.
+
+A dictionary states onsets, so that a fault at another one is not in it. The scan looks at all of them: what it declares
+is never answered by "no fault". Without a dictionary the scan proposes the faults, and identification estimates them
+jointly; what it cannot confirm is suspected, with both numbers.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 from ..config import Config, merge
 from ..dictionary import Dictionary
+from ..errors import LogError
+from ..faults import FaultEstimate
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
-from ..onset import find_onset, propose_dictionary
+from ..onset import OnsetResult, find_onset, propose_dictionary
+from ..report.text import instant, quantity
+from ..shapes import SHAPES, Kind
 from ..truth import Comparison, compare_by_onset
+from ..verdicts import KINDS, Candidate, decide, kind_of, summarise, verdicts_of
 from .identify import identify_faults
-from .result import IdentifyResult
+from .result import IdentifyResult, ScanSummary
 
-__all__ = ["identify_from_scan"]
+__all__ = ["identify_and_scan", "identify_from_scan"]
 
 # Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
 # Chosen without a tuning record; only the comparison with an injected truth depends on it.
 ONSET_SAMPLES = 1.5
+# A longer record is not scanned beside an identification: it would take minutes.
+MOST_SAMPLES = 20_000
+
+
+def identify_and_scan(
+    log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen
+) -> IdentifyResult:
+    """Identify the faults of a dictionary, and let the scan over all onsets look at the same window.
+
+    1. Identify the faults of the dictionary.
+    2. Scan all onsets. What the scan declares, and no declared entry of its kind explains, is suspected.
+    3. Of a kind of fault that the dictionary has no entry of, the scan's verdict is given.
+
+    Raises
+    ------
+    LogError, ConfigError, DictionaryError : see `bfi_cli.identify.identify_faults` and `bfi_cli.onset.find_onset`.
+    """
+    result = identify_faults(log, dictionary, config, progress)
+    n_samples = result.log.n_samples
+    if n_samples > MOST_SAMPLES:
+        why = f"not scanned for other onsets: {n_samples} samples are more than {MOST_SAMPLES}; cut the window"
+        return _with_scan(result, None, why)
+    if result.log.rate_hz == result.log.native_rate_hz and _is_exact(result):
+        return _with_scan(result, None, "not scanned for other onsets: the model explains the log to round-off")
+    try:
+        scanned = find_onset(log, _scanning(config), progress)
+    except LogError as problem:
+        return _with_scan(result, None, f"not scanned for other onsets: {problem}")
+    return _checked(result, scanned, config)
 
 
 def identify_from_scan(
     log: FlightLog, config: Config, progress: Progress = unseen
 ) -> tuple[IdentifyResult, Dictionary]:
-    """Identify the faults that the onset scan proposes, and return them with the dictionary they make.
+    """Identify the faults that the onset scan declares, and return them with the dictionary they make.
 
-    Where the scan declares none, the candidates are each shape at its most suspicious onset. The evidence asked for is
-    then that of the scan, so that the result says how large each shape would have had to be.
+    The magnitudes are estimated jointly, onsets taken as known; where a joint estimate is compatible with no fault at
+    all, or has the other sign, the fault is suspected. Where the scan declares none, neither does this, and the
+    candidates are those of the scan.
 
     Raises
     ------
     LogError, ConfigError : see `bfi_cli.onset.find_onset` and `bfi_cli.identify.identify_faults`.
     """
-    scanned = find_onset(log, merge(config, {"method": "ml"}), progress)
+    scanned = find_onset(log, _scanning(config), progress)
     dictionary = propose_dictionary(scanned)
     if scanned.faults:
-        said = f"no dictionary: {len(scanned.faults)} found by the onset scan; their onsets are taken as known here"
-    else:
-        highest = max(profile.threshold or 0.0 for profile in scanned.profiles)
-        config = merge(config, {"selection.evidence": highest, "method": "ml"})
+        result = identify_faults(log, dictionary, config, progress, given=config.method == "ml")
         said = (
-            f"no dictionary: the onset scan finds no fault at a false-alarm rate of {100.0 * scanned.false_alarm:.3g} "
-            "%; the candidates are each shape at its most suspicious onset"
+            f"no dictionary: {len(scanned.faults)} found by the onset scan; their onsets are taken as known here, and "
+            "magnitudes estimated jointly"
         )
-    result = identify_faults(log, dictionary, config, progress)
+    else:
+        none = merge(config, {"selection.max_active": 0, "method": "ml"})
+        result = identify_faults(log, dictionary, none, progress)
+        said = (
+            f"no dictionary: the onset scan finds no fault at a false-alarm rate of {100.0 * scanned.false_alarm:.3g} %"
+        )
+    faults, suspects = _confirmed(result, scanned)
+    declared = {fault.name for fault in faults}
+    own = [one for one in result.candidates if one.name in declared]
+    candidates = (*own, *suspects, *(one for one in scanned.candidates if one.state != "declared"))
+    verdicts = verdicts_of(candidates)
     notes = (said, *scanned.notes, *(note for note in result.notes if note not in scanned.notes))
     truth = result.truth
     if truth is not None:  # it asks for the very same signal, which an estimated onset or frequency never gives
         tolerance_s = ONSET_SAMPLES / result.log.rate_hz
-        comparison = compare_by_onset(result.faults, scanned.truth or (), tolerance_s=tolerance_s)
+        comparison = compare_by_onset(faults, scanned.truth or (), tolerance_s=tolerance_s)
         truth = replace(truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
-    return replace(result, notes=notes, truth=truth), dictionary
+    result = replace(
+        result,
+        faults=faults,
+        candidates=candidates,
+        verdicts=verdicts,
+        decision=decide(verdicts, config.require),
+        summary=summarise(verdicts, candidates),
+        notes=notes,
+        truth=truth,
+    )
+    return _with_scan(result, scanned, "it proposed the faults"), dictionary
+
+
+def _scanning(config: Config) -> Config:
+    return merge(config, {"method": "ml"})
+
+
+def _is_exact(result: IdentifyResult) -> bool:
+    return all(vaf > 100.0 - 1e-9 for vaf in result.vaf_output.values())
+
+
+def _with_scan(result: IdentifyResult, scanned: OnsetResult | None, note: str) -> IdentifyResult:
+    """Return the result with what the scan says of the window."""
+    if scanned is None:
+        summary = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=note)
+        return replace(result, scan=summary, notes=(*result.notes, note))
+    said = tuple(_said(one.estimate) for one in scanned.faults)
+    return replace(
+        result, scan=ScanSummary(decision=scanned.decision, verdicts=scanned.verdicts, faults=said, note=note)
+    )
+
+
+def _said(fault: FaultEstimate) -> str:
+    size = quantity(fault.magnitude, fault.unit)
+    return f"{SHAPES[fault.fault.shape].label} of {size} on {fault.fault.channel} from {instant(fault.fault.onset_s)} s"
+
+
+def _confirmed(result: IdentifyResult, scanned: OnsetResult) -> tuple[tuple[FaultEstimate, ...], tuple[Candidate, ...]]:
+    """Return the scan's faults that the joint estimate confirms, and the others as suspected candidates."""
+    by_name = {one.name: one for one in result.faults}
+    joint = {one.name: one for one in result.candidates}
+    faults, suspects = [], []
+    for one, atom in zip(scanned.faults, propose_dictionary(scanned).atoms, strict=True):
+        name, scan = atom.name or atom.shape, one.estimate
+        here = by_name.get(name)
+        if here is not None and here.magnitude * scan.magnitude > 0.0 and not here.ci95[0] <= 0.0 <= here.ci95[1]:
+            faults.append(here)
+            continue
+        other = joint.get(name)
+        size = "-" if other is None or other.magnitude is None else quantity(other.magnitude, scan.unit)
+        suspects.append(
+            Candidate(
+                name=name,
+                shape=scan.fault.shape,
+                channel=scan.fault.channel,
+                kind=kind_of(scan.fault, declared=True),
+                state="suspected",
+                magnitude=scan.magnitude,
+                unit=scan.unit,
+                sd=None,
+                channel_unit=scan.unit,
+                note=(
+                    f"the scan over all onsets declares {quantity(scan.magnitude, scan.unit)}, the joint estimate at "
+                    f"its onset {size} does not confirm it"
+                ),
+            )
+        )
+    return tuple(faults), tuple(suspects)
+
+
+def _checked(result: IdentifyResult, scanned: OnsetResult, config: Config) -> IdentifyResult:
+    """Return the result with the scan's verdicts on kinds that the dictionary lacks, and what it declares suspected."""
+    candidates = list(result.candidates)
+    looked_for = {one.kind for one in candidates if one.state is not None}
+    named = {(kind_of(one.fault, declared=True), one.fault.channel) for one in result.faults}
+    open_: dict[tuple[Kind, str], list[str]] = {}
+    for one in scanned.faults:
+        fault = one.estimate.fault
+        where = (kind_of(fault, declared=True), fault.channel)
+        if where not in named:
+            open_.setdefault(where, []).append(_said(one.estimate))
+    for (kind, channel), said in open_.items():
+        note = f"the scan over all onsets declares a {'; '.join(said)}, which no declared entry explains"
+        mine = [
+            i
+            for i, one in enumerate(candidates)
+            if one.channel == channel and SHAPES[one.shape].kind == kind and one.state in ("excluded", "not_seen")
+        ]
+        for i in mine:
+            candidates[i] = replace(candidates[i], state="suspected", kind=kind, note=note)
+    extra: Sequence[Candidate] = [one for one in scanned.candidates if one.kind not in looked_for]
+    verdicts = verdicts_of([*candidates, *(replace(one, state="suspected") if _is_open(one) else one for one in extra)])
+    for kind, _ in open_:
+        if verdicts[kind] == "no_fault":
+            verdicts[kind] = "inconclusive"
+    decision = result.decision if result.decision == "fault" else decide(verdicts, config.require)
+    if open_ and decision == "no_fault":
+        decision = "inconclusive"
+    if not result.is_trusted and "converge" in result.summary:
+        return _with_scan(result, scanned, "made")
+    disagreement = [
+        f"the scan over all onsets declares a {said}, which no declared entry of the dictionary explains; see bfi "
+        "start-time"
+        for several in open_.values()
+        for said in several
+    ]
+    result = replace(
+        result,
+        candidates=tuple(candidates),
+        verdicts=verdicts,
+        decision=decision,
+        summary=summarise(verdicts, [*candidates, *extra]),
+        notes=(*disagreement, *result.notes),
+    )
+    agrees = "it declares another fault" if open_ else "it declares nothing else"
+    return _with_scan(result, scanned, agrees)
+
+
+def _is_open(one: Candidate) -> bool:
+    return one.state == "declared"

@@ -15,13 +15,18 @@ from ..errors import ConfigError, LogError
 from ..faults import FaultEstimate, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
+from ..preprocessing.advice import what_would_help
+from ..preprocessing.regression import RegressionData
 from ..preprocessing.summary import model_summary
+from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
+from ..verdicts import KINDS, decide, summarise, verdicts_of
+from .claims import claims_of
 from .magnitudes import MethodResult
 from .methods import METHODS
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults
-from .result import Candidate, IdentifyResult
-from .warnings import BLIND_NOTE, hidden_atoms, warnings_of
+from .result import IdentifyResult, ScanSummary
+from .warnings import hidden_atoms, warnings_of
 
 __all__ = ["assemble_result", "identify_faults"]
 
@@ -31,10 +36,11 @@ UNANSWERABLE = (
 )
 
 NOT_CONVERGED = "the solver did not converge, so that there is no interval and no verdict"
+NOT_SCANNED = "only the dictionary's onsets were looked at; bfi start-time scans all of them"
 
 
 def identify_faults(
-    log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen
+    log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen, *, given: bool = False
 ) -> IdentifyResult:
     """Identify the faults of a dictionary in a log, on one BLAS thread: more are slower here and change the bits.
 
@@ -44,6 +50,7 @@ def identify_faults(
     dictionary : see `bfi_cli.dictionary.load_dictionary`.
     config : see `bfi_cli.config.Config`; its `method` is one of `bfi_cli.identify.methods.METHODS`.
     progress : receives the name of every stage and its progress.
+    given : every live entry is in the log, and only its magnitude is asked for; method ml.
 
     Raises
     ------
@@ -70,16 +77,25 @@ def identify_faults(
                 )
         regression = regression_of(window, config, partial(progress, "the record factorised"))
         identify = getattr(import_module(f".{module}", __package__), function)
-        return assemble_result(window, config, identify(window, regression, config, progress))
+        if given:
+            identify = partial(identify, given=True)
+        outcome = identify(window, regression, config, progress)
+        return assemble_result(log, window, regression, config, outcome)
 
 
-def assemble_result(window: PreparedWindow, config: Config, outcome: MethodResult) -> IdentifyResult:
-    """Return the result of an identification: estimates, candidates, series, residuals, notes and decision."""
-    estimates_all, place = METHODS[config.method].candidates, {entry: n for n, entry in enumerate(window.live)}
-    hidden = hidden_atoms(window, outcome.magnitudes) if estimates_all else (False,) * len(window.live)
-    magnitudes, seen = outcome.magnitudes, 1.0 if outcome.converged else np.nan
-    sd, detectable = seen * np.sqrt(magnitudes.variance), seen * magnitudes.minimal_detectable
-    faults, candidates = [], []
+def assemble_result(
+    log: FlightLog, window: PreparedWindow, regression: RegressionData, config: Config, outcome: MethodResult
+) -> IdentifyResult:
+    """Return the result of an identification: estimates, candidates, series, residuals, notes and decision.
+
+    Parameters
+    ----------
+    log : as it was read; window, regression : of it; outcome : of the method on them.
+    """
+    magnitudes, estimates_all = outcome.magnitudes, METHODS[config.method].candidates
+    hidden = hidden_atoms(window, magnitudes) if estimates_all else (False,) * len(window.live)
+    sd = np.sqrt(magnitudes.variance) if outcome.converged else np.full(len(window.live), np.nan)
+    faults = []
     for n in outcome.atoms:
         fault, z, reach = window.faults[window.live[n]], float(magnitudes.value[n]), magnitudes.quantile * float(sd[n])
         unit = window.log.channel(fault.channel).unit
@@ -95,32 +111,30 @@ def assemble_result(window: PreparedWindow, config: Config, outcome: MethodResul
             ci95=(z - reach, z + reach),
         )
         faults.append(estimate)
-    for entry, fault in enumerate(window.faults):
-        live = place.get(entry)
-        known = fault.channel in window.log.channels
-        candidate = Candidate(
-            name=window.names[entry],
-            channel=fault.channel,
-            active=live in outcome.atoms,
-            magnitude=None if live is None else _finite(magnitudes.value[live]),
-            unit=magnitude_unit(fault, window.log.channel(fault.channel).unit if known else ""),
-            sd=None if live is None else _finite(sd[live]),
-            minimal_detectable=None if live is None else _finite(detectable[live]),
-            note=window.reasons.get(entry) if live is None else BLIND_NOTE if hidden[live] else None,
-        )
-        candidates.append(candidate)
+    tolerances = tolerances_of(log, window.log, config.outputs, config.tolerances)
+    candidates = claims_of(window, regression, outcome, config.method, tolerances)
+    verdicts = verdicts_of(candidates)
+    decision = decide(verdicts, config.require)
+    unanswered = []
+    if outcome.fires:
+        decision = "fault"
+    if not outcome.converged:
+        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+        unanswered.append(f"{NOT_CONVERGED}: {outcome.solver.termination}")
+    elif decision == "inconclusive" and all(hidden):
+        unanswered.append(UNANSWERABLE)
+    helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
     series = output_series(window, outcome, true_faults(window))
     residuals = residual_summaries(window, outcome)
-    decision = outcome.decision or ("fault" if outcome.atoms else "not_identifiable" if all(hidden) else "no_fault")
-    unanswered = UNANSWERABLE
-    if not outcome.converged:
-        decision, unanswered = "not_identifiable", f"{NOT_CONVERGED}: {outcome.solver.termination}"
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
     return IdentifyResult(
         log=window.summary,
         decision=decision,
+        verdicts=verdicts,
+        summary=summarise(verdicts, candidates) if outcome.converged else NOT_CONVERGED,
+        scan=ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED),
         faults=tuple(faults),
-        candidates=tuple(candidates),
+        candidates=candidates,
         model=model_summary(
             outcome.error,
             order=outcome.order,
@@ -138,10 +152,11 @@ def assemble_result(window: PreparedWindow, config: Config, outcome: MethodResul
         },
         solver=outcome.solver,
         notes=(
-            *((unanswered,) if decision == "not_identifiable" else ()),
+            *unanswered,
             *outcome.notes,
             *warnings_of(window, outcome, series, residuals, hidden),
             *((window.recorder,) if window.recorder else ()),
+            *((helps,) if helps else ()),
         ),
         time_s=window.signals.time_s,
         inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
@@ -150,7 +165,3 @@ def assemble_result(window: PreparedWindow, config: Config, outcome: MethodResul
         residuals=residuals,
         truth=against_truth(window, outcome, series),
     )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ..faults import Decision
 from ..kernels.covariance import covariance, single_additions, unfold
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, silent
@@ -63,8 +62,11 @@ class MethodResult:
         plain_error : of the model without faults.
     order, feedthrough : of the model; condition_number : of its regressors, NaN where it has none.
     orders, criterion_no_fault, criterion_best : the order selection curve, empty for one order.
-    decision : None to decide by what is declared and what could have been seen.
     converged : the solver of the answer did; else there is no interval and no verdict.
+    fires : the method says that there is a fault, whatever is declared.
+    declined : of live entries that were favoured and then declined, why.
+    needed : (n_live,) statistic, n_rows log of the ratio of determinants, from which on an entry is declared; None
+        where the method has no such rule.
     """
 
     atoms: tuple[int, ...]
@@ -78,8 +80,10 @@ class MethodResult:
     orders: tuple[int, ...] = ()
     criterion_no_fault: tuple[float, ...] = ()
     criterion_best: tuple[float, ...] = ()
-    decision: Decision | None = None
     converged: bool = True
+    fires: bool = False
+    declined: Mapping[int, str] = field(default_factory=dict)
+    needed: FloatArray | None = None
     notes: tuple[str, ...] = ()
 
 

@@ -65,9 +65,18 @@ class Selection:
 
 
 def identify_by_likelihood(
-    window: PreparedWindow, regression: RegressionData, config: Config, progress: Progress = unseen
+    window: PreparedWindow,
+    regression: RegressionData,
+    config: Config,
+    progress: Progress = unseen,
+    *,
+    given: bool = False,
 ) -> MethodResult:
     """Select order and support by EBIC, then drop atoms that fail the overdispersion or the robustness test.
+
+    Parameters
+    ----------
+    given : every live entry is taken to be present, and only the order is selected.
 
     Raises
     ------
@@ -83,18 +92,19 @@ def identify_by_likelihood(
         max_active=rules.max_active,
         report=partial(progress, "search for the faults"),
     )
-    if rules.threshold is not None:
-        selection = _by_threshold(regression, selection, rules.threshold)
+    if given or rules.threshold is not None:
+        selection = _by_threshold(regression, selection, 0.0 if given else rules.threshold or 0.0)
     elsewhere = partial(progress, "the same shapes elsewhere")
     dispersion = overdispersion(window, regression, selection.best.fit, elsewhere)
     estimates = _estimates(regression, selection, coarse, dispersion, partial(progress, "magnitudes"))
-    notes: list[str] = []
-    while rules.threshold is None:
+    notes, declined = list[str](), dict[int, str]()
+    while rules.threshold is None and not given:
         failed = _failed_test(regression, selection, estimates, dispersion)
         if failed is None:
             break
         atom, reason = failed
         notes.append(f"'{names[atom]}' is not declared: {reason}")
+        declined[atom] = reason
         selection = _without(regression, selection, atom)
         sizing = partial(progress, f"magnitudes, {len(notes)} declined")
         estimates = _estimates(regression, selection, coarse, dispersion, sizing)
@@ -119,8 +129,16 @@ def identify_by_likelihood(
         criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
         criterion_best=tuple(search.best.criterion for search in selection.searches) if several else (),
         converged=fit.termination is Termination.CONVERGED,
+        declined=declined,
+        needed=_needed(selection.penalty, dispersion),
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
+
+
+def _needed(penalty: Penalty, dispersion: FloatArray) -> FloatArray:
+    """Return (n_live,) the statistic over all rows from which on an atom passes criterion and overdispersion test."""
+    charge = penalty.per_parameter + penalty.per_atom
+    return charge * dispersion * penalty.n_rows / penalty.n_effective
 
 
 def _at_half_rate(
@@ -182,7 +200,7 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
         )
     fit = min(scored, key=lambda one: one.criterion).fit
     z = fit.z * regression.magnitude_unit
-    atoms = tuple(int(j) for j in np.flatnonzero(np.abs(z) > threshold * np.linalg.norm(z)))
+    atoms = tuple(int(j) for j in np.flatnonzero(np.abs(z) >= threshold * np.linalg.norm(z)))
     start = replace(fit, atoms=atoms, z=fit.z[list(atoms)])
     searches = []
     for search in selection.searches:

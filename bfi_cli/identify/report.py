@@ -11,30 +11,30 @@ from numpy.typing import NDArray
 
 from ..faults import FaultEstimate
 from ..printable import shortened
+from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, verdict_sentence
 from ..report.content import Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
 from ..report.text import HEADINGS, axis_label, instant, interval, number, quantity
 from ..shapes import SHAPES
+from ..verdicts import Candidate
 from .document import identify_from_document
 from .methods import METHODS
-from .result import Candidate, IdentifyResult, OutputSeries, ResidualSummary
+from .result import IdentifyResult, OutputSeries, ResidualSummary
 
-__all__ = ["DRAWINGS", "TABLES", "content_of_document", "describe", "identify_content", "shown_candidates", "verdict"]
+__all__ = ["DRAWINGS", "TABLES", "content_of_document", "describe", "identify_content", "shown_candidates"]
 
 FloatArray = NDArray[np.float64]
 
-DRAWINGS = ("outputs", "fault", "magnitudes", "residuals", "orders")
+DRAWINGS = ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")
 TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")
-# Limits that a verdict names, and entries of the dictionary that the figure of the magnitudes has room for.
-NAMED_LIMITS, MAX_CANDIDATES = 3, 30
+# Entries of the dictionary that the figure of the magnitudes has room for.
+MAX_CANDIDATES = 30
 # Below this p-value of the Ljung-Box test the residual is called not white: the usual level of 1 %.
 WHITE_ABOVE = 0.01
 # The criterion is drawn linearly up to this difference, which is decisive evidence by any of the criteria.
 LINEAR_CRITERION = 10.0
 NAME_LETTERS = 40
 FAULT_HEADS = ("fault", "channel", "from", "magnitude", "95 % interval", "until", "physical value", "shape", "sd")
-CANDIDATE_HEADS = ("dictionary", "magnitude", "sd", "min. detectable", "state", "note", "channel")
 RESIDUAL_HEADS = ("output", "noise sd", "VAF", "whiteness", "5 σ without faults", "samples beyond 5 σ")
-CANDIDATE_COLUMNS = ("name", "channel", "active", "magnitude", "unit", "sd", "minimal_detectable", "note")
 SERIES = ("measured", "corrected", "predicted", "fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
 MAGNITUDE_CAPTION = (
     "Magnitude of every dictionary entry with its 95 % interval, in units of its own minimal detectable magnitude: "
@@ -53,15 +53,18 @@ RESIDUAL_CAPTION = (
 
 def identify_content(result: IdentifyResult) -> ReportContent:
     """Return what the report of an identification holds."""
+    hidden = hidden_drawing(result.candidates)
     return ReportContent(
         category="Fault identification",
         title=result.log.path,
         heading=HEADINGS[result.decision],
-        verdict=verdict(result),
+        verdict=verdict_sentence(result.decision, list(map(describe, result.faults)), result.summary),
         tone=result.decision,
+        lead=len(hidden),
         facts=_facts(result),
         tables=tuple(_tables(result)),
         drawings=(
+            *hidden,
             _draw_outputs(result),
             _draw_fault(result),
             *([_draw_magnitudes(result)] if result.candidates else []),
@@ -77,29 +80,6 @@ def content_of_document(document: object, *, where: str = "result") -> ReportCon
     """Return what the report of a document of `bfi identify` holds; see `identify_from_document`."""
     result, _ = identify_from_document(document, where=where)
     return identify_content(result)
-
-
-def verdict(result: IdentifyResult) -> str:
-    """Return the answer in one sentence, with what it could not have seen."""
-    if result.decision == "not_identifiable":
-        reason = result.notes[0] if result.notes else "no reason was recorded"
-        return f"This log cannot tell: {reason.rstrip('.')}."
-    if result.faults:
-        said = "; ".join(map(describe, result.faults))
-        return f"Fault: {said}." if len(result.faults) == 1 else f"{len(result.faults)} faults: {said}."
-    limits = [
-        f"{shortened(candidate.name, 40)} larger than {quantity(candidate.minimal_detectable, candidate.unit)}"
-        for candidate in result.candidates
-        if candidate.minimal_detectable is not None and math.isfinite(candidate.minimal_detectable)
-    ]
-    seen = "how large a fault would have been found is not known"
-    if len(limits) == 1:
-        seen = f"a {limits[0]} would have been found (90 % power)"
-    elif limits:
-        *named, last = limits[:NAMED_LIMITS]
-        more = f"; {len(limits) - NAMED_LIMITS} more in the table" if len(limits) > NAMED_LIMITS else ""
-        seen = f"{', '.join(named)} or {last} would have been found (90 % power each, if alone{more})"
-    return f"No fault of the dictionary is present; {seen}."
 
 
 def describe(estimate: FaultEstimate) -> str:
@@ -123,18 +103,24 @@ def shown_candidates(result: IdentifyResult) -> tuple[Candidate, ...]:
 
     Those of a larger dictionary are the declared ones and those with the largest magnitude for their limit.
     """
-    ranked = sorted(result.candidates, key=lambda one: (not one.active, -abs(_ratio(one) or 0.0)))
+    ranked = sorted(result.candidates, key=lambda one: (one.state != "declared", -abs(_ratio(one) or 0.0)))
     kept = {id(candidate) for candidate in ranked[:MAX_CANDIDATES]}
     return tuple(candidate for candidate in result.candidates if id(candidate) in kept)
 
 
 def _ratio(candidate: Candidate) -> float | None:
     """Return the magnitude in units of the minimal detectable one, None where one of them is not known."""
-    limit = candidate.minimal_detectable
+    limit = _smallest(candidate)
     if candidate.magnitude is None or limit is None or not limit > 0.0:
         return None
     ratio = candidate.magnitude / limit
     return ratio if math.isfinite(ratio) else None
+
+
+def _smallest(candidate: Candidate) -> float | None:
+    """Return the minimal detectable magnitude, without a dictionary that of the scan."""
+    own = candidate.minimal_detectable
+    return candidate.minimal_detectable_scan if own is None else own
 
 
 def _facts(result: IdentifyResult) -> tuple[tuple[str, str], ...]:
@@ -145,7 +131,8 @@ def _facts(result: IdentifyResult) -> tuple[tuple[str, str], ...]:
         ("Rate", f"{number(log.rate_hz)} Hz (recorded at {number(log.native_rate_hz)} Hz)"),
         ("Inputs", ", ".join(model.inputs) or "none"),
         ("Outputs", ", ".join(model.outputs)),
-        ("Dictionary", f"{len(result.candidates)} candidates, {len(result.faults)} declared"),
+        ("Looked for", f"{len(result.candidates)} candidates, {len(result.faults)} declared"),
+        ("Scan of all onsets", result.scan.note),
         ("Model", f"VARX of order {model.order} at {number(model.rate_hz)} Hz"),
         ("Inputs act", "in the same sample too" if model.feedthrough else "from the next sample on"),
         ("Orders tried", ", ".join(map(str, model.orders)) or "this one only"),
@@ -175,23 +162,7 @@ def _tables(result: IdentifyResult) -> Iterator[Table]:
         )
     if faults:
         yield Table(name="faults", title="Faults", heads=FAULT_HEADS, rows=tuple(faults))
-    candidates = []
-    for one in sorted(result.candidates, key=lambda one: not one.active):
-        magnitude = number(one.magnitude, spread=None if one.sd is None else 1.96 * one.sd, extra=1)
-        candidates.append(
-            (
-                shortened(one.name, NAME_LETTERS),
-                magnitude if magnitude == "-" else f"{magnitude} {one.unit}".rstrip(),
-                number(one.sd, digits=2),
-                quantity(one.minimal_detectable, one.unit),
-                "declared" if one.active else "",
-                one.note or "",
-                one.channel,
-            )
-        )
-    if candidates:
-        title = "Dictionary, declared entries first"
-        yield Table(name="candidates", title=title, heads=CANDIDATE_HEADS, rows=tuple(candidates))
+    yield from candidate_tables(result.candidates)
     residuals = []
     for summary in result.residuals:
         unit, alarms_s, p = units.get(summary.channel, ""), summary.plain_alarms_s, summary.ljung_box_p
@@ -315,7 +286,11 @@ def _draw_magnitudes(result: IdentifyResult) -> Drawing:
         ("not declared", "faint_intervals", False),
     )
     for label, style, active in styles:
-        drawn = [(j, ratio) for j, ratio in enumerate(ratios) if ratio is not None and shown[j].active is active]
+        drawn = [
+            (j, ratio)
+            for j, ratio in enumerate(ratios)
+            if ratio is not None and (shown[j].state == "declared") is active
+        ]
         x = np.array([ratio for _, ratio in drawn])
         half = np.array([1.96 * (shown[j].sd or 0.0) / (shown[j].minimal_detectable or 1.0) for j, _ in drawn])
         if drawn:
@@ -324,7 +299,7 @@ def _draw_magnitudes(result: IdentifyResult) -> Drawing:
     for j, one in enumerate(shown):
         spread = math.nan if one.sd is None else 1.96 * one.sd
         size = f"{number(one.magnitude, spread=spread, extra=1)} ± {number(spread, spread=spread, extra=1)} {one.unit}"
-        limit = quantity(one.minimal_detectable, one.unit)
+        limit = quantity(_smallest(one), one.unit)
         notes.append(("not estimated" if one.magnitude is None else f"{size.rstrip()}, limit {limit}", float(j)))
     more = f"{len(shown)} of {len(result.candidates)} entries: declared, and largest for their limit"
     panel = Panel(

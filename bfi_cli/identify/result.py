@@ -10,25 +10,30 @@ from numpy.typing import NDArray
 
 from ..faults import Decision, FaultEstimate
 from ..preprocessing.summary import LogSummary, ModelSummary
+from ..shapes import Kind
+from ..verdicts import Candidate
 
-__all__ = ["AgainstTruth", "Candidate", "IdentifyResult", "OutputSeries", "ResidualSummary", "SolverSummary"]
+__all__ = ["AgainstTruth", "IdentifyResult", "OutputSeries", "ResidualSummary", "ScanSummary", "SolverSummary"]
 __all__ += ["SparsityRun", "SparsitySummary"]
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """One entry of the dictionary; `magnitude` is that of the entry added alone unless the entry is active."""
+class ScanSummary:
+    """What the scan over all onsets says of the same window.
 
-    name: str
-    channel: str
-    active: bool
-    magnitude: float | None
-    unit: str
-    sd: float | None
-    minimal_detectable: float | None
-    note: str | None
+    Attributes
+    ----------
+    decision : None where it was not made.
+    faults : its declared faults in words.
+    note : whether it agrees, or why it was not made.
+    """
+
+    decision: Decision | None
+    verdicts: Mapping[Kind, Decision]
+    faults: tuple[str, ...]
+    note: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,10 +132,21 @@ class AgainstTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IdentifyResult:
-    """The whole result of `bfi identify`."""
+    """The whole result of `bfi identify`.
+
+    Attributes
+    ----------
+    verdicts : on each kind of fault.
+    candidates : every entry of the dictionary; without one the declared faults, and every other shape of the scan.
+    summary : what the log says of the kinds of which no fault is declared.
+    scan : what the scan over all onsets says of the same window.
+    """
 
     log: LogSummary
     decision: Decision
+    verdicts: Mapping[Kind, Decision]
+    summary: str
+    scan: ScanSummary
     faults: tuple[FaultEstimate, ...]
     candidates: tuple[Candidate, ...]
     model: ModelSummary
@@ -147,4 +163,4 @@ class IdentifyResult:
     @property
     def is_trusted(self) -> bool:
         """Whether the log could tell."""
-        return self.decision != "not_identifiable"
+        return self.decision != "inconclusive"

@@ -9,7 +9,7 @@ covariance. Golub and Pereyra (1973) for variable projection.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import lapack
@@ -103,6 +103,15 @@ def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> Proje
     return ProjectedRegression(
         theta=theta, y=y, signals=columns.signals, n_rows=data.n_rows, n_base=columns.n_base, floor=floor
     )
+
+
+def without_signal(problem: ProjectedRegression, atom: int, z: float) -> ProjectedRegression:
+    """Return the regression of the outputs less z times an atom's signals."""
+    y = problem.y.copy()
+    for column, (output, of_atom) in enumerate(problem.signals):
+        if of_atom == atom:
+            y[:, :, output] -= z * problem.theta[:, :, column]
+    return replace(problem, y=y)
 
 
 def fit_magnitudes(

@@ -15,8 +15,12 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.onset.scan import STARTING
 from ..kernels.progress import Progress, Report, parts, shares, unseen
+from ..preprocessing.advice import what_would_help
+from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant
+from ..verdicts import decide, summarise, verdicts_of
+from .claims import OLDER_NOTE, claims_of, covered
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
 from .result import OnsetFault, OnsetResult, assemble_result
@@ -47,6 +51,8 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
        the fault at the log's own samples, re-estimate those before it, subtract all of them and scan again.
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
+    5. Turn the thresholds into magnitudes at every onset: what could not have been seen decides between "no fault"
+       and "inconclusive".
 
     Parameters
     ----------
@@ -74,6 +80,10 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
         if estimates:
             estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
         eliminate(record, verdicts, estimates, order, rule, progress)
+        tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
+        limits = partial(progress, "what could not have been seen")
+        candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
+    by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
     result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.fault_free_order)
@@ -89,9 +99,14 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
             f"{verdict.threshold:.3g}; a table for these settings "
             "(bfi calibrate), or --calibration gaussian, may decide otherwise",
         )
+    helps = what_would_help(record.window.log, config, by_kind)
+    notes += [f"{covered(record, order)}; {OLDER_NOTE}", *([helps] if helps else [])]
     return replace(
         result,
-        decision="fault" if estimates else "no_fault",
+        decision=decide(by_kind, config.require),
+        verdicts=by_kind,
+        candidates=candidates,
+        summary=summarise(by_kind, candidates),
         false_alarm=rule.false_alarm,
         p_value=verdict.p_value if rule.use.matches else None,
         statistic=verdict.statistic,

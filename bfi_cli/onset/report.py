@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from ..faults import fault_to_dict
 from ..provenance import Provenance
+from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
 from ..report.text import HEADINGS, instant, interval, number, quantity, shortened
-from ..serialization import to_plain
+from ..serialization import from_plain, to_plain
 from ..shapes import SHAPES
+from ..verdicts import Candidate
 from .result import OnsetResult
 
 __all__ = ["SCHEMA", "onset_content", "onset_document"]
@@ -22,9 +24,19 @@ __all__ = ["SCHEMA", "onset_content", "onset_document"]
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
-SCHEMA = 1
+SCHEMA = 2
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
-DECISION_KEYS = ("log", "decision", "false_alarm", "p_value", "statistic", "threshold", "calibration")
+DECISION_KEYS = (
+    "log",
+    "decision",
+    "verdicts",
+    "summary",
+    "false_alarm",
+    "p_value",
+    "statistic",
+    "threshold",
+    "calibration",
+)
 PROFILE_KEYS = ("shape", "channel", "frequency_hz", "threshold", "unit")
 FAULT_COLUMNS = (
     *("shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value", "physical_unit"),
@@ -71,6 +83,7 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
                 }
                 for fault in result.faults
             ],
+            "candidates": result.candidates,
             "model": result.model,
             "method": result.method,
             "profile": {
@@ -95,27 +108,32 @@ def _known(ends: tuple[float, float]) -> tuple[float, float] | None:
 def onset_content(document: Plain) -> ReportContent:
     """Return what the report of a document of `bfi start-time` holds."""
     faults = document["faults"]
+    candidates = from_plain(tuple[Candidate, ...], document["candidates"], where="candidates")
     said = [_sentence(fault) for fault in faults]
-    verdict = f"No fault stands out at a false-alarm rate of {number(100.0 * document['false_alarm'])} %."
-    if said:
-        verdict = f"Fault: {said[0]}." if len(said) == 1 else f"{len(said)} faults: {'; '.join(said)}."
-    shapes = _profiles(document["profile"])
+    shapes, hidden = _profiles(document["profile"]), hidden_drawing(candidates)
     return ReportContent(
         category="Onset of a fault",
         title=str(document["log"]["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=verdict,
+        verdict=verdict_sentence(document["decision"], said, document["summary"]),
         tone=document["decision"],
+        lead=len(hidden),
         facts=tuple(_facts(document)),
-        tables=(*_fault_tables(faults), _shape_table(shapes)),
-        drawings=(_profile_drawing(shapes, faults), _series_drawing(document["series"], faults)),
+        tables=(*_fault_tables(faults), *candidate_tables(candidates), _shape_table(shapes)),
+        drawings=(
+            *hidden,
+            _profile_drawing(shapes, faults),
+            _series_drawing(document["series"], faults),
+        ),
         notes=tuple(document["notes"]),
-        data=_data(faults, shapes),
+        data=_data(faults, candidates, shapes),
     )
 
 
-def _data(faults: Sequence[Plain], profiles: Sequence[Plain]) -> dict[str, dict[str, Any]]:
-    """Return the CSV files of the faults and of the profiles at full precision."""
+def _data(
+    faults: Sequence[Plain], candidates: Sequence[Candidate], profiles: Sequence[Plain]
+) -> dict[str, dict[str, Any]]:
+    """Return the CSV files of faults, candidates and profiles at full precision."""
     flat = []
     for fault in faults:
         ends = dict(zip(("ci95_low", "ci95_high"), fault["ci95"] or (None, None), strict=True))
@@ -128,7 +146,8 @@ def _data(faults: Sequence[Plain], profiles: Sequence[Plain]) -> dict[str, dict[
     values = {
         key: np.concatenate([one[key] for one in profiles]) for key in ("onset_s", "statistic", "magnitude", "sd")
     }
-    return {"faults.csv": columns, "profile.csv": {**points, **values}}
+    listed = {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
+    return {"faults.csv": columns, "candidates.csv": listed, "profile.csv": {**points, **values}}
 
 
 def _sentence(fault: Plain) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..dictionary import Dictionary
@@ -12,6 +12,8 @@ from ..kernels import FloatArray
 from ..kernels.whiteness import exceedances, robust_sd
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
 from ..report.text import instant
+from ..shapes import Kind
+from ..verdicts import KINDS, Candidate
 from .estimate import NORMAL, Estimate, subtract_faults
 from .scan import HypothesisScan
 from .scan_record import ScanRecord
@@ -101,6 +103,8 @@ class OnsetResult:
 
     Attributes
     ----------
+    verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.verdicts`.
+    summary : what the log says of the kinds of which no fault is declared.
     statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
     p_value : of the largest standardised statistic; None where no calibration fits the settings.
     time_s : (n_samples,) of the series.
@@ -109,6 +113,9 @@ class OnsetResult:
 
     log: LogSummary
     decision: Decision
+    verdicts: Mapping[Kind, Decision]
+    candidates: tuple[Candidate, ...]
+    summary: str
     false_alarm: float
     p_value: float | None
     statistic: float
@@ -126,7 +133,7 @@ class OnsetResult:
     @property
     def is_trusted(self) -> bool:
         """Whether the log could tell, and how rare such a statistic is without a fault is known."""
-        return self.decision != "not_identifiable" and self.p_value is not None
+        return self.decision != "inconclusive" and self.p_value is not None
 
 
 def assemble_result(
@@ -192,6 +199,9 @@ def assemble_result(
     return OnsetResult(
         log=record.window.summary,
         decision="fault",
+        verdicts=dict.fromkeys(KINDS, "inconclusive"),
+        candidates=(),
+        summary="",
         false_alarm=0.0,
         p_value=None,
         statistic=estimates[0].statistic if estimates else 0.0,

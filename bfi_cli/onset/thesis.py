@@ -22,11 +22,12 @@ from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import sparse_varx
 from ..kernels.variable_projection import project_inputs
 from ..preprocessing.rank_one import decides_by_rule, solve, stage_of
+from ..verdicts import Candidate, decide, kind_of, summarise, verdicts_of
 from .estimate import Estimate
 from .result import OnsetResult, assemble_result
 from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import prepare_record
-from .shapes import signal
+from .shapes import fault_of, signal
 
 __all__ = ["find_onset_as_published"]
 
@@ -70,6 +71,7 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
     stage = None if decides_by_rule(config) else stage_of(config)
     price = float(np.log(scan.n_rows)) + config.selection.evidence
     forms = [form for form in record.forms if form.shape in SHAPES]
+    form_of = {form.shape: form for form in forms}
     peaks = []
     for form, of_form in parts(partial(progress, "a solution for every onset"), forms):
         z, rss = np.zeros(len(onsets)), np.zeros(len(onsets))
@@ -126,9 +128,31 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
     if left:
         notes.append(f"the published method is for steps and ramps; left out: {left}")
     result = assemble_result(record, curve, estimates, [None] * len(estimates), order=order, series_order=order)
+    # The published method has no interval and no test, so it excludes nothing.
+    candidates = []
+    for shown in result.profiles:
+        own = next((one.estimate for one in result.faults if one.estimate.fault.shape == shown.shape), None)
+        fault = fault_of(form_of[shown.shape], shown.channel, magnitude=1.0, onset_s=0.0)
+        best = int(np.argmax(np.abs(shown.magnitude)))
+        candidates.append(
+            Candidate(
+                name=shown.shape,
+                shape=shown.shape,
+                channel=shown.channel,
+                kind=kind_of(fault, declared=own is not None),
+                state="not_seen" if own is None else "declared",
+                magnitude=float(shown.magnitude[best]),
+                unit=shown.unit,
+                sd=None,
+            )
+        )
+    verdicts = verdicts_of(candidates)
     return replace(
         result,
-        decision="fault" if estimates else "no_fault",
+        decision=decide(verdicts, config.require),
+        verdicts=verdicts,
+        candidates=tuple(candidates),
+        summary=summarise(verdicts, candidates),
         false_alarm=wanted.false_alarm,
         method="thesis",
         notes=tuple(notes),

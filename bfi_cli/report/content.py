@@ -16,8 +16,22 @@ from numpy.typing import NDArray
 __all__ = ["Curve", "Drawing", "HeatMap", "Panel", "ReportContent", "Span", "Table", "curve", "thinned"]
 
 FloatArray = NDArray[np.float64]
-Style = Literal["line", "dashed", "dotted", "wide", "points", "steps", "bars", "intervals", "faint_intervals", "boxes"]
-Tone = Literal["fault", "no_fault", "not_identifiable"]
+Style = Literal[
+    "line",
+    "dashed",
+    "dotted",
+    "wide",
+    "points",
+    "steps",
+    "bars",
+    "intervals",
+    "faint_intervals",
+    "boxes",
+    "rows_green",
+    "rows_orange",
+    "rows_red",
+]
+Tone = Literal["fault", "no_fault", "inconclusive"]
 # Labels of an axis and where they stand.
 Ticks = tuple[tuple[str, float], ...]
 
@@ -35,7 +49,7 @@ class Curve:
     x, y : (n,); NaN leaves a gap. In style "boxes" each box is six rising numbers at the same x: the 5, 25, 50, 75 and
         95 % quantiles and the largest value.
     style : "wide" is a broad grey line that others are drawn upon; "intervals" and "faint_intervals" are points with
-        horizontal error bars.
+        horizontal error bars; "rows_..." are horizontal bars that end at x.
     low, high : (n,) ends of a band (line styles) or of error bars (points, bars, intervals), None for none.
     """
 
@@ -150,6 +164,7 @@ class ReportContent:
     title : what it is about, the log or the figure's name.
     heading, verdict : the answer in two or three words, and in a sentence.
     tone : how the verdict is coloured, None where nothing is decided.
+    lead : how many of the drawings, 0 or 1, a page shows beside the verdict, before everything else.
     facts : (name, value) rows.
     notes : sentences for the reader.
     data : CSV files at full precision by name, each as lists or arrays by column; they win over a table of that name.
@@ -160,6 +175,7 @@ class ReportContent:
     heading: str
     verdict: str
     tone: Tone | None = None
+    lead: int = 0
     facts: tuple[tuple[str, str], ...] = ()
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()

@@ -32,6 +32,8 @@ MOST_NUMBERS, MOST_NAMES = 16, 24
 MOST_POWERS = 4
 # Width of a box of quantiles on an axis of whole numbers.
 BOX_WIDTH = 0.08
+# Height of a horizontal bar on rows that are 1 apart.
+ROW_WIDTH = 0.55
 LOOKS: tuple[Look, ...] = (
     {"color": BLUE, "marker": "o"},
     {"color": VERMILLION, "marker": "s"},
@@ -44,6 +46,9 @@ DASHES = {"dashed": "--", "dotted": ":", "points": "", "intervals": "", "faint_i
 OWN_LOOKS: dict[str, Look] = {
     "wide": {"color": "#b4b4b4", "lw": 2.4},
     "faint_intervals": {"color": GREY, "marker": "o", "mfc": "white"},
+    "rows_green": {"color": GREEN},
+    "rows_orange": {"color": ORANGE},
+    "rows_red": {"color": VERMILLION},
 }
 
 
@@ -163,6 +168,8 @@ def _draw_curve(axes: Axes, one: Curve, look: Look, label: str | None) -> None:
     name: Look = {"lw": 1.0, "label": label, "ls": DASHES.get(one.style, "-")}
     if one.style == "boxes":
         _draw_boxes(axes, one, look, label)
+    elif one.style.startswith("rows"):
+        axes.barh(one.y, one.x, height=ROW_WIDTH, color=look["color"], label=label)
     elif one.style in ("points", "bars", "intervals", "faint_intervals"):
         sideways = one.style.endswith("intervals")
         middle, ends = one.x if sideways else one.y, None

@@ -21,7 +21,7 @@ FRAME, GAP = 2, 3
 NAME_LETTERS, CELL_LETTERS = 32, 240
 # A longer word of a table is broken, so that the other columns have room.
 WORD_LETTERS = 60
-COLOURS = {"fault": "bold red", "no_fault": "bold green", "not_identifiable": "bold yellow", None: "bold"}
+COLOURS = {"fault": "bold red", "no_fault": "bold green", "inconclusive": "bold yellow", None: "bold"}
 
 
 def print_content(console: Console, content: ReportContent) -> None:

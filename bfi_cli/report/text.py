@@ -10,7 +10,7 @@ from ..printable import shortened
 __all__ = ["HEADINGS", "axis_label", "instant", "interval", "number", "quantity", "shortened"]
 
 # What a report says over a decision.
-HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "not_identifiable": "Not identifiable"}
+HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
 
 
 def number(value: float | None, *, spread: float | None = None, digits: int = 4, extra: int = 0) -> str:

@@ -19,6 +19,7 @@ from ..faults import unit_signal
 from ..flightlog import FlightLog
 from ..identify import identify_faults
 from ..identify.dmae import DmaeSettings, dmae
+from ..identify.identify import NOT_CONVERGED
 from ..identify.result import IdentifyResult
 from ..identify.risro import THRESHOLD, solve
 from ..kernels.lagged import lagged
@@ -164,9 +165,9 @@ def by_program(log: FlightLog, name: str) -> Reconstruction:
 
 
 def declared(answer: IdentifyResult) -> str:
-    """Return "bias_13.8 4.003", "none", or that it cannot be told."""
-    if answer.decision == "not_identifiable":
-        return "not identifiable"
+    """Return "bias_13.8 4.003", "none", or that the solver did not converge."""
+    if answer.summary == NOT_CONVERGED:
+        return "not converged"
     return ", ".join(f"{one.name} {number(one.magnitude)}" for one in answer.faults) or "none"
 
 

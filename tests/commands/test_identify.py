@@ -202,7 +202,7 @@ def test_strict_refuses_an_answer_of_a_solver_that_did_not_converge(identify: Ca
         "risro: {sparsity: none, max_iterations: 2, tolerance: 1e-300}\n"
     )
     document = identify(TWO, "-c", file, code=4)
-    assert document["decision"] == "not_identifiable"
+    assert document["decision"] == "inconclusive"
     assert {fault["ci95"] for fault in document["faults"]} == {None}
 
 

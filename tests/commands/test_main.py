@@ -112,7 +112,7 @@ def unanswerable(tmp_path: Path) -> list[object]:
 
 def test_no_trustworthy_answer_is_an_exit_code_with_strict_only(bfi: Callable, unanswerable: list[object]):
     plain, strict = (bfi("identify", *unanswerable, "--json", *more) for more in ((), ("--strict",)))
-    assert json.loads(plain.stdout)["decision"] == "not_identifiable"
+    assert json.loads(plain.stdout)["decision"] == "inconclusive"
     assert (plain.code, strict.code) == (0, 4)
     assert any("the data cannot answer" in note for note in json.loads(strict.stdout)["notes"])
 

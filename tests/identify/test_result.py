@@ -158,7 +158,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
     old = load_dictionary({"channel": "tas", "atoms": [{"name": "old", "shape": "bias", "onset_s": 0.05}]})
     log = inject(flight(1), [replace(atom, magnitude=3.0) for atom in old.atoms])
     result = identify_faults(log, old, Config())
-    assert result.decision == "not_identifiable"
+    assert result.decision == "inconclusive"
     assert "the data cannot answer" in result.notes[0]
     assert not result.candidates[0].active
     assert "only a fault larger than" in result.candidates[0].note
@@ -272,7 +272,7 @@ def test_the_published_stage_runs_as_published_only(flight, thesis, faulty):
 def test_a_solver_that_did_not_converge_gives_no_interval_and_no_verdict(flight, thesis, faulty):
     rules = {"method": "risro", "risro": {"sparsity": "none", "max_iterations": 2, "tolerance": 1e-300}}
     result = identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0}), thesis, Config.model_validate(rules))
-    assert result.decision == "not_identifiable"
+    assert result.decision == "inconclusive"
     assert "did not converge" in result.notes[0]
     assert Termination.MAX_ITERATIONS.value in result.notes[0]
     assert result.faults

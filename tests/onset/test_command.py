@@ -63,7 +63,8 @@ def test_the_files(bfi, calibrated: Path, tmp_path: Path):
     outcome = bfi("start-time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "deep" / "out", "--json")
     files = {path.name: path.read_bytes() for path in (tmp_path / "deep" / "out").iterdir()}
     figures = {f"{name}{end}" for name in ("profile", "outputs") for end in (".svg", ".png", "_figure.csv")}
-    assert set(files) == {*figures, "faults.csv", "profile.csv", "shapes.csv", "report.html", "result.json"}
+    tables = {f"{name}.csv" for name in ("faults", "candidates", "profile", "shapes")}
+    assert set(files) == {*figures, *tables, "report.html", "result.json"}
     assert b"a bias of 4.0" in files["report.html"]
     whole = json.loads(files["result.json"])
     assert json.loads(outcome.stdout) == {key: whole[key] for key in whole if key not in ("series", "profile")}

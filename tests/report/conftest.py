@@ -11,7 +11,7 @@ MAKERS = {
     "fault": made_results.fault_result,
     "two-outputs": made_results.two_output_result,
     "no-fault": made_results.no_fault_result,
-    "not-identifiable": made_results.not_identifiable_result,
+    "inconclusive": made_results.inconclusive_result,
 }
 
 
@@ -20,7 +20,7 @@ def result(request):
     return MAKERS[request.param]()
 
 
-@pytest.fixture(params=["fault", "two-outputs", "not-identifiable"], scope="session")
+@pytest.fixture(params=["fault", "two-outputs", "inconclusive"], scope="session")
 def drawn(request):
     return MAKERS[request.param]()
 

@@ -9,14 +9,15 @@ import numpy as np
 from bfi_cli.faults import Fault, FaultEstimate
 from bfi_cli.identify.result import (
     AgainstTruth,
-    Candidate,
     IdentifyResult,
     OutputSeries,
     ResidualSummary,
+    ScanSummary,
     SolverSummary,
 )
 from bfi_cli.preprocessing.summary import LogSummary, ModelSummary
 from bfi_cli.provenance import Provenance
+from bfi_cli.verdicts import KINDS, Candidate, summarise, verdicts_of
 
 ONSET_S = 13.8
 ORDER = 4
@@ -65,19 +66,25 @@ def two_output_result() -> IdentifyResult:
 def no_fault_result() -> IdentifyResult:
     """Nothing found; the truth says there is nothing."""
     time_s = np.arange(317) / 10.0
-    quiet = replace(_bias("tas"), active=False, magnitude=0.004, sd=0.007)
+    quiet = replace(
+        _bias("tas"), state="excluded", magnitude=0.004, sd=0.007, excluded_above=0.033, effect=0.033, tolerance=2.6
+    )
     truth = AgainstTruth(isolated=True, false_alarms=(), missed=(), magnitude_error=None, vaf_fault={"tas": None})
     return _result(time_s, (_output("tas", "m/s", time_s, 0.0),), (quiet, *_others("tas")), faults=(), truth=truth)
 
 
-def not_identifiable_result() -> IdentifyResult:
+def inconclusive_result() -> IdentifyResult:
     """A log without a manoeuvre: an order alone, numbers that are not finite."""
     made = no_fault_result()
-    unknown = replace(_bias("tas"), active=False, magnitude=None, sd=None, minimal_detectable=np.inf, note="constant")
+    unknown = replace(
+        _bias("tas"), state="not_seen", magnitude=None, sd=None, minimal_detectable=np.inf, note="constant"
+    )
     note = "flight.csv: 'elevator' hardly moves (range 0.0004 rad); the dynamics cannot be told from a drift"
     return replace(
         made,
-        decision="not_identifiable",
+        decision="inconclusive",
+        verdicts=verdicts_of((unknown,)),
+        summary=summarise(verdicts_of((unknown,)), (unknown,)),
         candidates=(unknown,),
         notes=(note, "the condition number of the regressors is 3e+16"),
         model=replace(made.model, orders=(), criterion_no_fault=(), criterion_best=()),
@@ -98,6 +105,9 @@ def _result(time_s, outputs, candidates, *, faults, truth):
             native_rate_hz=100.0,
         ),
         decision="fault" if faults else "no_fault",
+        verdicts=verdicts_of(candidates),
+        summary=summarise(verdicts_of(candidates), candidates),
+        scan=ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note="not scanned"),
         faults=faults,
         candidates=candidates,
         model=ModelSummary(
@@ -196,30 +206,36 @@ def _estimate(channel):
 def _bias(channel):
     return Candidate(
         name="bias_13.8",
+        shape="bias",
         channel=channel,
-        active=True,
+        kind="abrupt",
+        state="declared",
         magnitude=4.003,
         unit="m/s",
         sd=0.007,
         minimal_detectable=0.033,
-        note=None,
+        channel_unit="m/s",
     )
 
 
 def _others(channel):
-    quiet = {"channel": channel, "active": False, "note": None}
+    told = {"channel": channel, "state": "excluded", "tolerance": 2.6, "channel_unit": "m/s"}
+    wave = {**told, "kind": "oscillating", "unit": "m/s", "sd": 0.006, "minimal_detectable": 0.028}
+    drift = {**told, "state": "not_seen", "kind": "slow", "unit": "", "sd": 0.14, "minimal_detectable": 0.67}
+    limit = {"excluded_above": 0.03, "effect": 0.03}
     return (
-        Candidate(name="drift_7.93", magnitude=0.11, unit="", sd=0.14, minimal_detectable=0.67, **quiet),
-        Candidate(name="sine_1.15", magnitude=-0.012, unit="m/s", sd=0.006, minimal_detectable=0.028, **quiet),
-        Candidate(name="cos_1.125", magnitude=0.0014, unit="m/s", sd=0.006, minimal_detectable=0.028, **quiet),
+        Candidate(name="drift_7.93", shape="drift", magnitude=0.11, excluded_above=0.8, effect=4.4, **drift),
+        Candidate(name="sine_1.15", shape="sine", magnitude=-0.012, **wave, **limit),
+        Candidate(name="cos_1.125", shape="cosine", magnitude=0.0014, **wave, **limit),
         Candidate(
             name="bias_40",
+            shape="bias",
             channel=channel,
-            active=False,
+            kind="abrupt",
+            state=None,
             magnitude=None,
             unit="m/s",
             sd=None,
-            minimal_detectable=None,
             note="left out: it starts at 40 s, after the window ends (31.7 s)",
         ),
     )

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_results import PROVENANCE, fault_result, no_fault_result, not_identifiable_result
+from made_results import PROVENANCE, fault_result, inconclusive_result, no_fault_result
 
 from bfi_cli.errors import ConfigError
 from bfi_cli.identify.document import identify_document, identify_from_document
 from bfi_cli.identify.result import Candidate
 
 CONTRACT_KEYS = {
-    "": {"kind", "schema", "log", "decision", "faults", "candidates", "model", "vaf", "solver", "notes", "provenance"},
+    "": {"kind", "schema", "log", "decision", "verdicts", "faults", "candidates", "model", "vaf", "solver", "notes"},
     "log": {"path", "rate_hz", "n_samples", "start_s", "stop_s"},
-    "candidates.0": {"name", "active", "magnitude", "sd", "minimal_detectable", "note"},
+    "candidates.0": {"name", "state", "magnitude", "sd", "minimal_detectable", "excluded_above", "effect", "note"},
     "model": {"order", "rate_hz", "inputs", "outputs", "noise_sd"},
     "vaf": {"output", "fault"},
     "solver": {"method", "termination", "iterations", "condition_number"},
@@ -86,7 +86,7 @@ def test_every_number_survives_or_becomes_null(value):
 
 
 def test_not_finite_is_null(provenance):
-    document = identify_document(not_identifiable_result(), provenance)
+    document = identify_document(inconclusive_result(), provenance)
     assert document["solver"]["condition_number"] is None
     assert document["candidates"][0]["minimal_detectable"] is None
     assert document["series"]["outputs"][0]["predicted"][:5].count(None) == 4
@@ -101,13 +101,13 @@ def test_keys_of_the_contract(path, provenance):
 
 def test_values_of_the_contract(provenance):
     document = identify_document(fault_result(), provenance)
-    assert (document["kind"], document["schema"], document["decision"]) == ("identify", 1, "fault")
+    assert (document["kind"], document["schema"], document["decision"]) == ("identify", 2, "fault")
     fault = document["faults"][0]
     assert fault["ci95"] == [3.989, 4.017]
     assert fault["physical"] == {"value": 4.003, "unit": "m/s"}
     assert fault["phase_rad"] is None, "a bias has no phase"
     assert document["vaf"] == {"output": {"tas": 99.99}, "fault": {"tas": 99.998}}
-    assert identify_document(not_identifiable_result(), provenance)["vaf"]["fault"] is None
+    assert identify_document(inconclusive_result(), provenance)["vaf"]["fault"] is None
 
 
 def test_keys_added_later_do_not_hurt(provenance):
@@ -137,12 +137,12 @@ def drop(path):
     [
         (drop("kind"), "x.json: not a result of this program, it has no 'kind'; give"),
         (change("kind", "detect"), "x.json: kind is 'detect', not 'identify'; give"),
-        (change("schema", 2), "x.json: schema is 2, this program reads 1; run bfi identify again"),
+        (change("schema", 1), "x.json: schema is 1, this program reads 2; run bfi identify again"),
         (drop("log.path"), "x.json: log: no key 'path'; the file is damaged"),
         (drop("series"), "x.json: no key 'series'; the file is damaged"),
         (change("series", 3), "x.json: series: not a mapping, got 3; the file is damaged"),
         (change("model.order", "four"), "x.json: model.order: not an integer, got 'four'; the file is damaged"),
-        (change("decision", "maybe"), "x.json: decision: not 'fault' or 'no_fault' or 'not_identifiable', got 'maybe'"),
+        (change("decision", "maybe"), "x.json: decision: not 'fault' or 'no_fault' or 'inconclusive', got 'maybe'"),
         (change("faults.0.sd", "small"), "x.json: faults[0].sd: not a number, got 'small'; the file is damaged"),
         (change("faults.0.ci95", [1.0]), "x.json: faults[0].ci95: not 2 entries, got [1.0]; the file is damaged"),
         (change("faults", None), "x.json: faults: not a list, got None; the file is damaged"),
@@ -172,6 +172,6 @@ def test_absent_and_unknown_stay_apart(provenance):
     absent = Candidate(
         **{**dict.fromkeys(f.name for f in fields(Candidate)), "name": "a", "channel": "tas", "unit": ""}
     )
-    absent = replace(absent, active=False)
+    absent = replace(absent, shape="bias", kind="abrupt", channel_unit="")
     read, _ = identify_from_document(identify_document(replace(made, candidates=(absent,)), provenance))
     assert read.candidates[0].magnitude is None

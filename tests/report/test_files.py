@@ -49,7 +49,8 @@ def test_a_stored_result_draws_the_same_files(stored):
 def test_tables_hold_the_numbers(stored):
     (fault,) = table(stored / "faults.csv")
     assert (float(fault["magnitude"]), float(fault["ci95_low"]), fault["offset_s"]) == (4.003, 3.989, "")
-    assert [row["active"] for row in table(stored / "candidates.csv")] == ["true"] + 4 * ["false"]
+    states = [row["state"] for row in table(stored / "candidates.csv")]
+    assert states == ["declared", "not_seen", "excluded", "excluded", ""]
     series = table(stored / "series.csv")
     assert [float(row["tas_measured [m/s]"]) for row in series] == fault_result().outputs[0].measured.tolist()
     assert series[0]["tas_predicted [m/s]"] == "", "absent is an empty cell, never nan"

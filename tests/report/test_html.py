@@ -5,7 +5,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
-from made_results import fault_result, no_fault_result, not_identifiable_result, two_output_result
+from made_results import fault_result, inconclusive_result, no_fault_result, two_output_result
 
 from bfi_cli.identify.report import identify_content
 from bfi_cli.report.figures import draw
@@ -85,7 +85,7 @@ def test_shows_where_the_numbers_come_from(result, provenance):
 
 
 @pytest.mark.parametrize(
-    ("made", "known"), [(fault_result(), True), (two_output_result(), False), (not_identifiable_result(), False)]
+    ("made", "known"), [(fault_result(), True), (two_output_result(), False), (inconclusive_result(), False)]
 )
 def test_truth_is_shown_where_it_is_known(made, known, provenance):
     assert ("Against the injected truth" in Page(report(made, provenance)).text) is known

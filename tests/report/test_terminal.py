@@ -7,7 +7,7 @@ import pytest
 from made_results import fault_result, two_output_result
 from rich.console import Console
 
-from bfi_cli.identify.report import identify_content, verdict
+from bfi_cli.identify.report import identify_content
 from bfi_cli.report.terminal import MAX_ROWS, print_content
 
 
@@ -25,7 +25,7 @@ def test_no_line_is_wider_than_the_terminal(result, width):
 
 def test_the_verdict_comes_first_and_the_notes_are_there(result):
     text = " ".join(printed(result, 400).split())
-    assert text.startswith(verdict(result))
+    assert text.startswith(identify_content(result).verdict)
     assert all(note in text for note in result.notes)
 
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_results import fault_result, no_fault_result, not_identifiable_result, two_output_result
+from made_results import fault_result, inconclusive_result, no_fault_result, two_output_result
 
 from bfi_cli.faults import Fault
-from bfi_cli.identify.report import describe, verdict
+from bfi_cli.identify.report import describe, identify_content
 from bfi_cli.report.text import axis_label, instant, interval, number, quantity, shortened
 
 
@@ -69,29 +69,31 @@ def test_a_unit_nobody_stated_is_not_invented():
     assert axis_label("tas", "") == "tas [unit not stated]"
 
 
-def test_verdict_names_size_interval_place_and_time():
-    assert verdict(fault_result()) == "Fault: a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s."
+def test_verdict_names_size_interval_place_and_time_then_the_other_kinds():
+    assert identify_content(fault_result()).verdict == (
+        "Fault: a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s. "
+        "No oscillation above 0.03 m/s; a slow fault could reach 4.4 m/s unseen."
+    )
 
 
 def test_verdict_lists_several_faults():
-    text = verdict(two_output_result())
+    text = identify_content(two_output_result()).verdict
     assert text.startswith("2 faults: a bias of ")
     assert "on tas from 113.8 s to 125 s; a 1.15 Hz sine of 4.00 m/s" in text
 
 
-def test_verdict_without_a_fault_says_what_would_have_been_seen():
-    made = no_fault_result()
-    one = replace(made, candidates=made.candidates[:1])
-    assert verdict(one) == (
-        "No fault of the dictionary is present; a bias_13.8 larger than 0.033 m/s would have been found (90 % power)."
+def test_verdict_without_a_fault_says_what_could_not_have_been_seen():
+    assert identify_content(no_fault_result()).verdict == (
+        "No fault: no step above 0.033 m/s; no oscillation above 0.03 m/s; a slow fault could reach 4.4 m/s unseen."
     )
-    assert "1 more in the table" in verdict(made)
 
 
 def test_verdict_where_the_log_cannot_tell():
-    assert verdict(not_identifiable_result()) == (
-        "This log cannot tell: flight.csv: 'elevator' hardly moves (range 0.0004 rad); "
-        "the dynamics cannot be told from a drift."
+    content = identify_content(inconclusive_result())
+    assert (content.heading, content.tone) == ("Inconclusive", "inconclusive")
+    assert content.verdict == (
+        "Inconclusive: a step of any size could be there unseen; an oscillation was not looked for; "
+        "a slow fault was not looked for."
     )
 
 

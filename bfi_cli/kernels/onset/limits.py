@@ -1,0 +1,98 @@
+"""How large a fault could be at every onset without being declared, from the likelihood profile over its magnitude.
+
+A fault m added to a record, and analysed without a fault term, leaves the residual sum of squares that the record
+itself has at the magnitude -m. So the profile of the record at hand tells what the statistic of a fault of any size
+would be, the adaptation of the model to that fault included: dynamics that nearly integrate absorb a slow drift of any
+size, and the profile is flat there, where a standard deviation from the curvature at its minimum is not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import FloatArray, IntArray
+from .profile import ProfilePolynomial, log_ratio
+from .scan import CACHE_DOUBLES, Profile, Scan, magnitude_bound, stack_onsets, tabulate
+from .waveform import Waveform
+
+__all__ = ["deviances", "undeclared_magnitudes"]
+
+# Magnitudes tried, relative to the one that a parabola through the minimum gives; between them the root of the
+# deviance, which is nearly linear in the magnitude, is interpolated.
+GRID = np.array([0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.2, 3.5, 6.0, 12.0, 30.0, 100.0])
+
+
+def deviances(
+    scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the statistic by which a record disagrees with faults of +m and of -m, relative to no fault.
+
+    Parameters
+    ----------
+    onsets : (n_onsets,) samples.
+    magnitudes : (n_magnitudes, n_onsets), m in the unit of the shape.
+
+    Returns
+    -------
+    Two arrays (n_magnitudes, n_onsets): n_rows log(RSS(+m) / RSS(0)), and of -m.
+    """
+    tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
+    size = max(1, CACHE_DOUBLES // (scan.order + scan.n_outputs) ** 2)
+    plus, minus = np.empty_like(m), np.empty_like(m)
+    for i in range(0, len(onsets), size):
+        block = slice(i, i + size)
+        stack: ProfilePolynomial = stack_onsets(scan, tables, onsets[block])
+        for k, values in enumerate(m[:, block]):
+            plus[k, block], minus[k, block] = log_ratio(stack, values), log_ratio(stack, -values)
+    return scan.n_rows * plus, scan.n_rows * minus
+
+
+def undeclared_magnitudes(
+    scan: Scan, waveform: Waveform, profile: Profile, *, power: float, doubt: float, coherence: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the magnitudes that would be declared, and those that the record does not admit, at every onset.
+
+    Parameters
+    ----------
+    profile : of the shape at the onsets that are asked for.
+    power : statistic that a fault needs to be declared with the wanted power.
+    doubt : statistic by which the record must disagree with a magnitude to exclude it.
+    coherence : (n_onsets,) squared correlation of the shape with what is looked for, 1 where that is the shape itself.
+
+    Returns
+    -------
+    Two arrays (n_onsets,): the first magnitude from which on every larger one reaches `power`, in the mean of both
+    signs, and the first from which on both signs reach `doubt` beyond the best magnitude; infinite where none does.
+    """
+    n, seen = scan.n_rows, np.isfinite(profile.sd)
+    linear = np.where(seen, profile.sd, 0.0)
+    share = np.ones(len(linear)) if coherence is None else coherence
+    bound = magnitude_bound(scan, waveform, scan.n_samples - profile.onsets) / waveform.unit
+    first = np.where(seen, np.sqrt(power / np.maximum(share, 1e-6)) * linear, bound)
+    # Not held within the scan's bound on magnitudes: the span of a record with such a fault would be larger.
+    m = GRID[:, None] * np.maximum(first, 1e-9 * bound)
+    plus, minus = deviances(scan, waveform, profile.onsets, m)
+    # What the scanned shapes explain of a fault of another shape: the rest stays in the residual.
+    up, down = (
+        n * np.log((1.0 + gain) / (1.0 + (1.0 - share) * gain))
+        for gain in (np.expm1(np.maximum(x, 0.0) / n) for x in (plus, minus))
+    )
+    reached = 0.5 * (up + down)
+    against = np.minimum(plus, minus) + profile.statistic
+    return _from_there_on(m, reached, power), _from_there_on(m, against, doubt)
+
+
+def _from_there_on(m: FloatArray, deviance: FloatArray, needed: float) -> FloatArray:
+    """Return the first magnitude from which on the deviance is at least `needed`, interpolated in its root."""
+    root, wanted = np.sqrt(np.maximum(deviance, 0.0)), np.sqrt(needed)
+    below = root < wanted
+    last = len(m) - 1 - np.argmax(below[::-1], axis=0)
+    every = np.arange(m.shape[1])
+    none, all_ = ~below.any(axis=0), below[-1]
+    k = np.minimum(last, len(m) - 2)
+    low, high = root[k, every], root[k + 1, every]
+    part = np.divide(wanted - low, high - low, out=np.ones_like(low), where=high > low)
+    found = m[k, every] + np.clip(part, 0.0, 1.0) * (m[k + 1, every] - m[k, every])
+    # Below the smallest magnitude tried the root falls in proportion.
+    small = m[0] * np.divide(wanted, root[0], out=np.ones_like(root[0]), where=root[0] > 0.0)
+    return np.where(all_, np.inf, np.where(none, small, found))

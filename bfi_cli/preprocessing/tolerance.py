@@ -1,0 +1,68 @@
+"""The largest error of a channel that may stay unseen: the tolerance by which a fault is excluded or not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..errors import LogError
+from ..flightlog import FlightLog
+
+__all__ = ["tolerance_of", "tolerances_of"]
+
+KNOT, FOOT, DEGREE = 0.514444, 0.3048, np.pi / 180.0
+AIRSPEEDS = ("tas", "cas", "ias")
+# CS/FAR 25.1323(b): the error of an airspeed may be 3 % or 5 kt, whichever is greater; of a slow aircraft that would
+# be most of its speed, so no more than a tenth.
+AIRSPEED_SHARE, AIRSPEED_LEAST, AIRSPEED_MOST = 0.03, 5.0 * KNOT, 0.1
+# CS/FAR 25.1325(e): the error of an altitude may be 30 ft per 100 kt, and at least 30 ft.
+ALTITUDE_PER_SPEED, ALTITUDE_LEAST = 30.0 * FOOT / (100.0 * KNOT), 30.0 * FOOT
+# No regulation names these; they are what a flight-test engineer would repeat a test point for.
+FIXED = {
+    "mach": 0.01,
+    "altitude_rate": 1.5,
+    **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle"), DEGREE),
+    **dict.fromkeys(("pitch_rate", "roll_rate", "yaw_rate"), DEGREE),
+    **dict.fromkeys(("longitudinal_acc", "lateral_acc", "normal_acc"), 0.3),
+}
+OTHER_SHARE = 0.1
+
+
+def tolerances_of(
+    log: FlightLog, window: FlightLog, channels: tuple[str, ...], stated: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the tolerance of each channel, see `tolerance_of`.
+
+    Raises
+    ------
+    LogError : a tolerance is stated for a channel that is no output.
+    """
+    for name in stated:
+        if name not in channels:
+            raise LogError(f"--tolerance: '{name}' is no output, got outputs {', '.join(channels)}; leave it out")
+    return {name: stated.get(name) or tolerance_of(log, window, name) for name in channels}
+
+
+def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
+    """Return the default tolerance of a channel, in its unit.
+
+    Parameters
+    ----------
+    log : the flight, of which the part outside the window says how far a channel without a rule travels.
+    window : the part analysed, whose median airspeed counts.
+    """
+    name = window.channel(channel).name
+    if name in FIXED:
+        return FIXED[name]
+    if name in AIRSPEEDS:
+        speed = float(np.median(np.abs(window.channel(name).values)))
+        return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed)
+    if name == "altitude":
+        known = [one for one in AIRSPEEDS if one in window.channels]
+        speed = float(np.median(np.abs(window.channel(known[0]).values))) if known else 0.0
+        return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)
+    values = log.channel(name).values
+    outside = (log.time_s < window.time_s[0]) | (log.time_s > window.time_s[-1])
+    rest = values[outside] if outside.any() else values
+    return OTHER_SHARE * float(np.ptp(rest[np.isfinite(rest)]))

@@ -1,0 +1,125 @@
+"""What a report shows of claims about faults: the verdict as a sentence, the candidates, the limits as a figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from ..printable import shortened
+from ..verdicts import Candidate, shown_limit
+from .content import Curve, Drawing, Panel, Span, Style, Table, curve
+from .text import number, quantity
+
+__all__ = ["CANDIDATE_COLUMNS", "CANDIDATE_HEADS", "candidate_tables", "hidden_drawing", "verdict_sentence"]
+
+CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "largest hidden error", "sd", "note", "channel")
+CANDIDATE_COLUMNS = (
+    *("name", "shape", "channel", "kind", "state", "magnitude", "unit", "sd", "minimal_detectable"),
+    *("minimal_detectable_scan", "excluded_above", "effect", "tolerance", "channel_unit", "note"),
+)
+NAME_LETTERS = 40
+STATES = {"declared": 0, "suspected": 1, "not_seen": 2, "excluded": 3, None: 4}
+WORDS = {"not_seen": "not seen", None: "left out"}
+STYLES: Mapping[str, Style] = {"excluded": "rows_green", "not seen": "rows_orange", "suspected": "rows_red"}
+# Rows of the figure of the limits: of more candidates the worst of each shape.
+MOST_ROWS = 12
+# The axis of the figure reaches so far beyond the tolerance on either side, and beyond the largest limit.
+BELOW, ABOVE, ROOM = 30.0, 4.0, 1.3
+HIDDEN_CAPTION = (
+    "The largest error that each fault could make on its channel within the window without being declared. A bar that "
+    "ends before the grey area is excluded: a larger fault would have been found (90 % power), and the log disagrees "
+    "with it. A bar that reaches into the grey area is not seen: an error beyond the tolerance could be there."
+)
+
+
+def verdict_sentence(decision: str, faults: Sequence[str], summary: str) -> str:
+    """Return the answer in one line: the declared faults, then what the log says of the other kinds."""
+    besides = f" {summary[:1].upper()}{summary[1:]}." if summary else ""
+    if faults:
+        said = f"Fault: {faults[0]}." if len(faults) == 1 else f"{len(faults)} faults: {'; '.join(faults)}."
+        return f"{said}{besides}"
+    word = {"no_fault": "No fault", "fault": "Fault"}.get(decision, "Inconclusive")
+    return f"{word}: {summary}." if summary else f"{word}."
+
+
+def candidate_tables(candidates: Sequence[Candidate]) -> tuple[Table, ...]:
+    """Return the table of what was looked for, declared and suspected first; nothing where nothing was."""
+    rows = []
+    for one in sorted(candidates, key=lambda one: STATES[one.state]):
+        size = number(one.magnitude, spread=None if one.sd is None else 1.96 * one.sd, extra=1)
+        limit = one.minimal_detectable if one.minimal_detectable is not None else one.minimal_detectable_scan
+        hidden = "-" if one.state in ("declared", None) else shown_limit(one) or "any"
+        rows.append(
+            (
+                shortened(one.name, NAME_LETTERS),
+                WORDS.get(one.state, str(one.state)),
+                size if size == "-" else f"{size} {one.unit}".rstrip(),
+                quantity(limit, one.unit),
+                hidden,
+                number(one.sd, digits=2),
+                one.note or "",
+                one.channel,
+            )
+        )
+    title = "What was looked for, declared first"
+    return (Table(name="candidates", title=title, heads=CANDIDATE_HEADS, rows=tuple(rows)),) if rows else ()
+
+
+def hidden_drawing(candidates: Sequence[Candidate]) -> tuple[Drawing, ...]:
+    """Return the figure of the largest hidden errors, one panel per channel; nothing where there is no limit."""
+    panels = []
+    for channel in dict.fromkeys(one.channel for one in candidates):
+        shown = _rows([one for one in candidates if one.channel == channel and one.state is not None])
+        tolerance = next((one.tolerance for one in shown if one.tolerance), None)
+        if tolerance is not None and any(one.state in ("excluded", "not_seen") for one in shown):
+            panels.append(_panel(channel, shown, tolerance))
+    return (Drawing(name="hidden", caption=HIDDEN_CAPTION, panels=tuple(panels)),) if panels else ()
+
+
+def _rows(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates to draw: all, or of many the declared, the suspected and the worst of each shape."""
+    if len(candidates) <= MOST_ROWS:
+        return list(candidates)
+    worst: dict[str, Candidate] = {}
+    for one in sorted(candidates, key=lambda one: -(math.inf if one.effect is None else one.effect)):
+        worst.setdefault(one.shape, one)
+    found = [one for one in candidates if one.state in ("declared", "suspected")]
+    kept = {id(one) for one in [*found[:MOST_ROWS], *worst.values()]}
+    return [one for one in candidates if id(one) in kept]
+
+
+def _panel(channel: str, shown: Sequence[Candidate], tolerance: float) -> Panel:
+    unit, factor = shown[0].channel_unit, 1.0
+    if unit in ("rad", "rad/s"):
+        unit, factor = unit.replace("rad", "deg"), math.degrees(1.0)
+    limit = factor * tolerance
+    known = [factor * one.effect for one in shown if one.effect is not None]
+    low = min([limit / BELOW, *(0.5 * size for size in known)])
+    high = ROOM * max([ABOVE * limit, *known])
+    bars: dict[str, list[tuple[float, float]]] = {"excluded": [], "not seen": [], "suspected": []}
+    notes: list[tuple[str, float]] = []
+    for row, one in enumerate(shown):
+        place = float(row)
+        if one.state == "declared":
+            notes.append(("declared", place))
+            continue
+        end = high if one.effect is None else factor * one.effect
+        bars[WORDS.get(one.state, str(one.state))].append((end, place))
+        notes.append((shown_limit(one) or "any size", place))
+    curves: list[Curve] = [
+        curve(name, [end for end, _ in ends], [place for _, place in ends], style=STYLES[name])
+        for name, ends in bars.items()
+        if ends
+    ]
+    return Panel(
+        x_label=f"largest hidden error on {shortened(channel, 28)} [{unit or '-'}]",
+        y_label="fault looked for",
+        curves=tuple(curves),
+        spans=(Span(label=f"beyond the tolerance of {quantity(limit, unit)}", low=limit, high=high),),
+        log_x=True,
+        x_limits=(low, high),
+        y_limits=(len(shown) - 0.5, -0.5),
+        y_ticks=tuple((one.name, float(row)) for row, one in enumerate(shown)),
+        side_notes=tuple(notes),
+        height=0.3 + 0.11 * max(len(shown), 3),
+    )

@@ -7,21 +7,22 @@ jointly; what it cannot confirm is suspected, with both numbers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields, replace
 
 from ..config import Config, merge
 from ..dictionary import Dictionary
 from ..errors import LogError
 from ..faults import FaultEstimate
-from ..flightlog import FlightLog
+from ..filters import response_of
+from ..flightlog import FlightLog, inject
+from ..flightlog.recorder import recorder_filters
 from ..kernels.progress import Progress, unseen
 from ..onset import OnsetResult, find_onset, propose_dictionary
 from ..report.text import instant, quantity
-from ..shapes import SHAPES, Kind
+from ..shapes import SHAPES
 from ..truth import Comparison, compare_by_onset
 from ..verdicts import KINDS, Candidate, decide, kind_of, summarise, verdicts_of
-from .identify import identify_faults
+from .identify import NOT_CONVERGED, identify_faults
 from .result import IdentifyResult, ScanSummary
 
 __all__ = ["identify_and_scan", "identify_from_scan"]
@@ -39,7 +40,7 @@ def identify_and_scan(
     """Identify the faults of a dictionary, and let the scan over all onsets look at the same window.
 
     1. Identify the faults of the dictionary.
-    2. Scan all onsets. What the scan declares, and no declared entry of its kind explains, is suspected.
+    2. Scan all onsets of the window less the declared faults. What the scan declares there is suspected.
     3. Of a kind of fault that the dictionary has no entry of, the scan's verdict is given.
 
     Raises
@@ -54,10 +55,18 @@ def identify_and_scan(
     if result.log.rate_hz == result.log.native_rate_hz and _is_exact(result):
         return _with_scan(result, None, "not scanned for other onsets: the model explains the log to round-off")
     try:
-        scanned = find_onset(log, _scanning(config), progress)
+        scanned = find_onset(_corrected(log, result, config), _scanning(config), progress, briefly=True)
     except LogError as problem:
         return _with_scan(result, None, f"not scanned for other onsets: {problem}")
     return _checked(result, scanned, config)
+
+
+def _corrected(log: FlightLog, result: IdentifyResult, config: Config) -> FlightLog:
+    """Return the window of a log less the faults that are declared in it."""
+    part = log.window(config.window.from_s, config.window.to_s)
+    response = response_of(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0], log.rate_hz)
+    faults = [replace(one.fault, magnitude=-one.magnitude) for one in result.faults if one.magnitude]
+    return replace(inject(part, faults, response=response), truth=None) if faults else part
 
 
 def identify_from_scan(
@@ -169,52 +178,43 @@ def _confirmed(result: IdentifyResult, scanned: OnsetResult) -> tuple[tuple[Faul
 
 
 def _checked(result: IdentifyResult, scanned: OnsetResult, config: Config) -> IdentifyResult:
-    """Return the result with the scan's verdicts on kinds that the dictionary lacks, and what it declares suspected."""
+    """Return the result with the scan's verdicts on kinds that the dictionary lacks, and what it declares suspected.
+
+    Parameters
+    ----------
+    scanned : the window less the declared faults.
+    """
+    if result.summary == NOT_CONVERGED:
+        return _with_scan(result, scanned, "it cannot check an answer of a solver that did not converge")
     candidates = list(result.candidates)
     looked_for = {one.kind for one in candidates if one.state is not None}
-    named = {(kind_of(one.fault, declared=True), one.fault.channel) for one in result.faults}
-    open_: dict[tuple[Kind, str], list[str]] = {}
-    for one in scanned.faults:
-        fault = one.estimate.fault
-        where = (kind_of(fault, declared=True), fault.channel)
-        if where not in named:
-            open_.setdefault(where, []).append(_said(one.estimate))
-    for (kind, channel), said in open_.items():
-        note = f"the scan over all onsets declares a {'; '.join(said)}, which no declared entry explains"
-        mine = [
-            i
-            for i, one in enumerate(candidates)
-            if one.channel == channel and SHAPES[one.shape].kind == kind and one.state in ("excluded", "not_seen")
-        ]
-        for i in mine:
-            candidates[i] = replace(candidates[i], state="suspected", kind=kind, note=note)
-    extra: Sequence[Candidate] = [one for one in scanned.candidates if one.kind not in looked_for]
-    verdicts = verdicts_of([*candidates, *(replace(one, state="suspected") if _is_open(one) else one for one in extra)])
-    for kind, _ in open_:
-        if verdicts[kind] == "no_fault":
-            verdicts[kind] = "inconclusive"
-    decision = result.decision if result.decision == "fault" else decide(verdicts, config.require)
-    if open_ and decision == "no_fault":
-        decision = "inconclusive"
-    if not result.is_trusted and "converge" in result.summary:
-        return _with_scan(result, scanned, "made")
-    disagreement = [
-        f"the scan over all onsets declares a {said}, which no declared entry of the dictionary explains; see bfi "
-        "start-time"
-        for several in open_.values()
-        for said in several
+    found = [one.estimate for one in scanned.faults]
+    for estimate in found:
+        kind, channel = kind_of(estimate.fault, declared=True), estimate.fault.channel
+        note = f"the scan over all onsets declares a {_said(estimate)}"
+        for i, one in enumerate(candidates):
+            alike = one.channel == channel and SHAPES[one.shape].kind == kind
+            if alike and one.state in ("excluded", "not_seen"):
+                candidates[i] = replace(one, state="suspected", kind=kind, note=note)
+    # What the scan declares or suspects beside the dictionary's faults is suspected here.
+    extra = [
+        replace(one, state="suspected") if one.state == "declared" else one
+        for one in scanned.candidates
+        if one.kind not in looked_for or one.state in ("declared", "suspected")
     ]
+    verdicts = verdicts_of([*candidates, *extra])
+    disagreement = [
+        f"the scan over all onsets declares a {_said(estimate)}, which no declared entry of the dictionary explains; "
+        "see bfi start-time"
+        for estimate in found
+    ]
+    decision = "fault" if result.decision == "fault" else decide(verdicts, config.require)
     result = replace(
         result,
         candidates=tuple(candidates),
         verdicts=verdicts,
-        decision=decision,
+        decision="inconclusive" if found and decision == "no_fault" else decision,
         summary=summarise(verdicts, [*candidates, *extra]),
         notes=(*disagreement, *result.notes),
     )
-    agrees = "it declares another fault" if open_ else "it declares nothing else"
-    return _with_scan(result, scanned, agrees)
-
-
-def _is_open(one: Candidate) -> bool:
-    return one.state == "declared"
+    return _with_scan(result, scanned, "it declares another fault" if found else "it declares no other fault")

@@ -26,6 +26,7 @@ from .estimate import Estimate, estimate, subtract_faults
 from .result import OnsetFault, OnsetResult, assemble_result
 from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
+from .shapes import signal
 from .thesis import find_onset_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
@@ -43,7 +44,7 @@ MOST, RARE, BESIDE_S = 0.5, 0.05, 1.5
 HARDLY_KNOWN = 0.25
 
 
-def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
+def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, briefly: bool = False) -> OnsetResult:
     """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
 
     1. Scan the record: every shape at every onset, the order of the model chosen together with the shape.
@@ -60,6 +61,8 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
     config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
         published search, one solution per onset.
     progress : called with the name of the stage and the fraction of it that is done.
+    briefly : after step 1 the fault that stands out most is declared as the scan has it, on its grid of onsets, and
+        nothing more is sought: enough to tell whether there is one.
 
     Raises
     ------
@@ -75,11 +78,14 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
         record = prepare_record(log, config, partial(progress, "the window"))
         first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
         rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
-        verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
-        order = last.fault_free_order
-        if estimates:
-            estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
-        eliminate(record, verdicts, estimates, order, rule, progress)
+        if briefly:
+            verdicts, estimates, order = _at_a_glance(record, first, rule)
+        else:
+            verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
+            order = last.fault_free_order
+            if estimates:
+                estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
+            eliminate(record, verdicts, estimates, order, rule, progress)
         tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
         limits = partial(progress, "what could not have been seen")
         candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
@@ -115,6 +121,28 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
         profiles=tuple(replace(profile, threshold=rule.threshold(profile.shape)) for profile in result.profiles),
         notes=tuple(notes),
     )
+
+
+def _at_a_glance(record: ScanRecord, first: HypothesisScan, rule: Rule) -> tuple[list[Verdict], list[Estimate], int]:
+    """Return the fault that stands out most as the scan has it, if one does, and the order of the model."""
+    verdict = rule.verdict(first)
+    if not verdict.significant:
+        return [], [], first.fault_free_order
+    peak = verdict.significant[0]
+    best, onset_s = peak.profile.best, record.onset_s(peak.onset)
+    z = float(peak.profile.z[best])
+    end = None if peak.end is None else (peak.end, 0)
+    estimate = Estimate(
+        form=peak.form,
+        onset_s=onset_s,
+        onset_ci95=(float("nan"), float("nan")),
+        offset_s=None if end is None else record.onset_s(*end),
+        z=z,
+        sd=float(peak.profile.sd[best]),
+        signal=z * signal(peak.form, record.sampling, (peak.onset, 0), end),
+        statistic=peak.statistic,
+    )
+    return [verdict], [estimate], first.order
 
 
 def detect_sequentially(

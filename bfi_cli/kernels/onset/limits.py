@@ -20,6 +20,7 @@ __all__ = ["deviances", "undeclared_magnitudes"]
 # Magnitudes tried, relative to the one that a parabola through the minimum gives; between them the root of the
 # deviance, which is nearly linear in the magnitude, is interpolated.
 GRID = np.array([0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.2, 3.5, 6.0, 12.0, 30.0, 100.0])
+BESIDE = np.array([0.0, 0.5, 1.0, 1.5, 2.5])
 
 
 def deviances(
@@ -71,6 +72,9 @@ def undeclared_magnitudes(
     first = np.where(seen, np.sqrt(power / np.maximum(share, 1e-6)) * linear, bound)
     # Not held within the scan's bound on magnitudes: the span of a record with such a fault would be larger.
     m = GRID[:, None] * np.maximum(first, 1e-9 * bound)
+    # Beside the best magnitude, which a grid would step over where a fault is in the record.
+    beside = np.abs(profile.z) + BESIDE[:, None] * np.sqrt(doubt) * linear
+    m = np.sort(np.vstack([m, np.maximum(beside, m[:1])]), axis=0)
     plus, minus = deviances(scan, waveform, profile.onsets, m)
     # What the scanned shapes explain of a fault of another shape: the rest stays in the residual.
     up, down = (

@@ -25,7 +25,7 @@ BoolArray = NDArray[np.bool_]
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
 LATERAL = ("aileron", "rudder")
 # Accelerations feel gusts and thrust at once, which the controls do not: with them 3 of 3 biases of the airspeed are
-# localised in recorded flights, with the elevator alone 2 (docs/validation.md).
+# localised in recorded flights, with the elevator alone none (docs/validation.md).
 FELT = ("longitudinal_acc", "normal_acc")
 # A failure shows at once, which a higher rate than that of an identification tells sooner.
 FASTEST_HZ = 20.0

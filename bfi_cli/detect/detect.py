@@ -14,7 +14,7 @@ from ..kernels import FloatArray
 from ..kernels.nullspace import criteria
 from ..preprocessing.summary import log_summary
 from ..report.text import instant
-from .parity import DetectionThreshold, detect_sequentially
+from .parity import LASTING_IN_GUSTS, PATCH_S, DetectionThreshold, detect_sequentially
 from .preparation import PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
@@ -179,7 +179,7 @@ def _parity_result(prepared: PreparedRecord, config: Config, report: Callable[[i
             held_back_s=(float(samples.time_s[first_held]), float(samples.time_s[last_held])),
             n_blocks=len(threshold.maxima),
             white_level=threshold.white,
-            level=threshold.white if threshold.tail is None else max(threshold.tail, threshold.white),
+            level=threshold.common,
             heavy=heavy,
             scale=dict(zip(outputs, threshold.scale.tolist(), strict=True)),
             block_maxima=frozen_array(threshold.maxima),
@@ -214,18 +214,26 @@ def _series(
 
 
 def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) -> list[str]:
-    """Say what the held-back healthy time means for the threshold."""
+    """Say what gusts and the held-back healthy time mean for the threshold."""
+    notes = []
+    if threshold.gusts > 1.0:
+        notes.append(
+            "the prediction errors change in size as gusts come and go: they are measured by their size in the last "
+            f"{PATCH_S:g} s, a deviate has to last for {LASTING_IN_GUSTS} samples, and the threshold is "
+            f"{threshold.gusts:g} times that of the healthy time, which keeps the wanted rate on recorded flights; a "
+            "failure that is seen only in calm air may be missed"
+        )
     if threshold.tail is not None:
-        if threshold.tail <= threshold.white:
-            return []
-        return [
-            f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
-            f"{threshold.white:.3g} standard deviations): the threshold is that of their tail, taken to be exponential"
-        ]
-    notes = [
+        if threshold.tail > threshold.white:
+            notes.append(
+                f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
+                f"{threshold.white:.3g} standard deviations): the threshold follows their tail, taken to be exponential"
+            )
+        return notes
+    notes.append(
         f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see heavy "
         "tails: the threshold assumes white noise; give a longer --train"
-    ]
+    )
     higher = [name for name, scale in zip(prepared.outputs, threshold.scale, strict=True) if scale > 1.0]
     if higher:
         notes.append(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..channels import INPUTS
 from ..config import Config
 from ..errors import ConfigError, LogError
+from ..filters import response_of
 from ..flightlog import FlightLog, require_usable, resample
 from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples
@@ -24,7 +25,7 @@ BoolArray = NDArray[np.bool_]
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")
 LATERAL = ("aileron", "rudder")
 # Accelerations feel gusts and thrust at once, which the controls do not: with them 3 of 3 biases of the airspeed are
-# localised in recorded flights, with the elevator alone 2 (docs/validation.md).
+# localised in recorded flights, with the elevator alone none (docs/validation.md).
 FELT = ("longitudinal_acc", "normal_acc")
 # A failure shows at once, which a higher rate than that of an identification tells sooner.
 FASTEST_HZ = 20.0
@@ -49,7 +50,7 @@ class PreparedRecord:
     Attributes
     ----------
     record : inputs and outputs, no dictionary.
-    train : healthy time; watch_s : from when on the outputs are watched.
+    train : healthy time; watch_s, until_s : from when on and until when the outputs are watched.
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
@@ -59,6 +60,7 @@ class PreparedRecord:
     native_rate_hz: float
     train: tuple[float, float]
     watch_s: float
+    until_s: float
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
@@ -121,7 +123,11 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
             f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first_s)} s to "
             f"{instant(last_s)} s; change --train, --from or --to"
         )
-    if watch_s >= last_s:
+    # At the end of a log a recorder that looks ahead has filtered samples that it never had.
+    recorder = [one for one in log.filters or () if one.stage == "recorder"]
+    ahead_s = response_of(recorder, log.rate_hz).before / log.rate_hz
+    until_s = float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf
+    if watch_s >= min(last_s, until_s):
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
     signals = [part.channel(name).values for name in inputs]
     if bank:
@@ -153,6 +159,11 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         )
     elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
         notes.append(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed")
+    if last_s > until_s:
+        notes.append(
+            f"nothing after {instant(until_s)} s is watched: the recorder's low-pass looks {ahead_s:.2g} s ahead, past "
+            "the end of the log"
+        )
     felt = [name for name in FELT if name in inputs and not given_inputs]
     if felt:
         notes.append(
@@ -166,6 +177,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         native_rate_hz=log.rate_hz,
         train=train,
         watch_s=watch_s,
+        until_s=until_s,
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
@@ -202,7 +214,7 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
         u=u[:, kept],
         weak=np.resize(weak, u.shape[1])[kept],
         healthy=time_s + reach_s < prepared.train[1],
-        watched=time_s + reach_s >= prepared.watch_s,
+        watched=(time_s + reach_s >= prepared.watch_s) & (time_s + reach_s <= prepared.until_s),
     )
 
 

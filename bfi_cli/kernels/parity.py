@@ -102,21 +102,25 @@ def step_response(K: FloatArray, n: int) -> FloatArray:
     return np.eye(q) - absorbed
 
 
-def largest_drops(errors: RecursiveResiduals, basis: FloatArray, *, window: int, recent: int = 60) -> Drops:
+def largest_drops(
+    errors: RecursiveResiduals, basis: FloatArray, *, window: int, recent: int = 60, patch: int = 0
+) -> Drops:
     """Return the largest drops of chi-square over the steps that begin in the last `window` rows, at every row.
 
     The covariance of the residuals is that of all rows before the window. It is enlarged, never reduced, by how much
-    larger each channel's residuals were in the `recent` rows before the window, and by what a step leaves unexplained
-    of the rows since its onset: gusts and manoeuvres disturb many channels, a broken sensor is explained by its step.
+    larger each channel's residuals were in the `recent` rows before the window, or typically are in the last `patch`
+    rows, and by what a step leaves unexplained of the rows since its onset: gusts and manoeuvres disturb many channels,
+    a broken sensor is explained by its step.
 
     Parameters
     ----------
     errors : of outputs in units of their own noise.
     basis : (lags * n_outputs, r) maps the lag-major past outputs to the last r regressors.
     window : longest time a step is looked back for.
+    recent, patch : rows, 0 for none; see `running_covariances`.
     """
     n, q = errors.residual.shape
-    covariances, freedoms = running_covariances(errors, window=window, recent=recent)
+    covariances, freedoms = running_covariances(errors, window=window, recent=recent, patch=patch)
     every, r, ages = np.arange(q), basis.shape[1], np.arange(window)
     # By age of the onset and rows since then: whether there is such a row, and its index among the last, oldest first.
     since = ages <= ages[:, None]

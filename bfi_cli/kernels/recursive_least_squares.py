@@ -14,6 +14,7 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 from .lagged import add_rows
+from .running_weights import MAD
 
 # A coefficient is known before the record to about noise / PRIOR, that is, next to nothing is known.
 PRIOR = 1e-3
@@ -97,7 +98,9 @@ def recursive_residuals(
     )
 
 
-def running_covariances(errors: RecursiveResiduals, *, window: int, recent: int) -> tuple[FloatArray, FloatArray]:
+def running_covariances(
+    errors: RecursiveResiduals, *, window: int, recent: int, patch: int = 0
+) -> tuple[FloatArray, FloatArray]:
     """Return for each row the covariance of the residuals, estimated on the rows before, and its degrees of freedom.
 
     Parameters
@@ -105,6 +108,9 @@ def running_covariances(errors: RecursiveResiduals, *, window: int, recent: int)
     window : number of last rows, this one included, that are left out of the estimate.
     recent : number of rows before these; the variance of a channel is enlarged to that of these rows where it is larger
         there than over all rows. 0 for none.
+    patch : number of last rows, this one included; the variance of a channel is enlarged to that which the median of
+        its absolute residuals in them tells, where it is larger. A median knows a patch of gusts from the few rows of
+        a step. 0 for none.
 
     Returns
     -------
@@ -122,6 +128,12 @@ def running_covariances(errors: RecursiveResiduals, *, window: int, recent: int)
     count = (before - since)[:, None]
     ratio = power / np.maximum(count, 1) / np.diagonal(covariance, axis1=1, axis2=2)
     rough = np.sqrt(np.where(count >= FEWEST_RECENT, np.maximum(ratio, 1.0), 1.0))
+    if patch:
+        padded = np.pad(np.abs(w), ((patch - 1, 0), (0, 0)), constant_values=np.nan)
+        median = np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, patch, axis=0), axis=2)
+        known = np.minimum(np.arange(1, n + 1), patch)[:, None] >= min(patch, FEWEST_RECENT)
+        sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        rough = np.where(known, np.maximum(rough, MAD * median / sd), rough)
     return covariance * rough[:, :, None] * rough[:, None, :], freedom.astype(np.float64)
 
 

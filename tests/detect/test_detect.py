@@ -12,6 +12,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.detect import detect_faults
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
+from bfi_cli.filters import Filter
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 
@@ -115,6 +116,18 @@ def test_inputs_with_noise_of_their_own_that_move_together_count_as_one(flown: C
     one = detect_faults(replace(log, channels={**others, "elevator": mean}), TRAINED)
     assert (four.alarms[0].channel, four.alarms[0].time_s) == (one.alarms[0].channel, one.alarms[0].time_s)
     assert four.alarms[0].statistic == pytest.approx(one.alarms[0].statistic, rel=0.1)
+
+
+def test_samples_that_a_recorder_filtered_past_the_end_of_the_log_are_not_watched(flown: Callable[..., FlightLog]):
+    """What the recorder made of samples it never had looks like a failure of the last half second."""
+    recorder = Filter(kind="gaussian", edge_hz=0.75, rate_hz=100.0)
+    log = flown(Fault(shape="bias", channel="aoa", magnitude=10.0 * spread(flown(), "aoa"), onset_s=19.5), seed=4)
+    assert detect_faults(log, TRAINED).decision == "fault"
+    result = detect_faults(replace(log, filters=(recorder,)), TRAINED)
+    assert (result.decision, result.alarms) == ("no_fault", ())
+    assert any("past the end of the log" in note for note in result.notes)
+    inside = detect_faults(replace(log, filters=(recorder,)), merge(TRAINED, {"window.to_s": 18.5}))
+    assert not any("past the end of the log" in note for note in inside.notes)
 
 
 def test_what_is_healthy_is_asked_for(flown: Callable[..., FlightLog]):

@@ -112,6 +112,21 @@ def test_a_rough_stretch_enlarges_the_variance_and_a_calm_one_does_not_reduce_it
     np.testing.assert_allclose(diagonal[375 - START], 1.0, rtol=1e-12)
 
 
+def test_a_patch_of_gusts_enlarges_the_variance_at_once_and_the_rows_of_a_step_do_not():
+    X, Y, theta = regression(400)
+    disturbed = Y.copy()
+    disturbed[200:206] += 5.0 * (Y - X @ theta).std(axis=0)
+    disturbed[300:] += 4.0 * (Y - X @ theta)[300:]
+    found = recursive_residuals(X, disturbed, start=START)
+    plain, _ = running_covariances(found, window=60, recent=0)
+    enlarged, _ = running_covariances(found, window=60, recent=0, patch=40)
+    ratio = np.diagonal(enlarged / plain, axis1=1, axis2=2)
+    assert ratio.min() >= 1.0 - 1e-12
+    assert ratio[200 - START : 300 - START].max() < 3.0
+    assert ratio[345 - START].min() > 6.0
+    np.testing.assert_array_equal(running_covariances(found, window=60, recent=0, patch=0)[0], plain)
+
+
 def test_the_score_is_the_mean_log_density_of_students_t():
     X, Y, _ = regression(60, seed=3)
     errors = recursive_residuals(X, Y, start=8)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ..config import STRONG_EVIDENCE, Config
 from ..errors import LogError
 from ..kernels.covariance import FitRows, unfold
-from ..kernels.lagged import restrict
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     OrderSearch,
@@ -30,12 +29,13 @@ from ..kernels.model_selection import (
 )
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.termination import Termination
-from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
+from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows
+from ..preprocessing.magnitudes import MagnitudeEstimates, at_half_rate, estimate_magnitudes
 from ..preprocessing.overdispersion import overdispersion
-from ..preprocessing.regression import RegressionData, build_regression, decimate_signals
+from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
-from .magnitudes import MagnitudeEstimates, MethodResult, averaged_magnitudes, with_rate_spread
+from .magnitudes import MethodResult
 from .result import SolverSummary
 from .supports import propose_supports
 
@@ -73,7 +73,7 @@ def identify_by_likelihood(
     ------
     LogError : a threshold is asked for, and the window is too short to estimate all magnitudes at once.
     """
-    coarse = _at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
+    coarse = at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
     names = [window.names[j] for j in window.live]
     rules = config.selection
     selection = select(
@@ -87,7 +87,8 @@ def identify_by_likelihood(
         selection = _by_threshold(regression, selection, rules.threshold)
     elsewhere = partial(progress, "the same shapes elsewhere")
     dispersion = overdispersion(window, regression, selection.best.fit, elsewhere)
-    estimates = _estimates(regression, selection, coarse, dispersion, partial(progress, "magnitudes"))
+    penalty, sizing = selection.penalty, partial(progress, "magnitudes")
+    estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
     notes: list[str] = []
     while rules.threshold is None:
         failed = _failed_test(regression, selection, estimates, dispersion)
@@ -97,7 +98,7 @@ def identify_by_likelihood(
         notes.append(f"'{names[atom]}' is not declared: {reason}")
         selection = _without(regression, selection, atom)
         sizing = partial(progress, f"magnitudes, {len(notes)} declined")
-        estimates = _estimates(regression, selection, coarse, dispersion, sizing)
+        estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
     several, fit = len(selection.searches) > 1, selection.best.fit
     plain = [search.of(()) for search in selection.searches]
     lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
@@ -121,19 +122,6 @@ def identify_by_likelihood(
         converged=fit.termination is Termination.CONVERGED,
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
-
-
-def _at_half_rate(
-    window: PreparedWindow, regression: RegressionData, config: Config, report: Report
-) -> RegressionData | None:
-    """Return the regression at half the rate; None where the record is exact, so nothing is to be learnt, or short."""
-    if window.exact and window.rate.factor == 1:
-        return None
-    try:
-        signals = decimate_signals(window.native, 2 * window.rate.factor, window.lowpass)
-        return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
-    except LogError:
-        return None
 
 
 def select(
@@ -223,30 +211,6 @@ def _refit(regression: RegressionData, search: OrderSearch, fit: Fit, penalty: P
         return known
     fitted = fit_magnitudes(regression.problem(search.order), fit.atoms, fit.z)
     return ScoredFit(criterion=penalty.criterion(fitted), fit=fitted)
-
-
-def _estimates(
-    regression: RegressionData,
-    selection: Selection,
-    coarse: RegressionData | None,
-    dispersion: FloatArray,
-    report: Report,
-) -> MagnitudeEstimates:
-    """Return the magnitudes of a selection, averaged over orders, with the spread to half the rate."""
-    here, fitting, there = shares(report, 1, 1, 1)
-    estimates = averaged_magnitudes(regression, selection.fits, selection.penalty, dispersion, here)
-    if coarse is None:
-        return estimates
-    active = list(selection.best.fit.atoms)
-    penalty = replace(selection.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
-    start = estimates.value[active] / coarse.magnitude_unit[active]
-    scored = []
-    for order, _ in parts(fitting, coarse.orders):
-        alone = project_inputs(restrict(coarse.data, order=order, atoms=active), order, floor=coarse.floor)
-        fit = replace(fit_magnitudes(alone, range(len(active)), start), atoms=tuple(active))
-        scored.append(ScoredFit(criterion=penalty.criterion(fit), fit=fit))
-    other = averaged_magnitudes(coarse, scored, penalty, dispersion, there)
-    return with_rate_spread(estimates, other, active, selection.penalty)
 
 
 def _failed_test(

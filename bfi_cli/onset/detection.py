@@ -19,6 +19,7 @@ from ..preprocessing.window import with_inputs_of
 from ..report.text import instant
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
+from .magnitudes import measure
 from .result import OnsetFault, OnsetResult, assemble_result
 from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
@@ -47,6 +48,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
        the fault at the log's own samples, re-estimate those before it, subtract all of them and scan again.
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
+    5. Estimate the magnitudes of those that remain at the rate of an estimate.
 
     Parameters
     ----------
@@ -74,6 +76,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
         if estimates:
             estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
         eliminate(record, verdicts, estimates, order, rule, progress)
+        estimates = measure(log, record, estimates, config, partial(progress, "magnitudes"))
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
     result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.fault_free_order)

@@ -46,7 +46,8 @@ class Estimate:
     form : the hypothesis, with its frequency or time constant.
     onset_s, onset_ci95 : on the log's axis; NaN where there is no interval.
     offset_s : time at which the fault ends, None where it lasts.
-    z, sd : magnitude and its standard deviation, which includes the spread of the magnitude over the likely onsets.
+    z, sd : magnitude and its standard deviation, which includes `onset_spread`, that of the magnitude over the likely
+        onsets.
     signal : (n_samples,) what the fault adds to its output, conditioned and scaled.
     statistic : of its shape at this onset.
     frequency_is_known : False for an oscillation whose frequency the record hardly tells, so that other slow shapes
@@ -59,6 +60,7 @@ class Estimate:
     offset_s: float | None
     z: float
     sd: float
+    onset_spread: float
     signal: FloatArray
     statistic: float
     frequency_is_known: bool = True
@@ -152,12 +154,14 @@ def estimate(
     report(1.0)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
     inside = np.flatnonzero(missing <= drop)
-    # The spread of the magnitude includes its change with the onset; it is NaN where the best onset has none.
-    sd, seen = float("nan"), np.isfinite(fine.sd)
+    # The spread of the magnitude is its change over the likely onsets; it is not known where the best onset has no sd.
+    sd = spread = float("nan")
+    seen = np.isfinite(fine.sd)
     if seen[best]:
         weight = np.exp(-0.5 * missing / dispersion)[seen]
-        squares = dispersion * fine.sd[seen] ** 2 + (fine.z[seen] - fine.z[best]) ** 2
-        sd = float(np.sqrt(np.sum(weight * squares) / np.sum(weight)))
+        weight /= weight.sum()
+        spread = float(weight @ (fine.z[seen] - fine.z[best]) ** 2)
+        sd = float(np.sqrt(dispersion * (weight @ fine.sd[seen] ** 2) + spread))
     # The interval ends at the first onsets, on either side, that the profile no longer admits.
     step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
     edges = np.concatenate([fine.onset_s[:1] - step_s, fine.onset_s, fine.onset_s[-1:] + step_s])
@@ -168,6 +172,7 @@ def estimate(
         offset_s=None if end is None else record.onset_s(*end),
         z=z,
         sd=sd,
+        onset_spread=float(np.sqrt(spread)),
         signal=z * signal(form, record.sampling, fine.places[best], end),
         statistic=float(fine.statistic[best]),
         frequency_is_known=frequency_is_known,

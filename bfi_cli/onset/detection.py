@@ -68,7 +68,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen) -> O
             return find_onset_as_published(log, config, progress)
         record = prepare_record(log, config, partial(progress, "the window"))
         first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
-        rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
+        rule = rule_for(log, record, config, order=first.order, progress=progress)
         verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
         order = last.fault_free_order
         if estimates:

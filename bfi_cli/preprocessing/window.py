@@ -19,7 +19,7 @@ from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
-from .regression import RegressionData, Signals, build_regression, decimate_signals
+from .regression import RegressionData, Signals, build_regression, decimate_signals, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
@@ -144,6 +144,7 @@ def prepare_window(
     if not live:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
+    longest = longest_order(len(decimated.time_s), n_inputs=len(config.inputs), n_outputs=len(config.outputs))
     return PreparedWindow(
         log=part,
         faults=faults,
@@ -161,7 +162,7 @@ def prepare_window(
         native_rate_hz=native_rate_hz,
         outputs=config.outputs,
         exact=exact,
-        orders=candidate_orders(config, decimated.rate_hz, recorder_hz),
+        orders=candidate_orders(config, decimated.rate_hz, recorder_hz, longest),
     )
 
 

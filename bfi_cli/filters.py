@@ -35,6 +35,7 @@ class Filter:
     rate_hz : of the samples it was applied to.
     stage : the recorder, or a conversion of the file.
     source : how it is known, as words for the reader.
+    uncertain : whether kind and edge are a guess, as from spectra.
     """
 
     kind: Kind
@@ -42,11 +43,12 @@ class Filter:
     rate_hz: float
     stage: Literal["recorder", "convert"] = "recorder"
     source: str = "stated in the file"
+    uncertain: bool = False
 
 
 def filters_to_json(filters: Sequence[Filter]) -> str:
-    """Return the JSON list of `{kind, edge_hz, rate_hz, stage, source}`."""
-    keys = ("kind", "edge_hz", "rate_hz", "stage", "source")
+    """Return the JSON list of `{kind, edge_hz, rate_hz, stage, source, uncertain}`."""
+    keys = ("kind", "edge_hz", "rate_hz", "stage", "source", "uncertain")
     return json.dumps([{key: getattr(one, key) for key in keys} for one in filters])
 
 
@@ -82,6 +84,7 @@ def _filter(entry: Any, where: str) -> Filter:
         rate_hz=rate_hz,
         stage="convert" if stage == "convert" else "recorder",
         source=source if isinstance(source, str) else "stated in the file",
+        uncertain=given.get("uncertain") is True,
     )
 
 

@@ -14,7 +14,7 @@ from scipy.signal import butter, firwin, oaconvolve, sosfilt, sosfilt_zi, sosfil
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
-from bfi_cli.faults import Fault
+from bfi_cli.faults import Fault, FaultEstimate
 from bfi_cli.filters import Filter
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
@@ -89,6 +89,28 @@ def test_start_time_locates_and_measures_it(recorded: FlightLog, kind: str):
     assert best.fault.shape == "bias"
     assert best.fault.onset_s == pytest.approx(15.0, abs=0.1)
     assert best.magnitude == pytest.approx(3.0, rel=0.03)
+
+
+def _step_with(recorded: FlightLog, recorder: Filter) -> FaultEstimate:
+    config = merge(Config(), {"start_time.shapes": ("bias",)})
+    faults = find_onset(replace(recorded, filters=(recorder,)), config).faults
+    return max(faults, key=lambda fault: fault.statistic).estimate
+
+
+@pytest.mark.parametrize("kind", ["gaussian", "fir"])
+@pytest.mark.parametrize("error", [0.85, 1.2])
+def test_an_uncertain_recorder_is_measured_by_the_step(recorded: FlightLog, kind: str, error: float):
+    guess = Filter(kind=kind, edge_hz=error * EDGES_HZ[kind], rate_hz=10.0, uncertain=True)
+    step = _step_with(recorded, guess)
+    assert step.magnitude == pytest.approx(3.0, rel=0.03)
+    assert step.ci95[0] < 3.0 < step.ci95[1]
+
+
+@pytest.mark.parametrize("kind", ["gaussian"])
+def test_a_wrong_recorder_that_is_taken_for_certain_measures_wrongly(recorded: FlightLog, kind: str):
+    wrong = Filter(kind=kind, edge_hz=1.2 * EDGES_HZ[kind], rate_hz=10.0)
+    certain, uncertain = (_step_with(recorded, one).magnitude for one in (wrong, replace(wrong, uncertain=True)))
+    assert abs(uncertain - 3.0) < 0.5 * abs(certain - 3.0)
 
 
 def test_where_nothing_tells_the_recorder_the_note_says_so(flown: Callable[..., FlightLog]):

@@ -149,7 +149,7 @@ class Null:
 
         What exceeds the tail's start is exponential with a mean that is known from the k windows there only, so that a
         further one reaches x with the probability (1 + x / (k mean))^-k (the predictive distribution of an exponential
-        law under the prior 1 / mean; Smith 1999). The tail is not followed further than to a hundredth of what one
+        law under the prior 1 / mean). The tail is not followed further than to a hundredth of what one
         window of all would be.
         """
         if standardised > self.start:

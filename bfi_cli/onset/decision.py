@@ -52,8 +52,8 @@ MOST_WINDOWS = 60
 SHORTER = tuple(float(share) for share in np.arange(0.95, 0.24, -0.05))
 # Shorter ones are not enough for a model of order 8 with one input, which takes half of them.
 FEWEST_SAMPLES = 60
-# Thresholds of a table that was made otherwise count so many times: those of one flight for another, and of one chain
-# of filters for another, differed by up to this factor (docs/theory.md, 10.3).
+# Thresholds of a table that was made otherwise count so many times: a margin set in trials on recorded flights, no
+# bound (docs/theory.md, 10.4).
 RAISED = 1.5
 
 

@@ -79,7 +79,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, b
             return find_onset_as_published(log, config, progress)
         record = prepare_record(log, config, partial(progress, "the window"))
         first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
-        rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
+        rule = rule_for(log, record, config, order=first.order, progress=progress)
         if briefly:
             verdicts, estimates, order = _at_a_glance(record, first, rule)
         else:

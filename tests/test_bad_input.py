@@ -91,7 +91,7 @@ LOGS: dict[str, tuple[str, str]] = {
     "truncated.h5": ("(written by the fixture)", "damaged or truncated HDF5 file"),
     "no_signals.h5": ("(written by the fixture)", "no_signals.h5: "),
     "absent.csv": ("(not written)", "absent.csv: no such file; give the path of a log"),
-    "folder": ("(a folder)", "folder: is a directory; give a log file in it"),
+    "folder": ("(a folder)", "folder: is a directory without files of ulog2csv (LOG_TOPIC_0.csv); give a log"),
 }
 
 PROVENANCE = {

@@ -68,6 +68,7 @@ def _tables(document: Plain) -> Iterator[Table]:
             "name": one["name"],
             "in the file": None if one["source"] == one["name"] else one["source"],
             "unit": one["unit"],
+            "own rate [Hz]": one.get("own_rate_hz"),
             "min": one["min"],
             "max": one["max"],
             "quantum": one["quantum"],

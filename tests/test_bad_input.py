@@ -218,7 +218,7 @@ OPTIONS = {
     "--channel tas": (2, "--channel: expected STD=NAME, got 'tas'; write --channel tas=my_airspeed"),
     "--channel tas=tsa": (3, "--channel tas=tsa: no channel 'tsa'; did you mean 'tas'?"),
     "--channel tas=a --channel tas=b": (2, "--channel: 'tas' is given twice, as 'a' and 'b'; keep one"),
-    "--group one": (3, "good.csv: no group 'one', a CSV log has none; leave out --group"),
+    "--group one": (3, "good.csv: no group 'one', a log of this kind has none; leave out --group"),
     "--metod ml": (2, "bfi identify: unknown option '--metod'; did you mean '--method'?"),
     "--xyzzy": (2, "bfi identify: unknown option '--xyzzy'; see bfi identify --help"),
     "-x": (2, "bfi identify: unknown option '-x'; see bfi identify --help"),

@@ -249,9 +249,13 @@ def _filtered(track: Track, grid: FloatArray, rate_hz: float) -> FloatArray:
     for begin in range(0, grid.size, max(1, BLOCK // taps.size)):
         rows = slice(begin, begin + max(1, BLOCK // taps.size))
         at = grid[rows, None] + offsets
-        interval = np.searchsorted(time_s, at, side="right") - 1
+        interval = (np.searchsorted(time_s, at, side="right") - 1).clip(0, time_s.size - 2)
+        before, after = time_s[interval], time_s[interval + 1]
+        # Times of the base lie a little beside its samples: at the edge of a gap they are those of the sample.
+        at = np.where(is_gap[interval] & (at <= before + beside), before, at)
+        at = np.where(is_gap[interval] & (at >= after - beside), after, at)
         inside = (at >= time_s[0] - beside) & (at <= time_s[-1] + beside)
-        known = inside & ~is_gap[interval.clip(0, time_s.size - 2)]
+        known = inside & (~is_gap[interval] | (at == before) | (at == after))
         for side in (slice(half, None), slice(half, None, -1)):  # what lies beyond a gap does not count
             known[:, side] = np.logical_and.accumulate(known[:, side], axis=1)
         weights = np.where(known, taps, 0.0)

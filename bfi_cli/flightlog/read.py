@@ -23,7 +23,8 @@ __all__ = ["read_log"]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
-FOREIGN = {b"ULog\x01\x12\x35": "a PX4 ULog", b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
+ULOG = b"ULog\x01\x12\x35"
+FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
 # Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
 LATEST = 1e12
 # Of a time axis without a unit: s, and Hz of a flight log, and what its steps may be counted in beside seconds.
@@ -49,7 +50,7 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5, CSV, MATLAB v5 or v7.3, or a folder of files of `ulog2csv`.
+    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, or a folder of files of `ulog2csv`.
     group : HDF5 group or MATLAB struct that holds the channels, or the log of several in a folder; may be left out
         where there is just one.
     channel_map : standard name -> name in the file, for names that are not known.
@@ -85,14 +86,20 @@ def read_log(
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{name!r}: cannot be read, {reason.lower()}; give the path of a log") from None
     time_of = partial(_time_column, channel_map=channel_map, unit_map=unit_map)
-    raw = _read(name, head, group, (from_s, to_s), time_of, channel_map)
+    raw = _read(name, head, group, (from_s, to_s), time_of, channel_map, unit_map)
     with open(name, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     return with_seen_recorder(_assemble(raw, name, sha256, channel_map, unit_map))
 
 
 def _read(
-    path: str, head: bytes, group: str | None, span: Span, time_of: TimeOf, channel_map: Mapping[str, str]
+    path: str,
+    head: bytes,
+    group: str | None,
+    span: Span,
+    time_of: TimeOf,
+    channel_map: Mapping[str, str],
+    unit_map: Mapping[str, str],
 ) -> RawLog:
     """Return the columns of a file, in the format that its first bytes show."""
     if not head:
@@ -105,13 +112,17 @@ def _read(
         from .matlab import read_matlab
 
         return read_matlab(path, group=group)
+    if group is not None:
+        raise LogError(f"{path}: no group '{group}', a log of this kind has none; leave out --group")
+    if head.startswith(ULOG):
+        from .ulog import read_ulog
+
+        return read_ulog(path, channel_map=channel_map, unit_map=unit_map)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
-    if group is not None:
-        raise LogError(f"{path}: no group '{group}', a CSV log has none; leave out --group")
     from .text import read_csv
     from .ulog2csv import is_topic_file, read_topic_file
 

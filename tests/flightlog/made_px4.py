@@ -1,7 +1,9 @@
-"""A flight of a PX4 autopilot made up for the tests, as a folder of `ulog2csv`: topics with clocks of their own."""
+"""A flight of a PX4 autopilot made up for the tests, as a folder of `ulog2csv` and as ULog."""
 
 from __future__ import annotations
 
+import re
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -63,7 +65,10 @@ def px4_topics(*, rate_hz: float = 5.0, jitter: float = 0.0) -> dict[tuple[str, 
         },
         ("actuator_controls_0", 0): {
             "timestamp": attitude,
-            **{f"control[{i}]": np.full(a.size, 0.1 * i, np.float32) for i in range(4)},
+            "control[0]": np.zeros(a.size, np.float32),
+            "control[1]": (0.3 * np.sin(1.3 * a)).astype(np.float32),
+            "control[2]": np.zeros(a.size, np.float32),
+            "control[3]": np.full(a.size, 0.3, np.float32),
         },
         ("airspeed_wind", 0): {
             "timestamp": wind,
@@ -82,3 +87,43 @@ def write_ulog2csv(folder: Path, topics: Topics, *, log: str = "flight") -> Path
         text = "".join(",".join(map(repr, row)) + "\n" for row in rows)
         (folder / f"{log}_{name}_{instance}.csv").write_text(",".join(fields) + "\n" + text)
     return folder
+
+
+ULOG_TYPES = {"<u8": "uint64_t", "<f4": "float", "|u1": "uint8_t", "<f8": "double"}
+
+
+def message(kind: str, body: bytes) -> bytes:
+    """Return a message of a ULog."""
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def ulog_bytes(topics: Topics, *, padding: int = 0, sync_every: int = 50) -> bytes:
+    """Return a ULog of topics, messages in order of time; `padding` bytes stand in the formats but not in the data."""
+    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", int(1e6 * START_S)), message("B", bytes(40))]
+    data: list[tuple[int, bytes]] = []
+    added: list[bytes] = []
+    for number, ((name, instance), fields) in enumerate(topics.items()):
+        parts: dict[str, tuple[str, int]] = {}
+        for label, values in fields.items():
+            own, kind = re.sub(r"\[\d+\]$", "", label), ULOG_TYPES[values.dtype.str]
+            parts[own] = (kind, parts.get(own, (kind, 0))[1] + (1 if label.endswith("]") else 0))
+        text = "".join(f"{kind}[{n}] {own};" if n else f"{kind} {own};" for own, (kind, n) in parts.items())
+        text += f"uint8_t[{padding}] _padding0;" if padding else ""
+        out.append(message("F", f"{name}:{text}".encode()))
+        added.append(message("A", struct.pack("<BH", instance, number) + name.encode()))
+        table = np.rec.fromarrays(list(fields.values()), names=[f"f{i}" for i in range(len(fields))])
+        data += [
+            (int(when), message("D", struct.pack("<H", number) + row.tobytes()))
+            for when, row in zip(fields["timestamp"], table, strict=True)
+        ]
+    out += added
+    sync = message("S", b"\x2f\x73\x13\x20\x25\x0c\xbb\x12")
+    for k, (_, one) in enumerate(sorted(data)):
+        out += [sync, one] if k % sync_every == 0 else [one]
+    return b"".join(out)
+
+
+def write_ulog(path: Path, topics: Topics) -> Path:
+    """Write a ULog and return its path."""
+    path.write_bytes(ulog_bytes(topics))
+    return path

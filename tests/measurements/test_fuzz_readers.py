@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from damaged_logs import read_all
+from made_px4 import px4_topics, write_ulog
 from scipy.io import savemat
 
 from bfi_cli.faults import parse_spec
@@ -63,7 +64,11 @@ def matlab_73(path: Path) -> None:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(128))
 
 
-FORMATS = (contiguous, with_truth, text, matlab, matlab_compressed, matlab_73)
+def ulog(path: Path) -> None:
+    write_ulog(path, {key: one for key, one in px4_topics().items() if key[0] in ("airspeed", "actuator_controls_0")})
+
+
+FORMATS = (contiguous, with_truth, text, matlab, matlab_compressed, matlab_73, ulog)
 
 
 def damaged(whole: bytes) -> list[bytes]:

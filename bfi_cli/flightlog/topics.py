@@ -18,8 +18,8 @@ from ..units import G
 __all__ = ["RECORDERS", "ChannelMap", "Recorder", "Topic", "Track", "fields_of", "maps_of", "tracks_of", "with_angles"]
 
 FloatArray = NDArray[np.float64]
-Recorder = Literal["px4"]
-RECORDERS: dict[Recorder, str] = {"px4": "PX4"}
+Recorder = Literal["px4", "garmin"]
+RECORDERS: dict[Recorder, str] = {"px4": "PX4", "garmin": "Garmin"}
 # Angles that leave one end of their range and come back at the other.
 ANGLES = frozenset({"roll", "yaw"})
 
@@ -79,6 +79,8 @@ class Track:
 # Of several sources of a channel the first that is as fast as the log's base is taken, see `rates.one_base`.
 # PX4: message definitions of PX4-Autopilot (msg/*.msg), 1.9 to 1.15. Body axes are forward, right, down. The control of
 # pitch is positive nose up, an elevator positive trailing edge down.
+# Garmin G1000 and G3X: the names of their columns; the first of the table that a log has is the channel. NormAc is the
+# load factor less one, 0 in level flight.
 _TABLE = f"""
 px4
 airspeed_validated.true_airspeed_m_s          tas               m/s
@@ -131,6 +133,22 @@ vehicle_torque_setpoint.xyz[0]                aileron           1
 vehicle_torque_setpoint.xyz[1]                elevator          1       -1
 vehicle_torque_setpoint.xyz[2]                rudder            1
 vehicle_thrust_setpoint.xyz[0]                throttle          1
+garmin
+csv.TAS        tas            kt
+csv.IAS        ias            kt
+csv.GndSpd     ground_speed   kt
+csv.AltP       altitude       ft
+csv.AltB       altitude       ft
+csv.AltInd     altitude       ft
+csv.VSpd       altitude_rate  ft/min
+csv.Pitch      pitch          deg
+csv.Roll       roll           deg
+csv.HDG        yaw            deg
+csv.LatAc      lateral_acc    g
+csv.NormAc     normal_acc     g
+csv.OAT        sat            degC
+csv.Latitude   latitude       deg
+csv.Longitude  longitude      deg
 """
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..channels import STANDARD, NameMatch, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
+from .quality import is_uniform
 from .raw import RawColumn, RawLog, Span, TimeOf, different_length
 from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
 from .recorder import with_seen_recorder
@@ -23,13 +24,15 @@ __all__ = ["read_log"]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
-ULOG = b"ULog\x01\x12\x35"
+ULOG, DATAFLASH = b"ULog\x01\x12\x35", b"\xa3\x95\x80"
 FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
 # Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
 LATEST = 1e12
 # Of a time axis without a unit: s, and Hz of a flight log, and what its steps may be counted in beside seconds.
 LONGEST_STEP, FASTEST_LOG = 5.0, 1000.0
 TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
+# Decimals of a rounded time axis, s, and how large they may be beside its step; with fewer times a line tells nothing.
+DECIMALS, MOST_ROUNDED, FEWEST_TIMES = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6), 0.5, 20
 # Hz. Above every flight recorder; audio is at 2e5.
 FASTEST = 1e9
 
@@ -50,7 +53,7 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, or a folder of files of `ulog2csv`.
+    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, or a folder of files of `ulog2csv`.
     group : HDF5 group or MATLAB struct that holds the channels, or the log of several in a folder; may be left out
         where there is just one.
     channel_map : standard name -> name in the file, for names that are not known.
@@ -118,6 +121,10 @@ def _read(
         from .ulog import read_ulog
 
         return read_ulog(path, channel_map=channel_map, unit_map=unit_map)
+    if head.startswith(DATAFLASH):
+        from .dataflash import read_dataflash
+
+        return read_dataflash(path, channel_map=channel_map, unit_map=unit_map)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
@@ -170,7 +177,8 @@ def _assemble(
         raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
     time = taken.pop("time", None)
     if time is not None:
-        time_s = _checked_time(path, time)
+        time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
+        notes += rounded
     else:
         time_s = _counted_time(path, taken, raw)
         notes.append(f"time is counted from sample_rate_hz = {raw.sample_rate_hz:g} Hz")
@@ -311,6 +319,30 @@ def _checked_time(path: str, channel: Channel) -> FloatArray:
             f"{back.size} such steps); sort or mend the time axis"
         )
     return time_s
+
+
+def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the even times that a time axis of few decimals stands for, and a note; others as they are.
+
+    The straight line through the times is taken where no time is further from it than rounding to their decimals
+    explains.
+    """
+    if time_s.size < FEWEST_TIMES or is_uniform(time_s):
+        return time_s, ()
+    from_start = time_s - time_s[0]
+    quantum = next(
+        (one for one in DECIMALS if np.max(np.abs(from_start / one - np.round(from_start / one))) < 1e-3), None
+    )
+    count = np.arange(time_s.size) - 0.5 * (time_s.size - 1)
+    step = float(count @ from_start / (count @ count))
+    if quantum is None or quantum > MOST_ROUNDED * step:
+        return time_s, ()
+    line = from_start.mean() + step * count
+    # Rounding to the nearest or down; half a quantum more for the line through rounded times.
+    if np.ptp(from_start - line) > 1.5 * quantum:
+        return time_s, ()
+    note = f"the times of '{source}' are rounded to {quantum:g} s; their even steps of {step:.6g} s are taken"
+    return frozen_array(time_s[0] + line), (note,)
 
 
 def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog) -> FloatArray:

@@ -13,13 +13,24 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..units import G
+from ..units import DEGREE, G
 
-__all__ = ["RECORDERS", "ChannelMap", "Recorder", "Topic", "Track", "fields_of", "maps_of", "tracks_of", "with_angles"]
+__all__ = [
+    "RECORDERS",
+    "ChannelMap",
+    "Recorder",
+    "Topic",
+    "Track",
+    "fields_of",
+    "maps_of",
+    "tracks_of",
+    "with_angles",
+    "with_ground_velocity",
+]
 
 FloatArray = NDArray[np.float64]
-Recorder = Literal["px4", "garmin"]
-RECORDERS: dict[Recorder, str] = {"px4": "PX4", "garmin": "Garmin"}
+Recorder = Literal["px4", "ardupilot", "garmin"]
+RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "garmin": "Garmin"}
 # Angles that leave one end of their range and come back at the other.
 ANGLES = frozenset({"roll", "yaw"})
 
@@ -79,6 +90,8 @@ class Track:
 # Of several sources of a channel the first that is as fast as the log's base is taken, see `rates.one_base`.
 # PX4: message definitions of PX4-Autopilot (msg/*.msg), 1.9 to 1.15. Body axes are forward, right, down. The control of
 # pitch is positive nose up, an elevator positive trailing edge down.
+# ArduPilot: messages of ArduPlane 3.9 to 4.5 (LogStructure.h). Angles of ATT are degrees, their scale makes them rad.
+# Commands of AETR run to 4500, positive nose up.
 # Garmin G1000 and G3X: the names of their columns; the first of the table that a log has is the channel. NormAc is the
 # load factor less one, 0 in level flight.
 _TABLE = f"""
@@ -133,6 +146,41 @@ vehicle_torque_setpoint.xyz[0]                aileron           1
 vehicle_torque_setpoint.xyz[1]                elevator          1       -1
 vehicle_torque_setpoint.xyz[2]                rudder            1
 vehicle_thrust_setpoint.xyz[0]                throttle          1
+ardupilot
+ARSP.Airspeed       ias               m/s
+ARSP.DiffPress      q_impact          Pa
+ATT.Pitch           pitch             rad     {DEGREE}
+ATT.Roll            roll              rad     {DEGREE}
+ATT.Yaw             yaw               rad     {DEGREE}
+IMU.GyrX            roll_rate         rad/s
+IMU.GyrY            pitch_rate        rad/s
+IMU.GyrZ            yaw_rate          rad/s
+IMU.AccX            longitudinal_acc  m/s^2
+IMU.AccY            lateral_acc       m/s^2
+IMU.AccZ            normal_acc        m/s^2   -1  {-G}
+BARO.Alt            altitude          m
+BARO.Press          p_static          Pa
+GPS.VelN            velocity_north    m/s
+GPS.VelE            velocity_east     m/s
+GPS.Spd             ground_speed      m/s
+GPS.Lat             latitude          deg
+GPS.Lng             longitude         deg
+XKF1.VN             velocity_north    m/s
+XKF1.VE             velocity_east     m/s
+XKF1.VD             altitude_rate     m/s     -1
+NKF1.VN             velocity_north    m/s
+NKF1.VE             velocity_east     m/s
+NKF1.VD             altitude_rate     m/s     -1
+XKF2.VWN            wind_north        m/s
+XKF2.VWE            wind_east         m/s
+NKF2.VWN            wind_north        m/s
+NKF2.VWE            wind_east         m/s
+AOA.AOA             aoa               deg
+AOA.SSA             sideslip          deg
+AETR.Ail            aileron           1       {1 / 4500}
+AETR.Elev           elevator          1       {-1 / 4500}
+AETR.Rudd           rudder            1       {1 / 4500}
+AETR.Thr            throttle          1       0.01
 garmin
 csv.TAS        tas            kt
 csv.IAS        ias            kt
@@ -208,6 +256,16 @@ def with_angles(topic: Topic) -> Topic:
             "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2)),
         }
     return Topic(name=topic.name, instance=topic.instance, time_s=topic.time_s, fields={**topic.fields, **angles})
+
+
+def with_ground_velocity(topic: Topic) -> Topic:
+    """Return a topic that holds speed `Spd` and course `GCrs` (degrees from north) with `VelN` and `VelE`."""
+    if not {"Spd", "GCrs"} <= topic.fields.keys():
+        return topic
+    speed, course = topic.fields["Spd"], DEGREE * np.asarray(topic.fields["GCrs"], dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        velocity = {"VelN": speed * np.cos(course), "VelE": speed * np.sin(course)}
+    return Topic(name=topic.name, instance=topic.instance, time_s=topic.time_s, fields={**topic.fields, **velocity})
 
 
 def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]) -> list[Track]:

@@ -15,7 +15,7 @@ from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.quality import is_uniform
 from bfi_cli.flightlog.rates import in_order, mean_rate, one_base
-from bfi_cli.flightlog.topics import Topic, Track, maps_of, tracks_of, with_angles
+from bfi_cli.flightlog.topics import RECORDERS, Topic, Track, maps_of, tracks_of, with_angles
 
 
 def track(time_s, values, *, channel: str | None = "tas", source: str = "", **more) -> Track:
@@ -161,7 +161,7 @@ def test_every_map_is_of_a_known_channel_and_unit():
     from bfi_cli.channels import STANDARD
     from bfi_cli.units import si_unit
 
-    for row in maps_of("px4"):
+    for row in (row for recorder in RECORDERS for row in maps_of(recorder)):
         assert si_unit(row.unit) in (STANDARD[row.channel].unit, "1"), row
 
 
@@ -295,6 +295,29 @@ def test_a_step_that_suits_two_units_is_refused(step: float, tmp_path: Path):
     with pytest.raises(LogError, match="'timestamp' states no unit, and its steps of"):
         read_log(tmp_path / "a.csv")
     assert read_log(tmp_path / "a.csv", unit_map={"timestamp": "ns"}).n_samples == 50
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    rate_hz=st.sampled_from([3.0, 7.0, 15.0, 30.0, 60.0]), decimals=st.sampled_from([2, 3]), start=st.floats(0.0, 1e4)
+)
+def test_times_rounded_to_decimals_are_made_even(rate_hz: float, decimals: int, start: float, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / "rounded.csv"
+    t = start + np.arange(200) / rate_hz
+    path.write_text("time,tas\n" + "".join(f"{one:.{decimals}f},{k % 7}\n" for k, one in enumerate(t)))
+    log = read_log(path)
+    if not is_uniform(np.round(t, decimals)):
+        assert is_uniform(log.time_s)
+        assert any("are rounded to" in note for note in log.notes)
+    np.testing.assert_allclose(log.time_s, t, atol=1.01 * 10.0**-decimals)
+
+
+@pytest.mark.parametrize("change", ["gap", "jitter"])
+def test_times_that_are_not_on_a_rounded_grid_are_left_alone(change: str, tmp_path: Path):
+    t = np.arange(200) / 30.0
+    t = np.where(t > 3.0, t + 0.3, t) if change == "gap" else t + 0.01 * np.random.default_rng(0).uniform(-1, 1, t.size)
+    (tmp_path / "a.csv").write_text("time,tas\n" + "".join(f"{one:.2f},{k % 7}\n" for k, one in enumerate(t)))
+    np.testing.assert_array_equal(read_log(tmp_path / "a.csv").time_s, np.round(t, 2))
 
 
 @pytest.mark.realdata

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from damaged_logs import read_all
+from made_dataflash import dataflash_bytes
 from made_px4 import px4_topics, write_ulog
 from scipy.io import savemat
 
@@ -68,7 +69,18 @@ def ulog(path: Path) -> None:
     write_ulog(path, {key: one for key, one in px4_topics().items() if key[0] in ("airspeed", "actuator_controls_0")})
 
 
-FORMATS = (contiguous, with_truth, text, matlab, matlab_compressed, matlab_73, ulog)
+def dataflash(path: Path) -> None:
+    path.write_bytes(dataflash_bytes(("ARSP", "AETR")))
+
+
+def garmin(path: Path) -> None:
+    rows = "".join(f"2024-05-01, 12:{k // 60:02d}:{k % 60:02d}, {100 + k % 7}, {k % 5}, KCKN\n" for k in range(N))
+    path.write_text(
+        "#airframe_info\n#yyyy-mm-dd, hh:mm:ss, kt, deg, ident\nLcl Date, Lcl Time, TAS, Pitch, To\n" + rows
+    )
+
+
+FORMATS = (contiguous, with_truth, text, garmin, matlab, matlab_compressed, matlab_73, ulog, dataflash)
 
 
 def damaged(whole: bytes) -> list[bytes]:

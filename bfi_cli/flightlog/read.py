@@ -31,8 +31,9 @@ LATEST = 1e12
 # Of a time axis without a unit: s, and Hz of a flight log, and what its steps may be counted in beside seconds.
 LONGEST_STEP, FASTEST_LOG = 5.0, 1000.0
 TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
-# Decimals of a rounded time axis, s, and how large they may be beside its step; with fewer times a line tells nothing.
-DECIMALS, MOST_ROUNDED, FEWEST_TIMES = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6), 0.5, 20
+# Decimals of a rounded time axis, s, and how large they may be beside its step: a missing sample is then a larger jump
+# than rounding makes. With fewer times a line tells nothing.
+DECIMALS, MOST_ROUNDED, FEWEST_TIMES = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6), 0.65, 20
 # Hz. Above every flight recorder; audio is at 2e5.
 FASTEST = 1e9
 

@@ -19,6 +19,7 @@ from .quality import is_uniform
 from .raw import RawColumn, RawLog, Span, TimeOf, different_length
 from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
 from .recorder import with_seen_recorder
+from .tlog import is_tlog
 
 __all__ = ["read_log"]
 
@@ -54,7 +55,8 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, or a folder of files of `ulog2csv`.
+    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, or a
+        folder of files of `ulog2csv`.
     group : HDF5 group or MATLAB struct that holds the channels, or the log of several in a folder; may be left out
         where there is just one.
     channel_map : standard name -> name in the file, for names that are not known.
@@ -126,6 +128,10 @@ def _read(
         from .dataflash import read_dataflash
 
         return read_dataflash(path, channel_map=channel_map, unit_map=unit_map)
+    if is_tlog(head):
+        from .tlog import read_tlog
+
+        return read_tlog(path, channel_map=channel_map, unit_map=unit_map)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")

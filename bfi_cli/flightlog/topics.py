@@ -29,8 +29,8 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-Recorder = Literal["px4", "ardupilot", "garmin"]
-RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "garmin": "Garmin"}
+Recorder = Literal["px4", "ardupilot", "mavlink", "garmin"]
+RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "mavlink": "MAVLink", "garmin": "Garmin"}
 # Angles that leave one end of their range and come back at the other.
 ANGLES = frozenset({"roll", "yaw"})
 
@@ -92,6 +92,7 @@ class Track:
 # pitch is positive nose up, an elevator positive trailing edge down.
 # ArduPilot: messages of ArduPlane 3.9 to 4.5 (LogStructure.h). Angles of ATT are degrees, their scale makes them rad.
 # Commands of AETR run to 4500, positive nose up.
+# MAVLink: common.xml; the airspeed of VFR_HUD is the indicated one of a fixed wing, accelerations are in 1e-3 g.
 # Garmin G1000 and G3X: the names of their columns; the first of the table that a log has is the channel. NormAc is the
 # load factor less one, 0 in level flight.
 _TABLE = f"""
@@ -181,6 +182,31 @@ AETR.Ail            aileron           1       {1 / 4500}
 AETR.Elev           elevator          1       {-1 / 4500}
 AETR.Rudd           rudder            1       {1 / 4500}
 AETR.Thr            throttle          1       0.01
+mavlink
+VFR_HUD.airspeed           ias               m/s
+VFR_HUD.groundspeed        ground_speed      m/s
+VFR_HUD.throttle           throttle          1       0.01
+ATTITUDE.pitch             pitch             rad
+ATTITUDE.roll              roll              rad
+ATTITUDE.yaw               yaw               rad
+ATTITUDE.rollspeed         roll_rate         rad/s
+ATTITUDE.pitchspeed        pitch_rate        rad/s
+ATTITUDE.yawspeed          yaw_rate          rad/s
+SCALED_IMU.xacc            longitudinal_acc  m/s^2   {1e-3 * G}
+SCALED_IMU.yacc            lateral_acc       m/s^2   {1e-3 * G}
+SCALED_IMU.zacc            normal_acc        m/s^2   {-1e-3 * G}  {-G}
+LOCAL_POSITION_NED.vx      velocity_north    m/s
+LOCAL_POSITION_NED.vy      velocity_east     m/s
+LOCAL_POSITION_NED.vz      altitude_rate     m/s     -1
+GLOBAL_POSITION_INT.vx     velocity_north    m/s     0.01
+GLOBAL_POSITION_INT.vy     velocity_east     m/s     0.01
+GLOBAL_POSITION_INT.vz     altitude_rate     m/s     -0.01
+GLOBAL_POSITION_INT.lat    latitude          deg     1e-7
+GLOBAL_POSITION_INT.lon    longitude         deg     1e-7
+SCALED_PRESSURE.press_abs  p_static          hPa
+SCALED_PRESSURE.press_diff  q_impact         hPa
+AOA_SSA.AOA                aoa               deg
+AOA_SSA.SSA                sideslip          deg
 garmin
 csv.TAS        tas            kt
 csv.IAS        ias            kt

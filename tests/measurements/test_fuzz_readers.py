@@ -14,6 +14,7 @@ import pytest
 from damaged_logs import read_all
 from made_dataflash import dataflash_bytes
 from made_px4 import px4_topics, write_ulog
+from made_tlog import tlog_bytes
 from scipy.io import savemat
 
 from bfi_cli.faults import parse_spec
@@ -73,6 +74,10 @@ def dataflash(path: Path) -> None:
     path.write_bytes(dataflash_bytes(("ARSP", "AETR")))
 
 
+def tlog(path: Path) -> None:
+    path.write_bytes(tlog_bytes())
+
+
 def garmin(path: Path) -> None:
     rows = "".join(f"2024-05-01, 12:{k // 60:02d}:{k % 60:02d}, {100 + k % 7}, {k % 5}, KCKN\n" for k in range(N))
     path.write_text(
@@ -80,7 +85,7 @@ def garmin(path: Path) -> None:
     )
 
 
-FORMATS = (contiguous, with_truth, text, garmin, matlab, matlab_compressed, matlab_73, ulog, dataflash)
+FORMATS = (contiguous, with_truth, text, garmin, matlab, matlab_compressed, matlab_73, ulog, dataflash, tlog)
 
 
 def damaged(whole: bytes) -> list[bytes]:

@@ -331,9 +331,23 @@ def test_the_recorded_flight(flights: Path):
     attitude = np.genfromtxt(flights / "px4_flight3/flight3_vehicle_attitude_0.csv", delimiter=",", names=True)
     w, x, y, z = (attitude[f"q{i}"] for i in range(4))
     theta = np.interp(log.time_s, attitude["timestamp"] * 1e-6, np.arcsin(2.0 * (w * y - x * z)))
-    flying = (log.time_s > 560.0) & (log.time_s < 854.0)
+    flying = (log.time_s > 1100.0) & (log.time_s < 1394.0)
     assert np.sqrt(np.mean((log.channels["pitch"].values - theta)[flying] ** 2)) < 0.01
     rates = {name: channel.own_rate_hz for name, channel in log.channels.items()}
     assert rates["pitch_rate"] == pytest.approx(50.0, rel=1e-3)
     assert rates["q_impact"] == pytest.approx(1.0, rel=1e-3)
     assert {"velocity_north", "velocity_east", "elevator", "throttle", "altitude"} <= set(log.channels)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("onset_s", [1150, 1185, 1220, 1260, 1300, 1340])
+def test_a_bias_added_to_the_recorded_flight_is_found(bfi, flights: Path, tmp_path: Path, onset_s: int):
+    """In flight the log runs from 1100 to 1394 s; the approach is left out. No shipped table fits 5 Hz and a drone."""
+    fault = f"bias,channel=tas,magnitude=-3,onset_s={onset_s}"
+    assert bfi("inject", flights / "px4_flight3", "--fault", fault, "-o", tmp_path / "faulty.h5").code == 0
+    window = ("--from", 1105, "--to", 1375, "--input", "pitch", "--input", "longitudinal_acc")
+    answer = bfi("start-time", tmp_path / "faulty.h5", *window, "--calibration", "gaussian", "--json")
+    found = json.loads(answer.stdout)["faults"]
+    near = [one for one in found if abs(one["onset_s"] - onset_s) <= 0.5]
+    assert [one["shape"] for one in near] == ["bias"]
+    assert near[0]["magnitude"] == pytest.approx(-3.0, abs=0.6)

@@ -44,7 +44,7 @@ aoa rad | angle of attack | alpha angle_of_attack vane_aoa aoa_vane alpha_vane
 sideslip rad | angle of sideslip | beta aos angle_of_sideslip vane_beta sideslip_angle
 p_static Pa | static pressure | ps static_pressure baro_pressure pstat
 p_total Pa | total pressure | pt total_pressure pitot_pressure ptot
-q_impact Pa | impact pressure | qc impact_pressure differential_pressure dynamic_pressure qbar
+q_impact Pa | impact pressure | qc impact_pressure differential_pressure
 altitude m | pressure altitude | alt h hp press_alt pressure_altitude baro_alt baro_altitude alt_ftmsl=ft
 altitude_rate m/s | rate of climb | alt_rate hdot vertical_speed vvi climb_rate rate_of_climb roc vs
 pitch rad | pitch attitude | theta pitch_angle
@@ -80,6 +80,12 @@ column_force N | pull force on the control column | column_fe stick_force fe
 fuel_flow kg/s | fuel flow | fmf fuel_mass_flow
 latitude rad | latitude | lat gps_lat
 longitude rad | longitude | lon gps_long gps_lon
+velocity_north m/s | ground velocity, to the north | vn vel_n velocity_n v_north vel_north
+velocity_east m/s | ground velocity, to the east | ve vel_e velocity_e v_east vel_east
+lift_speed m/s | airspeed that the lift shows |
+kinematic_acc m/s^2 | rate of change of airspeed in still air |
+climb_angle rad | angle of the motion through the air above the horizon |
+ground_airspeed m/s | airspeed that ground velocity and a constant wind show |
 valid_airspeed 1 | 1 where the airspeed can be trusted |
 """
 

@@ -22,7 +22,7 @@ SCHEMA = 1
 def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi info --json`."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
-    same = ("rate_hz", "uniform", "jitter", "channels", "excitation", "windows", "segments", "notes")
+    same = ("rate_hz", "uniform", "jitter", "channels", "derived", "excitation", "windows", "segments", "notes")
     document: dict[str, Any] = to_plain(
         {
             "kind": "info",
@@ -72,6 +72,7 @@ def _tables(document: Plain) -> Iterator[Table]:
             "max": one["max"],
             "quantum": one["quantum"],
             "NaN": one["n_nan"] or None,
+            "follows from": ", ".join(one.get("pressures", ())),
             "held": one["hold_period_s"] and f"{100 * one['held_fraction']:.0f} %, {1 / one['hold_period_s']:.3g} Hz",
         }
         for one in document["channels"]
@@ -80,6 +81,16 @@ def _tables(document: Plain) -> Iterator[Table]:
     windows = {"--from": "start_s", "--to": "stop_s", "input": "channel", "moves": "moves"}
     segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
     yield from _table("channels", "Channels", channels)
+    derived = [
+        {
+            "name": one["name"],
+            "unit": one["unit"],
+            "what it is": one["description"],
+            "lacks": ", ".join(one["lacks"]) or "nothing",
+        }
+        for one in document.get("derived", ())
+    ]
+    yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
     for name, title, keys in (
         ("excitation", "Inputs, in flight", inputs),
         ("windows", "Windows to analyse", windows),

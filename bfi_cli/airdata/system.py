@@ -187,7 +187,8 @@ def channels_of(
 
     Parameters
     ----------
-    rate_of : (n_samples,) seconds, increasing, for the rates of altitude and airspeed; None for none.
+    rate_of : (n_samples,) seconds, increasing, for the rates of altitude and airspeed; None for none. Of a single
+        sample the rates are 0.
 
     Raises
     ------
@@ -206,6 +207,7 @@ def channels_of(
         "sat": static_temperature(tat, mach),
     }
     made["ias"] = made["cas"]
-    if rate_of is not None and len(rate_of) > 1:
-        made |= {"altitude_rate": np.gradient(altitude, rate_of), "tas_rate": np.gradient(tas, rate_of)}
+    if rate_of is not None:
+        for name, values in (("altitude_rate", altitude), ("tas_rate", tas)):
+            made[name] = np.gradient(values, rate_of) if len(rate_of) > 1 else np.zeros(len(rate_of))
     return made

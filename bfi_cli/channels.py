@@ -39,8 +39,8 @@ tas_rate m/s^2 | rate of change of true airspeed | vdot v_dot tas_dot vtas_dot t
 cas m/s | calibrated airspeed | vcas v_cas calibrated_airspeed computed_airspeed
 ias m/s | indicated airspeed | vias v_ias indicated_airspeed vind
 ground_speed m/s | ground speed | gs groundspeed gnd_speed
-velocity_north m/s | ground velocity, north | vel_n v_north vn
-velocity_east m/s | ground velocity, east | vel_e v_east ve
+velocity_north m/s | ground velocity, to the north | vel_n v_north vn velocity_n vel_north
+velocity_east m/s | ground velocity, to the east | vel_e v_east ve velocity_e vel_east
 wind_north m/s | velocity of the wind, north | windspeed_north
 wind_east m/s | velocity of the wind, east | windspeed_east
 mach 1 | Mach number | mach_number ma mach_ratio
@@ -48,7 +48,7 @@ aoa rad | angle of attack | alpha angle_of_attack vane_aoa aoa_vane alpha_vane
 sideslip rad | angle of sideslip | beta aos angle_of_sideslip vane_beta sideslip_angle
 p_static Pa | static pressure | ps static_pressure baro_pressure pstat
 p_total Pa | total pressure | pt total_pressure pitot_pressure ptot
-q_impact Pa | impact pressure | qc impact_pressure differential_pressure dynamic_pressure qbar
+q_impact Pa | impact pressure | qc impact_pressure differential_pressure
 altitude m | pressure altitude | alt h hp press_alt pressure_altitude baro_alt baro_altitude alt_ftmsl=ft
 altitude_rate m/s | rate of climb | alt_rate hdot vertical_speed vvi climb_rate rate_of_climb roc vs
 pitch rad | pitch attitude | theta pitch_angle
@@ -84,6 +84,10 @@ column_force N | pull force on the control column | column_fe stick_force fe
 fuel_flow kg/s | fuel flow | fmf fuel_mass_flow
 latitude rad | latitude | lat gps_lat
 longitude rad | longitude | lon gps_long gps_lon
+lift_speed m/s | airspeed that the lift shows |
+kinematic_acc m/s^2 | rate of change of airspeed in still air |
+climb_angle rad | angle of the motion through the air above the horizon |
+ground_airspeed m/s | airspeed that ground velocity and a constant wind show |
 valid_airspeed 1 | 1 where the airspeed can be trusted |
 """
 

@@ -18,8 +18,9 @@ from .errors import DictionaryError
 from .printable import shortened
 from .shapes import KEY_RULES, SHAPES, Shape
 
-__all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "did_you_mean", "fault_from_dict"]
-__all__ += ["fault_to_dict", "magnitude_unit", "parse_spec", "physical", "shown", "unit_signal", "unknown_key"]
+__all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "course", "did_you_mean"]
+__all__ += ["fault_from_dict", "fault_to_dict", "has_channel", "magnitude_unit", "parse_spec", "physical", "shown"]
+__all__ += ["unit_signal", "unknown_key"]
 
 FloatArray = NDArray[np.float64]
 Decision = Literal["fault", "no_fault", "inconclusive"]
@@ -37,9 +38,10 @@ _ABRIDGED.maxlevel = 3  # what lies deeper does not fit beside the rest
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """An additive sensor fault `magnitude * signal(t)`, zero before `onset_s` and from `offset_s` on.
+    """A sensor fault, most often additive, `magnitude * signal(t)`, zero before `onset_s` and from `offset_s` on.
 
-    Times are seconds on the axis the fault was stated on (see `relative_to` of a dictionary).
+    Times are seconds on the axis the fault was stated on (see `relative_to` of a dictionary). `channel` is "" for a
+    fault of a pressure line.
     """
 
     shape: Shape
@@ -55,10 +57,13 @@ class Fault:
     time_constant_s: float | None = None
     duration_s: float | None = None
     file: str | None = None
+    cabin_altitude_m: float | None = None
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise DictionaryError(f"fault: shape: {_unknown_shape(self.shape)}")
+        if not has_channel(self.shape):
+            object.__setattr__(self, "channel", "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +83,11 @@ class FaultEstimate:
     ci95: tuple[float, float]
 
 
+def has_channel(shape: Shape) -> bool:
+    """Say whether faults of this shape are of one channel; those of a pressure line are of all that follow from it."""
+    return SHAPES[shape].acts_on in ("channel", "reading")
+
+
 def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:
     """Return (n_samples,) true from the onset to before the offset, both to within 1e-6 of a sample.
 
@@ -94,6 +104,9 @@ def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:
 
 def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> FloatArray:
     """Return (n_samples,) the signal of `fault` at magnitude 1, in the unit the shape implies.
+
+    For a shape that acts on a reading or a pressure that is its course, of which `bfi_cli.flightlog.inject` makes what
+    the channels show.
 
     Parameters
     ----------
@@ -124,6 +137,15 @@ def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> F
     return signal
 
 
+def course(fault: Fault, time_s: FloatArray) -> FloatArray:
+    """Return (n_samples,) the signal of `fault` as if it did not end, and before its onset what it is there.
+
+    Times and phase count from the onset, as in `unit_signal`.
+    """
+    parameters = {key: value for key, value in _parameters(fault).items() if key != "phase_reference"}
+    return SHAPES[fault.shape].signal(np.maximum(time_s - fault.onset_s, 0.0), **parameters)
+
+
 def _parameters(fault: Fault) -> dict[str, Any]:
     return {key.name: getattr(fault, key.name) for key in SHAPES[fault.shape].keys}
 
@@ -151,8 +173,17 @@ def build_up_s(fault: Fault) -> float | None:
 
 
 def fault_to_dict(fault: Fault) -> dict[str, Any]:
-    """Return the JSON object of a fault: the common keys and those of its shape, None where absent."""
-    return {key: getattr(fault, key) for key in COMMON_KEYS} | _parameters(fault)
+    """Return the JSON object of a fault: the common keys and those of its shape, None where absent or meaningless."""
+    common = {key: getattr(fault, key) for key in COMMON_KEYS}
+    left_out = dict.fromkeys(set(COMMON_KEYS) - set(_common_keys(fault.shape)))
+    return common | left_out | _parameters(fault)
+
+
+def _common_keys(shape: str) -> tuple[str, ...]:
+    """Return the common keys that a fault of this shape has."""
+    absent = set() if has_channel(shape) else {"channel"}
+    absent |= set() if SHAPES[shape].has_magnitude else {"magnitude"}
+    return tuple(key for key in COMMON_KEYS if key not in absent)
 
 
 def fault_from_dict(data: Mapping[str, Any], *, where: str = "fault") -> Fault:
@@ -197,7 +228,7 @@ def _problems(given: Mapping[str, Any]) -> Iterator[str]:
     if not isinstance(shape, str) or shape not in SHAPES:
         yield f"shape: {_unknown_shape(shape)}"
         return
-    allowed = (*COMMON_KEYS, *(key.name for key in SHAPES[shape].keys))
+    allowed = (*_common_keys(shape), *(key.name for key in SHAPES[shape].keys))
     for key, value in given.items():
         if key not in allowed:
             yield f"{key}: {unknown_key(key, allowed)}"
@@ -235,7 +266,7 @@ def did_you_mean(word: object, known: Sequence[str]) -> str:
 
 def unknown_key(key: str, known: Sequence[str]) -> str:
     """Return what to say of a key that is not among the `known` ones; a key of another shape is called that."""
-    if "shape" in known and key in KEY_RULES:
+    if "shape" in known and key in (*KEY_RULES, *COMMON_KEYS):
         return f"not a key of this shape; known: {', '.join(known)}"
     return f"unknown key{did_you_mean(key, known)}"
 

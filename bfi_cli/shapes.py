@@ -1,7 +1,8 @@
 """The shapes of faults, one entry each: its keys, its signal, its units and its words.
 
 Whatever else names a shape (the JSON of a fault, the dictionary's YAML and its schema, the shapes that the scan can
-look for, help texts and labels) is made from the entries of `SHAPES`.
+look for, help texts and labels) is made from the entries of `SHAPES`. Most add a signal to one channel; `scale` adds a
+part of the channel's own reading, and a fault of a pressure line moves every channel that follows from its pressure.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from .sample_file import read_samples
 
-__all__ = ["KEY_RULES", "SCANNED", "SHAPES", "FaultShape", "Key", "Kind", "ScannedShape", "Shape"]
+__all__ = ["ADDITIVE", "KEY_RULES", "SCANNED", "SHAPES", "FaultShape", "Key", "Kind", "ScannedShape", "Shape"]
 
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]
@@ -72,6 +73,11 @@ class FaultShape:
     is_scanned : whether `bfi start-time` can look for it.
     magnitude_unit : from the channel's unit and the keys, the unit of the magnitude; "" for a pure number.
     physical : from the magnitude, the channel's unit and the keys, what the magnitude means: value and unit.
+    acts_on : the channel, to which magnitude x signal is added; its reading, of which that share is added; or the
+        pressure of a line, of which `lines` makes another, and which is no channel that a fault could name.
+    has_magnitude : whether it has one; without, it is whole.
+    lines : from static and total pressure (n_samples,), the same at the onset, the cabin's pressure, Pa, and
+        magnitude x signal (n_samples,), the static and total pressure that the instruments get.
     """
 
     signal: Callable[..., FloatArray]
@@ -83,6 +89,9 @@ class FaultShape:
     is_scanned: bool = False
     magnitude_unit: Callable[..., str] = _same_unit
     physical: Callable[..., tuple[float, str]] = _same_value
+    acts_on: Literal["channel", "reading", "p_static", "p_total"] = "channel"
+    has_magnitude: bool = True
+    lines: Callable[..., tuple[FloatArray, FloatArray]] | None = None
 
 
 def _drift(elapsed_s: FloatArray, *, slope: float | None) -> FloatArray:
@@ -122,6 +131,34 @@ def _samples(elapsed_s: FloatArray, *, file: str) -> FloatArray:
 
 def _angle(since_s: FloatArray, frequency_hz: float, phase_rad: float) -> FloatArray:
     return 2.0 * np.pi * frequency_hz * since_s + phase_rad
+
+
+def _ones(elapsed_s: FloatArray) -> FloatArray:
+    return np.ones_like(elapsed_s)
+
+
+def _relaxing(elapsed_s: FloatArray, *, time_constant_s: float) -> FloatArray:
+    return np.asarray(-np.expm1(-elapsed_s / time_constant_s))
+
+
+def _relaxing_to_cabin(elapsed_s: FloatArray, *, time_constant_s: float, cabin_altitude_m: float | None) -> FloatArray:
+    return _relaxing(elapsed_s, time_constant_s=time_constant_s)
+
+
+def _pure_number(*_: Any, **__: Any) -> str:
+    return ""
+
+
+def _share(magnitude: float, channel_unit: str, **_: Any) -> tuple[float, str]:
+    return magnitude, "1"
+
+
+def _per_second_of_all(magnitude: float, channel_unit: str, **_: Any) -> tuple[float, str]:
+    return magnitude, "1/s"
+
+
+def _towards(pressure: FloatArray, other: FloatArray | float, amount: FloatArray) -> FloatArray:
+    return pressure + amount * (other - pressure)
 
 
 OSCILLATION_KEYS = (
@@ -221,7 +258,95 @@ SHAPES: Mapping[str, FaultShape] = {
         ),
         is_scanned=True,
     ),
+    "scale": FaultShape(
+        signal=_ones,
+        formula="The channel's own reading.",
+        kind="slow",  # it shows as the reading changes
+        label="scale error",
+        magnitude_unit=_pure_number,
+        physical=_share,
+        acts_on="reading",
+    ),
+    "pitot_blocked": FaultShape(
+        signal=_ones,
+        formula="p_total keeps its value at the onset (tube and drain blocked).",
+        kind="slow",
+        label="blocked pitot tube",
+        magnitude_unit=_pure_number,
+        physical=_share,
+        acts_on="p_total",
+        has_magnitude=False,
+        lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, first[1], amount)),
+    ),
+    "pitot_leak": FaultShape(
+        signal=_relaxing,
+        formula="p_total goes to p_static as 1 - exp(-(t - onset) / time constant) (tube blocked, drain open).",
+        kind="slow",
+        label="leaking pitot line",
+        keys=(TIME_CONSTANT,),
+        magnitude_unit=_pure_number,
+        physical=_share,
+        acts_on="p_total",
+        has_magnitude=False,
+        lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, amount)),
+    ),
+    "pitot_icing": FaultShape(
+        signal=lambda elapsed_s: elapsed_s,
+        formula="q_impact loses its part magnitude x (t - onset), at most all of it.",
+        kind="slow",
+        label="icing pitot tube",
+        magnitude_unit=lambda *_, **__: "1/s",
+        physical=_per_second_of_all,
+        acts_on="p_total",
+        lines=lambda static, total, *, first, cabin, amount: (
+            static,
+            _towards(total, static, np.minimum(amount, 1.0)),
+        ),
+    ),
+    "pitot_water": FaultShape(
+        signal=lambda since_s, *, frequency_hz: np.sin(_angle(since_s, frequency_hz, 0.0)),
+        formula="q_impact gains its part magnitude x sin(2 pi f (t - onset)).",
+        kind="oscillating",
+        label="water in the pitot line",
+        keys=(Key(name="frequency_hz", rule="positive", required=True),),
+        magnitude_unit=_pure_number,
+        physical=_share,
+        acts_on="p_total",
+        lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, -amount)),
+    ),
+    "static_blocked": FaultShape(
+        signal=_ones,
+        formula="p_static keeps its value at the onset.",
+        kind="slow",
+        label="blocked static port",
+        magnitude_unit=_pure_number,
+        physical=_share,
+        acts_on="p_static",
+        has_magnitude=False,
+        lines=lambda static, total, *, first, cabin, amount: (_towards(static, first[0], amount), total),
+    ),
+    "static_leak": FaultShape(
+        signal=_relaxing_to_cabin,
+        formula="p_static goes to the cabin's pressure as 1 - exp(-(t - onset) / time constant).",
+        kind="slow",
+        label="leaking static line",
+        keys=(
+            TIME_CONSTANT,
+            Key(
+                name="cabin_altitude_m",
+                rule="number",
+                description="The pressure altitude that the cabin is held at, m; default 0, sea level.",
+            ),
+        ),
+        magnitude_unit=_pure_number,
+        physical=_share,
+        acts_on="p_static",
+        has_magnitude=False,
+        lines=lambda static, total, *, first, cabin, amount: (_towards(static, cabin, amount), total),
+    ),
 }
+# Those whose signal is the same whatever the log shows: what a dictionary holds.
+ADDITIVE: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.acts_on == "channel")
 SCANNED: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.is_scanned)
 # A key means the same in every shape that has it; only its description may differ.
 KEY_RULES: Mapping[str, Rule] = {key.name: key.rule for shape in SHAPES.values() for key in shape.keys}

@@ -52,7 +52,8 @@ def compare_faults(
 
 def name_of(injected: Fault) -> str:
     """Return the name of an injected fault, or what tells it from the others of the log."""
-    return injected.name or f"{injected.shape}, channel={injected.channel}, onset_s={injected.onset_s:g}"
+    on = f", channel={injected.channel}" if injected.channel else ""
+    return injected.name or f"{injected.shape}{on}, onset_s={injected.onset_s:g}"
 
 
 def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault], *, tolerance_s: float) -> Comparison:

@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels", "printable"),
-    ("sample_file",),
+    ("airdata", "sample_file"),
     ("shapes",),
     ("units", "faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),
     ("filters",),
@@ -34,7 +34,7 @@ FLOORS = (
     ("flightlog", "config"),
     ("aircraft", "calibration"),
     ("preprocessing",),
-    ("airdata", "detect", "fir", "monitor", "onset"),
+    ("detect", "fir", "monitor", "onset"),
     ("audit", "diagnosability", "identify"),
     ("engine", "identify.from_scan"),
     ("compare", "montecarlo"),

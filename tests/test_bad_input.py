@@ -256,6 +256,36 @@ SHORT = (
 )
 
 COMMANDS = {
+    "identify good.csv --output lift_speed": (
+        3,
+        "good.csv: 'lift_speed' is not recorded, and to derive it the log lacks ",
+    ),
+    "identify supersonic.csv --output p_total": (
+        3,
+        "supersonic.csv: 'cas' is 400 m/s at sample 30 (3 s), 0 to 340.3 m/s",
+    ),
+    "start-time negative.csv --output q_impact": (
+        3,
+        "negative.csv: 'p_static' is -1000 Pa at sample 30 (3 s), a static",
+    ),
+    "detect supersonic.csv --output q_impact": (
+        3,
+        "supersonic.csv: 'cas' is 400 m/s at sample 30 (3 s), 0 to 340.3 m/s",
+    ),
+    "inject supersonic.csv --fault pitot_blocked,onset_s=1 -o new.h5": (
+        3,
+        "fault 'pitot_blocked': 'cas' is 400 m/s at 3 s",
+    ),
+    "inject negative.csv --fault static_blocked,onset_s=1 -o new.h5": (
+        3,
+        "fault 'static_blocked': 'p_static' is -1000 Pa",
+    ),
+    "inject good.csv --fault pitot_icing,magnitude=0.01,onset_s=1 -o new.h5": (
+        3,
+        "fault 'pitot_icing': p_static needs one of p_static, altitude",
+    ),
+    "inject good.csv --fault pitot_icing,channel=tas -o new.h5": (2, "channel: not a key of this shape"),
+    "inject good.csv --fault pitot_leak,onset_s=1 -o new.h5": (2, "time_constant_s: missing; a pitot_leak needs it"),
     "identfy good.csv": (2, "bfi: unknown command 'identfy'; did you mean 'identify'?"),
     "xyzzy": (2, "bfi: unknown command 'xyzzy'; known: info, convert, "),
     "--versoin": (2, "bfi: unknown option '--versoin'; did you mean '--version'?"),
@@ -394,6 +424,13 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "folder.csv").mkdir()
     (folder / "good.csv").write_text(csv())
     (folder / "good.yaml").write_text(FAULTS)
+    for name, head, column in (
+        ("supersonic.csv", "altitude [m],cas [m/s]", (np.full(T.size, 3000.0), altered(TAS, 30, 400.0))),
+        ("negative.csv", "p_static [Pa],cas [m/s]", (altered(np.full(T.size, 7e4), 30, -1000.0), TAS)),
+    ):
+        rows = zip(T.tolist(), ELEVATOR.tolist(), *(one.tolist() for one in column), strict=True)
+        text = "".join(",".join(map(repr, row)) + "\n" for row in rows)
+        (folder / name).write_text(f"time [s],elevator [rad],{head}\n{text}")
     (folder / "in_the_way").write_text("a file")
     (folder.parent / "x.csv").write_text("0,0\n1,1\n")
     (folder / "link.csv").symlink_to("../x.csv")

@@ -15,6 +15,7 @@ from bfi_cli.faults import (
     active_samples,
     fault_from_dict,
     fault_to_dict,
+    has_channel,
     magnitude_unit,
     parse_spec,
     physical,
@@ -40,6 +41,7 @@ VALUES = {
     "time_constant_s": POSITIVE,
     "duration_s": POSITIVE,
     "file": WORD,
+    "cabin_altitude_m": st.floats(-500.0, 4000.0),
 }
 
 
@@ -47,7 +49,8 @@ VALUES = {
 def fault_objects(draw, shapes=tuple(SHAPES)):
     """Draw an object with the keys of a fault that are needed, and some of those that are not."""
     shape = draw(st.sampled_from(shapes))
-    optional = ("name", "channel", "magnitude", "onset_s", "offset_s", *(key.name for key in SHAPES[shape].keys))
+    optional = ("name", "onset_s", "offset_s", *(key.name for key in SHAPES[shape].keys))
+    optional += ("channel",) * has_channel(shape) + ("magnitude",) * SHAPES[shape].has_magnitude
     return {"shape": shape} | {k: draw(VALUES[k]) for k in optional if k in needed(shape) or draw(st.booleans())}
 
 
@@ -219,6 +222,9 @@ def test_a_fault_made_without_what_its_shape_needs_says_so(shape, key):
         (Fault(shape="ramp_hold", duration_s=5.0), "m/s", "m/s", 4.0, "m/s"),
         (Fault(shape="ramp_hold", duration_s=5.0, slope=0.1), "m/s", "m/s", 2.0, "m/s"),
         (Fault(shape="samples", file="a.csv"), "m/s", "m/s", 4.0, "m/s"),
+        (Fault(shape="scale"), "m/s", "", 4.0, "1"),
+        (Fault(shape="pitot_icing"), "", "1/s", 4.0, "1/s"),
+        (Fault(shape="pitot_water", frequency_hz=0.3), "", "", 4.0, "1"),
     ],
 )
 def test_what_a_magnitude_of_four_means(fault, channel_unit, unit, value, physical_unit):
@@ -261,6 +267,13 @@ def test_specs(text, fault):
         ("bais", "--fault bais: shape: unknown shape, got 'bais'; did you mean 'bias'?"),
         ("", "--fault : shape: unknown shape, got ''; known: bias"),
         ("bias,chanel=tas", "chanel: unknown key; did you mean 'channel'?"),
+        ("pitot_blocked,channel=tas", "channel: not a key of this shape; known: shape, name, onset_s, offset_s"),
+        (
+            "static_leak,time_constant_s=2,magnitude=3",
+            "magnitude: not a key of this shape; known: shape, name",
+        ),
+        ("pitot_icing,magnitude=0.0025,channel=cas", "channel: not a key of this shape; known: shape, name, magnitude"),
+        ("pitot_water,magnitude=0.025", "frequency_hz: missing; a pitot_water needs it"),
         ("bias,slope=2", "slope: not a key of this shape; known: shape, name, channel"),
         ("bias,magnitude=four", "magnitude: must be a finite number, got 'four'"),
         ("bias,magnitude=nan", "magnitude: must be a finite number, got nan"),
@@ -307,6 +320,14 @@ def test_any_object_is_a_fault_or_a_dictionary_error(data, spoilt):
     except DictionaryError:
         return
     assert all(getattr(fault, key) == value for key, value in (data | spoilt).items() if value is not None)
+
+
+@pytest.mark.parametrize("shape", [shape for shape in SHAPES if not has_channel(shape)])
+def test_a_fault_of_a_pressure_line_names_no_channel(shape):
+    fault = Fault(shape=shape, channel="cas")
+    assert fault.channel == ""
+    assert fault_to_dict(fault)["channel"] is None
+    assert (fault_to_dict(fault)["magnitude"] is None) == (not SHAPES[shape].has_magnitude)
 
 
 def test_faults_need_numpy_only():

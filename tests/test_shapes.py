@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from bfi_cli.config import Config, merge
-from bfi_cli.dictionary import DictionaryDocument
+from bfi_cli.dictionary import DictionaryDocument, load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.faults import Fault, fault_from_dict, unit_signal
-from bfi_cli.shapes import SCANNED, SHAPES, FaultShape, ScannedShape, Shape
+from bfi_cli.shapes import ADDITIVE, SCANNED, SHAPES, FaultShape, ScannedShape, Shape
 
 ONSET_S, WINDOW_S = 3.0, 1.0
 T = np.arange(0.0, 12.0, 0.05)
@@ -29,6 +29,17 @@ FORMULAS = [
     ("ramp_hold", {"duration_s": 5.0}, lambda t: np.where(t < 8.0, (t - 3.0) / 5.0, 1.0)),
     ("ramp_hold", {"duration_s": 5.0, "slope": 0.1}, lambda t: np.where(t < 8.0, 0.1 * (t - 3.0), 0.5)),
     ("decaying_bias", {"time_constant_s": 2.0}, lambda t: np.exp(-(t - 3.0) / 2.0)),
+    ("scale", {}, lambda t: 1.0 + 0.0 * t),
+    ("pitot_blocked", {}, lambda t: 1.0 + 0.0 * t),
+    ("static_blocked", {}, lambda t: 1.0 + 0.0 * t),
+    ("pitot_leak", {"time_constant_s": 2.0}, lambda t: 1.0 - np.exp(-(t - 3.0) / 2.0)),
+    (
+        "static_leak",
+        {"time_constant_s": 2.0, "cabin_altitude_m": 2400.0},
+        lambda t: 1.0 - np.exp(-(t - 3.0) / 2.0),
+    ),
+    ("pitot_icing", {}, lambda t: t - 3.0),
+    ("pitot_water", {"frequency_hz": 0.3}, lambda t: np.sin(2 * np.pi * 0.3 * (t - 3.0))),
     ("samples", {"file": CSV}, lambda t: np.select([t < 5.0, t < 7.0], [1 + 2 * (t - 3.0), 5 - (t - 5.0)], 3.0)),
 ]
 
@@ -91,11 +102,30 @@ def test_a_configuration_takes_the_scanned_shapes_and_no_other(name):
             merge(Config(), wanted)
 
 
+@pytest.mark.parametrize("name", sorted(set(SHAPES) - set(ADDITIVE)))
+@pytest.mark.parametrize("part", ["atoms", "grids"])
+def test_a_dictionary_holds_no_shape_that_depends_on_the_flight(part, name):
+    entries = [{"shape": "bias"}, {"shape": name, "onset_s": 3.0}]
+    with pytest.raises(DictionaryError) as refusal:
+        load_dictionary({part: entries})
+    assert str(refusal.value).startswith(
+        f"dictionary: {part}[1].shape: a dictionary holds shapes that are the same in every flight, got '{name}'; "
+        "bfi inject adds it to a log; known: bias, drift, "
+    )
+
+
+def test_only_the_faults_of_a_pressure_line_make_other_pressures():
+    assert {name for name, shape in SHAPES.items() if shape.lines is not None} == {
+        name for name, shape in SHAPES.items() if shape.acts_on in ("p_static", "p_total")
+    }
+
+
 def test_a_dictionary_survives_the_way_to_another_process():
     keys = {"frequency_hz": 1.0, "time_constant_s": 1.0, "duration_s": 1.0, "file": __file__}
     entries = [
         {"shape": name} | {key.name: keys[key.name] for key in shape.keys if key.required}
         for name, shape in SHAPES.items()
+        if name in ADDITIVE
     ]
     document = DictionaryDocument.model_validate({"atoms": entries, "grids": entries})
     assert pickle.loads(pickle.dumps(document)) == document

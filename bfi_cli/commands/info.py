@@ -14,7 +14,7 @@ from .output import emit
 
 __all__ = ["command"]
 
-TABLES = ("channels", "excitation", "windows", "segments")
+TABLES = ("channels", "derived", "excitation", "windows", "segments")
 
 
 @click.command("info")

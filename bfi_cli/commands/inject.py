@@ -37,7 +37,8 @@ def command(
 ) -> None:
     """Add faults to LOG and store the truth beside them; faults it already carries stay.
 
-    SPEC is a shape and its keys, times in the log's own seconds: bias,channel=tas,magnitude=4,onset_s=13.8.
+    SPEC is a shape and its keys, times in the log's own seconds: bias,channel=tas,magnitude=4,onset_s=13.8. A fault of
+    a pressure line, as pitot_blocked,onset_s=1432, changes every channel that follows from the pressure.
     """
     from ..faults import parse_spec
     from ..files import check_files

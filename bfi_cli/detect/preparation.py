@@ -12,6 +12,7 @@ from ..config import Config
 from ..errors import ConfigError, LogError
 from ..filters import response_of
 from ..flightlog import FlightLog, require_usable, resample
+from ..flightlog.derived import with_derived
 from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples
 from ..preprocessing.regression import Signals
@@ -103,6 +104,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
     given_inputs = config.inputs if "inputs" in config.model_fields_set else ()
     given_outputs = config.outputs if "outputs" in config.model_fields_set else ()
+    log = with_derived(log, (*given_inputs, *given_outputs), from_s=from_s, to_s=to_s)
     part = log.window(from_s, to_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
     train = config.detect.train or (first_s, first_s + (last_s - first_s) / 3.0)

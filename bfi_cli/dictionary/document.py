@@ -22,7 +22,7 @@ from ..faults import Fault, shown
 from ..filters import recorded_signal
 from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
-from ..shapes import SHAPES
+from ..shapes import ADDITIVE, SHAPES
 from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
@@ -149,8 +149,8 @@ if TYPE_CHECKING:
     AtomEntry = _Entry[Number, Text]
     GridEntry = _Entry[Numbers, Names]
 else:
-    ATOMS = reduce(or_, (_entry_of(name, Number, Text, "") for name in SHAPES))
-    GRIDS = reduce(or_, (_entry_of(name, Numbers, Names, "Grid") for name in SHAPES))
+    ATOMS = reduce(or_, (_entry_of(name, Number, Text, "") for name in ADDITIVE))
+    GRIDS = reduce(or_, (_entry_of(name, Numbers, Names, "Grid") for name in ADDITIVE))
     AtomEntry = Annotated[ATOMS, Discriminator("shape")]
     GridEntry = Annotated[GRIDS, Discriminator("shape")]
 
@@ -166,6 +166,20 @@ class DictionaryDocument(Rules):
     """One fault each."""
     grids: tuple[GridEntry, ...] = ()
     """Many faults each: every combination of the values given as a list or as {start, stop, step}."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_additive(cls, given: Any) -> Any:
+        for part in ("atoms", "grids"):
+            entries = given.get(part) if isinstance(given, Mapping) else None
+            for i, entry in enumerate(entries if isinstance(entries, list | tuple) else ()):
+                shape = entry.get("shape") if isinstance(entry, Mapping) else None
+                if isinstance(shape, str) and shape in SHAPES and shape not in ADDITIVE:
+                    raise ValueError(
+                        f"{part}[{i}].shape: a dictionary holds shapes that are the same in every flight, got "
+                        f"'{shape}'; bfi inject adds it to a log; known: {', '.join(ADDITIVE)}"
+                    )
+        return given
 
 
 def expand(document: DictionaryDocument) -> tuple[Fault, ...]:

@@ -3,9 +3,10 @@
 A log has one time axis and channels under standard names in SI units and radians; see `record.FlightLog`.
 """
 
+from .injection import inject
 from .quality import LogReport, inspect_log, require_usable
 from .read import read_log
-from .record import Channel, FlightLog, Segment, Truth, inject
+from .record import Channel, FlightLog, Segment, Truth
 from .resampling import resample, resample_with
 from .write import write_log
 

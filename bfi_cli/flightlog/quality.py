@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import INPUTS
+from ..airdata import DEPENDS_ON
+from ..channels import INPUTS, STANDARD
 from ..errors import LogError
 from ..filters import Filter
+from .derived import DERIVED, missing_for
 from .holds import Hold, find_hold, find_quantum, repeat_fraction
 from .record import FlightLog, FloatArray, Segment
 
-__all__ = ["ChannelReport", "Excitation", "ExcitedWindow", "LogReport", "advice_on_windows", "gap_starts", "hold_of"]
-__all__ += ["inspect_log", "is_uniform", "require_usable", "time_jitter"]
+__all__ = ["ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport", "advice_on_windows"]
+__all__ += ["gap_starts", "hold_of", "inspect_log", "is_uniform", "require_usable", "time_jitter"]
 
 LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
@@ -45,6 +47,7 @@ class ChannelReport:
     quantum : quantisation step in `unit`, None where there is none.
     min, max : over the finite samples, None where there are none.
     own_rate_hz : of the signal in the file, None where it is that of the log.
+    pressures : the air-data pressures that it follows from, so that a fault of their lines shows in it.
     """
 
     name: str
@@ -57,6 +60,17 @@ class ChannelReport:
     quantum: float | None
     min: float | None
     max: float | None
+    pressures: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DerivableChannel:
+    """A channel that can be made of others: what the log `lacks` for that, alternatives joined by "or"."""
+
+    name: str
+    unit: str
+    description: str
+    lacks: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +121,7 @@ class LogReport:
     jitter: float
     gaps: tuple[tuple[float, float], ...]
     channels: tuple[ChannelReport, ...]
+    derived: tuple[DerivableChannel, ...]
     excitation: tuple[Excitation, ...]
     windows: tuple[ExcitedWindow, ...]
     segments: tuple[Segment, ...]
@@ -163,6 +178,7 @@ def inspect_log(log: FlightLog) -> LogReport:
             quantum=find_quantum(finite),
             min=float(finite.min()) if finite.size else None,
             max=float(finite.max()) if finite.size else None,
+            pressures=_pressures(channel.name, log),
         )
         channels.append(report)
     return LogReport(
@@ -175,12 +191,27 @@ def inspect_log(log: FlightLog) -> LogReport:
         jitter=time_jitter(log.time_s),
         gaps=_gaps(log),
         channels=tuple(channels),
+        derived=tuple(
+            DerivableChannel(
+                name=name,
+                unit=STANDARD[name].unit,
+                description=STANDARD[name].description,
+                lacks=missing_for(name, log.channels),
+            )
+            for name in DERIVED
+            if name not in log.channels
+        ),
         excitation=tuple(_excitation(log, name, flying) for name in _inputs(log)),
         windows=_suggested_windows(log, at_most=10),
         segments=log.segments,
         filters=log.filters,
         notes=log.notes,
     )
+
+
+def _pressures(name: str, log: FlightLog) -> tuple[str, ...]:
+    """Return the pressures a channel follows from; a static temperature only where the total one is recorded too."""
+    return () if name == "sat" and "tat" not in log.channels else DEPENDS_ON.get(name, ())
 
 
 def advice_on_windows(log: FlightLog) -> str | None:

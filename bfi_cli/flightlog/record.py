@@ -1,9 +1,8 @@
-"""A flight log in memory: named channels in SI units on one time axis, its annotations, and faults added to it."""
+"""A flight log in memory: named channels in SI units on one time axis, and its annotations."""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DictionaryError, LogError, first_line
-from ..faults import Fault, active_samples, fault_from_dict, fault_to_dict
-from ..filters import Filter, recorded_signal, response_of
-from ..kernels.low_pass import Response
+from ..faults import Fault, fault_from_dict, fault_to_dict
+from ..filters import Filter
 
 __all__ = ["CLEAN", "Channel", "FlightLog", "Segment", "Truth", "faults_from_json", "faults_to_json", "frozen_array"]
-__all__ += ["inject", "nothing_between", "segments_from_json", "segments_to_json"]
+__all__ += ["nothing_between", "segments_from_json", "segments_to_json"]
 
 FloatArray = NDArray[np.float64]
 
@@ -155,54 +153,6 @@ class FlightLog:
         if truth is not None:
             truth = replace(truth, clean={name: frozen_array(values[keep]) for name, values in truth.clean.items()})
         return replace(self, time_s=frozen_array(self.time_s[keep]), channels=channels, truth=truth)
-
-
-def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None = None) -> FlightLog:
-    """Return `log` with `faults` added to their channels, in that order, and the truth extended by them.
-
-    Times of the faults are on the log's own time axis; a `phase_reference` of "window" counts from its first sample.
-    Faults that the log carries already stay in its truth; a clean signal is that before the first fault.
-    `notes` names a fault that has neither onset nor end in the log.
-
-    Parameters
-    ----------
-    response : through which the faults go; None for that of the filters that the log went through, as a fault of the
-        aircraft would have, `bfi_cli.kernels.low_pass.IDENTITY` for none.
-
-    Raises
-    ------
-    LogError : the log has no such channel.
-    DictionaryError : a fault is zero at every sample of the log, or its signal cannot be made.
-    """
-    start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
-    through = response_of(log.filters or (), log.rate_hz) if response is None else response
-    for declared in faults:
-        channel = log.channel(declared.channel)
-        fault = replace(declared, channel=channel.name)
-        if fault.phase_reference != "onset" and fault.frequency_hz is not None:
-            # Counted from the onset, so that the truth stays true where the log is cut.
-            phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
-            fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
-        name = fault.name or fault.shape
-        added = fault.magnitude * recorded_signal(fault, log.time_s, through, window_start_s=start_s)
-        if not np.any(added):
-            until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
-            raise DictionaryError(
-                f"{log.path}: fault '{name}': never active in the log, got magnitude {fault.magnitude:g} from "
-                f"{fault.onset_s:g} s{until}, the log runs from {start_s:g} s to {stop_s:g} s; "
-                "change onset, offset or magnitude"
-            )
-        before, notes = log.truth or Truth(faults=()), log.notes
-        if active_samples(fault, log.time_s).all():
-            notes += (
-                f"fault '{name}' on {fault.channel} acts at every sample of the log; "
-                "with neither onset nor end in it, it can pass for the aircraft's own motion",
-            )
-        faulty = replace(channel, values=frozen_array(channel.values + added))
-        truth = Truth(faults=(*before.faults, fault), clean={channel.name: channel.values, **before.clean})
-        channels = {**log.channels, channel.name: faulty}
-        log = replace(log, channels=channels, truth=truth, sha256="", notes=notes)
-    return log
 
 
 def segments_to_json(segments: Sequence[Segment]) -> str:

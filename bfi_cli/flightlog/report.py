@@ -9,6 +9,7 @@ from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit
 from ..provenance import Provenance
 from ..report.content import ReportContent, Table
 from ..serialization import to_plain
+from ..shapes import SHAPES
 from .quality import LogReport
 from .record import FlightLog
 
@@ -23,7 +24,7 @@ MOST_GAPS = 5  # named in a report; the document has all
 def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi info --json`."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
-    same = ("rate_hz", "uniform", "jitter", "channels", "excitation", "windows", "segments", "notes")
+    same = ("rate_hz", "uniform", "jitter", "channels", "derived", "excitation", "windows", "segments", "notes")
     document: dict[str, Any] = to_plain(
         {
             "kind": "info",
@@ -83,6 +84,7 @@ def _tables(document: Plain) -> Iterator[Table]:
             "max": one["max"],
             "quantum": one["quantum"],
             "NaN": one["n_nan"] or None,
+            "follows from": ", ".join(one.get("pressures", ())),
             "held": one["hold_period_s"] and f"{100 * one['held_fraction']:.0f} %, {1 / one['hold_period_s']:.3g} Hz",
         }
         for one in document["channels"]
@@ -91,6 +93,16 @@ def _tables(document: Plain) -> Iterator[Table]:
     windows = {"--from": "start_s", "--to": "stop_s", "input": "channel", "moves": "moves"}
     segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
     yield from _table("channels", "Channels", channels)
+    derived = [
+        {
+            "name": one["name"],
+            "unit": one["unit"],
+            "what it is": one["description"],
+            "lacks": ", ".join(one["lacks"]) or "nothing",
+        }
+        for one in document.get("derived", ())
+    ]
+    yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
     for name, title, keys in (
         ("excitation", "Inputs, in flight", inputs),
         ("windows", "Windows to analyse", windows),
@@ -148,10 +160,10 @@ def log_content(document: Plain) -> ReportContent:
 def log_lines(log: FlightLog) -> list[str]:
     """Return what the log holds: a summary, then one line per fault and note."""
     names = ", ".join(f"{channel.name} [{channel.unit or '?'}]" for channel in log.channels.values())
-    faults = log.truth.faults if log.truth else ()
+    faults, units = log.truth.faults if log.truth else (), {one.name: one.unit for one in log.channels.values()}
     return [
         f"{log.path}: {log.n_samples} samples at {log.rate_hz:.6g} Hz: {names}",
-        *(f"fault: {describe_injected(fault, log.channel(fault.channel).unit)}" for fault in faults),
+        *(f"fault: {describe_injected(fault, units.get(fault.channel, ''))}" for fault in faults),
         *(f"note: {note}" for note in log.notes),
     ]
 
@@ -161,9 +173,10 @@ def describe_injected(fault: Fault, unit: str) -> str:
 
     Parameters
     ----------
-    unit : of its channel.
+    unit : of its channel, "" for a fault of a pressure line.
     """
     until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
     label = fault.shape if fault.name is None else f"{fault.name} ({fault.shape})"
-    size = f"{fault.magnitude:g} {magnitude_unit(fault, unit)}".rstrip()
-    return f"{label} on {fault.channel}, magnitude {size}, from {fault.onset_s:g} s{until}"
+    size = f", magnitude {fault.magnitude:g} {magnitude_unit(fault, unit)}".rstrip()
+    where = f" on {fault.channel}" if fault.channel else ""
+    return f"{label}{where}{size if SHAPES[fault.shape].has_magnitude else ''}, from {fault.onset_s:g} s{until}"

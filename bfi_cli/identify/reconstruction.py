@@ -13,6 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
+from ..shapes import ADDITIVE
 from ..truth import compare_faults, name_of
 from .magnitudes import MethodResult
 from .result import AgainstTruth, OutputSeries, ResidualSummary
@@ -102,6 +103,9 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     # No file is opened because a log names it.
     named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
+        if fault.shape not in ADDITIVE:  # no entry of a dictionary is such a fault
+            unknown += [name_of(fault)] if active_samples(fault, time_s).any() else []
+            continue
         channel = window.log.channel(fault.channel).name
         if fault.file is not None and os.path.abspath(fault.file) not in named:
             unknown += [name_of(fault)] if active_samples(fault, time_s).any() else []

@@ -23,6 +23,7 @@ import numpy as np
 from ..engine import in_order
 from ..errors import LogError, SweepError
 from ..files import MARK, replace_files
+from ..flightlog.derived import with_derived
 from ..serialization import csv_lines, to_csv
 from .flight import record_of
 from .scenarios import Sweep
@@ -177,8 +178,10 @@ def check_records(sweep: Sweep) -> dict[str, str]:
     digests: dict[str, str] = {}
     for setting in dict.fromkeys(scenario.setting for scenario in sweep.scenarios):
         log = record_of(setting, np.random.default_rng(0))
-        for name in (*setting.config.inputs, *setting.config.outputs):
-            log.channel(name)
+        used = (*setting.config.inputs, *setting.config.outputs)
+        whole = with_derived(log, used, from_s=setting.config.window.from_s, to_s=setting.config.window.to_s)
+        for name in used:
+            whole.channel(name)
         for name, _ in setting.noise:
             if name not in log.channels:
                 raise LogError(f"{sweep.path}: noise: no channel '{name}'; {log.path} has: {', '.join(log.channels)}")

@@ -199,8 +199,10 @@ def _facts(document: Plain) -> list[tuple[str, str]]:
         told = f"{len(alarms)}, first at {number(min(alarms), digits=6)} s" if alarms else "none"
         rows.append((f"Plain 5-sigma test, {series['channel']}", told))
     for fault in document["truth"] or ():
-        where = f"on {fault['channel']} from {instant(fault['onset_s'])} s{_until(fault)}"
-        rows.append(("Injected", f"{_shape(fault)}, magnitude {fault['magnitude']:g}, {where}"))
+        where = f"on {fault['channel']} " if fault["channel"] else ""  # a pressure line is no channel
+        size = "" if fault["magnitude"] is None else f", magnitude {fault['magnitude']:g}"
+        when = f"from {instant(fault['onset_s'])} s{_until(fault)}"
+        rows.append(("Injected", f"{_shape(fault)}{size}, {where}{when}"))
     return rows
 
 

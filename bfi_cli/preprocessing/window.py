@@ -14,6 +14,7 @@ from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
+from ..flightlog.derived import with_derived
 from ..flightlog.quality import hold_of, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
@@ -50,7 +51,8 @@ class PreparedWindow:
     reasons : why an entry is left out, by index; live : the indices of the others.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
     filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
-    recorder : a sentence on it; recorder_hz : its edge, None where there is none or none is known.
+    recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
+        is none or none is known.
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
@@ -101,6 +103,9 @@ def prepare_window(
     """
     from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
     used = [*config.inputs, *config.outputs]
+    known = len(log.notes)
+    log = with_derived(log, used, from_s=from_s, to_s=to_s)
+    about_derived = log.notes[known:]
     part = log.window(from_s, to_s)
     report(0.0)
     start_s, native_rate_hz = float(part.time_s[0]), part.rate_hz
@@ -158,7 +163,7 @@ def prepare_window(
         rate=rate,
         filters=filters,
         response=response,
-        recorder=about_recorder,
+        recorder="; ".join(filter(None, (about_recorder, *about_derived))),
         recorder_hz=recorder_hz,
         lowpass=lowpass,
         window_start_s=start_s,

@@ -1,0 +1,36 @@
+"""Air data as one system: pressures and temperature, and the airspeeds, Mach number and altitude that follow from them.
+
+Functions of arrays of any shape, SI and kelvin, subsonic, between -5000 and 20 000 m. NaN gives NaN.
+
+    p_static, p_total   static and total pressure, Pa
+    q_impact            impact pressure, p_total - p_static, Pa; not the dynamic pressure of incompressible flow
+    cas, tas            calibrated and true airspeed, m/s
+    altitude            pressure altitude, m: geopotential height of the standard atmosphere of the same pressure
+    tat, sat            total and static air temperature, K; a probe of recovery factor 1
+
+The standard atmosphere is that of ICAO Doc 7488 and, below 20 000 m, of the U.S. Standard Atmosphere 1976.
+"""
+
+from .airspeed import (
+    SEA_LEVEL_SPEED_OF_SOUND,
+    calibrated_airspeed,
+    impact_pressure_of_cas,
+    impact_pressure_of_mach,
+    mach_number,
+    mach_of_tas,
+    speed_of_sound,
+    static_temperature,
+    total_temperature,
+    true_airspeed,
+)
+from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G, altitude_of, isa_temperature, pressure_at
+from .distribution import fault_distribution
+from .motion import climb_angle, constant_wind, ground_velocity, kinematic_acceleration, lift_speed, zero_lift_angle
+from .system import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
+
+__all__ = ["DEPENDS_ON", "IMPACT_SOURCES", "SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "G"]
+__all__ += ["SEA_LEVEL_TEMPERATURE", "STATIC_SOURCES", "AirData", "Impossible", "air_data_of", "altitude_of"]
+__all__ += ["calibrated_airspeed", "channels_of", "climb_angle", "constant_wind", "fault_distribution"]
+__all__ += ["ground_velocity", "impact_pressure_of_cas", "impact_pressure_of_mach", "isa_temperature"]
+__all__ += ["kinematic_acceleration", "lift_speed", "mach_number", "mach_of_tas", "pressure_at", "speed_of_sound"]
+__all__ += ["static_temperature", "total_temperature", "true_airspeed", "zero_lift_angle"]

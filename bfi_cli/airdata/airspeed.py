@@ -1,0 +1,153 @@
+"""Airspeeds and Mach number from pressures and temperature, and back: adiabatic flow of a perfect gas, subsonic.
+
+T 2-1 to 2-4 with the root over the whole bracket (docs/theory.md, erratum 5). Powers of numbers near one go through
+`log1p` and `expm1`: at Mach 0.05 the impact pressure is 0.2 % of the static one, and a plain power loses three digits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .atmosphere import GAS_CONSTANT, SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE
+from .domain import FloatArray, checked
+
+__all__ = ["GAMMA", "SEA_LEVEL_SPEED_OF_SOUND", "calibrated_airspeed", "impact_pressure_of_cas"]
+__all__ += ["impact_pressure_of_mach", "mach_number", "mach_of_tas", "speed_of_sound", "static_temperature"]
+__all__ += ["total_temperature", "true_airspeed"]
+
+GAMMA = 1.4
+HALF = 0.5 * (GAMMA - 1.0)  # (gamma - 1) / 2 = 0.2
+POWER = GAMMA / (GAMMA - 1.0)  # 3.5
+SEA_LEVEL_SPEED_OF_SOUND = float(np.sqrt(GAMMA * GAS_CONSTANT * SEA_LEVEL_TEMPERATURE))
+# Of Mach 1, beyond which a shock stands before the probe and another equation (Rayleigh's) holds.
+SONIC_RATIO = float(np.expm1(POWER * np.log1p(HALF)))
+# Of the speed of sound at the total temperature, which is what Mach 1 is there.
+SONIC_SHARE = (1.0 + HALF) ** -0.5
+SUBSONIC = "the equations hold below Mach 1"
+# Relative; what an exact Mach 1 may differ by after a conversion and back.
+ROUNDING = 1e-12
+
+
+def _relative_impact(mach: FloatArray) -> FloatArray:
+    """Return q_impact / p_static at a Mach number, or q_impact / p0 at cas / a0."""
+    return np.asarray(np.expm1(POWER * np.log1p(HALF * mach**2)))
+
+
+def _mach_of_relative(ratio: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.expm1(np.log1p(ratio) / POWER) / HALF))
+
+
+def _mach(mach: ArrayLike) -> FloatArray:
+    return checked("mach", mach, "", least=0.0, most=1.0 + ROUNDING, why=SUBSONIC)
+
+
+def _impact(q_impact: ArrayLike) -> FloatArray:
+    return checked("q_impact", q_impact, "Pa", least=0.0, why="an impact pressure is not negative")
+
+
+def _temperature(name: str, kelvin: ArrayLike) -> FloatArray:
+    return checked(name, kelvin, "K", least=0.0, above=True, why="a temperature in kelvin is positive")
+
+
+def calibrated_airspeed(q_impact: ArrayLike) -> FloatArray:
+    """Return the calibrated airspeed, m/s: the true one where this impact pressure (Pa) were met at sea level, ISA.
+
+    Raises
+    ------
+    ValueError : a negative impact pressure, or one of a calibrated airspeed above the speed of sound at sea level.
+    """
+    ratio = _impact(q_impact) / SEA_LEVEL_PRESSURE
+    checked("q_impact / p0", ratio, "", least=0.0, most=SONIC_RATIO * (1.0 + ROUNDING), why=SUBSONIC)
+    return np.asarray(SEA_LEVEL_SPEED_OF_SOUND * _mach_of_relative(ratio))
+
+
+def impact_pressure_of_cas(cas: ArrayLike) -> FloatArray:
+    """Return the impact pressure, Pa, of a calibrated airspeed, m/s.
+
+    Raises
+    ------
+    ValueError : a negative calibrated airspeed, or one above the speed of sound at sea level.
+    """
+    most = SEA_LEVEL_SPEED_OF_SOUND * (1.0 + ROUNDING)
+    speed = checked("cas", cas, "m/s", least=0.0, most=most, why=f"0 to {most:.1f} m/s, {SUBSONIC}")
+    return np.asarray(SEA_LEVEL_PRESSURE * _relative_impact(speed / SEA_LEVEL_SPEED_OF_SOUND))
+
+
+def mach_number(q_impact: ArrayLike, p_static: ArrayLike) -> FloatArray:
+    """Return the Mach number of an impact and a static pressure, Pa.
+
+    Raises
+    ------
+    ValueError : a negative impact pressure, a static pressure that is not positive, or a Mach number above 1.
+    """
+    p = checked("p_static", p_static, "Pa", least=0.0, above=True, why="a static pressure is positive")
+    ratio = _impact(q_impact) / p
+    checked("q_impact / p_static", ratio, "", least=0.0, most=SONIC_RATIO * (1.0 + ROUNDING), why=SUBSONIC)
+    return _mach_of_relative(ratio)
+
+
+def impact_pressure_of_mach(mach: ArrayLike, p_static: ArrayLike) -> FloatArray:
+    """Return the impact pressure, Pa, at a Mach number and a static pressure, Pa.
+
+    Raises
+    ------
+    ValueError : a Mach number below 0 or above 1, or a static pressure that is not positive.
+    """
+    p = checked("p_static", p_static, "Pa", least=0.0, above=True, why="a static pressure is positive")
+    return np.asarray(p * _relative_impact(_mach(mach)))
+
+
+def speed_of_sound(sat: ArrayLike) -> FloatArray:
+    """Return the speed of sound, m/s, at a static temperature, K.
+
+    Raises
+    ------
+    ValueError : a temperature that is not positive.
+    """
+    return np.asarray(np.sqrt(GAMMA * GAS_CONSTANT * _temperature("sat", sat)))
+
+
+def static_temperature(tat: ArrayLike, mach: ArrayLike) -> FloatArray:
+    """Return the static temperature, K, of a total temperature, K, and a Mach number.
+
+    Raises
+    ------
+    ValueError : a temperature that is not positive, or a Mach number below 0 or above 1.
+    """
+    return np.asarray(_temperature("tat", tat) / (1.0 + HALF * _mach(mach) ** 2))
+
+
+def total_temperature(sat: ArrayLike, mach: ArrayLike) -> FloatArray:
+    """Return the total temperature, K, of a static temperature, K, and a Mach number.
+
+    Raises
+    ------
+    ValueError : a temperature that is not positive, or a Mach number below 0 or above 1.
+    """
+    return np.asarray(_temperature("sat", sat) * (1.0 + HALF * _mach(mach) ** 2))
+
+
+def true_airspeed(mach: ArrayLike, tat: ArrayLike) -> FloatArray:
+    """Return the true airspeed, m/s, at a Mach number and a total temperature, K.
+
+    Raises
+    ------
+    ValueError : a temperature that is not positive, or a Mach number below 0 or above 1.
+    """
+    return np.asarray(_mach(mach) * speed_of_sound(static_temperature(tat, mach)))
+
+
+def mach_of_tas(tas: ArrayLike, tat: ArrayLike) -> FloatArray:
+    """Return the Mach number of a true airspeed, m/s, at a total temperature, K.
+
+    Raises
+    ------
+    ValueError : a temperature that is not positive, a negative airspeed, or one above the speed of sound.
+    """
+    total = speed_of_sound(_temperature("tat", tat))
+    share = checked("tas", tas, "m/s", least=0.0, why="an airspeed is not negative") / total
+    checked(
+        "tas over the speed of sound at tat", share, "", least=0.0, most=SONIC_SHARE * (1.0 + ROUNDING), why=SUBSONIC
+    )
+    return np.asarray(share / np.sqrt(1.0 - HALF * share**2))

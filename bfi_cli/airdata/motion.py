@@ -1,0 +1,129 @@
+"""What bounds air data without a model of the aircraft: lift, attitude, inertial acceleration and ground velocity.
+
+Angles in rad; `normal_acc` is upward with gravity taken out (0 in level flight), `longitudinal_acc` the specific force
+along body x, forward. Sideslip is neglected.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G
+from .domain import FloatArray
+
+__all__ = ["climb_angle", "constant_wind", "ground_velocity", "kinematic_acceleration", "lift_speed", "zero_lift_angle"]
+
+# Fits are made again without samples this many robust standard deviations off: flaps, gear, the ground, gusts.
+OUTLYING = 3.5
+# Between angle of attack and lift per impact pressure. Noise of the angle lowers the slope by 1 - r^2, 19 % here, which
+# at 5 degrees above the angle of zero lift moves that by a degree; a degree costs a third of the detections.
+LEAST_CORRELATION = 0.9
+# WGS 84: semi-major axis, m, and the square of the eccentricity.
+EARTH_RADIUS, ECCENTRICITY_2 = 6_378_137.0, 6.694_379_990_14e-3
+WIND_SD = 50.0  # m/s; a jet stream. It decides only what a flight straight ahead leaves open, the wind across
+AIRSPEED_SD = 1.0  # m/s; of true airspeed and ground velocity about a constant wind, gusts included
+GAUSS_NEWTON_STEPS = 20  # five are enough from no wind where the ground speed is no more than twice the airspeed
+
+
+def kinematic_acceleration(
+    longitudinal_acc: FloatArray, normal_acc: FloatArray, aoa: FloatArray, pitch: FloatArray, roll: FloatArray
+) -> FloatArray:
+    """Return the rate of change of the airspeed in still air, m/s^2, from accelerometers, attitude and aoa."""
+    ahead = longitudinal_acc * np.cos(aoa) - normal_acc * np.sin(aoa) - G * np.sin(pitch) * np.cos(aoa)
+    return np.asarray(ahead - G * np.sin(aoa) * (1.0 - np.cos(roll) * np.cos(pitch)))
+
+
+def climb_angle(aoa: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """Return the angle, rad, of the motion through the air above the horizon, from attitude and angle of attack."""
+    rise = np.cos(aoa) * np.sin(pitch) - np.sin(aoa) * np.cos(roll) * np.cos(pitch)
+    return np.asarray(np.arcsin(np.clip(rise, -1.0, 1.0)))
+
+
+def zero_lift_angle(normal_acc: FloatArray, aoa: FloatArray, q_impact: FloatArray) -> float:
+    """Return the angle of attack of zero lift, rad, of an aircraft: (normal_acc + g) / q_impact = b0 + b1 aoa.
+
+    Parameters
+    ----------
+    normal_acc, aoa, q_impact : (n_samples,) of flight; samples that are not finite are left out.
+
+    Raises
+    ------
+    ValueError : the lift does not follow the angle of attack closely enough to tell, for lack of movement or of flight.
+    """
+    lift = (normal_acc + G) / np.where(q_impact > 0.0, q_impact, np.nan)
+    kept = np.isfinite(lift) & np.isfinite(aoa)
+    slope, middle, level = np.nan, np.nan, np.nan
+    for _ in range(2):
+        if np.count_nonzero(kept) < 10:
+            break
+        middle, level = float(aoa[kept].mean()), float(lift[kept].mean())
+        centred, force = aoa[kept] - middle, lift[kept] - level
+        power = float(centred @ centred)
+        slope = float(centred @ force) / power if power > 0.0 else np.nan
+        correlation = slope * np.sqrt(power / float(force @ force)) if np.any(force) else np.nan
+        error = np.abs(lift - level - slope * (aoa - middle))
+        kept = kept & (error <= OUTLYING * 1.4826 * np.median(error[kept]))
+    if not slope > 0.0 or not correlation >= LEAST_CORRELATION:
+        shown = f"{correlation:.2f}" if slope > 0.0 else "no lift that grows with it"
+        raise ValueError(
+            f"the angle of zero lift needs a correlation of {LEAST_CORRELATION:g} between aoa and "
+            f"(normal_acc + g) / q_impact, got {shown}"
+        )
+    return middle - level / slope
+
+
+def lift_speed(
+    normal_acc: FloatArray, aoa: FloatArray, p_static: FloatArray, sat: FloatArray, *, zero_lift: float
+) -> FloatArray:
+    """Return what is proportional to the true airspeed at a lift and an angle of attack; NaN where there is no lift.
+
+    Parameters
+    ----------
+    p_static, sat : static pressure, Pa, and temperature, K.
+    zero_lift : angle of attack of zero lift, rad.
+    """
+    share = (normal_acc + G) / np.where(aoa > zero_lift, aoa - zero_lift, np.nan)
+    thinness = (SEA_LEVEL_PRESSURE / p_static) * (sat / SEA_LEVEL_TEMPERATURE)
+    return np.asarray(np.sqrt(np.where(share > 0.0, share, np.nan) * thinness))
+
+
+def ground_velocity(time_s: FloatArray, latitude: FloatArray, longitude: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the velocity to the north and to the east, m/s, of a position in rad on the ellipsoid of WGS 84."""
+    shape = 1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2
+    meridian = EARTH_RADIUS * (1.0 - ECCENTRICITY_2) / shape**1.5
+    parallel = EARTH_RADIUS / np.sqrt(shape) * np.cos(latitude)
+    turned = np.unwrap(longitude) if np.isfinite(longitude).all() else longitude
+    return np.asarray(meridian * np.gradient(latitude, time_s)), np.asarray(parallel * np.gradient(turned, time_s))
+
+
+def constant_wind(north: FloatArray, east: FloatArray, horizontal: FloatArray) -> tuple[float, float]:
+    """Return the constant wind, m/s to the north and to the east, that makes airspeeds of ground velocities.
+
+    Least squares of horizontal - |v_ground - w| by Gauss-Newton steps from no wind, with a prior standard deviation of
+    50 m/s, so that a flight straight ahead, which shows the wind along its track only, has none across.
+
+    Parameters
+    ----------
+    north, east : (n_samples,) ground velocity, m/s.
+    horizontal : (n_samples,) horizontal part of the true airspeed, m/s; samples that are not finite are left out.
+
+    Raises
+    ------
+    ValueError : no sample is left.
+    """
+    kept = np.isfinite(north) & np.isfinite(east) & np.isfinite(horizontal)
+    if not kept.any():
+        raise ValueError("a wind needs ground velocity and airspeed, got no sample with both")
+    ground, speed = np.column_stack([north[kept], east[kept]]), horizontal[kept]
+    prior = AIRSPEED_SD / WIND_SD * np.eye(2)
+    wind = np.zeros(2)
+    for _ in range(GAUSS_NEWTON_STEPS):
+        through = ground - wind
+        size = np.maximum(np.linalg.norm(through, axis=1), 1e-9)
+        # |v - w| falls by the unit vector of v - w times the step of w.
+        rows = np.vstack([-through / size[:, None], prior])
+        step = np.linalg.lstsq(rows, np.concatenate([speed - size, -prior @ wind]), rcond=None)[0]
+        wind = wind + step
+        if np.linalg.norm(step) < 1e-9 * WIND_SD:
+            break
+    return float(wind[0]), float(wind[1])

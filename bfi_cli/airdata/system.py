@@ -1,0 +1,213 @@
+"""The air data of a log as one system: its pressures and temperature, and what every channel makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .airspeed import (
+    HALF,
+    SEA_LEVEL_SPEED_OF_SOUND,
+    SONIC_RATIO,
+    SONIC_SHARE,
+    calibrated_airspeed,
+    impact_pressure_of_cas,
+    impact_pressure_of_mach,
+    mach_number,
+    mach_of_tas,
+    speed_of_sound,
+    static_temperature,
+    total_temperature,
+    true_airspeed,
+)
+from .atmosphere import HIGHEST, LOWEST, PRESSURES, altitude_of, isa_temperature, pressure_at
+from .domain import FloatArray
+
+__all__ = ["DEPENDS_ON", "IMPACT_SOURCES", "STATIC_SOURCES", "AirData", "Impossible", "air_data_of", "channels_of"]
+
+# The pressures that a channel follows from; `tas` from a temperature too, `sat` where it was made of a recorded `tat`.
+BOTH = ("p_static", "p_total")
+DEPENDS_ON: Mapping[str, tuple[str, ...]] = {
+    "p_static": ("p_static",),
+    "altitude": ("p_static",),
+    "altitude_rate": ("p_static",),
+    "p_total": ("p_total",),
+    "q_impact": BOTH,
+    "cas": BOTH,
+    "ias": BOTH,
+    "mach": BOTH,
+    "tas": BOTH,
+    "tas_rate": BOTH,
+    "sat": BOTH,
+}
+# What the static and the impact pressure are taken from, the best first.
+STATIC_SOURCES = ("p_static", "altitude")
+IMPACT_SOURCES = ("q_impact", "p_total", "cas", "mach", "tas", "ias")
+# What a sensor of an aircraft at rest may show below nothing; it is taken for nothing. m/s, Mach, Pa.
+REST = {"cas": 5.0, "ias": 5.0, "tas": 5.0, "mach": 0.015, "q_impact": 100.0}
+# K; beyond what any air has that an aircraft flies in, or its probe shows, up to Mach 1.
+COLDEST, HOTTEST = 150.0, 400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Impossible:
+    """Samples whose values no subsonic flight has: where they are (n_samples,), and what is wrong with them."""
+
+    where: NDArray[np.bool_]
+    channel: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AirData:
+    """Pressures and temperature, (n_samples,) each, NaN where they are missing or impossible.
+
+    Attributes
+    ----------
+    p_static, q_impact : static and impact pressure, Pa.
+    tat : total temperature, K.
+    made_of : the channels that each was taken from; empty for the temperature of the standard atmosphere.
+    impossible : what was left out.
+    """
+
+    p_static: FloatArray
+    q_impact: FloatArray
+    tat: FloatArray
+    made_of: Mapping[str, tuple[str, ...]]
+    impossible: tuple[Impossible, ...]
+
+    @property
+    def p_total(self) -> FloatArray:
+        """Total pressure, Pa."""
+        return self.p_static + self.q_impact
+
+    @property
+    def mach(self) -> FloatArray:
+        """Mach number."""
+        return mach_number(self.q_impact, self.p_static)
+
+    @property
+    def sat(self) -> FloatArray:
+        """Static temperature, K."""
+        return static_temperature(self.tat, self.mach)
+
+
+def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
+    """Return the pressures and the temperature that recorded channels, (n_samples,) by standard name, stand for.
+
+    The temperature is that of `tat`, else of `sat`, else of `tas` over `mach`, else the standard atmosphere's.
+
+    Raises
+    ------
+    ValueError : nothing stands for the static, or for the impact pressure.
+    """
+    for name, sources in (("p_static", STATIC_SOURCES), ("q_impact", IMPACT_SOURCES)):
+        if not set(sources) & channels.keys():
+            raise ValueError(f"{name}: needs {' or '.join(sources)}, got none of them")
+    left_out: list[Impossible] = []
+
+    def within(name: str, least: float, most: float, why: str) -> FloatArray:
+        values = channels[name]
+        wrong = (values < least - REST.get(name, 0.0)) | (values > most)
+        if np.any(wrong):
+            left_out.append(Impossible(where=wrong, channel=name, why=why))
+        return np.where(wrong, np.nan, np.clip(values, least, most))
+
+    if "p_static" in channels:
+        source = "p_static"
+        low, high = PRESSURES
+        why = f"a static pressure lies between {low:.0f} and {high:.0f} Pa ({HIGHEST:g} and {LOWEST:g} m)"
+        p_static = within("p_static", low, high, why)
+    else:
+        source = "altitude"
+        p_static = pressure_at(within("altitude", LOWEST, HIGHEST, f"known between {LOWEST:g} and {HIGHEST:g} m"))
+    made_of: dict[str, tuple[str, ...]] = {"p_static": (source,)}
+
+    isa = isa_temperature(altitude_of(p_static))
+    tat = within("tat", COLDEST, HOTTEST, "no air temperature in kelvin") if "tat" in channels else None
+    sat = within("sat", COLDEST, HOTTEST, "no air temperature in kelvin") if "sat" in channels else None
+    subsonic = "the equations hold below Mach 1"
+    source = next(name for name in IMPACT_SOURCES if name in channels)
+    if source == "q_impact":
+        q_impact = within("q_impact", 0.0, np.inf, "an impact pressure is not negative")
+    elif source == "p_total":
+        q_impact = channels["p_total"] - p_static
+        wrong = q_impact < -REST["q_impact"]
+        if np.any(wrong):
+            left_out.append(Impossible(where=wrong, channel="p_total", why="it is below the static pressure"))
+        q_impact = np.where(wrong, np.nan, np.maximum(q_impact, 0.0))
+    elif source in ("cas", "ias"):
+        q_impact = impact_pressure_of_cas(within(source, 0.0, SEA_LEVEL_SPEED_OF_SOUND, f"0 to 340.3 m/s, {subsonic}"))
+    elif source == "mach":
+        q_impact = impact_pressure_of_mach(within("mach", 0.0, 1.0, subsonic), p_static)
+    else:
+        sound = speed_of_sound(tat if tat is not None else sat if sat is not None else isa)
+        fastest = sound * (SONIC_SHARE if tat is not None else 1.0)
+        tas = within("tas", 0.0, np.inf, subsonic)
+        wrong = tas > fastest
+        if np.any(wrong):
+            left_out.append(Impossible(where=wrong, channel="tas", why=subsonic))
+        tas = np.where(wrong, np.nan, tas)
+        q_impact = impact_pressure_of_mach(mach_of_tas(tas, tat) if tat is not None else tas / sound, p_static)
+    made_of["q_impact"] = (source,)
+    wrong = q_impact > SONIC_RATIO * p_static
+    if np.any(wrong):
+        left_out.append(Impossible(where=wrong, channel=source, why=f"with the static pressure, {subsonic}"))
+        q_impact = np.where(wrong, np.nan, q_impact)
+
+    mach = mach_number(q_impact, p_static)
+    if tat is not None:
+        made_of["tat"] = ("tat",)
+    elif sat is not None:
+        made_of["tat"] = ("sat",)
+        tat = total_temperature(sat, mach)
+    elif source != "tas" and "tas" in channels:
+        made_of["tat"] = ("tas",)
+        tat = _temperature_of(channels["tas"], mach, total_temperature(isa, mach))
+    else:
+        made_of["tat"] = ()
+        tat = total_temperature(isa, mach)
+    return AirData(p_static=p_static, q_impact=q_impact, tat=tat, made_of=made_of, impossible=tuple(left_out))
+
+
+def _temperature_of(tas: FloatArray, mach: FloatArray, standard: FloatArray) -> FloatArray:
+    """Return the total temperature of true airspeeds at Mach numbers, the standard one where it is none of air."""
+    sound = np.divide(tas, mach, out=np.full(mach.shape, np.nan), where=mach > 0.05)
+    tat = (sound / speed_of_sound(1.0)) ** 2 * (1.0 + HALF * mach**2)
+    return np.where((tat > COLDEST) & (tat < HOTTEST), tat, standard)
+
+
+def channels_of(
+    p_static: FloatArray, q_impact: FloatArray, tat: FloatArray, *, rate_of: FloatArray | None = None
+) -> dict[str, FloatArray]:
+    """Return every channel that follows from pressures and total temperature, (n_samples,) by standard name.
+
+    Parameters
+    ----------
+    rate_of : (n_samples,) seconds, increasing, for the rates of altitude and airspeed; None for none. Of a single
+        sample the rates are 0.
+
+    Raises
+    ------
+    ValueError : the pressures are not those of subsonic flight.
+    """
+    mach, altitude = mach_number(q_impact, p_static), altitude_of(p_static)
+    tas = true_airspeed(mach, tat)
+    made = {
+        "p_static": p_static,
+        "altitude": altitude,
+        "p_total": p_static + q_impact,
+        "q_impact": q_impact,
+        "cas": calibrated_airspeed(q_impact),
+        "mach": mach,
+        "tas": tas,
+        "sat": static_temperature(tat, mach),
+    }
+    made["ias"] = made["cas"]
+    if rate_of is not None:
+        for name, values in (("altitude_rate", altitude), ("tas_rate", tas)):
+            made[name] = np.gradient(values, rate_of) if len(rate_of) > 1 else np.zeros(len(rate_of))
+    return made

@@ -1,0 +1,284 @@
+"""Channels that follow from recorded ones: pressures, and what lift, attitude and ground velocity say of the airspeed.
+
+Made when an analysis asks for them, from the whole log, so that an angle of zero lift or a wind may come from the
+flight before the window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..airdata import (
+    IMPACT_SOURCES,
+    STATIC_SOURCES,
+    air_data_of,
+    climb_angle,
+    constant_wind,
+    ground_velocity,
+    kinematic_acceleration,
+    lift_speed,
+    zero_lift_angle,
+)
+from ..channels import STANDARD
+from ..errors import LogError
+from .record import Channel, FlightLog, FloatArray, frozen_array
+
+__all__ = ["DERIVED", "missing_for", "with_derived"]
+
+BoolArray = NDArray[np.bool_]
+Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
+
+# Seconds of flight before the window, from which the angle of zero lift is better taken than from the window itself.
+ENOUGH_S = 300.0
+# Of the window, what tells the rest: a fault mostly begins later.
+FIRST_PART = 0.25
+# Of the fastest, below which an aircraft is not in flight for good: a stall is flown at 0.35 to 0.5 of it.
+SLOWEST_FLIGHT = 0.33
+# m/s^2. The median of a normal acceleration with gravity taken out is far below it in any flight, with it far above.
+GRAVITY_LEFT_IN = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sources:
+    """What a channel is made of.
+
+    Attributes
+    ----------
+    values : (n_samples,) of the recorded channels by name.
+    time_s : (n_samples,) seconds.
+    reference : the samples that tell what the log does not state (scale, wind); earlier : those before the window, or
+        the same where there are too few.
+    """
+
+    values: Mapping[str, FloatArray]
+    time_s: FloatArray
+    reference: BoolArray
+    earlier: BoolArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Derivation:
+    """How a channel follows from others.
+
+    Attributes
+    ----------
+    needs : groups of channels, each by its alternatives.
+    constants : from the sources, what the log does not state, by name; make : from both, the channel.
+    words : from the constants, a sentence for the reader; "" for none.
+    """
+
+    needs: tuple[Group, ...]
+    make: Callable[[Sources, Mapping[str, float]], FloatArray]
+    constants: Callable[[Sources], Mapping[str, float]] = lambda _: {}
+    words: Callable[[Mapping[str, float]], str] = lambda _: ""
+
+
+def _p_static(sources: Sources, _: Mapping[str, float]) -> FloatArray:
+    # The impact pressure has no part in it; without one the system is not whole.
+    return air_data_of({"q_impact": np.zeros(sources.time_s.shape), **_only(sources, STATIC_SOURCES)}).p_static
+
+
+def _p_total(sources: Sources, _: Mapping[str, float]) -> FloatArray:
+    return air_data_of(sources.values).p_total
+
+
+def _q_impact(sources: Sources, _: Mapping[str, float]) -> FloatArray:
+    return air_data_of(sources.values).q_impact
+
+
+def _only(sources: Sources, names: Collection[str]) -> dict[str, FloatArray]:
+    return {name: values for name, values in sources.values.items() if name in names}
+
+
+def _lift_constants(sources: Sources) -> Mapping[str, float]:
+    values, earlier = sources.values, sources.earlier
+    air = air_data_of(values)
+    zero_lift = zero_lift_angle(values["normal_acc"][earlier], values["aoa"][earlier], air.q_impact[earlier])
+    shape = lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=zero_lift)
+    ratio = (values["tas"] / shape)[sources.reference]
+    if not np.isfinite(ratio).any():
+        raise ValueError("the lift needs samples in flight with an airspeed, got none")
+    return {"zero_lift": zero_lift, "scale": float(np.nanmedian(ratio))}
+
+
+def _lift_speed(sources: Sources, constants: Mapping[str, float]) -> FloatArray:
+    values, air = sources.values, air_data_of(sources.values)
+    shape = lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=constants["zero_lift"])
+    return constants["scale"] * shape
+
+
+def _lift_words(constants: Mapping[str, float]) -> str:
+    return f"an angle of zero lift of {np.degrees(constants['zero_lift']):.2f} degrees"
+
+
+def _kinematic_acc(sources: Sources, _: Mapping[str, float]) -> FloatArray:
+    v = sources.values
+    return kinematic_acceleration(v["longitudinal_acc"], v["normal_acc"], v["aoa"], v["pitch"], v["roll"])
+
+
+def _climb_angle(sources: Sources, _: Mapping[str, float]) -> FloatArray:
+    return climb_angle(sources.values["aoa"], sources.values["pitch"], sources.values["roll"])
+
+
+def _ground_velocity(sources: Sources) -> tuple[FloatArray, FloatArray]:
+    values = sources.values
+    if {"velocity_north", "velocity_east"} <= values.keys():
+        return values["velocity_north"], values["velocity_east"]
+    return ground_velocity(sources.time_s, values["latitude"], values["longitude"])
+
+
+def _wind(sources: Sources) -> Mapping[str, float]:
+    north, east = _ground_velocity(sources)
+    squared = sources.values["tas"] ** 2 - sources.values["altitude_rate"] ** 2
+    horizontal = np.sqrt(np.where(squared > 0.0, squared, np.nan))
+    used = sources.reference
+    wind = constant_wind(north[used], east[used], horizontal[used])
+    return {"north": wind[0], "east": wind[1]}
+
+
+def _ground_airspeed(sources: Sources, wind: Mapping[str, float]) -> FloatArray:
+    north, east = _ground_velocity(sources)
+    through = np.hypot(north - wind["north"], east - wind["east"])
+    return np.asarray(np.hypot(through, sources.values["altitude_rate"]))
+
+
+def _wind_words(wind: Mapping[str, float]) -> str:
+    return f"a wind of {wind['north']:.1f} m/s to the north and {wind['east']:.1f} m/s to the east"
+
+
+def _each(*names: str) -> tuple[Group, ...]:
+    return tuple(((name,),) for name in names)
+
+
+STATIC: Group = tuple((name,) for name in STATIC_SOURCES)
+IMPACT: Group = tuple((name,) for name in IMPACT_SOURCES)
+GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
+
+DERIVED: Mapping[str, Derivation] = {
+    "p_static": Derivation(needs=(STATIC,), make=_p_static),
+    "p_total": Derivation(needs=(STATIC, IMPACT), make=_p_total),
+    "q_impact": Derivation(needs=(STATIC, IMPACT), make=_q_impact),
+    "lift_speed": Derivation(
+        needs=(*_each("aoa", "normal_acc", "tas"), STATIC),
+        make=_lift_speed,
+        constants=_lift_constants,
+        words=_lift_words,
+    ),
+    "kinematic_acc": Derivation(
+        needs=_each("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll"), make=_kinematic_acc
+    ),
+    "climb_angle": Derivation(needs=_each("aoa", "pitch", "roll"), make=_climb_angle),
+    "ground_airspeed": Derivation(
+        needs=(GROUND, *_each("altitude_rate", "tas")), make=_ground_airspeed, constants=_wind, words=_wind_words
+    ),
+}
+
+
+def missing_for(name: str, has: Collection[str]) -> tuple[str, ...]:
+    """Return what a log with these channels lacks to derive another, alternatives joined by "or"."""
+    lacking = (group for group in DERIVED[name].needs if not any(set(one) <= set(has) for one in group))
+    return tuple(" or ".join(" and ".join(one) for one in group) for group in lacking)
+
+
+def with_derived(
+    log: FlightLog, names: Sequence[str], *, from_s: float | None = None, to_s: float | None = None
+) -> FlightLog:
+    """Return the log with those of the channels that it lacks and that follow from others; `notes` says how.
+
+    What the log does not state (the angle of zero lift) comes from the flight before the window, where that is 300 s
+    long, else from the first quarter of the window; the scale of an airspeed and the wind from that quarter.
+    Samples outside the window that cannot be are NaN. A clean signal is made where the log carries the truth.
+
+    Parameters
+    ----------
+    names : standard names, or names in the file; those that the log has, or that nothing derives, are passed over.
+    from_s, to_s : the window that is analysed.
+
+    Raises
+    ------
+    LogError : a channel it is made of is missing, or holds in the window what no subsonic flight has.
+    """
+    sources_names = {channel.source for channel in log.channels.values()}
+    wanted = [name for name in dict.fromkeys(names) if name in DERIVED and name not in {*log.channels, *sources_names}]
+    for name in wanted:
+        if missing := missing_for(name, log.channels):
+            has = ", ".join(sorted(log.channels))
+            raise LogError(
+                f"{log.path}: '{name}' is not recorded, and to derive it the log lacks {', '.join(missing)}; the log "
+                f"has: {has}; map one with --channel {missing[0].split()[0]}=NAME"
+            )
+    if not wanted:
+        return log
+    recorded = {name: channel.values for name, channel in log.channels.items()}
+    inside, reference, earlier = _parts(log, from_s, to_s)
+    sources = Sources(values=recorded, time_s=log.time_s, reference=reference, earlier=earlier)
+    if {"lift_speed", "kinematic_acc"} & set(wanted):
+        _check_gravity(log, earlier)
+    if {"p_static", "p_total", "q_impact", "lift_speed"} & set(wanted):
+        _check_possible(log, recorded, inside)
+    channels, clean, notes = dict(log.channels), dict(log.truth.clean if log.truth else {}), list(log.notes)
+    for name in wanted:
+        derivation = DERIVED[name]
+        try:
+            constants = derivation.constants(sources)
+        except ValueError as error:
+            raise LogError(
+                f"{log.path}: '{name}' cannot be derived: {error}; give a log with {ENOUGH_S:g} s of flight before "
+                "--from, or a longer window"
+            ) from None
+        values = frozen_array(derivation.make(sources, constants))
+        channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)
+        if log.truth is not None and set(log.truth.clean) & _used(derivation, recorded):
+            clean[name] = frozen_array(derivation.make(replace(sources, values={**recorded, **clean}), constants))
+        used = ", ".join(sorted(_used(derivation, recorded)))
+        words = derivation.words(constants)
+        notes.append(f"'{name}' is derived from {used}{', with ' * bool(words)}{words}")
+    truth = log.truth and replace(log.truth, clean=clean)
+    return replace(log, channels=channels, truth=truth, notes=tuple(notes))
+
+
+def _used(derivation: Derivation, has: Collection[str]) -> set[str]:
+    """Return the recorded channels that a derived one is made of: of every group the first alternative there is."""
+    return {name for group in derivation.needs for name in next(one for one in group if set(one) <= set(has))}
+
+
+def _parts(log: FlightLog, from_s: float | None, to_s: float | None) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Return the samples of the window, of its first quarter in flight, and of the flight before it if long enough."""
+    first = float(log.time_s[0]) if from_s is None else from_s
+    last = float(log.time_s[-1]) if to_s is None else to_s
+    inside = (log.time_s >= first) & (log.time_s <= last)
+    flying = np.ones(log.n_samples, dtype=bool)
+    airspeed = next((log.channels[name].values for name in ("tas", "cas", "ias") if name in log.channels), None)
+    if airspeed is not None and np.isfinite(airspeed).any():
+        flying = airspeed >= SLOWEST_FLIGHT * np.quantile(airspeed[np.isfinite(airspeed)], 0.95)
+    reference = inside & flying & (log.time_s <= first + FIRST_PART * (last - first))
+    before = flying & (log.time_s < first)
+    return inside, reference, before if np.count_nonzero(before) >= ENOUGH_S * log.rate_hz else reference
+
+
+def _check_gravity(log: FlightLog, flown: BoolArray) -> None:
+    values = log.channels["normal_acc"].values[flown]
+    middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
+    if abs(middle) > GRAVITY_LEFT_IN:
+        raise LogError(
+            f"{log.path}: 'normal_acc' still has gravity in it, or is no acceleration upward, its median in flight is "
+            f"{middle:.3g} m/s^2; give one that is 0 in level flight"
+        )
+
+
+def _check_possible(log: FlightLog, recorded: Mapping[str, FloatArray], inside: BoolArray) -> None:
+    """Refuse values in the window that no subsonic flight has."""
+    standing_in = {"q_impact": np.zeros(log.n_samples)} if not set(IMPACT_SOURCES) & recorded.keys() else {}
+    for fault in air_data_of({**standing_in, **recorded}).impossible:
+        wrong = np.flatnonzero(fault.where & inside)
+        if wrong.size:
+            k, channel = int(wrong[0]), log.channels[fault.channel]
+            raise LogError(
+                f"{log.path}: '{channel.name}' is {channel.values[k]:.6g} {channel.unit} at sample {k} "
+                f"({log.time_s[k]:.6g} s), {fault.why}; choose a window without it with --from/--to, or state its "
+                f"unit with --unit"
+            )

@@ -1,0 +1,224 @@
+"""Known faults added to a log: to one channel, or to every channel that follows from a pressure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, air_data_of, channels_of, pressure_at
+from ..errors import DictionaryError, LogError
+from ..faults import Fault, active_samples, course, has_channel
+from ..filters import recorded_signal, response_of
+from ..kernels.low_pass import Response
+from ..shapes import SHAPES
+from .record import FlightLog, FloatArray, Truth, frozen_array
+
+__all__ = ["inject"]
+
+ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
+
+
+def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None = None) -> FlightLog:
+    """Return `log` with `faults` added to their channels, in that order, and the truth extended by them.
+
+    Times of the faults are on the log's own time axis; a `phase_reference` of "window" counts from its first sample.
+    Faults that the log carries already stay in its truth; a clean signal is that before the first fault.
+    `notes` names a fault that has neither onset nor end in the log.
+
+    A fault of a pressure line is added by differences: the pressures that the log's channels stand for, with the fault
+    and without, are turned into every recorded channel that follows from them, and what changes is added to it. So
+    the log's own offsets and quantisation stay.
+
+    Parameters
+    ----------
+    response : through which the faults go; None for that of the filters that the log went through, as a fault of the
+        aircraft would have, `bfi_cli.kernels.low_pass.IDENTITY` for none.
+
+    Raises
+    ------
+    LogError : the log has no such channel, none that the pressures follow from, or holds what no subsonic flight has.
+    DictionaryError : a fault is zero at every sample of the log, or its signal cannot be made.
+    """
+    through = response_of(log.filters or (), log.rate_hz) if response is None else response
+    for declared in faults:
+        log = _with_fault(log, declared, through)
+    return log
+
+
+def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog:
+    start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
+    fault, acts_on = declared, SHAPES[declared.shape].acts_on
+    if has_channel(declared.shape):
+        fault = replace(declared, channel=log.channel(declared.channel).name)
+    if fault.phase_reference != "onset" and fault.frequency_hz is not None:
+        # Counted from the onset, so that the truth stays true where the log is cut.
+        phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
+        fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
+    name, active = fault.name or fault.shape, active_samples(fault, log.time_s)
+    added: Mapping[str, FloatArray]
+    if acts_on == "channel":
+        signal = recorded_signal(fault, log.time_s, through, window_start_s=start_s)
+        added = {fault.channel: fault.magnitude * signal}
+    elif not active.any() or not fault.magnitude:
+        added = {}  # and refused below
+    else:
+        part = _around(active, 2 * len(through.taps))
+        amount = fault.magnitude * course(fault, log.time_s[part])
+        added = _stored(log, fault, amount, active, part, through)
+    # NaN is no change: where a channel is missing nothing can be added to it.
+    if not any(np.any(np.nan_to_num(change)) for change in added.values()):
+        until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
+        size = f"magnitude {fault.magnitude:g} " if SHAPES[fault.shape].has_magnitude else ""
+        why = "changes no channel of" if active.any() and fault.magnitude else "never active in"
+        raise DictionaryError(
+            f"{log.path}: fault '{name}': {why} the log, got {size}from "
+            f"{fault.onset_s:g} s{until}, the log runs from {start_s:g} s to {stop_s:g} s; "
+            "change onset, offset or magnitude"
+        )
+    before, notes = log.truth or Truth(faults=()), log.notes
+    if active.all():
+        on = f" on {fault.channel}" if fault.channel else ""
+        notes += (
+            f"fault '{name}'{on} acts at every sample of the log; "
+            "with neither onset nor end in it, it can pass for the aircraft's own motion",
+        )
+    faulty = {
+        channel: replace(log.channels[channel], values=frozen_array(log.channels[channel].values + change))
+        for channel, change in added.items()
+    }
+    clean = {channel: log.channels[channel].values for channel in added}
+    truth = Truth(faults=(*before.faults, fault), clean={**clean, **before.clean})
+    return replace(log, channels={**log.channels, **faulty}, truth=truth, sha256="", notes=notes)
+
+
+def _around(active: NDArray[np.bool_], reach: int) -> slice:
+    """Return the samples from `reach` before the first active one to as many after the last."""
+    first, last = np.flatnonzero(active)[[0, -1]]
+    return slice(max(0, int(first) - reach), int(last) + 1 + reach)
+
+
+def _stored(
+    log: FlightLog, fault: Fault, amount: FloatArray, active: NDArray[np.bool_], part: slice, through: Response
+) -> dict[str, FloatArray]:
+    """Return by channel, (n_samples,), what the recorder makes of what a fault changes.
+
+    The changes are computed from channels that went through the recorder already. Only filtered, they would lack what
+    the filter takes off the motion the second time, and a trapped pressure would still move by that. So it is added, as
+    the motion under the largest amount tells it, in proportion to the amount.
+
+    Parameters
+    ----------
+    amount : (samples of the part,) magnitude x signal.
+    """
+    changes, on = _changes(log, fault, amount, part), active[part]
+    added = {channel: np.zeros(log.n_samples) for channel in changes}
+    if through.changes_nothing:
+        for channel, change in changes.items():
+            added[channel][part] = np.where(on, change, 0.0)
+        return added
+
+    def low_passed(x: FloatArray) -> FloatArray:
+        # Beyond its ends a signal is taken to stay as it is there.
+        return through.filtered(np.pad(x, (through.after, through.before), mode="edge"))
+
+    largest = amount[on][np.argmax(np.abs(amount[on]))]
+    under_largest = _changes(log, fault, np.full(amount.shape, largest), part)
+    share = low_passed(np.where(on, amount, 0.0)) / largest
+    for channel, change in changes.items():
+        whole = under_largest[channel]
+        added[channel][part] = low_passed(np.where(on, change, 0.0)) + share * (whole - low_passed(whole))
+    return added
+
+
+def _changes(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> dict[str, FloatArray]:
+    """Return by channel what a fault changes in a part of the log, as if it acted throughout; gaps are bridged."""
+    if SHAPES[fault.shape].acts_on == "reading":
+        changes = {fault.channel: amount * log.channels[fault.channel].values[part]}
+    else:
+        changes = _differences(log, fault, amount, part)
+    samples = np.arange(len(amount))
+    for channel, change in changes.items():
+        known = np.isfinite(change)
+        if known.any() and not known.all():
+            changes[channel] = np.interp(samples, samples[known], change[known])
+    return changes
+
+
+def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> dict[str, FloatArray]:
+    """Return by channel what a fault of a pressure line changes in a part of the log, as if it acted throughout.
+
+    Parameters
+    ----------
+    amount : (samples of the part,) magnitude x signal.
+    """
+    shape, name = SHAPES[fault.shape], fault.name or fault.shape
+    moved = shape.acts_on
+    assert shape.lines is not None
+    recorded = {channel: log.channels[channel].values[part] for channel in log.channels}
+    _check_sources(log, fault, recorded, needs_impact=moved == "p_total")
+    if not set(IMPACT_SOURCES) & recorded.keys():  # then no channel follows from it
+        recorded["q_impact"] = np.zeros(amount.shape)
+    air, time_s = air_data_of(recorded), log.time_s[part]
+    for impossible in air.impossible:
+        k = int(np.argmax(impossible.where))
+        odd = log.channels[impossible.channel]
+        raise LogError(
+            f"{log.path}: fault '{name}': '{odd.name}' is {recorded[odd.name][k]:.6g} {odd.unit} at "
+            f"{time_s[k]:.6g} s, {impossible.why}; end the fault before with offset_s, or give its unit with --unit"
+        )
+    first = _at_onset(log, fault, air, time_s)
+    cabin = float(pressure_at(fault.cabin_altitude_m or 0.0))
+    p_static, p_total = shape.lines(air.p_static, air.p_total, first=first, cabin=cabin, amount=amount)
+    same = max(
+        np.nanmax(np.abs(one / other - 1.0)) for one, other in ((p_static, air.p_static), (p_total, air.p_total))
+    )
+    if same <= ROUNDING:
+        return {}
+    old = channels_of(air.p_static, air.q_impact, air.tat, rate_of=time_s)
+    try:
+        # An instrument shows no airspeed where the total pressure is below the static one.
+        new = channels_of(p_static, np.maximum(p_total - p_static, 0.0), air.tat, rate_of=time_s)
+    except ValueError as error:
+        raise DictionaryError(
+            f"{log.path}: fault '{name}': brings the air data out of what the equations hold for, {error}; "
+            "end it earlier with offset_s"
+        ) from None
+    new |= {"p_total": p_total, "q_impact": p_total - p_static}
+    changes: dict[str, FloatArray] = {}
+    for channel, pressures in DEPENDS_ON.items():
+        if channel in log.channels and moved in pressures and not (channel == "sat" and "tat" not in log.channels):
+            changes[channel] = new[channel] - old[channel]
+    if not changes:
+        follows = ", ".join(channel for channel, pressures in DEPENDS_ON.items() if moved in pressures)
+        raise LogError(
+            f"{log.path}: fault '{name}': no channel of the log follows from {moved}; it needs one of {follows}"
+        )
+    return changes
+
+
+def _check_sources(log: FlightLog, fault: Fault, has: Mapping[str, FloatArray], *, needs_impact: bool) -> None:
+    """Refuse a log that does not tell the pressures which the fault acts on."""
+    for pressure, sources in (("p_static", STATIC_SOURCES), ("q_impact", IMPACT_SOURCES if needs_impact else ())):
+        if sources and not set(sources) & has.keys():
+            raise LogError(
+                f"{log.path}: fault '{fault.name or fault.shape}': {pressure} needs one of {', '.join(sources)}; "
+                f"the log has: {', '.join(sorted(log.channels))}; map one with --channel {sources[-1]}=NAME"
+            )
+
+
+def _at_onset(log: FlightLog, fault: Fault, air: AirData, time_s: FloatArray) -> tuple[float, float]:
+    """Return static and total pressure at the onset, or at the first sample after it where they are known."""
+    known = np.isfinite(air.p_static + air.q_impact)
+    if not known.any():
+        raise LogError(
+            f"{log.path}: fault '{fault.name or fault.shape}': the pressures are missing wherever it is active; "
+            "choose another onset"
+        )
+    onset_s = max(fault.onset_s, float(time_s[known][0]))
+    pressures = (air.p_static, air.p_total)
+    static, total = (float(np.interp(onset_s, time_s[known], one[known])) for one in pressures)
+    return static, total

@@ -3,7 +3,7 @@
 On real flights the statistic of a fault-free window is far larger than white noise would make it, so its distribution
 is counted, not derived (docs/theory.md, 10.2 and 10.3). Shapes differ in it: each is standardised by its own median and
 95 % quantile, the largest of them is the statistic of the window, and above the 85 % quantile of that its distribution
-is taken to fall exponentially.
+is taken to fall exponentially, at a rate that few windows tell only roughly.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from .report.content import ReportContent, Table
 from .serialization import from_plain, mapping, member, to_json
 from .yaml12 import read_text
 
-__all__ = ["FEWEST_WINDOWS", "SCHEMA", "CalibrationSettings", "CalibrationTable", "Null", "calibration_content"]
-__all__ += ["differences", "join_tables", "load_tables", "nearest", "null_of", "save_tables", "summary", "table_notes"]
+__all__ = ["FEWEST_WINDOWS", "SCHEMA", "TOLERANCES", "CalibrationSettings", "CalibrationTable", "Null"]
+__all__ += ["calibration_content", "differences", "join_tables", "load_tables", "nearest", "null_of", "save_tables"]
+__all__ += ["summary", "table_notes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -122,7 +123,7 @@ class Null:
     ----------
     median, scale : by shape; scale is the 95 % quantile less the median.
     maxima : (n_windows,) the largest over shapes, increasing.
-    start : their 85 % quantile; excess : the mean of what lies above it, less it.
+    start : their 85 % quantile; excess : the mean of what lies above it, less it; n_above : how many lie there.
     """
 
     median: Mapping[str, float]
@@ -130,6 +131,7 @@ class Null:
     maxima: FloatArray
     start: float
     excess: float
+    n_above: int
 
     def standardised(self, shape: str, statistic: float) -> float:
         """Return the statistic of a shape in units common to all shapes."""
@@ -138,10 +140,21 @@ class Null:
     def p_value(self, standardised: float) -> float:
         """Return the probability that a window without a fault reaches this largest standardised statistic.
 
-        The tail is not followed further than to a hundredth of what one window of all would be.
+        Never less than 1 / (n + 1) for n windows: they cannot have shown less.
+        """
+        return max(self.tail(standardised), 1.0 / (len(self.maxima) + 1))
+
+    def tail(self, standardised: float) -> float:
+        """Return the same probability with the tail as it is extrapolated, on which the thresholds rest.
+
+        What exceeds the tail's start is exponential with a mean that is known from the k windows there only, so that a
+        further one reaches x with the probability (1 + x / (k mean))^-k (the predictive distribution of an exponential
+        law under the prior 1 / mean). The tail is not followed further than to a hundredth of what one
+        window of all would be.
         """
         if standardised > self.start:
-            tail = (1.0 - TAIL) * float(np.exp(-(standardised - self.start) / self.excess))
+            beyond = (standardised - self.start) / (self.n_above * self.excess)
+            tail = (1.0 - TAIL) * float((1.0 + beyond) ** -self.n_above)
             return max(tail, FURTHEST / len(self.maxima))
         reached = len(self.maxima) - int(np.searchsorted(self.maxima, standardised))
         return max(1.0 - TAIL, (reached + 1) / (len(self.maxima) + 1))
@@ -149,7 +162,8 @@ class Null:
     def threshold(self, shape: str, false_alarm: float) -> float:
         """Return the statistic of a shape above which it is a fault; the rate counts all shapes together."""
         if false_alarm < 1.0 - TAIL:
-            level = self.start + self.excess * float(np.log((1.0 - TAIL) / false_alarm))
+            k = self.n_above
+            level = self.start + k * self.excess * float(np.expm1(np.log((1.0 - TAIL) / false_alarm) / k))
         else:
             level = float(np.quantile(self.maxima, 1.0 - false_alarm))
         return self.median[shape] + self.scale[shape] * level
@@ -176,9 +190,10 @@ def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
     scale = np.maximum(high - median, np.finfo(float).eps * np.maximum(high, 1.0))
     maxima = np.sort(((values - median[:, None]) / scale[:, None]).max(axis=0))
     start = float(np.quantile(maxima, TAIL))
-    excess = float(np.mean(maxima[maxima > start] - start)) if np.any(maxima > start) else np.finfo(float).eps
+    above = maxima[maxima > start] - start
+    excess = float(np.mean(above)) if above.size else np.finfo(float).eps
     medians, scales = (dict(zip(shapes, values.tolist(), strict=True)) for values in (median, scale))
-    return Null(median=medians, scale=scales, maxima=maxima, start=start, excess=excess)
+    return Null(median=medians, scale=scales, maxima=maxima, start=start, excess=excess, n_above=max(1, above.size))
 
 
 def differences(table: CalibrationTable, settings: CalibrationSettings) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeGuard, get_args
 
 import numpy as np
@@ -19,9 +19,14 @@ from .errors import LogError
 from .faults import Fault, unit_signal
 from .kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
 
-__all__ = ["Filter", "filters_from_json", "filters_to_json", "recorded_signal", "response_of"]
+__all__ = ["Filter", "alternatives", "filters_from_json", "filters_to_json", "recorded_signal", "response_of"]
 
 FloatArray = NDArray[np.float64]
+
+# Edges that the spectra of one recorded flight give to each kind, relative to a Gaussian's (1.57 and 1.49 Hz to 0.89).
+EQUIVALENT: dict[Kind, float] = {"gaussian": 1.0, "fir": 1.77, "butterworth": 1.67, "causal": 1.35, "sinc": 1.77}
+# Shares of these edges that are tried: spectra of steepening motion give too low an edge, of noisy channels too high.
+LIKELY: dict[Kind, tuple[float, ...]] = {"gaussian": (0.7, 0.85, 1.0, 1.2), "fir": (0.65, 0.8, 1.0, 1.2)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +40,7 @@ class Filter:
     rate_hz : of the samples it was applied to.
     stage : the recorder, or a conversion of the file.
     source : how it is known, as words for the reader.
+    uncertain : whether kind and edge are a guess, as from spectra.
     """
 
     kind: Kind
@@ -42,11 +48,12 @@ class Filter:
     rate_hz: float
     stage: Literal["recorder", "convert"] = "recorder"
     source: str = "stated in the file"
+    uncertain: bool = False
 
 
 def filters_to_json(filters: Sequence[Filter]) -> str:
-    """Return the JSON list of `{kind, edge_hz, rate_hz, stage, source}`."""
-    keys = ("kind", "edge_hz", "rate_hz", "stage", "source")
+    """Return the JSON list of `{kind, edge_hz, rate_hz, stage, source, uncertain}`."""
+    keys = ("kind", "edge_hz", "rate_hz", "stage", "source", "uncertain")
     return json.dumps([{key: getattr(one, key) for key in keys} for one in filters])
 
 
@@ -82,6 +89,7 @@ def _filter(entry: Any, where: str) -> Filter:
         rate_hz=rate_hz,
         stage="convert" if stage == "convert" else "recorder",
         source=source if isinstance(source, str) else "stated in the file",
+        uncertain=given.get("uncertain") is True,
     )
 
 
@@ -100,6 +108,22 @@ def response_of(filters: Sequence[Filter], rate_hz: float) -> Response:
         factor = max(1, round(one.rate_hz / rate_hz))
         response = response.then(decimated(low_pass(one.kind, one.edge_hz, rate_hz * factor), factor))
     return response
+
+
+def alternatives(filters: Sequence[Filter]) -> list[tuple[Filter, ...]]:
+    """Return chains in which an uncertain recorder is another that its spectra might show as well; empty where none is.
+
+    Gaussian and windowed sinc filters, as steep as recorders are, around the edges that the same spectra give them.
+    """
+    chains = []
+    for i, one in enumerate(filters):
+        if one.uncertain:
+            as_gaussian_hz = one.edge_hz / EQUIVALENT[one.kind]
+            for kind, shares in LIKELY.items():
+                for share in shares:
+                    other = replace(one, kind=kind, edge_hz=share * EQUIVALENT[kind] * as_gaussian_hz)
+                    chains.append((*filters[:i], other, *filters[i + 1 :]))
+    return chains
 
 
 def recorded_signal(

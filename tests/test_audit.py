@@ -17,11 +17,11 @@ from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify.magnitudes import magnitudes_of_fit
 from bfi_cli.kernels.covariance import unfold
 from bfi_cli.kernels.model_selection import Penalty, ScoredFit
 from bfi_cli.kernels.variable_projection import fit_magnitudes
 from bfi_cli.kernels.whiteness import effective_rows
+from bfi_cli.preprocessing.magnitudes import magnitudes_of_fit
 from bfi_cli.preprocessing.regression import build_regression
 from bfi_cli.preprocessing.window import prepare_window
 

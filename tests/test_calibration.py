@@ -45,7 +45,9 @@ def table(n: int = 100, seed: int = 0, **changed: object) -> CalibrationTable:
 def test_the_p_value_of_a_threshold_is_the_false_alarm_rate(alpha: float, seed: int):
     null = null_of(table(seed=seed), ("bias", "drift"))
     for shape in ("bias", "drift"):
-        assert null.p_value(null.standardised(shape, null.threshold(shape, alpha))) == pytest.approx(alpha)
+        reached = null.standardised(shape, null.threshold(shape, alpha))
+        assert null.tail(reached) == pytest.approx(alpha)
+        assert null.p_value(reached) == pytest.approx(max(alpha, 1 / 101))
 
 
 @settings(max_examples=30, deadline=None)
@@ -67,12 +69,14 @@ def test_the_rate_of_false_alarms_is_the_one_wanted():
     assert rate == pytest.approx(0.05, abs=0.015)
 
 
-def test_p_values_fall_and_end_where_the_counts_do():
-    null = null_of(table(), ("bias",))
-    p = [null.p_value(x) for x in np.linspace(-5, 500, 300)]
-    assert np.all(np.diff(p) <= 1e-12)
-    assert p[-1] == pytest.approx(0.01 / 100)
-    assert p[0] == pytest.approx(1.0)
+@pytest.mark.parametrize("n", [20, 100])
+def test_p_values_fall_and_end_where_the_counts_do(n: int):
+    null = null_of(table(n), ("bias",))
+    for probability, least in ((null.p_value, 1 / (n + 1)), (null.tail, 0.01 / n)):
+        p = [probability(x) for x in np.linspace(-5, 500, 300)]
+        assert np.all(np.diff(p) <= 1e-12)
+        assert p[-1] == pytest.approx(least)
+        assert p[0] == pytest.approx(1.0)
 
 
 def test_a_file_keeps_everything(tmp_path):

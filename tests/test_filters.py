@@ -9,7 +9,7 @@ import pytest
 
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
-from bfi_cli.filters import Filter, filters_from_json, filters_to_json, recorded_signal, response_of
+from bfi_cli.filters import Filter, alternatives, filters_from_json, filters_to_json, recorded_signal, response_of
 from bfi_cli.flightlog import read_log, write_log
 from bfi_cli.flightlog.record import Channel, FlightLog, frozen_array
 from bfi_cli.kernels.low_pass import low_pass
@@ -70,3 +70,23 @@ def test_a_known_recorder_is_what_the_file_states():
         replace(RECORDER, source="stated in the file")
         == filters_from_json('[{"kind": "gaussian", "edge_hz": 0.75, "rate_hz": 10.0}]', where="x")[0]
     )
+
+
+def test_only_an_uncertain_recorder_has_alternatives():
+    recorder = Filter(kind="gaussian", edge_hz=0.75, rate_hz=10.0)
+    convert = Filter(kind="sinc", edge_hz=2.0, rate_hz=10.0, stage="convert")
+    assert alternatives((recorder, convert)) == alternatives((convert,)) == alternatives(()) == []
+    guessed = replace(recorder, uncertain=True)
+    chains = alternatives((guessed, convert))
+    assert (guessed, convert) in chains
+    assert {chain[0].kind for chain in chains} == {"gaussian", "fir"}
+    assert all(chain[1] == convert for chain in chains)
+    as_fir = replace(guessed, kind="fir", edge_hz=0.75 * 1.77)
+    for ours, theirs in zip(chains, alternatives((as_fir, convert)), strict=True):
+        assert (ours[0].kind, ours[0].edge_hz) == (theirs[0].kind, pytest.approx(theirs[0].edge_hz))
+
+
+def test_a_guess_stays_one_in_the_file():
+    for uncertain in (False, True):
+        filters = (Filter(kind="fir", edge_hz=1.3, rate_hz=10.0, source="spectra", uncertain=uncertain),)
+        assert filters_from_json(filters_to_json(filters), where="x") == filters

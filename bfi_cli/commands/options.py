@@ -173,8 +173,8 @@ shapes  --shape  start_time.shapes  NAME  texts
     {{scanned}}; repeatable.  [default: bias, drift, sine]
 false_alarm  --false-alarm  start_time.false_alarm  P  number
     Accepted rate of false alarms.  [default: 0.01]
-calibration  --calibration  start_time.calibration  FILE|self|gaussian  text
-    Where the threshold comes from.  [default: the shipped table]
+calibration  --calibration  start_time.calibration  auto|FILE|self|gaussian  text
+    Where the threshold comes from: a table, the log's own windows, or white noise.  [default: auto]
 ends  --ends/--no-ends  start_time.ends  -  choice
     Search for the end of the fault too.
 samples  --samples  start_time.samples  FILE  text

@@ -180,7 +180,7 @@ class StartTime(Rules):
     false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
     """Accepted probability of declaring a fault where there is none."""
     calibration: PathText | None = None
-    """A table of `bfi calibrate`, self, or gaussian; default the shipped table."""
+    """A table of `bfi calibrate`, self, gaussian, or auto (default): a shipped table that fits, else the log itself."""
     ends: StrictBool = False
     """Whether the end of the fault is searched for too."""
     frequency_hz: tuple[Positive, Positive] | None = None

@@ -5,33 +5,54 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..filters import Filter
 from ..kernels.low_pass import Kind
 from ..kernels.recorder_response import recorder_from_jumps
+from ..kernels.recorder_spectrum import recorder_from_spectra
 from .quality import is_uniform
 from .record import FlightLog
 
 __all__ = ["recorder_filters", "with_seen_recorder"]
 
+FloatArray = NDArray[np.float64]
+
 # Samples that are enough to see hundreds of jumps: three hours at 10 Hz.
 MOST_SAMPLES = 108_000
+UNKNOWN = (
+    "neither the file nor its channels tell whether the recorder low-passed the log: no recorder is assumed, "
+    "--recorder HZ states one"
+)
 
 
 def with_seen_recorder(log: FlightLog) -> FlightLog:
-    """Return the log with the recorder's filter where jumps of one quantum show it, unless its file states filters.
+    """Return the log with the recorder's filter where its channels show it, unless its file states filters.
 
-    Jumps that are as sharp as the samples say that there is none.
+    Jumps of one quantum show kind and edge; those that are as sharp as the samples say that there is none. Without
+    jumps a cliff that the spectra of most channels have in common shows a filter, with an uncertain kind and edge.
     """
     if log.filters is not None or not is_uniform(log.time_s):
         return log
     values = [channel.values[:MOST_SAMPLES] for channel in log.channels.values()]
     seen = recorder_from_jumps(values, log.rate_hz)
     if seen is None:
-        return log
+        return _with_recorder_of_spectra(log, values)
     if seen.kind is None or seen.edge_hz is None:
         return replace(log, filters=())
     source = f"seen in {seen.n_jumps} jumps of one quantum"
     return replace(log, filters=(Filter(kind=seen.kind, edge_hz=seen.edge_hz, rate_hz=log.rate_hz, source=source),))
+
+
+def _with_recorder_of_spectra(log: FlightLog, values: list[FloatArray]) -> FlightLog:
+    seen = recorder_from_spectra(values, log.rate_hz)
+    if seen is None:
+        return log
+    others = ", ".join(f"{kind} {edge_hz:.3g} Hz" for kind, edge_hz in seen.others)
+    source = f"uncertain: from the spectra of {seen.n_channels} channels, which as other kinds would give {others}"
+    recorder = Filter(kind=seen.kind, edge_hz=seen.edge_hz, rate_hz=log.rate_hz, source=source, uncertain=True)
+    return replace(log, filters=(recorder,))
 
 
 def recorder_filters(
@@ -56,6 +77,8 @@ def recorder_filters(
     recorders = [one for one in known if one.stage == "recorder"]
     if kind != "auto":
         recorders = [replace(one, kind=kind) for one in recorders]
+    if log.filters is None:
+        return (), UNKNOWN
     return (*recorders, *later), " ".join(map(_sentence, recorders))
 
 

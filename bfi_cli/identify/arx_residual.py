@@ -17,9 +17,10 @@ from ..kernels.model_selection import ScoredFit
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..kernels.whiteness import exceedances
+from ..preprocessing.magnitudes import magnitudes_of_fit
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
-from .magnitudes import MethodResult, magnitudes_of_fit
+from .magnitudes import MethodResult
 from .maximum_likelihood import select
 from .result import SolverSummary
 

@@ -25,9 +25,10 @@ from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, Reset, StateSpace, doubl
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows
+from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
-from .magnitudes import MagnitudeEstimates, MethodResult
+from .magnitudes import MethodResult
 from .result import SolverSummary
 
 __all__ = ["DmaeResult", "DmaeSettings", "Reference", "dmae", "identify_by_dmae"]

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ..config import STRONG_EVIDENCE, Config
 from ..errors import LogError
 from ..kernels.covariance import FitRows, unfold
-from ..kernels.lagged import restrict
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     OrderSearch,
@@ -30,12 +29,13 @@ from ..kernels.model_selection import (
 )
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.termination import Termination
-from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
+from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows
+from ..preprocessing.magnitudes import MagnitudeEstimates, at_half_rate, estimate_magnitudes
 from ..preprocessing.overdispersion import overdispersion
-from ..preprocessing.regression import RegressionData, build_regression, decimate_signals
+from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
-from .magnitudes import MagnitudeEstimates, MethodResult, averaged_magnitudes, with_rate_spread
+from .magnitudes import MethodResult
 from .result import SolverSummary
 from .supports import propose_supports
 
@@ -82,7 +82,7 @@ def identify_by_likelihood(
     ------
     LogError : a threshold is asked for, and the window is too short to estimate all magnitudes at once.
     """
-    coarse = _at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
+    coarse = at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
     names = [window.names[j] for j in window.live]
     rules = config.selection
     selection = select(
@@ -96,7 +96,8 @@ def identify_by_likelihood(
         selection = _by_threshold(regression, selection, 0.0 if given else rules.threshold or 0.0)
     elsewhere = partial(progress, "the same shapes elsewhere")
     dispersion = overdispersion(window, regression, selection.best.fit, elsewhere)
-    estimates = _estimates(regression, selection, coarse, dispersion, partial(progress, "magnitudes"))
+    penalty, sizing = selection.penalty, partial(progress, "magnitudes")
+    estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
     notes, declined = list[str](), dict[int, str]()
     while rules.threshold is None and not given:
         failed = _failed_test(regression, selection, estimates, dispersion)
@@ -107,7 +108,7 @@ def identify_by_likelihood(
         declined[atom] = reason
         selection = _without(regression, selection, atom)
         sizing = partial(progress, f"magnitudes, {len(notes)} declined")
-        estimates = _estimates(regression, selection, coarse, dispersion, sizing)
+        estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
     several, fit = len(selection.searches) > 1, selection.best.fit
     plain = [search.of(()) for search in selection.searches]
     lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
@@ -139,19 +140,6 @@ def _needed(penalty: Penalty, dispersion: FloatArray) -> FloatArray:
     """Return (n_live,) the statistic over all rows from which on an atom passes criterion and overdispersion test."""
     charge = penalty.per_parameter + penalty.per_atom
     return charge * dispersion * penalty.n_rows / penalty.n_effective
-
-
-def _at_half_rate(
-    window: PreparedWindow, regression: RegressionData, config: Config, report: Report
-) -> RegressionData | None:
-    """Return the regression at half the rate; None where the record is exact, so nothing is to be learnt, or short."""
-    if window.exact and window.rate.factor == 1:
-        return None
-    try:
-        signals = decimate_signals(window.native, 2 * window.rate.factor, window.lowpass)
-        return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
-    except LogError:
-        return None
 
 
 def select(
@@ -241,30 +229,6 @@ def _refit(regression: RegressionData, search: OrderSearch, fit: Fit, penalty: P
         return known
     fitted = fit_magnitudes(regression.problem(search.order), fit.atoms, fit.z)
     return ScoredFit(criterion=penalty.criterion(fitted), fit=fitted)
-
-
-def _estimates(
-    regression: RegressionData,
-    selection: Selection,
-    coarse: RegressionData | None,
-    dispersion: FloatArray,
-    report: Report,
-) -> MagnitudeEstimates:
-    """Return the magnitudes of a selection, averaged over orders, with the spread to half the rate."""
-    here, fitting, there = shares(report, 1, 1, 1)
-    estimates = averaged_magnitudes(regression, selection.fits, selection.penalty, dispersion, here)
-    if coarse is None:
-        return estimates
-    active = list(selection.best.fit.atoms)
-    penalty = replace(selection.penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
-    start = estimates.value[active] / coarse.magnitude_unit[active]
-    scored = []
-    for order, _ in parts(fitting, coarse.orders):
-        alone = project_inputs(restrict(coarse.data, order=order, atoms=active), order, floor=coarse.floor)
-        fit = replace(fit_magnitudes(alone, range(len(active)), start), atoms=tuple(active))
-        scored.append(ScoredFit(criterion=penalty.criterion(fit), fit=fit))
-    other = averaged_magnitudes(coarse, scored, penalty, dispersion, there)
-    return with_rate_spread(estimates, other, active, selection.penalty)
 
 
 def _failed_test(

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..kernels.whiteness import exceedances
+from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.window import PreparedWindow
 from ..shapes import SHAPES
-from .magnitudes import MagnitudeEstimates, MethodResult
+from .magnitudes import MethodResult
 from .result import OutputSeries, ResidualSummary
 
 __all__ = ["BLIND_NOTE", "hidden_atoms", "warnings_of"]

@@ -114,6 +114,20 @@ def without_signal(problem: ProjectedRegression, atom: int, z: float) -> Project
     return replace(problem, y=y)
 
 
+def with_unit_root(problem: ProjectedRegression) -> ProjectedRegression:
+    """Return the regression of the same rows whose predictor holds a root at 1: that of the differenced outputs.
+
+    With ``K_1 + ... + K_s = I`` the predictor acts on ``yf(k) - yf(k-1)`` and its s - 1 lags, and so do the signals.
+    What it predicts drifts away from any level, so that a slow fault is told by its start alone.
+
+    Parameters
+    ----------
+    problem : of order 2 or more.
+    """
+    theta, y = (x[:, :-1] - x[:, 1:] for x in (problem.theta, problem.y))
+    return replace(problem, theta=theta, y=y)
+
+
 def fit_magnitudes(
     problem: ProjectedRegression,
     atoms: Sequence[int],
@@ -185,6 +199,35 @@ def linear_additions(problem: ProjectedRegression, fit: Fit, atoms: Sequence[int
     gain : (len(atoms),) by how much n_rows times log det falls, to first order; 0 for an atom that is not seen.
     magnitude : (len(atoms),) of the addition.
     """
+    magnitude, power = _additions(problem, fit, atoms)
+    share = np.minimum(magnitude**2 * power / problem.n_rows, 1.0 - ROUND_OFF_GAIN)
+    return -problem.n_rows * np.log1p(-share), magnitude
+
+
+def single_magnitudes(problem: ProjectedRegression, fit: Fit, n_atoms: int) -> tuple[FloatArray, FloatArray]:
+    """Return magnitudes and variances of all atoms: those of a fit, and of another if it alone joined the support.
+
+    Parameters
+    ----------
+    problem, fit : of one order.
+
+    Returns
+    -------
+    magnitude, variance : (n_atoms,), NaN where an atom is not seen.
+    """
+    magnitude, power = _additions(problem, fit, range(n_atoms))
+    seen, active = power > 0.0, list(fit.atoms)
+    magnitude, variance = np.where(seen, magnitude, np.nan), 1.0 / np.where(seen, power, np.nan)
+    scale = np.sqrt(np.diag(fit.information))
+    scale[scale == 0.0] = 1.0
+    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=RANK_TOLERANCE, hermitian=True)
+    magnitude[active], variance[active] = fit.z, np.diag(inverse) / scale**2
+    free = problem.n_predictor + len(active)
+    return magnitude, variance * problem.n_rows / max(problem.n_rows - free / problem.n_outputs, 1.0)
+
+
+def _additions(problem: ProjectedRegression, fit: Fit, atoms: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Return magnitude and power, the inverse of its variance, of each atom added alone to a fit; 0 where not seen."""
     support, together = _Support(problem, fit.atoms, compress=False), sorted({*fit.atoms, *atoms})
     at = support.predict(fit.z)
     own, e = support.linearise(at)
@@ -195,8 +238,7 @@ def linear_additions(problem: ProjectedRegression, fit: Fit, atoms: Sequence[int
     power = np.einsum("ij,ij->j", others, others)
     seen = power > RANK_TOLERANCE * raw
     magnitude = np.where(seen, others.T @ (e - Q @ (Q.T @ e)), 0.0) / np.where(seen, power, 1.0)
-    share = np.minimum(magnitude**2 * power / problem.n_rows, 1.0 - ROUND_OFF_GAIN)
-    return -problem.n_rows * np.log1p(-share), magnitude
+    return magnitude, np.where(seen, power, 0.0)
 
 
 def relaxed_bound(problem: ProjectedRegression, base: Fit | None, extra: int) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from ..calibration import (
     FEWEST_WINDOWS,
+    TOLERANCES,
     CalibrationSettings,
     CalibrationTable,
     Null,
@@ -23,9 +25,10 @@ from ..calibration import (
 from ..config import Config, merge
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
+from ..flightlog.airborne import airborne_stretches
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
-from ..kernels.progress import Report, parts, silent
+from ..kernels.progress import Progress, Report, parts, silent, unseen
 from .result import CalibrationUse
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
@@ -39,8 +42,19 @@ TRIALS = 2 * FEWEST_WINDOWS
 STABLE = 0.999
 # Length of the windows of a calibration where none is given: that of the shipped tables.
 LENGTH_S = 120.0
-# Windows that a sample of the log's earlier part belongs to: they give more statistics than windows apart.
-OVERLAPPING = 4
+# Windows of the log itself that a sample of it belongs to: they give more statistics than windows apart. Those that
+# share more than half of their samples say little new, but where `self` is asked for a short past must do.
+OVERLAPPING = {"auto": 2, "self": 4}
+# Nine of them lie in the tail; more take time and say little more.
+MOST_WINDOWS = 60
+# Where windows of the analysed length are too few, these parts of it are tried. Shorter windows do not show much less:
+# on a flight of 262 s the largest statistic of windows of 20 s was 30, of 60 s 19.
+SHORTER = tuple(float(share) for share in np.arange(0.95, 0.24, -0.05))
+# Shorter ones are not enough for a model of order 8 with one input, which takes half of them.
+FEWEST_SAMPLES = 60
+# Thresholds of a table that was made otherwise count so many times: a margin set in trials on recorded flights, no
+# bound (docs/theory.md, 10.4).
+RAISED = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,6 +82,7 @@ class Rule:
     Attributes
     ----------
     use : where the distribution comes from; notes : what limits it.
+    raised : factor on the thresholds of a table that was made for other settings.
     """
 
     null: Null
@@ -75,78 +90,161 @@ class Rule:
     shapes: tuple[str, ...]
     false_alarm: float
     notes: tuple[str, ...]
+    raised: float = 1.0
 
     def verdict(self, scan: HypothesisScan) -> Verdict:
         """Decide at the wanted rate of false alarms."""
         peaks = {shape: scan.of(shape) for shape in self.shapes}
         standardised = {shape: self.null.standardised(shape, peak.statistic) for shape, peak in peaks.items()}
         top = max(standardised, key=lambda shape: standardised[shape])
-        p_value = self.null.p_value(standardised[top])
+        rare = self.null.tail(standardised[top]) < self.false_alarm
         beyond = [peak for shape, peak in peaks.items() if peak.statistic > self.threshold(shape)]
         return Verdict(
             shape=top,
             statistic=peaks[top].statistic,
             threshold=self.threshold(top),
-            p_value=p_value,
-            significant=tuple(sorted(beyond, key=bic_change)) if p_value < self.false_alarm else (),
+            p_value=self.null.p_value(standardised[top]),
+            significant=tuple(sorted(beyond, key=bic_change)) if rare else (),
         )
 
     def threshold(self, shape: str) -> float:
         """Return the statistic of a shape above which it is a fault."""
-        return self.null.threshold(shape, self.false_alarm)
+        return self.raised * self.null.threshold(shape, self.false_alarm)
 
 
-def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, report: Report = silent) -> Rule:
-    """Return the rule the configuration asks for.
+def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, progress: Progress = unseen) -> Rule:
+    """Return the rule the configuration asks for; by default the first of these that there is.
+
+    1. A shipped table that fits.
+    2. `FEWEST_WINDOWS` windows of the log itself, see `own_windows`.
+    3. As many shorter windows of the log itself, or else the nearest shipped table: raised thresholds, no p-value.
 
     Parameters
     ----------
-    log : the whole log, of which `self` calibrates on the part before the window.
+    log : the whole log.
     record : the window.
     order : of the model that `gaussian` simulates.
-    report : called with the fraction that is done.
+    progress : called with the name of the stage and the fraction of it that is done.
 
     Raises
     ------
     ConfigError : the table cannot be read, or no table has these shapes.
-    LogError : the log has too little before the window.
+    LogError : the log has too few windows for `self`.
     """
-    source, notes = config.start_time.calibration or "shipped", []
-    table: CalibrationTable | None = None
-    match source:
+    asked, settings = config.start_time.calibration or "auto", record.settings
+    match asked:
         case "gaussian":
-            table = gaussian_table(record, order, seed=config.seed, report=report)
-            notes.append(
+            table = gaussian_table(record, order, seed=config.seed, report=partial(progress, "simulated records"))
+            note = (
                 "the threshold assumes white Gaussian errors, which real flights do not have: false alarms are more "
                 "frequent than stated"
             )
+            return _rule(table, "gaussian", config, note)
         case "self":
             windows = earlier_windows(log, config)
-            table = table_of_windows([(log, window) for window in windows], config, report)
-            notes.append(
-                f"calibrated on {table.n_windows} overlapping windows before the analysed one, taken to be fault-free"
-            )
-        case "shipped" if config.start_time.calibration is None:
+            table = table_of_windows([(log, window) for window in windows], config, _of_windows(progress, windows))
+            return _rule(table, "self", config, _note_on_own(table, windows, "before the analysed one"))
+        case "auto":
             with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
-                table = nearest(load_tables(path), record.settings)
+                shipped = load_tables(path)
+            fitting = [one for one in shipped if not differences(one, settings)]
+            if fitting:
+                note = f"calibrated on {fitting[0].n_windows} windows of flights recorded and analysed alike"
+                return _rule(fitting[0], "shipped", config, note)
+            own, why = own_table(log, record, config, progress)
+            if own is None:
+                return _nearest_rule(shipped, "shipped", record, config, why)
+            return _nearest_rule([own], "self", record, config, why)
         case path:
-            table = nearest(load_tables(path), record.settings)
+            return _nearest_rule(load_tables(path), path, record, config)
+
+
+def _rule(
+    table: CalibrationTable, source: str, config: Config, *notes: str, matches: bool = True, raised: float = 1.0
+) -> Rule:
+    shapes = config.start_time.shapes
+    length_s = table.settings.duration_s
+    return Rule(
+        null=null_of(table, shapes),
+        use=CalibrationUse(source=source, matches=matches, n_windows=table.n_windows, length_s=length_s),
+        shapes=shapes,
+        false_alarm=config.start_time.false_alarm,
+        raised=raised,
+        notes=notes,
+    )
+
+
+def _nearest_rule(
+    tables: Sequence[CalibrationTable], source: str, record: ScanRecord, config: Config, why: str = ""
+) -> Rule:
+    """Return the rule of the nearest table; where it does not fit, with raised thresholds and a note that says so."""
+    table = nearest(tables, record.settings)
     if table is None:
         raise ConfigError(
             f"--calibration: no {source} table has all of {', '.join(record.settings.shapes)}; "
             "make one with bfi calibrate, or give --calibration gaussian"
         )
     differ = differences(table, record.settings)
-    if differ:
-        where = f"no calibration fits the settings; the nearest ({table.n_windows} windows) has {', '.join(differ)}"
-        notes.append(f"{where}: no p-value is given, and the rate of false alarms is not known")
-    return Rule(
-        null=null_of(table, record.settings.shapes),
-        use=CalibrationUse(source=source, matches=not differ, n_windows=table.n_windows),
-        shapes=record.settings.shapes,
-        false_alarm=config.start_time.false_alarm,
-        notes=tuple(notes),
+    if not differ:
+        return _rule(table, source, config, *filter(None, [why]))
+    note = (
+        f"no calibration fits the settings{f', and {why}' if why else ''}; the nearest ({table.n_windows} windows) has "
+        f"{', '.join(differ)}: its thresholds are raised by {RAISED - 1.0:.0%}, no p-value is given, and the rate of "
+        "false alarms is not known"
     )
+    return _rule(table, source, config, note, matches=False, raised=RAISED)
+
+
+def own_table(
+    log: FlightLog, record: ScanRecord, config: Config, progress: Progress = unseen
+) -> tuple[CalibrationTable | None, str]:
+    """Return the table of windows of the log itself, and a note on them; None and the reason where they are too few.
+
+    Where those of the analysed length are too few, they are the longest shorter ones that are enough.
+
+    Parameters
+    ----------
+    log : the whole log.
+    record : the analysed window; the others are analysed at its rate.
+    config : of the analysis.
+    """
+    from_s, to_s = _analysed(log, config)
+    length_s, why = to_s - from_s, ""
+    windows = own_windows(log, config, length_s)
+    if len(windows) < FEWEST_WINDOWS:
+        airborne = "" if airborne_stretches(log) else ", in which no airspeed shows when it flies,"
+        number = len(windows) or "no"
+        why = f"the log{airborne} has {number} more windows of {length_s:.4g} s in flight, not {FEWEST_WINDOWS}"
+        lengths = (own_windows(log, config, length_s * share) for share in SHORTER)
+        windows = next((shorter for shorter in lengths if len(shorter) >= FEWEST_WINDOWS), [])
+        if not windows or (windows[0][1] - windows[0][0]) * record.settings.rate_hz < FEWEST_SAMPLES:
+            return None, why
+    rate_hz: float | str = config.conditioning.rate_hz
+    if rate_hz == "auto":
+        rate_hz = "none" if record.sampling.factor == 1 else record.settings.rate_hz
+    alike, pieces = merge(config, {"conditioning.rate_hz": rate_hz}), [(log, window) for window in windows]
+    try:
+        table = table_of_windows(pieces, alike, _of_windows(progress, windows), like=None if why else record.settings)
+    except LogError as problem:
+        return None, why or f"none of the log's {len(windows)} windows in flight can be analysed ({problem})"
+    if table.n_windows < FEWEST_WINDOWS:
+        few = f"only {table.n_windows} of the log's {len(windows)} windows in flight can be analysed alike"
+        return None, why or f"{few}, not {FEWEST_WINDOWS}"
+    where = "on both sides of the analysed one" if windows[-1][0] >= to_s else "before the analysed one"
+    return table, f"{why}; {own}" if (own := _note_on_own(table, windows, f"{where}, in flight")) and why else own
+
+
+def _note_on_own(table: CalibrationTable, windows: Windows, where: str) -> str:
+    length_s = windows[0][1] - windows[0][0]
+    unusable = f"; {table.n_unusable} more could not be analysed alike" if table.n_unusable else ""
+    return (
+        f"calibrated on {table.n_windows} overlapping windows of {length_s:.4g} s of the log itself, {where}, taken to "
+        f"be fault-free{unusable}"
+    )
+
+
+def _of_windows(progress: Progress, windows: Windows) -> Report:
+    return partial(progress, f"threshold from {len(windows)} windows of the log")
 
 
 def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report = silent) -> CalibrationTable:
@@ -202,24 +300,51 @@ def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float
     return _tiles(first, float(part.time_s[-1]) + 1.0 / part.rate_hz - first, length_s, step_s)
 
 
+def own_windows(log: FlightLog, config: Config, length_s: float) -> Windows:
+    """Return windows of a length in which the log flies, apart from the analysed one and half overlapping.
+
+    Those before it where they are enough: a fault in the window may last beyond it. Else those on both sides. Where
+    there are many, `MOST_WINDOWS` spread over them.
+    """
+    from_s, to_s = _analysed(log, config)
+    before, after = [], []
+    for start_s, stop_s in airborne_stretches(log, suspects=config.outputs):
+        before += _tiles(start_s, min(stop_s, from_s) - start_s, length_s, length_s / OVERLAPPING["auto"])
+        first_s = max(start_s, to_s)
+        after += _tiles(first_s, stop_s - first_s, length_s, length_s / OVERLAPPING["auto"])
+    windows = before if len(before) >= FEWEST_WINDOWS else before + after
+    spread = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
+    return [windows[i] for i in spread]
+
+
 def earlier_windows(log: FlightLog, config: Config) -> Windows:
-    """Return windows of the analysed length in the part of the log before the analysed window.
+    """Return overlapping windows of the analysed length that lie before the analysed window.
+
+    Where an airspeed shows when the log flies, only those in flight.
 
     Raises
     ------
     LogError : there are too few.
     """
-    part = log.window(config.window.from_s, config.window.to_s)
-    length_s, first = part.n_samples / part.rate_hz, float(log.time_s[0])
-    before = float(part.time_s[0]) - first
-    windows = _tiles(first, before, length_s, length_s / OVERLAPPING)
+    from_s, to_s = _analysed(log, config)
+    length_s, first_s = to_s - from_s, float(log.time_s[0])
+    stretches = airborne_stretches(log, suspects=config.outputs) or [(first_s, from_s)]
+    windows = []
+    for start_s, stop_s in stretches:
+        windows += _tiles(start_s, min(stop_s, from_s) - start_s, length_s, length_s / OVERLAPPING["self"])
     if len(windows) < FEWEST_WINDOWS:
-        needed = (1.0 + (FEWEST_WINDOWS - 1) / OVERLAPPING) * length_s
+        needed_s = (1.0 + (FEWEST_WINDOWS - 1) / OVERLAPPING["self"]) * length_s
+        in_flight_s = sum(max(0.0, min(stop_s, from_s) - start_s) for start_s, stop_s in stretches)
         raise LogError(
-            f"{log.path}: --calibration self needs {needed:.4g} s before the window, got {before:.4g} s; "
-            "choose a later --from or a shorter window, or give a table of bfi calibrate"
+            f"{log.path}: --calibration self needs {needed_s:.4g} s in flight before the window, got "
+            f"{in_flight_s:.4g} s; choose a later --from or a shorter window, or give a table of bfi calibrate"
         )
     return windows
+
+
+def _analysed(log: FlightLog, config: Config) -> tuple[float, float]:
+    part = log.window(config.window.from_s, config.window.to_s)
+    return float(part.time_s[0]), float(part.time_s[-1]) + 1.0 / part.rate_hz
 
 
 def _tiles(first: float, duration_s: float, length_s: float, step_s: float) -> Windows:
@@ -228,7 +353,11 @@ def _tiles(first: float, duration_s: float, length_s: float, step_s: float) -> W
 
 
 def table_of_windows(
-    pieces: Sequence[tuple[FlightLog, tuple[float, float]]], config: Config, report: Report = silent
+    pieces: Sequence[tuple[FlightLog, tuple[float, float]]],
+    config: Config,
+    report: Report = silent,
+    *,
+    like: CalibrationSettings | None = None,
 ) -> CalibrationTable:
     """Return the table of windows of logs that hold no fault; those that cannot be analysed are counted.
 
@@ -236,12 +365,13 @@ def table_of_windows(
     ----------
     pieces : log, and start and end of the window on its axis.
     report : called with the fraction that is done.
+    like : settings that every window must have; None for those of the first.
 
     Raises
     ------
     LogError : no window can be analysed; the reason is that of the last.
     """
-    settings: CalibrationSettings | None = None
+    settings = like
     scans: list[HypothesisScan] = []
     names: dict[str, None] = {}
     n_unusable = 0
@@ -249,7 +379,7 @@ def table_of_windows(
     for (log, (from_s, to_s)), own in parts(report, pieces):
         try:
             record = prepare_record(log, merge(config, {"window": {"from_s": from_s, "to_s": to_s}}))
-            if settings is not None and record.settings.orders != settings.orders:
+            if settings is not None and _unlike(record.settings, settings):
                 raise LogError(f"{log.path}: the window from {from_s:g} s is shorter than the others")
             with threadpool_limits(1):
                 scans.append(scan_hypotheses(record, record.y, report=own))
@@ -258,9 +388,14 @@ def table_of_windows(
             continue
         settings = settings or record.settings
         names[Path(log.path).name] = None
-    if settings is None:
+    if settings is None or not scans:
         raise problem or LogError("calibration: no window; give a longer log or shorter windows")
     return _table(settings, scans, tuple(names), n_unusable)
+
+
+def _unlike(settings: CalibrationSettings, others: CalibrationSettings) -> bool:
+    rates_differ = abs(settings.rate_hz / others.rate_hz - 1.0) > TOLERANCES["rate_hz"]
+    return settings.orders != others.orders or rates_differ
 
 
 def _table(

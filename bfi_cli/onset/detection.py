@@ -23,6 +23,7 @@ from ..verdicts import decide, summarise, verdicts_of
 from .claims import OLDER_NOTE, claims_of, covered
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
+from .magnitudes import measure
 from .result import OnsetFault, OnsetResult, assemble_result
 from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
@@ -52,7 +53,8 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, b
        the fault at the log's own samples, re-estimate those before it, subtract all of them and scan again.
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
-    5. Turn the thresholds into magnitudes at every onset: what could not have been seen decides between "no fault"
+    5. Estimate the magnitudes of those that remain at the rate of an estimate.
+    6. Turn the thresholds into magnitudes at every onset: what could not have been seen decides between "no fault"
        and "inconclusive".
 
     Parameters
@@ -77,7 +79,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, b
             return find_onset_as_published(log, config, progress)
         record = prepare_record(log, config, partial(progress, "the window"))
         first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
-        rule = rule_for(log, record, config, order=first.order, report=partial(progress, "threshold"))
+        rule = rule_for(log, record, config, order=first.order, progress=progress)
         if briefly:
             verdicts, estimates, order = _at_a_glance(record, first, rule)
         else:
@@ -86,6 +88,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, b
             if estimates:
                 estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
             eliminate(record, verdicts, estimates, order, rule, progress)
+            estimates = measure(log, record, estimates, config, partial(progress, "magnitudes"))
         tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
         limits = partial(progress, "what could not have been seen")
         candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
@@ -141,6 +144,7 @@ def _at_a_glance(record: ScanRecord, first: HypothesisScan, rule: Rule) -> tuple
         sd=float(peak.profile.sd[best]),
         signal=z * signal(peak.form, record.sampling, (peak.onset, 0), end),
         statistic=peak.statistic,
+        onset_spread=0.0,
     )
     return [verdict], [estimate], first.order
 

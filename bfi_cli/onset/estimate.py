@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..filters import alternatives, response_of
 from ..kernels import FloatArray
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.scan import Scan, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
 from .oscillation import estimate_oscillation, oscillation_search
-from .scan import Peak, scan_of
+from .scan import Peak, lasting_peak, scan_of
 from .scan_record import DECIMALS, Likelihood, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, waveform
 
@@ -46,7 +47,8 @@ class Estimate:
     form : the hypothesis, with its frequency or time constant.
     onset_s, onset_ci95 : on the log's axis; NaN where there is no interval.
     offset_s : time at which the fault ends, None where it lasts.
-    z, sd : magnitude and its standard deviation, which includes the spread of the magnitude over the likely onsets.
+    z, sd : magnitude and its standard deviation, which includes `onset_spread`, that of the magnitude over the likely
+        onsets.
     signal : (n_samples,) what the fault adds to its output, conditioned and scaled.
     statistic : of its shape at this onset.
     frequency_is_known : False for an oscillation whose frequency the record hardly tells, so that other slow shapes
@@ -59,6 +61,7 @@ class Estimate:
     offset_s: float | None
     z: float
     sd: float
+    onset_spread: float
     signal: FloatArray
     statistic: float
     frequency_is_known: bool = True
@@ -109,6 +112,7 @@ def estimate(
     report : called with the fraction that is done.
     """
     step, form, drop = steps(report, STEPS), peak.form, DROP * dispersion
+    record, peak, sd_of_recorder = with_likeliest_recorder(record, y, peak, order=order, dispersion=dispersion)
     if form.shape == "sine":
         search = oscillation_search(Likelihood(record=record, y=y, order=order, step=step), peak)
         jump = None if jump_s is None else record.native(jump_s)
@@ -152,12 +156,14 @@ def estimate(
     report(1.0)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
     inside = np.flatnonzero(missing <= drop)
-    # The spread of the magnitude includes its change with the onset; it is NaN where the best onset has none.
-    sd, seen = float("nan"), np.isfinite(fine.sd)
+    # The spread of the magnitude is its change over the likely onsets; it is not known where the best onset has no sd.
+    sd = spread = float("nan")
+    seen = np.isfinite(fine.sd)
     if seen[best]:
         weight = np.exp(-0.5 * missing / dispersion)[seen]
-        squares = dispersion * fine.sd[seen] ** 2 + (fine.z[seen] - fine.z[best]) ** 2
-        sd = float(np.sqrt(np.sum(weight * squares) / np.sum(weight)))
+        weight /= weight.sum()
+        spread = float(weight @ (fine.z[seen] - fine.z[best]) ** 2) + sd_of_recorder**2
+        sd = float(np.sqrt(dispersion * (weight @ fine.sd[seen] ** 2) + spread))
     # The interval ends at the first onsets, on either side, that the profile no longer admits.
     step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
     edges = np.concatenate([fine.onset_s[:1] - step_s, fine.onset_s, fine.onset_s[-1:] + step_s])
@@ -168,10 +174,49 @@ def estimate(
         offset_s=None if end is None else record.onset_s(*end),
         z=z,
         sd=sd,
+        onset_spread=float(np.sqrt(spread)),
         signal=z * signal(form, record.sampling, fine.places[best], end),
         statistic=float(fine.statistic[best]),
         frequency_is_known=frequency_is_known,
     )
+
+
+def with_likeliest_recorder(
+    record: ScanRecord, y: FloatArray, peak: Peak, *, order: int, dispersion: float
+) -> tuple[ScanRecord, Peak, float]:
+    """Return record and peak with the recorder that explains a fault best, where the log's recorder is uncertain.
+
+    Its third value is the spread of the magnitude over the recorders, each weighted by its likelihood; 0 for a recorder
+    that is known. A step shows the recorder's response; an oscillation does not, and a fault that ends is left alone.
+
+    Parameters
+    ----------
+    y : (n_samples, n_outputs) the outputs that were scanned.
+    order : of the model.
+    dispersion : of the statistic, see `estimate`.
+    """
+    chains = alternatives(record.window.filters)
+    if not chains or peak.end is not None or peak.form.shape == "sine":
+        return record, peak, 0.0
+    scan = scan_of(record, y, order, output=peak.form.output)
+    native_hz = record.sampling.rate_hz * record.sampling.factor
+    records = [record]
+    records += [
+        replace(record, sampling=replace(record.sampling, response=response_of(chain, native_hz))) for chain in chains
+    ]
+    found = []
+    for one in records:
+        nearby = np.arange(peak.onset - BESIDE, peak.onset + BESIDE + 1) - one.sampling.lead
+        nearby = nearby[(nearby >= scan.order) & (nearby < scan.n_samples - scan.order)]
+        profiles = [scan_shape(scan, waveform(peak.form, one.sampling, phase), nearby) for phase in _phases(one)]
+        best = max(profiles, key=lambda profile: float(profile.statistic.max()))
+        found.append((float(best.statistic.max()), float(best.z[best.best])))
+    statistic, z = np.array(found).T
+    likeliest = int(np.argmax(statistic))
+    weight = np.exp(0.5 * (statistic - statistic[likeliest]) / dispersion)
+    spread = float(np.sqrt(np.sum(weight * (z - z[likeliest]) ** 2) / np.sum(weight)))
+    chosen = records[likeliest]
+    return chosen, lasting_peak(chosen, scan, peak.form) if likeliest else peak, spread
 
 
 def _phases(record: ScanRecord) -> range:

@@ -191,7 +191,8 @@ def _facts(document: Plain) -> list[tuple[str, str]]:
     ]
     if use is not None:
         fits = "made for these settings" if use["matches"] else "made for other settings"
-        rows.append(("Calibration", f"{use['source']}, {use['n_windows']} windows, {fits}"))
+        windows = f"{use['n_windows']} windows of {number(use['length_s'])} s"
+        rows.append(("Calibration", f"{use['source']}, {windows}, {fits}"))
         rows.append(("p-value", number(document["p_value"], digits=2)))
     for series in document["series"]["outputs"]:
         alarms = series["plain_alarms_s"]

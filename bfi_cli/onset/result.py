@@ -29,14 +29,16 @@ class CalibrationUse:
 
     Attributes
     ----------
-    source : "shipped", "self", "gaussian", or the path of a table.
+    source : "shipped", "self" (windows of the log itself), "gaussian", or the path of a table.
     matches : whether the table was made for the settings in use.
     n_windows : number of fault-free windows, or of simulated records, behind it.
+    length_s : of each, after conditioning.
     """
 
     source: str
     matches: bool
     n_windows: int
+    length_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -107,6 +107,7 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         offset_s=None,
         z=z_best,
         sd=float("nan"),
+        onset_spread=float("nan"),
         signal=z_best * signal(peak.form, record.sampling, (sample, 0)),
         statistic=float(peak.profile.statistic[best]),
     )

@@ -226,6 +226,13 @@ def _standardised(x: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArr
     return (x - center) / unit, center, unit
 
 
+def longest_order(n_samples: int, *, n_inputs: int, n_outputs: int) -> int:
+    """Return the highest order that a window of so many samples has rows for, 0 for none."""
+    # order + ROWS_PER_REGRESSOR (1 + n_inputs (order + 1) + n_outputs order) samples at least.
+    left = n_samples - ROWS_PER_REGRESSOR * (1 + n_inputs)
+    return max(0, int(left // (1 + ROWS_PER_REGRESSOR * (n_inputs + n_outputs))))
+
+
 def feasible_orders(
     path: str, n_samples: int, wanted: Sequence[int], *, n_inputs: int, n_outputs: int
 ) -> tuple[int, ...]:
@@ -235,14 +242,9 @@ def feasible_orders(
     ------
     LogError : it has rows for none; `path` of the log is for the message.
     """
-
-    def fits(order: int) -> bool:
-        regressors = 1 + n_inputs * (order + 1) + n_outputs * order
-        return n_samples - order >= ROWS_PER_REGRESSOR * regressors
-
-    orders = tuple(order for order in sorted(wanted) if fits(order))
+    longest = longest_order(n_samples, n_inputs=n_inputs, n_outputs=n_outputs)
+    orders = tuple(order for order in sorted(wanted) if order <= longest)
     if not orders:
-        longest = max((order for order in range(1, n_samples) if fits(order)), default=0)
         advice = f"give --order {longest} or less" if longest else "choose a longer window"
         raise LogError(
             f"{path}: order {min(wanted)} needs more than the {n_samples} samples of the window; "

@@ -100,14 +100,20 @@ def choose_rate(
     return RateChoice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
 
 
-def candidate_orders(config: Config, rate_hz: float, recorder_hz: float | None) -> tuple[int, ...]:
-    """Return the orders to choose from: as configured, and one alone behind a recorder's low-pass by default."""
+def candidate_orders(
+    config: Config, rate_hz: float, recorder_hz: float | None, longest: float = np.inf
+) -> tuple[int, ...]:
+    """Return the orders to choose from: as configured, and one alone behind a recorder's low-pass by default.
+
+    A window that is too short for that one, with rows up to order `longest`, chooses among all.
+    """
     if isinstance(config.model.order, int):
         return (config.model.order,)
     orders = config.model.orders
     if recorder_hz is None or "orders" in config.model.model_fields_set:
         return orders
-    return (min(orders, key=lambda order: abs(order - MEMORY_S * rate_hz)),)
+    fixed = min(orders, key=lambda order: abs(order - MEMORY_S * rate_hz))
+    return (fixed,) if fixed <= longest else orders
 
 
 def _fastest(faults: Iterable[Fault]) -> float:

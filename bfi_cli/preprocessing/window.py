@@ -12,14 +12,14 @@ from ..config import Config, merge
 from ..dictionary import Dictionary, dead_reason, signals
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
-from ..filters import response_of
+from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.quality import hold_of, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
-from .regression import RegressionData, Signals, build_regression, decimate_signals
+from .regression import RegressionData, Signals, build_regression, decimate_signals, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
@@ -49,7 +49,7 @@ class PreparedWindow:
     faults : every dictionary entry, times on the log's axis; names : their names.
     reasons : why an entry is left out, by index; live : the indices of the others.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
-    response : at the rate of `native`, of the filters that the log went through, the recorder's first.
+    filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
     recorder : a sentence on it; recorder_hz : its edge, None where there is none or none is known.
     window_start_s : what `phase_reference: window` counts from.
     native_rate_hz : of the log as it was read.
@@ -66,6 +66,7 @@ class PreparedWindow:
     native: Signals
     signals: Signals
     rate: RateChoice
+    filters: tuple[Filter, ...]
     response: Response
     recorder: str
     recorder_hz: float | None
@@ -125,7 +126,8 @@ def prepare_window(
         part, theta = resample_with(log, dictionary_signals(log.time_s), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         added = (part.filters or ())[len(log.filters or ()) :]
-        response = response_of((*filters, *added), part.rate_hz)
+        filters = (*filters, *added)
+        response = response_of(filters, part.rate_hz)
     else:
         theta = dictionary_signals(part.time_s)
     _require_movement(part, config)
@@ -144,6 +146,7 @@ def prepare_window(
     if not live:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
+    longest = longest_order(len(decimated.time_s), n_inputs=len(config.inputs), n_outputs=len(config.outputs))
     return PreparedWindow(
         log=part,
         faults=faults,
@@ -153,6 +156,7 @@ def prepare_window(
         native=native,
         signals=decimated,
         rate=rate,
+        filters=filters,
         response=response,
         recorder=about_recorder,
         recorder_hz=recorder_hz,
@@ -161,7 +165,7 @@ def prepare_window(
         native_rate_hz=native_rate_hz,
         outputs=config.outputs,
         exact=exact,
-        orders=candidate_orders(config, decimated.rate_hz, recorder_hz),
+        orders=candidate_orders(config, decimated.rate_hz, recorder_hz, longest),
     )
 
 

@@ -92,14 +92,16 @@ def test_json_on_a_terminal(bfi: Callable, line: tuple[object, ...], monkeypatch
         (LOG, [], 0),
         (LOG, ["--fail-on", "fault"], 10),
         (CLEAN, ["--fail-on", "fault"], 0),
-        (CLEAN, ["--strict"], 0),
+        (CLEAN, ["--strict"], 4),
+        (CLEAN, ["--strict", "--require", "abrupt"], 0),
         (LOG, ["--strict", "--fail-on", "fault"], 10),
     ],
 )
 def test_exit_codes_of_an_answer(bfi: Callable, log: Path, options: list[str], code: int):
     outcome = bfi("identify", log, "-d", FAULTS, *options, "--json")
     assert (outcome.code, outcome.stderr) == (code, "")
-    assert json.loads(outcome.stdout)["decision"] == ("fault" if log == LOG else "no_fault")
+    quiet = "no_fault" if "--require" in options else "inconclusive"
+    assert json.loads(outcome.stdout)["decision"] == ("fault" if log == LOG else quiet)
 
 
 @pytest.fixture

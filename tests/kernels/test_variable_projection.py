@@ -8,9 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_varx import dictionary, explicit_error, made, wave
 
-from bfi_cli.kernels.lagged import compress
+from bfi_cli.kernels.covariance import Layout, single_additions, unfold
+from bfi_cli.kernels.lagged import compress, lagged
 from bfi_cli.kernels.termination import Termination
-from bfi_cli.kernels.variable_projection import Fit, fit_magnitudes, linear_additions, project_inputs, relaxed_bound
+from bfi_cli.kernels.variable_projection import (
+    Fit,
+    fit_magnitudes,
+    linear_additions,
+    project_inputs,
+    relaxed_bound,
+    single_magnitudes,
+    with_unit_root,
+)
 
 ORDER = 2
 TINY = 1e-12
@@ -295,3 +304,70 @@ def test_what_an_addition_promises_is_what_it_brings_near_the_fit(n_y, atoms):
         fit = fit_magnitudes(problem, support)
         assert gain == pytest.approx(problem.n_rows * (base.log_det - fit.log_det), rel=0.1, abs=0.05)
         assert magnitude == pytest.approx(fit.z[support.index(atom)], rel=0.1, abs=2e-3)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_root_at_1_is_a_regression_of_differences(n_y, order):
+    """Against least squares written out: y(k) - y(k-1) on the inputs and on s - 1 lagged differences."""
+    u, y, theta, _ = faulty(16, n_y=n_y, noise_sd=0.1)
+    held = with_unit_root(problem_of(u, y, theta, order=order))
+    z = np.array([1.0, -2.0, 0.5])
+    steps = np.diff(y - theta @ z, axis=0, prepend=0.0)
+    X = np.hstack(
+        [
+            np.ones((len(y) - order, 1)),
+            lagged(u, range(1, order + 1)),
+            lagged(steps, range(1, order), first=order),
+        ]
+    )
+    e = steps[order:] - X @ np.linalg.lstsq(X, steps[order:], rcond=None)[0]
+    expected = np.linalg.slogdet(e.T @ e / len(e))[1]
+    assert log_det_at(held, ATOMS, z) == pytest.approx(expected, abs=1e-9)
+    free = fit_magnitudes(problem_of(u, y, theta, order=order), ATOMS)
+    assert fit_magnitudes(held, ATOMS, free.z).log_det > free.log_det
+    assert fit_magnitudes(held, ATOMS).n_parameters == free.n_parameters - n_y**2
+
+
+def test_with_a_root_at_1_a_trend_of_the_whole_record_tells_nothing():
+    u, y, theta, _ = faulty(17, noise_sd=0.1)
+    trend = np.linspace(0.0, 30.0, len(y))[:, None]
+    one, other = (fit_magnitudes(with_unit_root(problem_of(u, x, theta)), ATOMS) for x in (y, y + trend))
+    assert other.log_det == pytest.approx(one.log_det, abs=1e-7)
+    np.testing.assert_allclose(other.z, one.z, atol=1e-4 / np.sqrt(np.diag(one.information)).min())
+
+
+def test_a_record_that_integrates_gives_its_faults_back_with_the_root_held():
+    u, _, theta, _ = faulty(18)
+    y = np.cumsum(0.3 * u, axis=0)
+    problem = problem_of(u, y + theta @ np.array([1.0, -2.0, 0.5]), theta, feedthrough=True)
+    fit = fit_magnitudes(with_unit_root(problem), ATOMS)
+    np.testing.assert_allclose(fit.z, [1.0, -2.0, 0.5], rtol=1e-6)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+@pytest.mark.parametrize("atoms", [(), (1,), ATOMS])
+def test_single_magnitudes_on_the_factor_are_those_on_the_rows(n_y, atoms):
+    u, y, theta, _ = faulty(19, n_y=n_y, noise_sd=0.1)
+    theta[:, :, 2] *= 0.01
+    problem = problem_of(u, y, theta)
+    fit = fit_magnitudes(problem, atoms)
+    layout = Layout(u=u, y=y, theta=theta, first=ORDER, feedthrough=False)
+    expected = single_additions(fit, unfold(layout, fit))
+    magnitude, variance = single_magnitudes(problem, fit, 3)
+    others = [atom for atom in ATOMS if atom not in atoms]
+    np.testing.assert_allclose(magnitude[others], expected.magnitude[others], rtol=1e-6)
+    np.testing.assert_allclose(variance[others], expected.variance[others], rtol=1e-6)
+    np.testing.assert_array_equal(magnitude[list(atoms)], fit.z)
+    rows, free = problem.n_rows, problem.n_predictor / n_y + len(atoms) / n_y
+    classical = np.diag(np.linalg.inv(fit.information)) * rows / (rows - free) if atoms else []
+    np.testing.assert_allclose(variance[list(atoms)], classical, rtol=1e-8)
+
+
+def test_the_single_magnitude_of_what_is_not_there_is_none():
+    u, y, theta, _ = faulty(20, noise_sd=0.1)
+    theta[:, :, 2] = 0.0
+    problem = problem_of(u, y, theta)
+    magnitude, variance = single_magnitudes(problem, fit_magnitudes(problem, (0,)), 3)
+    assert np.isnan([magnitude[2], variance[2]]).all()
+    assert np.isfinite([*magnitude[:2], *variance[:2]]).all()

@@ -94,6 +94,11 @@ def not_below(share: float, wanted: float, n: int) -> bool:
     return share >= wanted - 2.0 * float(np.sqrt(wanted * (1.0 - wanted) / n))
 
 
+def not_above(share: float, wanted: float, n: int) -> bool:
+    """Say whether a measured share is within two binomial standard deviations of what is wanted, or below."""
+    return not_below(1.0 - share, 1.0 - wanted, n)
+
+
 def worst_relative_error(outcome: Outcome) -> float:
     """Largest relative magnitude error of the atoms that are really active."""
     return max((abs(outcome.found[name][0] / z - 1.0) for name, z in outcome.trial.truth.items()), default=0.0)

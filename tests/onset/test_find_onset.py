@@ -15,6 +15,7 @@ from bfi_cli.onset import find_onset
 from bfi_cli.onset.scan import scan_hypotheses
 from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.onset.shapes import shape_hypotheses
+from bfi_cli.verdicts import KINDS, decide
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=0.25, onset_s=16.0)
@@ -66,7 +67,9 @@ def test_the_magnitude_of_a_large_fault_scales(flown, settings):
 
 def test_no_fault(flown, settings):
     result = find_onset(flown(), settings("auto"))
-    assert (result.decision, result.faults) == ("no_fault", ())
+    assert result.faults == ()
+    assert result.decision == decide(result.verdicts, KINDS) != "fault"
+    assert {one.shape for one in result.candidates} >= {"bias", "drift"}
     assert result.statistic < result.threshold
     assert result.p_value > result.false_alarm
 

@@ -88,6 +88,8 @@ def test_a_known_recorder_fixes_rate_and_order(purpose, rate_hz, order):
     assert candidate_orders(Config(), rate_hz, 0.75) == (order,)
     assert candidate_orders(merge(Config(), {"model.orders": [2, 4]}), rate_hz, 0.75) == (2, 4)
     assert candidate_orders(merge(Config(), {"model.order": 5}), rate_hz, 0.75) == (5,)
+    assert candidate_orders(Config(), rate_hz, 0.75, order) == (order,)
+    assert candidate_orders(Config(), rate_hz, 0.75, order - 1) == Config().model.orders
     assert candidate_orders(Config(), rate_hz, None) == Config().model.orders
 
 

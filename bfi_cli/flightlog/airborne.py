@@ -1,0 +1,75 @@
+"""When a log shows the aircraft in the air, from an airspeed alone: on the ground nothing else is as its model says."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .record import FlightLog
+
+__all__ = ["airborne_stretches"]
+
+# Airspeeds, the ones that bear the aircraft first: true airspeed and Mach number grow with altitude at the same lift.
+AIRSPEEDS = ("cas", "ias", "tas", "mach", "ground_speed")
+METRES_PER_SECOND = {"mach": 340.0}
+GRAVITY = 9.8  # m/s^2
+# A gust, or noise of a pitot tube at rest, is no flight: the median over this time counts.
+SMOOTHING_S = 5.0
+# What is slower than a quarter of the fastest sample is no flight either: an aircraft at a quarter of a speed has a
+# sixteenth of its lift. The fastest is a quantile, since a single sample may be wrong.
+FASTEST, MOVING = 0.99, 0.25
+# Of the median speed of what is left, down to which an aircraft is borne: lift-off and touch-down lie at half to two
+# thirds of the cruising speed, of a jet (55 of 95 m/s) as of a drone (6 of 10 m/s), slow flight at two thirds.
+BORNE = 0.6
+# Left out beside the ground, in units of the time V / g in which an aircraft can gain or lose the better part of its
+# speed: 20 s of a jet at 100 m/s, 2 s of a drone at 10 m/s. Rotation, gear, flaps and the flare lie there.
+MARGIN = 2.0
+# Below a walk nothing flies, whatever the quantiles of a log on the ground say, m/s.
+WALK = 3.0
+
+
+def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> list[tuple[float, float]]:
+    """Return (from_s, to_s) of the stretches in which the aircraft flies; empty where the log has no airspeed.
+
+    A stretch ends before a sample that is slow, or not a number. A log that begins or ends in flight has no margin
+    there.
+
+    Parameters
+    ----------
+    suspects : channels that may be faulty; another airspeed is taken where the log has one.
+    """
+    names = [name for name in AIRSPEEDS if name in log.channels]
+    if not names or log.n_samples < 2:
+        return []
+    name = next((one for one in names if one not in suspects), names[0])
+    values = log.channels[name].values * METRES_PER_SECOND.get(name, 1.0)
+    known = np.isfinite(values)
+    if not known.any():
+        return []
+    speed = np.abs(_running_median(np.where(known, values, 0.0), round(SMOOTHING_S * log.rate_hz)))
+    fastest = float(np.quantile(speed[known], FASTEST))
+    cruise = float(np.median(speed[known & (speed >= MOVING * fastest)]))
+    if not cruise > WALK:
+        return []
+    flies = known & (speed >= BORNE * cruise)
+    margin_s, stretches = MARGIN * cruise / GRAVITY, []
+    edges = np.flatnonzero(np.diff(flies.astype(np.int8), prepend=0, append=0))
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        from_s = float(log.time_s[first]) + (margin_s if first else 0.0)
+        to_s = float(log.time_s[end - 1]) + (1.0 / log.rate_hz if end == log.n_samples else -margin_s)
+        if from_s < to_s:
+            stretches.append((from_s, to_s))
+    return stretches
+
+
+def _running_median(values: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+    from scipy.ndimage import median_filter
+
+    # A long window is thinned: the median of 25 samples of five seconds says the same at any rate.
+    step = max(1, n // 25)
+    if step == 1:
+        return np.asarray(median_filter(values, max(1, n), mode="nearest"), dtype=np.float64)
+    coarse = median_filter(values[::step], 25, mode="nearest")
+    return np.asarray(np.repeat(coarse, step)[: len(values)], dtype=np.float64)

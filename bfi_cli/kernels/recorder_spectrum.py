@@ -1,0 +1,144 @@
+"""A recorder's low-pass from the spectra of all channels, where no jumps of one quantum show it.
+
+The spectrum of an aircraft's motion falls about as a power of the frequency; behind a low-pass it falls off a cliff, in
+every channel at the same frequency. A spectrum says nothing of the phase, and the edge that it gives depends on the
+kind of filter that is assumed: it is right to some 20 % with the right kind and wrong by up to 100 % with another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import FloatArray
+from .low_pass import RECORDERS, Kind, low_pass
+
+# Samples of a segment at most, and segments at least; the spectra are averaged over segments that overlap by half.
+SEGMENT, FEWEST_SEGMENTS = 512, 8
+# From so many cycles per segment, below which the window smears a steep spectrum, to a share of the sampling rate.
+LOWEST_CYCLES, HIGHEST = 8.0, 0.48
+PER_OCTAVE = 8
+# Only the band counts that stands this far, in natural logarithms of power, above the smallest value: below it there is
+# noise from behind the filter. Fewer bins than these do not tell a power law from a cliff.
+ABOVE_FLOOR, FEWEST_BINS = 3.5, 12
+# Edges that are tried, as a share of the sampling rate, 6 % apart.
+EDGES = np.geomspace(0.03, 0.44, 48)
+# Mean squared deviation from a power law, in natural logarithms, above which a channel shows a cliff. Recorded flights
+# behind a low-pass have 0.5 to 11, with a median of 6; a drone's without one has 0.3 at most.
+CLIFF = 1.0
+# Share of it that the filter leaves at most, in the mean over the channels with a cliff. Behind the Gaussian of the
+# flights at hand it leaves 0.1.
+EXPLAINED = 0.3
+# A single channel may have a low-pass of its own, a sensor's; a recorder has all of them.
+FEWEST_CHANNELS, COMMON = 3, 0.5
+# Larger values are no measurements, and their squares no numbers.
+LARGEST = 1e100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpectralEstimate:
+    """The low-pass that explains the spectra best.
+
+    Attributes
+    ----------
+    kind, edge_hz : of the likeliest.
+    others : the other kinds and their edges, the likeliest first.
+    n_channels : with a cliff.
+    """
+
+    kind: Kind
+    edge_hz: float
+    others: tuple[tuple[Kind, float], ...]
+    n_channels: int
+
+
+def recorder_from_spectra(channels: Iterable[FloatArray], rate_hz: float) -> SpectralEstimate | None:
+    """Return the low-pass common to the channels, None where their spectra show none.
+
+    Parameters
+    ----------
+    channels : each (n_samples,), at `rate_hz`.
+    """
+    left, n_usable = [], 0
+    for values in channels:
+        deviation = _deviations(values)
+        if deviation is None:
+            continue
+        n_usable += 1
+        without, behind = deviation
+        if without > CLIFF:
+            left.append(np.minimum(behind / without, 1.0))
+    if len(left) < max(FEWEST_CHANNELS, COMMON * n_usable):
+        return None
+    mean = np.mean(left, axis=0)  # (n_kinds, n_edges)
+    best = np.argsort(mean.min(axis=1))
+    edges = EDGES[mean.argmin(axis=1)] * rate_hz
+    if mean[best[0]].min() > EXPLAINED:
+        return None
+    return SpectralEstimate(
+        kind=RECORDERS[best[0]],
+        edge_hz=float(edges[best[0]]),
+        others=tuple((RECORDERS[i], float(edges[i])) for i in best[1:]),
+        n_channels=len(left),
+    )
+
+
+def _deviations(values: FloatArray) -> tuple[float, FloatArray] | None:
+    """Return the mean squared deviation from a power law without and behind every filter, (n_kinds, n_edges)."""
+    n = min(SEGMENT, 2 * (len(values) - 1) // (FEWEST_SEGMENTS + 1))
+    if n < 4 * LOWEST_CYCLES or not np.abs(values).max() < LARGEST or np.ptp(values) == 0.0:
+        return None
+    # Differences whiten a steep spectrum, so that less of it leaks to high frequencies.
+    steps = np.diff(values / np.ptp(values))
+    segments = np.lib.stride_tricks.sliding_window_view(steps, n)[:: n // 2]
+    centred = segments - segments.mean(axis=1, keepdims=True)
+    power = np.mean(np.abs(np.fft.rfft(centred * _taper(n), axis=1)) ** 2, axis=0)[1:]
+    frequency, members = _bins(n)
+    power = power / (2.0 * np.sin(np.pi * np.arange(1, len(power) + 1) / n)) ** 2
+    level = np.log(np.maximum([power[member].mean() for member in members], np.finfo(float).tiny))
+    high = level > level.min() + ABOVE_FLOOR
+    end = len(level) if high.all() else int(np.argmin(high))
+    if end < FEWEST_BINS:
+        return None
+    power_law, _ = np.linalg.qr(np.column_stack([np.ones(end), np.log(frequency[:end])]))
+
+    def deviation(y: FloatArray) -> FloatArray:
+        return np.asarray(np.mean((y - (y @ power_law) @ power_law.T) ** 2, axis=-1), dtype=np.float64)
+
+    return float(deviation(level[:end])), deviation(level[:end] - _gains(n)[:, :, :end])
+
+
+def _taper(n: int) -> FloatArray:
+    from scipy.signal.windows import blackmanharris
+
+    # Its side lobes lie 92 dB down, below the noise of any recorder.
+    return np.asarray(blackmanharris(n, sym=False), dtype=np.float64)
+
+
+@lru_cache(maxsize=8)
+def _bins(n: int) -> tuple[FloatArray, tuple[NDArray[np.int64], ...]]:
+    """Return centre and members (of the frequencies 1/n, 2/n ... per sample) of bins equally wide in the logarithm."""
+    frequency = np.arange(1, n // 2 + 1) / n
+    low = LOWEST_CYCLES / n
+    edges = np.geomspace(low, HIGHEST, 1 + int(PER_OCTAVE * np.log2(HIGHEST / low)))
+    at = np.digitize(frequency, edges)
+    members = tuple(np.flatnonzero(at == k) for k in range(1, len(edges)) if np.any(at == k))
+    centres = np.exp([np.log(frequency[member]).mean() for member in members])
+    return np.asarray(centres, dtype=np.float64), members
+
+
+@lru_cache(maxsize=8)
+def _gains(n: int) -> FloatArray:
+    """Return the logarithm of the power gain of every kind and edge at the centres of the bins."""
+    frequency, _ = _bins(n)
+    gains = np.zeros((len(RECORDERS), len(EDGES), len(frequency)))
+    for i, kind in enumerate(RECORDERS):
+        for j, edge in enumerate(EDGES):
+            taps = low_pass(kind, float(edge), 1.0).taps
+            gain = np.abs(np.exp(-2j * np.pi * np.outer(frequency, np.arange(len(taps)))) @ taps)
+            gains[i, j] = 2.0 * np.log(np.maximum(gain, np.finfo(float).eps))
+    return gains

@@ -1,0 +1,91 @@
+"""The magnitudes of the faults that the scan found, as `identify` would estimate them with their onsets given.
+
+The scan's rate and order are those at which most faults are found. An estimate wants more of what the recorder left
+above its edge, and its interval what one model does not know: the spread between rates and between models with and
+without a root at 1 (docs/theory.md, 5.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..config import Config
+from ..dictionary import Dictionary
+from ..errors import DictionaryError, LogError
+from ..flightlog import FlightLog
+from ..kernels.covariance import unfold
+from ..kernels.model_selection import Penalty, ScoredFit
+from ..kernels.progress import Report, parts, shares, silent
+from ..kernels.variable_projection import fit_magnitudes
+from ..kernels.whiteness import effective_rows
+from ..preprocessing.magnitudes import at_half_rate, estimate_magnitudes
+from ..preprocessing.overdispersion import overdispersion
+from ..preprocessing.window import prepare_window, regression_of
+from .estimate import Estimate
+from .scan_record import ScanRecord
+from .shapes import fault_of
+
+
+def measure(
+    log: FlightLog, record: ScanRecord, faults: Sequence[Estimate], config: Config, report: Report = silent
+) -> list[Estimate]:
+    """Return faults with their magnitudes estimated together at the rate of an estimate, onsets and shapes kept.
+
+    Where the window is too short for that rate, or cannot tell the faults from each other there, they stay as they are.
+
+    Parameters
+    ----------
+    log : the whole log, of which the record is the window that `config` states.
+    report : receives the progress.
+    """
+    if not faults:
+        return []
+    atoms = [
+        fault_of(
+            fault.form,
+            record.settings.outputs[fault.form.output],
+            magnitude=1.0,
+            onset_s=fault.onset_s,
+            offset_s=fault.offset_s,
+        )
+        for fault in faults
+    ]
+    atoms = [replace(atom, name=f"fault {n}") for n, atom in enumerate(atoms, 1)]
+    found = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
+    preparing, fitting, elsewhere, halving, sizing = shares(report, 1, 1, 2, 1, 2)
+    try:
+        window = prepare_window(log, found, config, preparing)
+        regression = regression_of(window, config)
+    except (DictionaryError, LogError):
+        return list(faults)
+    if len(window.live) < len(faults):
+        return list(faults)
+    units = np.array([float(record.unit[fault.form.output]) for fault in faults])
+    start = np.array([fault.z for fault in faults]) * units / regression.magnitude_unit
+    rows = regression.n_rows
+    penalty = Penalty(n_rows=rows, n_effective=float(rows), n_candidates=len(faults), evidence=0.0)
+    fits = [
+        fit_magnitudes(regression.problem(order), range(len(faults)), start)
+        for order, _ in parts(fitting, regression.orders)
+    ]
+    best = min(fits, key=penalty.criterion)
+    effective = effective_rows(unfold(regression.layout, best).weighted_error)
+    least = 2.0 * best.n_parameters / regression.layout.y.shape[1]
+    penalty = replace(penalty, n_effective=min(float(rows), max(effective, least)))
+    scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
+    dispersion = overdispersion(window, regression, min(scored, key=lambda one: one.criterion).fit, elsewhere)
+    coarse = at_half_rate(window, regression, config, halving)
+    estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
+    z, sd = estimates.value / units, np.sqrt(estimates.variance) / units
+    return [
+        replace(
+            fault,
+            z=float(z[n]),
+            sd=float(np.hypot(sd[n], fault.onset_spread)),
+            signal=fault.signal * (float(z[n]) / fault.z),
+        )
+        for n, fault in enumerate(faults)
+    ]

@@ -1,0 +1,201 @@
+"""Magnitudes in SI units, whose variances include what a single model does not know (docs/theory.md, 5.2).
+
+That is the spread between orders of the model, between a model whose roots are free and one that holds a root at 1, and
+between two rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ..config import Config
+from ..errors import LogError
+from ..kernels.covariance import covariance, single_additions, unfold
+from ..kernels.model_selection import Penalty, ScoredFit
+from ..kernels.progress import Report, parts, shares, silent
+from ..kernels.variable_projection import fit_magnitudes, single_magnitudes, with_unit_root
+from .fault_free_model import detectable_at
+from .regression import RegressionData, build_regression, decimate_signals
+from .window import PreparedWindow
+
+__all__ = ["MagnitudeEstimates", "at_half_rate", "averaged_magnitudes", "estimate_magnitudes", "magnitudes_of_fit"]
+
+FloatArray = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+CLOSE = 20.0  # orders whose criterion is further from the best weigh less than exp(-10) and are not worth their time
+RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the variance of either
+# Twice the log likelihood ratio against a root at 1 from which on the model without it counts more: what 5 % of the
+# records that have the root and a slow fault exceed in a simulation, 11 to 12 without an input, 13 to 20 with one to
+# three that wander (docs/theory.md, 5.2; Perron 1989 for records whose trend breaks). Half of them exceed 4 to 7: the
+# logarithm of the number of rows, the price of a parameter in BIC, would rule a root out that is there.
+UNIT_ROOT = 16.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MagnitudeEstimates:
+    """Magnitudes of all live atoms in SI: of a declared atom its estimate, of another that of the atom added alone.
+
+    They are NaN where the method does not estimate them.
+
+    Attributes
+    ----------
+    value, variance, minimal_detectable : (n_live,).
+    covariance : (n_declared, n_declared).
+    degrees : of freedom of the intervals, NaN where there are none.
+    """
+
+    value: FloatArray
+    variance: FloatArray
+    minimal_detectable: FloatArray
+    covariance: FloatArray
+    degrees: float
+
+    @property
+    def quantile(self) -> float:
+        """How many standard deviations a 95 % interval reaches to each side."""
+        return float(special.stdtrit(self.degrees, 0.5 + CONFIDENCE / 2.0))
+
+
+def estimate_magnitudes(
+    regression: RegressionData,
+    fits: Sequence[ScoredFit],
+    penalty: Penalty,
+    dispersion: FloatArray,
+    coarse: RegressionData | None,
+    report: Report = silent,
+) -> MagnitudeEstimates:
+    """Return the magnitudes of a support, averaged over models, with the spread to half the rate.
+
+    Parameters
+    ----------
+    fits, penalty, dispersion : as in `averaged_magnitudes`.
+    coarse : the regression at half the rate, None where there is none.
+    report : receives the progress.
+    """
+    here, fitting, there = shares(report, 1, 1, 1)
+    estimates = averaged_magnitudes(regression, fits, penalty, dispersion, report=here)
+    if coarse is None:
+        return estimates
+    active = list(fits[0].fit.atoms)
+    of_coarse = replace(penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
+    start = estimates.value[active] / coarse.magnitude_unit[active]
+    scored = []
+    for order, _ in parts(fitting, coarse.orders):
+        fit = fit_magnitudes(coarse.problem(order), active, start)
+        scored.append(ScoredFit(criterion=of_coarse.criterion(fit), fit=fit))
+    other = averaged_magnitudes(coarse, scored, of_coarse, dispersion, report=there)
+    # What sampling does not explain of the change between the rates.
+    excess = (other.value - estimates.value) ** 2 - np.maximum(estimates.variance, other.variance)
+    variance = estimates.variance + RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
+    wider = np.sqrt(variance / np.where(estimates.variance > 0, estimates.variance, 1.0))[active]
+    return replace(
+        estimates,
+        variance=variance,
+        minimal_detectable=detectable_at(penalty) * np.sqrt(variance),
+        covariance=estimates.covariance * np.outer(wider, wider),
+    )
+
+
+def averaged_magnitudes(
+    regression: RegressionData,
+    fits: Sequence[ScoredFit],
+    penalty: Penalty,
+    overdispersion: FloatArray,
+    *,
+    unit_root: bool = True,
+    report: Report = silent,
+) -> MagnitudeEstimates:
+    """Return the magnitudes at the best order, with the spread between models added to their variances.
+
+    At each order the model is averaged with the one that holds a root at 1; orders are weighted by their criteria. The
+    covariance of each model is multiplied by the overdispersion, and the evidence against the root divided by it.
+
+    Parameters
+    ----------
+    fits : of one support at every order.
+    penalty : the criterion they are scored by.
+    overdispersion : (n_live,) see `bfi_cli.preprocessing.overdispersion`.
+    unit_root : average with the model that holds the root.
+    report : receives the progress.
+    """
+    criteria = np.array([scored.criterion for scored in fits])
+    weights = np.exp(-0.5 * (criteria - criteria.min()))
+    best = int(np.argmin(criteria))
+    keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
+    values, variances, covariances = {}, {}, {}
+    for n, _ in parts(report, keep):
+        fit = fits[n].fit
+        unfolded, active = unfold(regression.layout, fit), list(fit.atoms)
+        single, scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
+        z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
+        z[active], variance[active] = fit.z, np.diag(scaled)
+        wider = np.sqrt(overdispersion[active])
+        if unit_root and fit.order > 1:
+            free = variance[active]
+            z, variance = _with_unit_root(regression, fits[n], z, variance, penalty, overdispersion)
+            wider *= np.sqrt(variance[active] / np.where(free > 0.0, free, 1.0))
+        values[n], variances[n] = z * unit, variance * overdispersion * unit**2
+        covariances[n] = scaled * np.outer(wider * unit[active], wider * unit[active])
+    value, cov = values[best], covariances[best]
+    spread = np.array([variances[n] + (values[n] - value) ** 2 for n in keep])
+    weight = weights[keep, None] * np.isfinite(spread)
+    total = weight.sum(axis=0)
+    variance = np.where(total > 0.0, np.nansum(weight * np.nan_to_num(spread), axis=0), np.nan)
+    variance /= np.where(total > 0.0, total, 1.0)
+    fit, n_outputs = fits[best].fit, regression.layout.y.shape[1]
+    active, own = list(fit.atoms), np.diag(cov)
+    wider = np.sqrt(variance[active] / np.where(own > 0.0, own, 1.0))
+    return MagnitudeEstimates(
+        value=value,
+        variance=variance,
+        minimal_detectable=detectable_at(penalty) * np.sqrt(variance),
+        covariance=cov * np.outer(wider, wider),
+        degrees=max(penalty.n_effective - fit.n_parameters / n_outputs, 2.0),
+    )
+
+
+def _with_unit_root(
+    regression: RegressionData,
+    scored: ScoredFit,
+    z: FloatArray,
+    variance: FloatArray,
+    penalty: Penalty,
+    overdispersion: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Average (n_live,) magnitudes and variances of a fit, scaled, with those of the same order with a root at 1."""
+    fit, n_outputs = scored.fit, regression.layout.y.shape[1]
+    problem = with_unit_root(regression.problem(fit.order))
+    held = fit_magnitudes(problem, fit.atoms, fit.z)
+    value, own = single_magnitudes(problem, held, len(z))
+    ratio = penalty.n_effective * (held.log_det - fit.log_det) / overdispersion
+    weight = special.expit(0.5 * (n_outputs * UNIT_ROOT - ratio))
+    weight = np.where(np.isfinite(own), weight, 0.0)
+    value, own = np.where(weight > 0.0, value, z), np.where(weight > 0.0, own, variance)
+    mean = (1.0 - weight) * z + weight * value
+    spread = (1.0 - weight) * (z - mean) ** 2 + weight * (value - mean) ** 2
+    # The spread is no sampling error, so that the overdispersion does not act on it.
+    return mean, (1.0 - weight) * variance + weight * own + spread / overdispersion
+
+
+def magnitudes_of_fit(regression: RegressionData, scored: ScoredFit, penalty: Penalty) -> MagnitudeEstimates:
+    """Return the magnitudes of one fit, nothing averaged."""
+    return averaged_magnitudes(regression, [scored], penalty, np.ones(len(regression.atoms)), unit_root=False)
+
+
+def at_half_rate(
+    window: PreparedWindow, regression: RegressionData, config: Config, report: Report = silent
+) -> RegressionData | None:
+    """Return the regression at half the rate; None where the record is exact, so nothing is to be learnt, or short."""
+    if window.exact and window.rate.factor == 1:
+        return None
+    try:
+        signals = decimate_signals(window.native, 2 * window.rate.factor, window.lowpass)
+        return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
+    except LogError:
+        return None

@@ -119,11 +119,10 @@ def test_a_solver_that_did_not_converge_has_no_verdict(sweep: Callable[..., Swee
     assert {row.decision, *(getattr(row, kind) for kind in VERDICTS)} == {"inconclusive"}
 
 
-@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if not method.needs])
+@pytest.mark.parametrize("method", METHODS)
 def test_every_method_fills_the_row(sweep: Callable[..., Sweep], method: str):
-    text = (
-        f"{HEAD}noise: {{tas: 0.01}}\nactive: [0, 2]\ntrials: 1\nidentify: {{model: {{order: 4}}, method: {method}}}\n"
-    )
+    settings = f"identify: {{model: {{order: 4}}, method: {method}, dmae: {{model: citation}}}}\n"
+    text = f"{HEAD}noise: {{tas: 0.01}}\nactive: [0, 2]\ntrials: 1\n{settings}"
     for row in map(run_trial, sweep(text).trials()):
         assert row.error is None
         assert None not in (row.decision, *(getattr(row, kind) for kind in VERDICTS))

@@ -51,6 +51,7 @@ class Candidate:
         minimal_detectable_scan : the same of the scan over all onsets, the median over these.
     excluded_above : magnitude beyond which the log excludes the fault, at the worst of the onsets covered.
     effect : largest error that this magnitude makes on the channel within the window; tolerance : of the channel.
+    onset_s : of an entry of a dictionary, on the log's axis; None where all onsets were looked at.
     note : why it is left out, suspected or not seen.
     """
 
@@ -68,6 +69,7 @@ class Candidate:
     effect: float | None = None
     tolerance: float | None = None
     channel_unit: str = ""
+    onset_s: float | None = None
     note: str | None = None
 
 

@@ -10,6 +10,7 @@ from ..dictionary import Dictionary, dead_reason, signals
 from ..errors import ConfigError, DictionaryError
 from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
+from ..onset import detectable_magnitudes
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
@@ -139,7 +140,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     """Audit a dictionary on a log.
 
     The predictor is estimated without fault terms, of the order with the best criterion. The minimal detectable
-    magnitude is for each fault alone at that order: `identify` also admits the spread between orders and rates.
+    magnitudes are those of `identify` where it declares nothing.
 
     Parameters
     ----------
@@ -152,8 +153,8 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
-    config = with_inputs_of(log, config)
-    window = prepare_window(without_injected_faults(log), dictionary, config)
+    config, clean = with_inputs_of(log, config), without_injected_faults(log)
+    window = prepare_window(clean, dictionary, config)
     fitted = fit_fault_free(window, config)
     given, faults, names, live = window.signals, window.faults, window.names, list(window.live)
     channels, first = window.log.channels, fitted.regression.layout.first
@@ -179,12 +180,13 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     theta = given.theta[:, :, live]
     left = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1))
     raw_norm = fitted.unfolded.raw_norm
+    detectable, exactly = detectable_magnitudes(clean, window, config)
     limits = Limits(
-        minimal_detectable=fitted.deviations * fitted.sd,
+        minimal_detectable=np.where(np.isfinite(detectable), detectable, np.nan),
         peak=np.max(np.abs(theta), axis=(0, 1)),
         visible=left / np.where(raw_norm > 0.0, raw_norm, 1.0),
     )
-    seen = np.isfinite(limits.minimal_detectable)
+    seen = np.isfinite(exactly)
     signatures, alike = compare(
         [names[j] for j in live],
         fitted.regression.rows_s,

@@ -15,8 +15,9 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.coherence import mutual_coherence, whiten
 from ..kernels.divergence import Distinguishability, distinguishability, sample_bits, window_bits
+from ..onset import detectable_magnitudes
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
-from ..preprocessing.overdispersion import overdispersion
+from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..preprocessing.window import prepare_window, with_inputs_of
 
@@ -34,9 +35,9 @@ class FaultSignatures:
     log, model : the analysed window, and the predictor without fault terms.
     faults, names, units : (n_atoms,) entries, times on the log's axis, with the unit of each magnitude.
     reasons : why an entry is left out, by index.
-    sd : (n_atoms,) standard deviation of each magnitude if that fault alone is estimated, multiplied as in `identify`
-        by the overdispersion of its shape; infinite for a fault that leaves nothing in the prediction errors.
-    deviations : the minimal detectable magnitude in these standard deviations.
+    limits : (n_atoms,) minimal detectable magnitudes as `identify` states them, infinite where nothing shows.
+    sd : (n_atoms,) standard deviation of each magnitude that makes the limit at its exact onset so many `deviations`;
+        infinite for a fault that leaves nothing in the prediction errors.
     coherence : (n_atoms, n_atoms) of the filtered signatures, NaN where a fault has none.
     separation : bits against the magnitude in standard deviations, from the prediction errors.
     errors : (n_rows, n_outputs) prediction errors, SI.
@@ -51,6 +52,7 @@ class FaultSignatures:
     names: tuple[str, ...]
     units: tuple[str, ...]
     reasons: Mapping[int, str]
+    limits: FloatArray
     sd: FloatArray
     deviations: float
     coherence: FloatArray
@@ -60,28 +62,33 @@ class FaultSignatures:
     outputs: tuple[int, ...]
     notes: tuple[str, ...]
 
-    @property
-    def limits(self) -> FloatArray:
-        """(n_atoms,) minimal detectable magnitudes, infinite where nothing shows."""
-        return self.deviations * self.sd
 
-
-def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> FaultSignatures:
+def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, scan: bool = True) -> FaultSignatures:
     """Fit the record without fault terms and filter each fault through that fit.
+
+    Parameters
+    ----------
+    scan : what can be detected holds for onsets as well as they are known, and counts the scan over all of them, as in
+        `identify`; else for the exact onsets.
 
     Raises
     ------
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
-    config = with_inputs_of(log, config)
-    window = prepare_window(without_injected_faults(log), dictionary, config)
+    config, clean = with_inputs_of(log, config), without_injected_faults(log)
+    window = prepare_window(clean, dictionary, config)
     fitted = fit_fault_free(window, config)
     fit, regression = fitted.fit, fitted.regression
     n, live = len(window.faults), list(window.live)
-    sd, coherence = np.full(n, np.inf), np.full((n, n), np.nan)
+    sd, limits, coherence = np.full(n, np.inf), np.full(n, np.inf), np.full((n, n), np.nan)
     visible = np.isfinite(fitted.sd)
-    sd[live] = np.where(visible, fitted.sd * np.sqrt(overdispersion(window, regression, fit)), np.inf)
+    if scan:
+        detectable, exactly = detectable_magnitudes(clean, window, config)
+    else:
+        detectable = exactly = fault_free_limits(window, config)
+    sd[live] = np.where(visible & np.isfinite(exactly), exactly / fitted.deviations, np.inf)
+    limits[live] = np.where(visible & np.isfinite(detectable), detectable, np.inf)
     coherence[np.ix_(live, live)] = mutual_coherence(whiten(fitted.unfolded.signatures, fit.sigma) * visible)
     units = []
     for fault in window.faults:
@@ -103,6 +110,7 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config) -> FaultS
         names=window.names,
         units=tuple(units),
         reasons=window.reasons,
+        limits=limits,
         sd=sd,
         deviations=fitted.deviations,
         coherence=coherence,

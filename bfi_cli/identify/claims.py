@@ -70,6 +70,7 @@ def claims_of(
                 unit=magnitude_unit(fault, "" if channel is None else channel.unit),
                 sd=None,
                 channel_unit="" if channel is None else channel.unit,
+                onset_s=fault.onset_s,
                 note=window.reasons.get(entry),
             )
         )
@@ -101,7 +102,7 @@ def _claim(
             effect = limit * float(np.abs(window.native.theta[:, :, entry]).max())
         if not _onset_is_covered(window, outcome.order, fault.onset_s):
             limit = effect = None
-            note = "begins where no claim is made: too near the start or the end of the window"
+            note = "too near the start or the end of the window"
     suspected = n in outcome.declined
     state = state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance)
     return Candidate(
@@ -118,6 +119,7 @@ def _claim(
         effect=effect,
         tolerance=tolerance,
         channel_unit=channel.unit,
+        onset_s=fault.onset_s,
         note=outcome.declined.get(n, note),
     )
 

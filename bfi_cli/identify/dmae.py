@@ -302,6 +302,7 @@ def identify_by_dmae(
         magnitudes=MagnitudeEstimates(
             value=value,
             variance=unknown,
+            sampling=unknown,
             minimal_detectable=unknown,
             covariance=np.full((len(atoms), len(atoms)), nan),
             degrees=nan,

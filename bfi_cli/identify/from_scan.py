@@ -11,13 +11,12 @@ from dataclasses import fields, replace
 
 from ..config import Config, merge
 from ..dictionary import Dictionary
-from ..errors import LogError
 from ..faults import FaultEstimate
 from ..filters import response_of
 from ..flightlog import FlightLog, inject
 from ..flightlog.recorder import recorder_filters
 from ..kernels.progress import Progress, unseen
-from ..onset import OnsetResult, find_onset, propose_dictionary
+from ..onset import OnsetResult, at_any_onset, find_onset, propose_dictionary, scan_beside
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..truth import Comparison, compare_by_onset
@@ -30,8 +29,8 @@ __all__ = ["identify_and_scan", "identify_from_scan"]
 # Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
 # Chosen without a tuning record; only the comparison with an injected truth depends on it.
 ONSET_SAMPLES = 1.5
-# A longer record is not scanned beside an identification: it would take minutes.
-MOST_SAMPLES = 20_000
+# Variance accounted for, %, beyond which the prediction errors at the log's own rate are round-off.
+EXPLAINED = 100.0 - 1e-9
 
 
 def identify_and_scan(
@@ -41,23 +40,22 @@ def identify_and_scan(
 
     1. Identify the faults of the dictionary.
     2. Scan all onsets of the window less the declared faults. What the scan declares there is suspected.
-    3. Of a kind of fault that the dictionary has no entry of, the scan's verdict is given.
+    3. Of a kind of fault that the dictionary has no entry of, the scan's verdict is given. Where onsets are known to a
+       tolerance only, the limits of the entries are those of the scan.
 
     Raises
     ------
     LogError, ConfigError, DictionaryError : see `bfi_cli.identify.identify_faults` and `bfi_cli.onset.find_onset`.
     """
     result = identify_faults(log, dictionary, config, progress)
-    n_samples = result.log.n_samples
-    if n_samples > MOST_SAMPLES:
-        why = f"not scanned for other onsets: {n_samples} samples are more than {MOST_SAMPLES}; cut the window"
-        return _with_scan(result, None, why)
-    if result.log.rate_hz == result.log.native_rate_hz and _is_exact(result):
-        return _with_scan(result, None, "not scanned for other onsets: the model explains the log to round-off")
-    try:
-        scanned = find_onset(_corrected(log, result, config), _scanning(config), progress, briefly=True)
-    except LogError as problem:
-        return _with_scan(result, None, f"not scanned for other onsets: {problem}")
+    exact = result.log.rate_hz == result.log.native_rate_hz and all(
+        vaf > EXPLAINED for vaf in result.vaf_output.values()
+    )
+    start_s = float(log.window(config.window.from_s, config.window.to_s).time_s[0])
+    faults = dictionary.resolved(start_s)
+    scanned = scan_beside(_corrected(log, result, config), config, faults, progress, exact=exact)
+    if isinstance(scanned, str):
+        return _with_scan(result, None, scanned)
     return _checked(result, scanned, config)
 
 
@@ -82,7 +80,7 @@ def identify_from_scan(
     ------
     LogError, ConfigError : see `bfi_cli.onset.find_onset` and `bfi_cli.identify.identify_faults`.
     """
-    scanned = find_onset(log, _scanning(config), progress)
+    scanned = find_onset(log, merge(config, {"method": "ml"}), progress)
     dictionary = propose_dictionary(scanned)
     if scanned.faults:
         result = identify_faults(log, dictionary, config, progress, given=config.method == "ml")
@@ -118,14 +116,6 @@ def identify_from_scan(
         truth=truth,
     )
     return _with_scan(result, scanned, "it proposed the faults"), dictionary
-
-
-def _scanning(config: Config) -> Config:
-    return merge(config, {"method": "ml"})
-
-
-def _is_exact(result: IdentifyResult) -> bool:
-    return all(vaf > 100.0 - 1e-9 for vaf in result.vaf_output.values())
 
 
 def _with_scan(result: IdentifyResult, scanned: OnsetResult | None, note: str) -> IdentifyResult:
@@ -187,6 +177,9 @@ def _checked(result: IdentifyResult, scanned: OnsetResult, config: Config) -> Id
     if result.summary == NOT_CONVERGED:
         return _with_scan(result, scanned, "it cannot check an answer of a solver that did not converge")
     candidates = list(result.candidates)
+    if config.onset_tolerance_s > 0.0:
+        limits = zip(candidates, scanned.at_any_onset, strict=True)
+        candidates = [at_any_onset(one, limit, scanned.covered_s) for one, limit in limits]
     looked_for = {one.kind for one in candidates if one.state is not None}
     found = [one.estimate for one in scanned.faults]
     for estimate in found:

@@ -31,7 +31,13 @@ from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.termination import Termination
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows
-from ..preprocessing.magnitudes import MagnitudeEstimates, at_half_rate, estimate_magnitudes
+from ..preprocessing.magnitudes import (
+    MagnitudeEstimates,
+    at_half_rate,
+    estimate_magnitudes,
+    profiled_limits,
+    statistic_needed,
+)
 from ..preprocessing.overdispersion import overdispersion
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -110,6 +116,9 @@ def identify_by_likelihood(
         sizing = partial(progress, f"magnitudes, {len(notes)} declined")
         estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
     several, fit = len(selection.searches) > 1, selection.best.fit
+    needed = statistic_needed(penalty, dispersion)
+    limits = profiled_limits(regression, fit, estimates, penalty, dispersion)
+    estimates = replace(estimates, minimal_detectable=limits)
     plain = [search.of(()) for search in selection.searches]
     lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
     return MethodResult(
@@ -131,15 +140,9 @@ def identify_by_likelihood(
         criterion_best=tuple(search.best.criterion for search in selection.searches) if several else (),
         converged=fit.termination is Termination.CONVERGED,
         declined=declined,
-        needed=_needed(selection.penalty, dispersion),
+        needed=needed,
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
-
-
-def _needed(penalty: Penalty, dispersion: FloatArray) -> FloatArray:
-    """Return (n_live,) the statistic over all rows from which on an atom passes criterion and overdispersion test."""
-    charge = penalty.per_parameter + penalty.per_atom
-    return charge * dispersion * penalty.n_rows / penalty.n_effective
 
 
 def select(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..faults import magnitude_unit
+from ..faults import Fault, magnitude_unit
 from ..kernels import FloatArray
 from ..kernels.onset.limits import undeclared_magnitudes
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
@@ -20,11 +20,12 @@ from ..kernels.progress import Report, parts, silent
 from ..verdicts import Candidate, kind_of, state_of
 from .decision import Rule
 from .estimate import Estimate, subtract_faults
+from .result import AnyOnset
 from .scan import HypothesisScan, Peak, scan_of
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, fault_of, waveform
 
-__all__ = ["OLDER_NOTE", "POWER", "claims_of"]
+__all__ = ["OLDER_NOTE", "POWER", "claims_of", "covered_s", "limits_at_any_onset"]
 
 # Quantiles of the normal distribution: 90 % power, and the one-sided 99 % limit.
 POWER, LIMIT = 1.2815515655446004, 2.3263478740408408
@@ -40,6 +41,8 @@ STRIDE = 3
 # a third; ramps of 10 s that the scan missed were above it in most cases.
 WATCHED = (("lagged_bias", 5.0), ("lagged_bias", 10.0), ("ramp_hold", 5.0), ("ramp_hold", 10.0))
 WATCH_SHARE, WATCH_LEAST = 0.4, 15.0
+# Of a shape that the scan does not look for, the one that it is.
+LIKE = {"cosine": "sine"}
 OLDER_NOTE = "a fault that began before the window is never excluded: the model's constant can explain it"
 
 
@@ -95,8 +98,8 @@ def claims_of(
         every = (_limit(record, scans[output], form, rule.threshold(shape)) for form in forms)
         limits = [one for one in every if one is not None]
         worst = max(limits, key=lambda one: one.effect, default=None)
-        best = peak.profile.best
-        z, sd = float(peak.profile.z[best]), float(peak.profile.sd[best])
+        likeliest = max((one.profile for one in limits), key=lambda one: one.statistic.max(), default=peak.profile)
+        z, sd = float(likeliest.z[likeliest.best]), float(likeliest.sd[likeliest.best])
         if own:
             z, sd = own[0].z, own[0].sd
         fault = fault_of(own[0].form if own else peak.form, channel, magnitude=1.0, onset_s=0.0)
@@ -132,6 +135,51 @@ def claims_of(
             )
         )
     return (*candidates, *_watched(record, scans, estimates, rule, tolerances))
+
+
+def limits_at_any_onset(
+    record: ScanRecord, estimates: Sequence[Estimate], rule: Rule, faults: Sequence[Fault], *, order: int
+) -> tuple[AnyOnset | None, ...]:
+    """Return what the scan says of faults of a dictionary, each as if its onset were not known.
+
+    None for a fault of a shape that is not looked for, or whose channel is no output.
+
+    Parameters
+    ----------
+    faults : of the dictionary; `estimates` and `order` as in `claims_of`.
+    """
+    y, known = subtract_faults(record.y, *estimates), dict[ShapeHypothesis, AnyOnset | None]()
+    scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
+    found: list[AnyOnset | None] = []
+    for fault in faults:
+        shape = LIKE.get(fault.shape, fault.shape)
+        if shape not in record.settings.shapes or fault.channel not in record.settings.outputs:
+            found.append(None)
+            continue
+        output = record.settings.outputs.index(fault.channel)
+        parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
+        form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
+        if form not in known:
+            limit, scale = _limit(record, scans[output], form, rule.threshold(shape)), float(record.unit[output])
+            # A drift with a slope, a ramp with one: a magnitude of 1 is larger or smaller than that of the hypothesis.
+            known[form] = (
+                None
+                if limit is None
+                else AnyOnset(
+                    minimal_detectable=_finite(scale * limit.minimal_detectable),
+                    excluded_above=_finite(scale * limit.excluded_above),
+                    effect=_finite(scale * limit.effect),
+                )
+            )
+        one, slope = known[form], abs(fault.slope or 1.0)
+        if one is not None and slope != 1.0:
+            one = AnyOnset(
+                minimal_detectable=None if one.minimal_detectable is None else one.minimal_detectable / slope,
+                excluded_above=None if one.excluded_above is None else one.excluded_above / slope,
+                effect=one.effect,
+            )
+        found.append(one)
+    return tuple(found)
 
 
 def _claimed(record: ScanRecord, peak: Peak) -> list[ShapeHypothesis]:
@@ -187,6 +235,11 @@ def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate],
     """
     shape, threshold = peak.form.shape, rule.threshold(peak.form.shape)
     if peak.statistic <= threshold:
+        if not estimates and peak.statistic > threshold / rule.raised:
+            return (
+                f"its statistic of {peak.statistic:.3g} exceeds what the nearest calibration asks for "
+                f"({threshold / rule.raised:.3g}), but not what is asked for where none fits ({threshold:.3g})"
+            )
         return None
     explained = max((one.statistic for one in first.peaks if one.form.output == peak.form.output), default=0.0)
     if not estimates:
@@ -255,8 +308,6 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def covered(record: ScanRecord, order: int) -> str:
-    """Return between which onsets the claims hold, as words for a note."""
-    start = record.onset_s(STARTING * order)
-    stop = record.onset_s(len(record.time_s) - ENDING * order)
-    return f"claims hold for onsets from {start:.6g} to {stop:.6g} s"
+def covered_s(record: ScanRecord, order: int) -> tuple[float, float]:
+    """Return the first and the last onset for which the claims hold."""
+    return record.onset_s(STARTING * order), record.onset_s(len(record.time_s) - ENDING * order)

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..errors import ConfigError
+from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.onset.scan import STARTING
@@ -20,7 +21,7 @@ from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant
 from ..verdicts import decide, summarise, verdicts_of
-from .claims import OLDER_NOTE, claims_of, covered
+from .claims import OLDER_NOTE, claims_of, covered_s, limits_at_any_onset
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
 from .magnitudes import measure
@@ -45,7 +46,14 @@ MOST, RARE, BESIDE_S = 0.5, 0.05, 1.5
 HARDLY_KNOWN = 0.25
 
 
-def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, briefly: bool = False) -> OnsetResult:
+def find_onset(
+    log: FlightLog,
+    config: Config,
+    progress: Progress = unseen,
+    *,
+    briefly: bool = False,
+    faults: Sequence[Fault] = (),
+) -> OnsetResult:
     """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
 
     1. Scan the record: every shape at every onset, the order of the model chosen together with the shape.
@@ -65,6 +73,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, b
     progress : called with the name of the stage and the fraction of it that is done.
     briefly : after step 1 the fault that stands out most is declared as the scan has it, on its grid of onsets, and
         nothing more is sought: enough to tell whether there is one.
+    faults : of a dictionary, for which the result says how large each would have to be at an onset that is not known.
 
     Raises
     ------
@@ -92,6 +101,7 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, b
         tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
         limits = partial(progress, "what could not have been seen")
         candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
+        at_any_onset = limits_at_any_onset(record, estimates, rule, faults, order=order)
     by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
@@ -109,13 +119,17 @@ def find_onset(log: FlightLog, config: Config, progress: Progress = unseen, *, b
             "(bfi calibrate), or --calibration gaussian, may decide otherwise",
         )
     helps = what_would_help(record.window.log, config, by_kind)
-    notes += [f"{covered(record, order)}; {OLDER_NOTE}", *([helps] if helps else [])]
+    earliest_s, latest_s = covered_s(record, order)
+    notes.append(f"claims hold for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")
+    notes += [helps] if helps else []
     return replace(
         result,
         decision=decide(by_kind, config.require),
         verdicts=by_kind,
         candidates=candidates,
         summary=summarise(by_kind, candidates),
+        covered_s=(earliest_s, latest_s),
+        at_any_onset=at_any_onset,
         false_alarm=rule.false_alarm,
         p_value=verdict.p_value if rule.use.matches else None,
         statistic=verdict.statistic,

@@ -99,6 +99,18 @@ class OnsetSeries:
     plain_sd: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnyOnset:
+    """What a scan says of a fault whose onset is not known: magnitudes and effect in SI, None where there is no limit.
+
+    See `bfi_cli.verdicts.Candidate`; `minimal_detectable` is the median over the onsets.
+    """
+
+    minimal_detectable: float | None
+    excluded_above: float | None
+    effect: float | None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OnsetResult:
     """The whole answer of `bfi start-time`.
@@ -107,6 +119,8 @@ class OnsetResult:
     ----------
     verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.verdicts`.
     summary : what the log says of the kinds of which no fault is declared.
+    covered_s : first and last onset for which the claims hold, None where none is made.
+    at_any_onset : of the faults that were asked for, in their order.
     statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
     p_value : of the largest standardised statistic; None where no calibration fits the settings.
     time_s : (n_samples,) of the series.
@@ -118,6 +132,8 @@ class OnsetResult:
     verdicts: Mapping[Kind, Decision]
     candidates: tuple[Candidate, ...]
     summary: str
+    covered_s: tuple[float, float] | None
+    at_any_onset: tuple[AnyOnset | None, ...]
     false_alarm: float
     p_value: float | None
     statistic: float
@@ -204,6 +220,8 @@ def assemble_result(
         verdicts=dict.fromkeys(KINDS, "inconclusive"),
         candidates=(),
         summary="",
+        covered_s=None,
+        at_any_onset=(),
         false_alarm=0.0,
         p_value=None,
         statistic=estimates[0].statistic if estimates else 0.0,

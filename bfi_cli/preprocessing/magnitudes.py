@@ -18,12 +18,14 @@ from ..errors import LogError
 from ..kernels.covariance import covariance, single_additions, unfold
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, shares, silent
-from ..kernels.variable_projection import fit_magnitudes, single_magnitudes, with_unit_root
-from .fault_free_model import detectable_at
+from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
+from ..kernels.whiteness import effective_rows
+from .overdispersion import overdispersion
 from .regression import RegressionData, build_regression, decimate_signals
-from .window import PreparedWindow
+from .window import PreparedWindow, regression_of
 
-__all__ = ["MagnitudeEstimates", "at_half_rate", "averaged_magnitudes", "estimate_magnitudes", "magnitudes_of_fit"]
+__all__ = ["MagnitudeEstimates", "at_half_rate", "averaged_magnitudes", "estimate_magnitudes", "fault_free_limits"]
+__all__ += ["magnitudes_of_fit", "profiled_limits", "statistic_needed"]
 
 FloatArray = NDArray[np.float64]
 
@@ -35,6 +37,12 @@ RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the varian
 # three that wander (docs/theory.md, 5.2; Perron 1989 for records whose trend breaks). Half of them exceed 4 to 7: the
 # logarithm of the number of rows, the price of a parameter in BIC, would rule a root out that is there.
 UNIT_ROOT = 16.0
+# Quantile of the normal distribution for 90 % power.
+POWER = 1.2815515655446004
+# Factors on a minimal detectable magnitude at which the profile is asked, until it would be declared; and for how many
+# entries that is done at most, since it takes some fits for each.
+MULTIPLES = (1.0, 1.2, 1.5, 1.9, 2.4, 3.0, 4.0, 6.0, 10.0)
+MOST_PROFILED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,12 +54,14 @@ class MagnitudeEstimates:
     Attributes
     ----------
     value, variance, minimal_detectable : (n_live,).
+    sampling : (n_live,) the part of the variance that is sampling error, at the best order, the overdispersion in it.
     covariance : (n_declared, n_declared).
     degrees : of freedom of the intervals, NaN where there are none.
     """
 
     value: FloatArray
     variance: FloatArray
+    sampling: FloatArray
     minimal_detectable: FloatArray
     covariance: FloatArray
     degrees: float
@@ -94,12 +104,8 @@ def estimate_magnitudes(
     excess = (other.value - estimates.value) ** 2 - np.maximum(estimates.variance, other.variance)
     variance = estimates.variance + RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
     wider = np.sqrt(variance / np.where(estimates.variance > 0, estimates.variance, 1.0))[active]
-    return replace(
-        estimates,
-        variance=variance,
-        minimal_detectable=detectable_at(penalty) * np.sqrt(variance),
-        covariance=estimates.covariance * np.outer(wider, wider),
-    )
+    estimates = replace(estimates, variance=variance, covariance=estimates.covariance * np.outer(wider, wider))
+    return replace(estimates, minimal_detectable=_minimal_detectable(estimates, penalty, dispersion))
 
 
 def averaged_magnitudes(
@@ -128,13 +134,14 @@ def averaged_magnitudes(
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     best = int(np.argmin(criteria))
     keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
-    values, variances, covariances = {}, {}, {}
+    values, variances, covariances, sampling = {}, {}, {}, {}
     for n, _ in parts(report, keep):
         fit = fits[n].fit
         unfolded, active = unfold(regression.layout, fit), list(fit.atoms)
         single, scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
         z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
+        sampling[n] = single.variance * overdispersion * unit**2
         wider = np.sqrt(overdispersion[active])
         if unit_root and fit.order > 1:
             free = variance[active]
@@ -151,13 +158,110 @@ def averaged_magnitudes(
     fit, n_outputs = fits[best].fit, regression.layout.y.shape[1]
     active, own = list(fit.atoms), np.diag(cov)
     wider = np.sqrt(variance[active] / np.where(own > 0.0, own, 1.0))
-    return MagnitudeEstimates(
+    estimates = MagnitudeEstimates(
         value=value,
         variance=variance,
-        minimal_detectable=detectable_at(penalty) * np.sqrt(variance),
+        sampling=sampling[best],
+        minimal_detectable=np.full(len(value), np.nan),
         covariance=cov * np.outer(wider, wider),
         degrees=max(penalty.n_effective - fit.n_parameters / n_outputs, 2.0),
     )
+    return replace(estimates, minimal_detectable=_minimal_detectable(estimates, penalty, overdispersion))
+
+
+def statistic_needed(penalty: Penalty, overdispersion: FloatArray) -> FloatArray:
+    """Return (n_live,) the statistic over all rows from which on an atom passes criterion and overdispersion test."""
+    charge = penalty.per_parameter + penalty.per_atom
+    return charge * overdispersion * penalty.n_rows / penalty.n_effective
+
+
+def _minimal_detectable(estimates: MagnitudeEstimates, penalty: Penalty, overdispersion: FloatArray) -> FloatArray:
+    """Return (n_live,) the magnitudes that are declared with 90 % power, by both tests that decide.
+
+    1. The statistic must reach what criterion and overdispersion ask for; it is n log(1 + z^2 / (n var z)).
+    2. The magnitude must exceed the half width of its interval, whose variance holds more than sampling errors.
+    """
+    n, correlated = penalty.n_rows, np.sqrt(penalty.n_rows / penalty.n_effective)
+    white = np.sqrt(estimates.sampling / overdispersion)
+    scatter = POWER * correlated * np.sqrt(estimates.sampling)
+    by_statistic = white * np.sqrt(n * np.expm1(statistic_needed(penalty, overdispersion) / n)) + scatter
+    by_interval = estimates.quantile * np.sqrt(estimates.variance) + scatter
+    return np.asarray(np.maximum(by_statistic, by_interval))
+
+
+def profiled_limits(
+    regression: RegressionData, fit: Fit, estimates: MagnitudeEstimates, penalty: Penalty, overdispersion: FloatArray
+) -> FloatArray:
+    """Return (n_live,) minimal detectable magnitudes, raised where the likelihood profile asks for more.
+
+    A fault m added to the record and analysed without it leaves the likelihood that the record has at -m: that tells
+    its statistic exactly, where a model that nearly integrates absorbs it (`kernels.onset.limits` does the same for
+    the scan). The mean of both signs must reach what the criterion and 90 % power ask for.
+
+    Parameters
+    ----------
+    fit : of the chosen support and order; entries of it keep their limits.
+    """
+    limits, rows = estimates.minimal_detectable.copy(), regression.n_rows
+    if len(limits) > MOST_PROFILED:
+        return limits
+    problem = regression.problem(fit.order)
+    start = fit.z
+    without = fit_magnitudes(problem, fit.atoms, start).log_det
+    correlated = np.sqrt(penalty.n_rows / penalty.n_effective)
+    roots = np.sqrt(statistic_needed(penalty, overdispersion)) + POWER * correlated * np.sqrt(overdispersion)
+    for n in np.flatnonzero(np.isfinite(limits)):
+        if n in fit.atoms:
+            continue
+        below = (0.0, 0.0)  # multiple and root of the statistic: nearly a line between two of them
+        for multiple in MULTIPLES:
+            z = multiple * limits[n] / float(regression.magnitude_unit[n])
+            both = (
+                fit_magnitudes(without_signal(problem, int(n), sign * z), fit.atoms, start).log_det - without
+                for sign in (1.0, -1.0)
+            )
+            root = float(np.sqrt(max(0.5 * rows * sum(both), 0.0)))
+            if root >= roots[n]:
+                step = (roots[n] - below[1]) / (root - below[1])
+                limits[n] *= max(1.0, below[0] + step * (multiple - below[0]))
+                break
+            below = (multiple, root)
+        else:
+            limits[n] *= MULTIPLES[-1]
+    return limits
+
+
+def fault_free_limits(window: PreparedWindow, config: Config, report: Report = silent) -> FloatArray:
+    """Return (n_live,) the minimal detectable magnitudes of a window without a fault, at the exact onsets.
+
+    `identify_faults` states the same where it declares nothing.
+
+    Raises
+    ------
+    LogError : the window has no rows for any order.
+    """
+    compressing, sizing = shares(report, 1, 2)
+    regression = regression_of(window, config, compressing)
+    penalty = Penalty(
+        n_rows=regression.n_rows,
+        n_effective=float(regression.n_rows),
+        n_candidates=len(window.live),
+        evidence=config.selection.evidence,
+        extended=config.selection.criterion == "ebic",
+    )
+    fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
+    best = min(fits, key=penalty.criterion)
+    effective = max(
+        effective_rows(unfold(regression.layout, best).weighted_error),
+        2.0 * best.n_parameters / regression.layout.y.shape[1],
+    )
+    penalty = replace(penalty, n_effective=min(penalty.n_effective, effective))
+    scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
+    best = min(scored, key=lambda one: one.criterion).fit
+    dispersion = overdispersion(window, regression, best)
+    coarse = at_half_rate(window, regression, config)
+    estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
+    return profiled_limits(regression, best, estimates, penalty, dispersion)
 
 
 def _with_unit_root(

@@ -70,7 +70,7 @@ def test_intervals_and_detectable_magnitudes_make_sense(flight, thesis, faulty):
     seen = [candidate for candidate in result.candidates if candidate.sd is not None]
     assert len(seen) == 7
     for candidate in seen:
-        assert candidate.minimal_detectable > 3 * candidate.sd
+        assert candidate.minimal_detectable > 1.95 * candidate.sd
         if candidate.state == "declared":
             assert abs(candidate.magnitude) > 2 * candidate.sd
 

@@ -1,0 +1,118 @@
+"""The scan over all onsets beside an analysis that states them: what it sees there, and the limits that it lends.
+
+An entry of a dictionary that begins a second before or after the fault has little in common with it: the signature of a
+step is a few samples long. In recorded flights faults of twice the magnitude that is detected at the exact onset were
+declared in 0 to 44 % of windows where the onset was off by a second (docs/theory.md, 8). So where onsets are known to a
+tolerance only, what could have been missed is told by the scan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ..config import Config, merge
+from ..errors import ConfigError, LogError
+from ..faults import Fault
+from ..flightlog import FlightLog
+from ..kernels import FloatArray
+from ..kernels.progress import Progress, unseen
+from ..preprocessing.magnitudes import fault_free_limits
+from ..preprocessing.window import PreparedWindow, must_resample
+from ..verdicts import Candidate, state_of
+from .detection import find_onset
+from .result import AnyOnset, OnsetResult
+
+__all__ = ["at_any_onset", "detectable_magnitudes", "scan_beside"]
+
+# A longer record, counted at the rate that is asked for or at 10 Hz, would take minutes.
+MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
+
+
+def scan_beside(
+    window: FlightLog, config: Config, faults: Sequence[Fault], progress: Progress = unseen, *, exact: bool
+) -> OnsetResult | str:
+    """Scan all onsets of a window briefly, or return why not.
+
+    The calibration is a table that fits or the nearest one: windows of the log itself would take longer than the
+    analysis beside which this is done.
+
+    Parameters
+    ----------
+    window : of the log, less the faults that are known.
+    config : of the analysis.
+    faults : of its dictionary, on the axis of the window.
+    exact : a model explains the window to round-off, where a scan would tell no more and take long.
+    """
+    if exact:
+        return "not scanned for other onsets: the model explains the log to round-off"
+    try:
+        asked = config.conditioning.rate_hz
+        rate_hz = asked if not isinstance(asked, str) else min(window.rate_hz, FASTEST_HZ)
+        n_samples = round(window.n_samples / window.rate_hz * (window.rate_hz if asked == "none" else rate_hz))
+        if n_samples > MOST_SAMPLES:
+            return f"not scanned for other onsets: {n_samples} samples are more than {MOST_SAMPLES}; cut the window"
+        known = [name for name in (*config.inputs, *config.outputs) if name in window.channels]
+        must_resample(window, known, asked)
+        scanning = merge(config, {"method": "ml", "model.feedthrough": config.feedthrough})
+        if config.start_time.calibration == "self":
+            scan = scanning.start_time.model_copy(update={"calibration": None})
+            scanning = scanning.model_copy(update={"start_time": scan})
+        return find_onset(window, scanning, progress, briefly=True, faults=faults)
+    except (ConfigError, LogError) as problem:
+        return f"not scanned for other onsets: {problem}"
+
+
+def detectable_magnitudes(
+    log: FlightLog, window: PreparedWindow, config: Config, progress: Progress = unseen
+) -> tuple[FloatArray, FloatArray]:
+    """Return (n_live,) the minimal detectable magnitudes of a window without a fault, for onsets as well as they are
+    known and for the exact ones; infinite where none is detected.
+
+    `bfi identify` states the same numbers where it declares nothing.
+
+    Parameters
+    ----------
+    log : without faults; window : of it, with the dictionary.
+    """
+    exactly = fault_free_limits(window, config, partial(progress, "what could be detected"))
+    if config.onset_tolerance_s == 0.0 or (window.exact and window.rate.factor == 1):
+        return exactly, exactly
+    part = log.window(config.window.from_s, config.window.to_s)
+    faults = [window.faults[entry] for entry in window.live]
+    scanned = scan_beside(part, config, faults, progress, exact=False)
+    limits = np.full(len(faults), np.inf)
+    if not isinstance(scanned, str):
+        for n, one in enumerate(scanned.at_any_onset):
+            if one is not None and one.minimal_detectable is not None:
+                limits[n] = one.minimal_detectable
+    return limits, exactly
+
+
+def at_any_onset(candidate: Candidate, limit: AnyOnset | None, covered_s: tuple[float, float] | None) -> Candidate:
+    """Return a candidate whose onset is known to a tolerance only: with the limits of the scan in place of its own.
+
+    Parameters
+    ----------
+    limit : of the scan, None where it has none.
+    covered_s : between which onsets the scan's claims hold.
+    """
+    if candidate.state is None:
+        return candidate
+    detectable = None if limit is None else limit.minimal_detectable
+    if candidate.state not in ("excluded", "not_seen"):
+        return replace(candidate, minimal_detectable=detectable)
+    excluded = effect = note = None
+    if limit is None:
+        note = "the scan does not look for this shape (--shape); a fault whose onset is not exact could be missed"
+    elif covered_s is None or candidate.onset_s is None or not covered_s[0] <= candidate.onset_s <= covered_s[1]:
+        note = "too near the start or the end of the window"
+    else:
+        excluded, effect = limit.excluded_above, limit.effect
+    state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
+    return replace(
+        candidate, minimal_detectable=detectable, effect=effect, excluded_above=excluded, state=state, note=note
+    )

@@ -16,7 +16,7 @@ from bfi_cli.identify import identify_faults
 from bfi_cli.identify.methods import METHODS
 from bfi_cli.montecarlo import Sweep, run_trial
 from bfi_cli.montecarlo import trial as trial_module
-from bfi_cli.montecarlo.flight import faulty, record_of
+from bfi_cli.montecarlo.flight import faulty, largest_errors, record_of
 from bfi_cli.montecarlo.scenarios import Trial
 from bfi_cli.montecarlo.trial import Row, declared_magnitudes, row_from_cells, shared_record
 
@@ -147,6 +147,21 @@ def test_an_error_is_beyond_the_tolerance_where_it_is_largest(
     row = run_trial(with_tolerance(sweep, tolerance))
     assert row.beyond_tolerance == beyond
     assert row.wrong_no_fault == ()
+
+
+@pytest.mark.parametrize("name", ["bias", "sine", "drift"])
+@pytest.mark.parametrize("recorder", ["none", "1.0"])
+def test_the_largest_error_is_that_of_the_faulty_record(sweep: Callable[..., Sweep], name: str, recorder: str):
+    settings = f"identify: {{recorder: {{edge_hz: {recorder}}}, window: {{from_s: 5, to_s: 25}}}}\n"
+    setting = sweep(f"{HEAD}active: 1\n{settings}").scenarios[0].setting
+    rng = np.random.default_rng(0)
+    clean = record_of(setting, rng)
+    wrong = faulty(clean, setting, {name: -1.5}, rng)
+    difference = np.abs((wrong.channel("tas").values - clean.channel("tas").values)[50:250])
+    ((fault, largest),) = largest_errors(clean, setting, {name: -1.5})
+    assert fault.name == name
+    assert largest == pytest.approx(difference.max(), rel=1e-12, abs=1e-12)
+    assert largest > 0.5
 
 
 @pytest.mark.parametrize(("kind", "wrong"), [("abrupt", ("bias",)), ("oscillating", ()), ("slow", ("drift",))])

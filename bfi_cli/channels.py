@@ -39,6 +39,10 @@ tas_rate m/s^2 | rate of change of true airspeed | vdot v_dot tas_dot vtas_dot t
 cas m/s | calibrated airspeed | vcas v_cas calibrated_airspeed computed_airspeed
 ias m/s | indicated airspeed | vias v_ias indicated_airspeed vind
 ground_speed m/s | ground speed | gs groundspeed gnd_speed
+velocity_north m/s | ground velocity, north | vel_n v_north vn
+velocity_east m/s | ground velocity, east | vel_e v_east ve
+wind_north m/s | velocity of the wind, north | windspeed_north
+wind_east m/s | velocity of the wind, east | windspeed_east
 mach 1 | Mach number | mach_number ma mach_ratio
 aoa rad | angle of attack | alpha angle_of_attack vane_aoa aoa_vane alpha_vane
 sideslip rad | angle of sideslip | beta aos angle_of_sideslip vane_beta sideslip_angle

@@ -78,6 +78,7 @@ def tables() -> dict[str, str]:
     for conversion, spelled in spellings:
         units.setdefault(conversion.si, []).append(" ".join(f"`{word}`" for word in spelled.split()))
     return {
+        "maps": maps_table(),
         "channels": table(("channel", "unit", "what it is", "also called"), channels),
         "units": table(("becomes", "spellings"), [(si, "; ".join(words)) for si, words in units.items()]),
         "shapes": shapes_table(),
@@ -90,6 +91,20 @@ def schema(name: str) -> dict[str, Any]:
     """Return a shipped JSON schema; a test keeps each the one of its model."""
     loaded: dict[str, Any] = json.loads((ROOT / "configs" / "schema" / f"{name}.json").read_text("utf-8"))
     return loaded
+
+
+def maps_table() -> str:
+    """Return which fields of which recorders are channels, the better source first."""
+    from bfi_cli.flightlog.topics import RECORDERS, maps_of
+
+    rows: dict[tuple[str, str], list[str]] = {}
+    for recorder, name in RECORDERS.items():
+        for one in maps_of(recorder):
+            scale = "" if one.scale == 1.0 else "-" if one.scale == -1.0 else f"{one.scale:g} x "
+            offset = "" if one.offset == 0.0 else f" {'+' if one.offset > 0 else '-'} {abs(one.offset):g}"
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            rows.setdefault((name, f"`{one.channel}`"), []).append(f"{scale}`{one.topic}.{one.field}`{offset}{unit}")
+    return table(("recorder", "channel", "fields"), [(*key, ", ".join(fields)) for key, fields in rows.items()])
 
 
 def shapes_table() -> str:

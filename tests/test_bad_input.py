@@ -91,7 +91,7 @@ LOGS: dict[str, tuple[str, str]] = {
     "truncated.h5": ("(written by the fixture)", "damaged or truncated HDF5 file"),
     "no_signals.h5": ("(written by the fixture)", "no_signals.h5: "),
     "absent.csv": ("(not written)", "absent.csv: no such file; give the path of a log"),
-    "folder": ("(a folder)", "folder: is a directory; give a log file in it"),
+    "folder": ("(a folder)", "folder: is a directory without files of ulog2csv (LOG_TOPIC_0.csv); give a log"),
 }
 
 PROVENANCE = {
@@ -218,7 +218,7 @@ OPTIONS = {
     "--channel tas": (2, "--channel: expected STD=NAME, got 'tas'; write --channel tas=my_airspeed"),
     "--channel tas=tsa": (3, "--channel tas=tsa: no channel 'tsa'; did you mean 'tas'?"),
     "--channel tas=a --channel tas=b": (2, "--channel: 'tas' is given twice, as 'a' and 'b'; keep one"),
-    "--group one": (3, "good.csv: no group 'one', a CSV log has none; leave out --group"),
+    "--group one": (3, "good.csv: no group 'one', a log of this kind has none; leave out --group"),
     "--metod ml": (2, "bfi identify: unknown option '--metod'; did you mean '--method'?"),
     "--xyzzy": (2, "bfi identify: unknown option '--xyzzy'; see bfi identify --help"),
     "-x": (2, "bfi identify: unknown option '-x'; see bfi identify --help"),

@@ -44,11 +44,13 @@ class ChannelReport:
     hold_period_s : time between two values of a held channel, None where it is not held.
     quantum : quantisation step in `unit`, None where there is none.
     min, max : over the finite samples, None where there are none.
+    own_rate_hz : of the signal in the file, None where it is that of the log.
     """
 
     name: str
     unit: str
     source: str
+    own_rate_hz: float | None
     n_nan: int
     held_fraction: float
     hold_period_s: float | None
@@ -154,6 +156,7 @@ def inspect_log(log: FlightLog) -> LogReport:
             name=channel.name,
             unit=channel.unit,
             source=channel.source,
+            own_rate_hz=None if channel.own_rate_hz is None else float(f"{channel.own_rate_hz:.6g}"),
             n_nan=channel.values.size - finite.size,
             held_fraction=0.0 if hold is None else repeat_fraction(finite),
             hold_period_s=None if hold is None else hold.period / log.rate_hz,

@@ -24,11 +24,19 @@ MOST_CHANNELS = 10_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RawColumn:
-    """One column of a file: (n_samples,) values in the file's own unit, None where it states none."""
+    """One column of a file: (n_samples,) values in the file's own unit, None where it states none.
+
+    Attributes
+    ----------
+    channel : the standard name that the format gives it, None where its own name tells.
+    rate_hz : of the signal where the file has it at a rate of its own, None otherwise.
+    """
 
     source: str
     values: NDArray[np.float64]
     unit: str | None = None
+    channel: str | None = None
+    rate_hz: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

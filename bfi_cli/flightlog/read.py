@@ -15,17 +15,26 @@ import numpy as np
 from ..channels import STANDARD, NameMatch, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
+from .quality import is_uniform
 from .raw import RawColumn, RawLog, Span, TimeOf, different_length
 from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
 from .recorder import with_seen_recorder
+from .tlog import is_tlog
 
 __all__ = ["read_log"]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
-FOREIGN = {b"ULog\x01\x12\x35": "a PX4 ULog", b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
+ULOG, DATAFLASH = b"ULog\x01\x12\x35", b"\xa3\x95\x80"
+FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
 # Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
 LATEST = 1e12
+# Of a time axis without a unit: s, and Hz of a flight log, and what its steps may be counted in beside seconds.
+LONGEST_STEP, FASTEST_LOG = 5.0, 1000.0
+TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
+# Decimals of a rounded time axis, s, and how large they may be beside its step: a missing sample is then a larger jump
+# than rounding makes. With fewer times a line tells nothing.
+DECIMALS, MOST_ROUNDED, FEWEST_TIMES = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6), 0.65, 20
 # Hz. Above every flight recorder; audio is at 2e5.
 FASTEST = 1e9
 
@@ -46,8 +55,10 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5, CSV, MATLAB v5 or v7.3.
-    group : HDF5 group or MATLAB struct that holds the channels; may be left out where there is just one.
+    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, or a
+        folder of files of `ulog2csv`.
+    group : HDF5 group or MATLAB struct that holds the channels, or the log of several in a folder; may be left out
+        where there is just one.
     channel_map : standard name -> name in the file, for names that are not known.
     unit_map : name in the file, or standard name -> its unit, for channels that state none or a wrong one.
     from_s, to_s : the window that is wanted, on the log's time axis. The log may come back longer, so cut it with
@@ -67,24 +78,35 @@ def read_log(
     name, channel_map, unit_map = str(path), channel_map or {}, unit_map or {}
     if os.path.exists(name) and not os.path.isfile(name) and not os.path.isdir(name):
         raise LogError(f"{name}: is a device or a pipe, not a file; write the log to a file first")
+    if os.path.isdir(name):
+        from .ulog2csv import folder_digest, read_folder
+
+        folder = read_folder(name, group=group, channel_map=channel_map, unit_map=unit_map)
+        return _assemble(folder, name, folder_digest(name), channel_map, unit_map)
     try:
         with open(name, "rb") as file:
             head = file.read(4096)
-    except IsADirectoryError:
-        raise LogError(f"{name}: is a directory; give a log file in it") from None
     except FileNotFoundError:
         raise LogError(f"{name or repr(name)}: no such file; give the path of a log") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{name!r}: cannot be read, {reason.lower()}; give the path of a log") from None
     time_of = partial(_time_column, channel_map=channel_map, unit_map=unit_map)
-    raw = _read(name, head, group, (from_s, to_s), time_of)
+    raw = _read(name, head, group, (from_s, to_s), time_of, channel_map, unit_map)
     with open(name, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     return with_seen_recorder(_assemble(raw, name, sha256, channel_map, unit_map))
 
 
-def _read(path: str, head: bytes, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
+def _read(
+    path: str,
+    head: bytes,
+    group: str | None,
+    span: Span,
+    time_of: TimeOf,
+    channel_map: Mapping[str, str],
+    unit_map: Mapping[str, str],
+) -> RawLog:
     """Return the columns of a file, in the format that its first bytes show."""
     if not head:
         raise LogError(f"{path}: the file is empty; copy or export it again")
@@ -96,16 +118,29 @@ def _read(path: str, head: bytes, group: str | None, span: Span, time_of: TimeOf
         from .matlab import read_matlab
 
         return read_matlab(path, group=group)
+    if group is not None:
+        raise LogError(f"{path}: no group '{group}', a log of this kind has none; leave out --group")
+    if head.startswith(ULOG):
+        from .ulog import read_ulog
+
+        return read_ulog(path, channel_map=channel_map, unit_map=unit_map)
+    if head.startswith(DATAFLASH):
+        from .dataflash import read_dataflash
+
+        return read_dataflash(path, channel_map=channel_map, unit_map=unit_map)
+    if is_tlog(head):
+        from .tlog import read_tlog
+
+        return read_tlog(path, channel_map=channel_map, unit_map=unit_map)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
-    if group is not None:
-        raise LogError(f"{path}: no group '{group}', a CSV log has none; leave out --group")
     from .text import read_csv
+    from .ulog2csv import is_topic_file, read_topic_file
 
-    return read_csv(path)
+    return read_topic_file(path, channel_map=channel_map) if is_topic_file(path) else read_csv(path)
 
 
 def _assemble(
@@ -128,18 +163,29 @@ def _assemble(
                 name = match.name
         spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
         name = next(candidate for candidate in spare if candidate not in taken)
+        if name == "time" and stated is None:
+            stated, assumed = _unit_of_time(path, column)
+            notes += assumed
         if stated is not None and si_unit(stated) is None and name not in STANDARD:
             notes.append(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
             values, unit = column.values, ""
         else:
             values, unit = to_si(column.values, stated or "", where=f"{path}: '{column.source}'")
         values = frozen_array(values)
-        taken[name] = Channel(name=name, values=values, unit=unit, source=column.source, source_unit=stated)
+        taken[name] = Channel(
+            name=name,
+            values=values,
+            unit=unit,
+            source=column.source,
+            source_unit=stated,
+            own_rate_hz=column.rate_hz,
+        )
     if not taken.keys() - {"time"}:
         raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
     time = taken.pop("time", None)
     if time is not None:
-        time_s = _checked_time(path, time)
+        time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
+        notes += rounded
     else:
         time_s = _counted_time(path, taken, raw)
         notes.append(f"time is counted from sample_rate_hz = {raw.sample_rate_hz:g} Hz")
@@ -218,6 +264,8 @@ def _by_precedence(
     paired = []
     for source, column in columns.items():
         match = match_name(source)
+        if column.channel is not None:
+            match = NameMatch(name=column.channel, unit=None, rank=0)
         if source in wanted:
             match = NameMatch(name=wanted[source], unit=match.unit if match else None, rank=-1)
         given = unit_map.get(source) or (unit_map.get(match.name) if match else None)
@@ -229,6 +277,32 @@ def _fits(name: str, unit: str | None) -> bool:
     """Say whether a unit can be that of a standard channel, as far as the unit is known."""
     known = si_unit(unit) if unit else None
     return known is None or known in (STANDARD[name].unit, "1") or STANDARD[name].unit == "1"
+
+
+def _unit_of_time(path: str, time: RawColumn) -> tuple[str | None, tuple[str, ...]]:
+    """Return the unit of a time axis that states none, as its step tells it, and a note where that is not seconds.
+
+    Raises
+    ------
+    LogError : the step suits two units.
+    """
+    step = np.abs(np.diff(time.values))
+    step = step[np.isfinite(step) & (step > 0.0)]
+    typical = float(np.median(step)) if step.size else 0.0
+    if typical <= LONGEST_STEP:
+        return None, ()
+    fit = [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * typical <= LONGEST_STEP]
+    if len(fit) != 1:
+        suits = " and ".join(f"{unit} ({1.0 / (TIME_UNITS[unit] * typical):.4g} Hz)" for unit in fit)
+        raise LogError(
+            f"{path}: '{time.source}' states no unit, and its steps of {typical:.6g} suit {suits or 'no flight'}; "
+            f"state it with --unit {time.source}={fit[0] if fit else 's'}"
+        )
+    rate = 1.0 / (TIME_UNITS[fit[0]] * typical)
+    return fit[0], (
+        f"'{time.source}' states no unit; its steps of {typical:.6g} are taken for {fit[0]} ({rate:.4g} Hz), give "
+        f"another with --unit {time.source}=UNIT",
+    )
 
 
 def _checked_time(path: str, channel: Channel) -> FloatArray:
@@ -252,6 +326,30 @@ def _checked_time(path: str, channel: Channel) -> FloatArray:
             f"{back.size} such steps); sort or mend the time axis"
         )
     return time_s
+
+
+def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the even times that a time axis of few decimals stands for, and a note; others as they are.
+
+    The straight line through the times is taken where no time is further from it than rounding to their decimals
+    explains.
+    """
+    if time_s.size < FEWEST_TIMES or is_uniform(time_s):
+        return time_s, ()
+    from_start = time_s - time_s[0]
+    quantum = next(
+        (one for one in DECIMALS if np.max(np.abs(from_start / one - np.round(from_start / one))) < 1e-3), None
+    )
+    count = np.arange(time_s.size) - 0.5 * (time_s.size - 1)
+    step = float(count @ from_start / (count @ count))
+    if quantum is None or quantum > MOST_ROUNDED * step:
+        return time_s, ()
+    line = from_start.mean() + step * count
+    # Rounding to the nearest or down; half a quantum more for the line through rounded times.
+    if np.ptp(from_start - line) > 1.5 * quantum:
+        return time_s, ()
+    note = f"the times of '{source}' are rounded to {quantum:g} s; their even steps of {step:.6g} s are taken"
+    return frozen_array(time_s[0] + line), (note,)
 
 
 def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog) -> FloatArray:

@@ -51,6 +51,7 @@ class Channel:
     unit : SI or radians ("m/s"), "" where the file states none.
     source : the name in the file.
     source_unit : the unit stated in the file (or by the user), None where none was.
+    own_rate_hz : of the signal in the file, where it has a clock of its own; None where it has that of the log.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Channel:
     unit: str
     source: str
     source_unit: str | None = None
+    own_rate_hz: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,6 +17,7 @@ __all__ = ["describe_injected", "info_content", "info_document", "log_content", 
 Plain = Mapping[str, Any]
 
 SCHEMA = 1
+MOST_GAPS = 5  # named in a report; the document has all
 
 
 def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
@@ -49,12 +50,21 @@ def info_content(document: Plain) -> ReportContent:
         heading="What the log holds",
         verdict=f"{log['path']}: {size}, time step {step}",
         facts=(
-            *(("Gap", f"from {start:g} s to {stop:g} s ({stop - start:.3g} s)") for start, stop in gaps),
+            *_gaps(gaps),
             *_recorder(document.get("recorder")),
         ),
         tables=tuple(_tables(document)),
         notes=tuple(document["notes"]),
     )
+
+
+def _gaps(gaps: Sequence[tuple[float, float]]) -> Iterator[tuple[str, str]]:
+    """Yield a line for each gap, of many for the longest."""
+    longest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS])
+    for start, stop in longest:
+        yield "Gap", f"from {start:.10g} s to {stop:.10g} s ({stop - start:.3g} s)"
+    if len(gaps) > len(longest):
+        yield "Gaps", f"{len(gaps)} in all, of which the longest are named"
 
 
 def _recorder(known: Plain | None) -> Iterator[tuple[str, str]]:
@@ -68,6 +78,7 @@ def _tables(document: Plain) -> Iterator[Table]:
             "name": one["name"],
             "in the file": None if one["source"] == one["name"] else one["source"],
             "unit": one["unit"],
+            "own rate [Hz]": one.get("own_rate_hz"),
             "min": one["min"],
             "max": one["max"],
             "quantum": one["quantum"],

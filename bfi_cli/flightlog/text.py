@@ -1,13 +1,15 @@
-"""CSV logs: a header `name` or `name [unit]`, comma, semicolon or tab, `#` comments, decimal point."""
+"""CSV logs: a header `name` or `name [unit]`, comma, semicolon or tab, `#` comments; Garmin's among them."""
 
 from __future__ import annotations
 
 import csv
 import math
 import os
+import re
 from array import array
 from collections.abc import Iterator, Sequence
-from itertools import chain, islice
+from dataclasses import replace
+from itertools import chain
 from typing import TextIO
 
 import numpy as np
@@ -15,8 +17,11 @@ import numpy as np
 from ..channels import split_unit
 from ..errors import LogError
 from ..filters import filters_from_json
+from ..units import si_unit
+from .cells import Cells, in_seconds
 from .raw import RawColumn, RawLog, require_few
 from .record import CLEAN, faults_from_json, segments_from_json
+from .topics import maps_of
 
 __all__ = ["FAULTS", "FILTERS", "SEGMENTS", "read_csv"]
 
@@ -25,9 +30,11 @@ SEGMENTS = "# segments: "
 FILTERS = "# filters: "
 # Bytes; a cell of two characters becomes a number of eight bytes, and a log is held twice while it is put together.
 LARGEST_TEXT = 10**9
+# Garmin's first line, and the line of units below it.
+AIRFRAME, UNITS = "#airframe_info", "# units"
+DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
 # Characters. The longest lines are the JSON of the faults of a log; a row of 10 000 channels has 250 000.
 LONGEST_LINE = 10**6
-ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 
 
 def read_csv(path: str) -> RawLog:
@@ -57,35 +64,105 @@ def _read(path: str, encoding: str) -> RawLog:
         if header is None:
             raise LogError(f"{path}: no header line, the file holds no text but comments; give a log with channels")
         delimiter = next((sign for sign in (";", "\t") if sign in header[1]), ",")
+        garmin = AIRFRAME in comments
+        second = next(rows, None)
+        if garmin and second is not None and (heads := _two_headers(header[1], second[1], delimiter)):
+            header, second = (second[0], heads), next(rows, None)
         names = _header(path, *header, delimiter=delimiter)
-        first = list(islice(rows, 2))
+        units: list[str | None] = [None] * len(names)
+        if garmin and UNITS in comments:
+            units = _units(comments[UNITS].lstrip("#"), delimiter, len(names)) or units
+        elif second is not None and (stated := _units(second[1], delimiter, len(names))):
+            units, second = stated, next(rows, None)
+        first = [row for row in (second, next(rows, None)) if row is not None]
         if len(first) < 2:
             raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
+        cells = Cells(names=names, comma=delimiter != "," and not any(DECIMAL_POINT.search(text) for _, text in first))
         numbers = array("d")  # eight bytes a number while it grows
+        notes: list[str] = []
+        all_numbers = False  # of a row so far, so that its columns are known
         for line, text in chain(first, rows):
-            cells = text.split(delimiter)
+            parts = text.split(delimiter)
             try:
-                if "_" in text or len(cells) != len(names):
+                if not cells.plain or "_" in text or len(parts) != len(names):
                     raise ValueError
-                numbers.extend([float(cell) for cell in cells])
+                numbers.extend([float(cell) for cell in parts])
+                all_numbers = True
             except ValueError:
-                numbers.extend(_careful(f"{path}: line {line}", _cells(text, delimiter), names))
+                parts = _cells(text, delimiter)
+                if garmin and len(parts) < len(names) and next(rows, None) is None:
+                    notes.append(f"line {line} is cut off and is left out")
+                    break
+                if all_numbers:
+                    cells.kinds = [kind or "number" for kind in cells.kinds]
+                numbers.extend(cells.numbers(f"{path}: line {line}", parts))
     values = np.frombuffer(numbers).reshape(-1, len(names))
     columns = []
     for i, name in enumerate(names):
         source, unit = split_unit(name)
-        columns.append(RawColumn(source=source, values=values[:, i].copy(), unit=unit or None))
+        columns.append(RawColumn(source=source, values=values[:, i].copy(), unit=unit or units[i]))
+    if not cells.plain:
+        columns, added = in_seconds(columns, cells.kinds)
+        notes += added
+        if min((column.values.size for column in columns), default=2) < 2:
+            raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
+    if garmin:
+        columns = _garmin(columns)
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
     filters = filters_from_json(comments[FILTERS], where=f"{path}: filters") if FILTERS in comments else None
     if FAULTS not in comments:
-        return RawLog(columns=columns, segments=segments, filters=filters)
+        return RawLog(columns=columns, segments=segments, filters=filters, notes=tuple(notes))
     return RawLog(
         columns=[c for c in columns if not c.source.endswith(CLEAN)],
         segments=segments,
         filters=filters,
         faults=faults_from_json(comments[FAULTS], where=f"{path}: faults"),
         clean={c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)},
+        notes=tuple(notes),
     )
+
+
+def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
+    """Return one header of the two of a Garmin G3X: short names below, the units of the long names above."""
+    long, short = (_cells(line, delimiter) for line in (upper, lower))
+    if len(long) != len(short) or any(map(_is_number, short)):
+        return None
+    units = [split_unit(one)[1] for one in long]
+    return delimiter.join(f"{name.strip()} [{unit}]" if unit else name for name, unit in zip(short, units, strict=True))
+
+
+def _units(line: str, delimiter: str, count: int) -> list[str | None] | None:
+    """Return the units of a line of them, None where a line holds something else; those that are unknown are left."""
+    cells = [cell.strip().strip("[]()").strip() for cell in _cells(line, delimiter)]
+    cells = cells[:count] + [""] * (count - len(cells))
+    stated = [cell for cell in cells if cell]
+    if not stated or any(map(_is_number, stated)) or 2 * sum(map(_is_unit, stated)) < len(stated):
+        return None
+    return [cell if _is_unit(cell) else None for cell in cells]
+
+
+def _is_unit(cell: str) -> bool:
+    return cell != "-" and si_unit(cell) is not None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def _garmin(columns: Sequence[RawColumn]) -> list[RawColumn]:
+    """Return the columns of a Garmin log with the channels, units and conventions that its names stand for."""
+    maps, named = {row.field: row for row in maps_of("garmin")}, []
+    for column in columns:
+        row = maps.get(column.source)
+        if row is None:
+            named.append(column)
+        else:
+            values = row.scale * column.values + row.offset
+            named.append(replace(column, values=values, unit=row.unit, channel=row.channel))
+    return named
 
 
 def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:
@@ -107,6 +184,10 @@ def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[i
             for key in (FAULTS, SEGMENTS, FILTERS):
                 if text.startswith(key):
                     comments.setdefault(key, text.removeprefix(key))
+            if AIRFRAME in comments:
+                comments.setdefault(UNITS, text.rstrip("\n"))
+            elif text.startswith(AIRFRAME):
+                comments[AIRFRAME] = text
         elif text.strip():
             yield line, text.rstrip("\n")
 
@@ -124,13 +205,8 @@ def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
     cells = [cell.strip() for cell in _cells(text, delimiter)]
     if cells and not cells[-1]:
         cells.pop()
-    for cell in cells:
-        try:
-            is_number = math.isfinite(float(cell))
-        except ValueError:
-            continue
-        if is_number:
-            raise LogError(f"{path}: no header, line {line} holds numbers; write the channels' names above them")
+    if any(map(_is_number, cells)):
+        raise LogError(f"{path}: no header, line {line} holds numbers; write the channels' names above them")
     require_few(path, len(cells), "columns")
     places: dict[str, int] = {}
     for i, cell in enumerate(cells, start=1):
@@ -140,22 +216,3 @@ def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
             raise LogError(f"{path}: columns {places[cell]} and {i} are both named '{cell}'; rename one of them")
         places[cell] = i
     return cells
-
-
-def _careful(where: str, cells: list[str], names: Sequence[str]) -> list[float]:
-    """Return the numbers of a row with empty cells, quotes or a delimiter at its end."""
-    if len(cells) == len(names) + 1 and not cells[-1].strip():
-        cells = cells[:-1]
-    if len(cells) != len(names):
-        raise LogError(f"{where} has {len(cells)} values, the header names {len(names)} channels; mend the line")
-    numbers = []
-    for cell, name in zip(map(str.strip, cells), names, strict=True):
-        try:
-            if "_" in cell:  # which Python reads as a part of a number
-                raise ValueError
-            numbers.append(math.nan if cell.lower() in ABSENT else float(cell))
-        except ValueError:
-            raise LogError(
-                f"{where}, column '{name}': not a number, got '{cell[:40]}'; mend the cell or empty it"
-            ) from None
-    return numbers

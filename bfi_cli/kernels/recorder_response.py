@@ -79,7 +79,7 @@ def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArr
 
     plateau, half = max(2, round(PLATEAU_S * rate_hz)), round((width_s + PLATEAU_S) * rate_hz)
     n = 2 * half + 2 - plateau  # from the start of one plateau to that of the other
-    if len(values) < n + plateau or not np.abs(values).max() < LARGEST:
+    if half == 0 or len(values) < n + plateau or not np.abs(values).max() < LARGEST:
         return None
     centre = slice(plateau // 2, len(values) - plateau + plateau // 2 + 1)
     travel = (maximum_filter1d(values, plateau) - minimum_filter1d(values, plateau))[centre]

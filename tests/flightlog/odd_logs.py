@@ -198,7 +198,7 @@ ODD: dict[str, tuple[Callable[[Path], None], str]] = {
     "rate_zero.h5": (hdf5(rate(0)), "rate_zero.h5: sample_rate_hz is no rate of a recorder, got 0 Hz; mend it"),
     "rate_slow.h5": (hdf5(rate(1e-11)), "rate_slow.h5: sample_rate_hz is no rate of a recorder, got 1e-11 Hz; mend it"),
     "time_late.h5": (
-        hdf5(lambda _: None, time=1e6 * TIME + 1.7e15),
+        hdf5(lambda _: None, time=TIME + 1.7e15),
         "time_late.h5: 'time' is no time of a flight at sample 0, got 1.7e+15 s; state its unit with --unit time=us",
     ),
     "time_inf.h5": (hdf5(lambda _: None, time=at_sample_5(np.inf)), "'time' is not a number at sample 5 (1 in all)"),

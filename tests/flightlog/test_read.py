@@ -226,7 +226,7 @@ def broken_matlab(path: Path) -> Path:
         (lambda path: write_hdf5(path / "a.h5", mass=4500.0), "no signals"),
         (several_groups, "several groups: one, two; give one of them with --group"),
         (binary, "neither HDF5, MATLAB v5 or v7.3, nor text"),
-        (ulog, "a PX4 ULog cannot be read; convert it"),
+        (ulog, "damaged or truncated ULog, its header is cut off"),
         (lambda path: path, "is a directory"),
         (lambda path: path / "absent.csv", "no such file"),
     ],

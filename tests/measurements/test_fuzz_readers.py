@@ -12,6 +12,9 @@ import h5py
 import numpy as np
 import pytest
 from damaged_logs import read_all
+from made_dataflash import dataflash_bytes
+from made_px4 import px4_topics, write_ulog
+from made_tlog import tlog_bytes
 from scipy.io import savemat
 
 from bfi_cli.faults import parse_spec
@@ -63,7 +66,26 @@ def matlab_73(path: Path) -> None:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(128))
 
 
-FORMATS = (contiguous, with_truth, text, matlab, matlab_compressed, matlab_73)
+def ulog(path: Path) -> None:
+    write_ulog(path, {key: one for key, one in px4_topics().items() if key[0] in ("airspeed", "actuator_controls_0")})
+
+
+def dataflash(path: Path) -> None:
+    path.write_bytes(dataflash_bytes(("ARSP", "AETR")))
+
+
+def tlog(path: Path) -> None:
+    path.write_bytes(tlog_bytes())
+
+
+def garmin(path: Path) -> None:
+    rows = "".join(f"2024-05-01, 12:{k // 60:02d}:{k % 60:02d}, {100 + k % 7}, {k % 5}, KCKN\n" for k in range(N))
+    path.write_text(
+        "#airframe_info\n#yyyy-mm-dd, hh:mm:ss, kt, deg, ident\nLcl Date, Lcl Time, TAS, Pitch, To\n" + rows
+    )
+
+
+FORMATS = (contiguous, with_truth, text, garmin, matlab, matlab_compressed, matlab_73, ulog, dataflash, tlog)
 
 
 def damaged(whole: bytes) -> list[bytes]:

@@ -1,0 +1,137 @@
+"""MAVLink telemetry logs (.tlog): packets as a ground station received them, each behind the time of its arrival.
+
+Framing and check sum are those of the MAVLink guide ("Packet Serialization"), versions 1 and 2; payloads are those of
+the messages below in common.xml and ardupilotmega.xml, fields in their order on the wire. Packets arrive in bursts, so
+a message counts at the autopilot's own clock (`time_boot_ms`), one without at that of the message before it.
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+import struct
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from .rates import log_of_topics
+from .raw import RawLog
+from .topics import Topic
+
+__all__ = ["MESSAGES", "checksum", "is_tlog", "read_tlog", "read_tlog_topics"]
+
+# Number: name, layout, extra byte of the check sum, names of the fields.
+MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
+    number: (name, struct.Struct(f"<{layout}"), extra, tuple(fields.split()))
+    for number, name, layout, extra, fields in (
+        (26, "SCALED_IMU", "I9h", 170, "time_boot_ms xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"),
+        (29, "SCALED_PRESSURE", "I2fh", 115, "time_boot_ms press_abs press_diff temperature"),
+        (30, "ATTITUDE", "I6f", 39, "time_boot_ms roll pitch yaw rollspeed pitchspeed yawspeed"),
+        (32, "LOCAL_POSITION_NED", "I6f", 185, "time_boot_ms x y z vx vy vz"),
+        (33, "GLOBAL_POSITION_INT", "I4i3hH", 104, "time_boot_ms lat lon alt relative_alt vx vy vz hdg"),
+        (74, "VFR_HUD", "4fhH", 20, "airspeed groundspeed alt climb heading throttle"),
+        (11020, "AOA_SSA", "Q2f", 205, "time_usec AOA SSA"),
+    )
+}
+V1, V2 = 0xFE, 0xFD
+SIGNED = 1  # the flag of version 2 for 13 bytes of signature behind the check sum
+ARRIVAL = 8  # bytes of the time of arrival, microseconds since 1970, most significant first
+YEARS = (946_684_800_000_000, 4_102_444_800_000_000)  # 2000 to 2100
+CLOCK = "time_boot_ms"
+
+
+def is_tlog(head: bytes) -> bool:
+    """Say whether the first bytes of a file are two packets, each behind a time of arrival."""
+    first = _length(head, 0)
+    return first is not None and _length(head, first) is not None
+
+
+def checksum(data: bytes) -> int:
+    """Return the CRC-16/MCRF4XX of MAVLink."""
+    crc = 0xFFFF
+    for byte in data:
+        low = (byte ^ crc) & 0xFF
+        low = (low ^ (low << 4)) & 0xFF
+        crc = (crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
+    return crc
+
+
+def read_tlog(path: str, *, channel_map: Mapping[str, str], unit_map: Mapping[str, str]) -> RawLog:
+    """Read a telemetry log; a field that is no channel by itself is named `MESSAGE.field` in the maps.
+
+    Raises
+    ------
+    LogError : no messages that are channels.
+    """
+    topics, notes = read_tlog_topics(path)
+    return log_of_topics(path, "mavlink", topics, channel_map, more=(*channel_map.values(), *unit_map), notes=notes)
+
+
+def read_tlog_topics(path: str) -> tuple[list[Topic], list[str]]:
+    """Return the messages of `MESSAGES` that the vehicle with most of them sent, and sentences on the file."""
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        packets, damaged = _packets(data)
+    notes = [f"{damaged} bytes are damaged or cut off and were skipped"] if damaged else []
+    senders = Counter(sender for sender, _, _ in packets)
+    if len(senders) > 1:
+        chosen = senders.most_common(1)[0][0]
+        notes.append(f"messages of {len(senders)} senders; those of system {chosen[0]}, component {chosen[1]} are read")
+        packets = [packet for packet in packets if packet[0] == chosen]
+    rows: dict[int, list[tuple[float, ...]]] = {}
+    times: dict[int, list[float]] = {}
+    now: float | None = None
+    for _, number, payload in packets:
+        _, layout, _, fields = MESSAGES[number]
+        values = layout.unpack(payload.ljust(layout.size, b"\0")[: layout.size])
+        if fields[0] == CLOCK:
+            now = 1e-3 * values[0]
+        # Without a clock of its own, two messages between those of others are one instant: the first counts.
+        if now is not None and (fields[0] == CLOCK or times.get(number, [-1.0])[-1] != now):
+            rows.setdefault(number, []).append(values)
+            times.setdefault(number, []).append(now)
+    topics = []
+    for number, several in rows.items():
+        name, _, _, fields = MESSAGES[number]
+        table = np.array(several, dtype=np.float64)
+        named = {field: table[:, i] for i, field in enumerate(fields) if not field.startswith("time_")}
+        topics.append(Topic(name=name, instance=0, time_s=np.array(times[number]), fields=named))
+    return topics, notes
+
+
+def _packets(data: mmap.mmap) -> tuple[list[tuple[tuple[int, int], int, bytes]], int]:
+    """Return sender, number and payload of the sound packets that are wanted, and how many bytes are damaged."""
+    packets, at, damaged, magic = [], 0, 0, re.compile(b"[\xfd\xfe]")
+    while at < len(data):
+        length = _length(data, at)
+        if length is None or at + length > len(data):
+            following = magic.search(data, at + ARRIVAL + 1)
+            stop = len(data) if following is None else following.start() - ARRIVAL
+            damaged += stop - at
+            at = stop
+            continue
+        packet = data[at + ARRIVAL : at + length]
+        if packet[0] == V1:
+            head, sender, number = 6, (packet[3], packet[4]), packet[5]
+        else:
+            head, sender, number = 10, (packet[5], packet[6]), int.from_bytes(packet[7:10], "little")
+        if number in MESSAGES:
+            end = head + packet[1]
+            extra = bytes([MESSAGES[number][2]])
+            if checksum(packet[1:end] + extra) == int.from_bytes(packet[end : end + 2], "little"):
+                packets.append((sender, number, packet[head:end]))
+            else:
+                damaged += length
+        at += length
+    return packets, damaged
+
+
+def _length(data: bytes | mmap.mmap, at: int) -> int | None:
+    """Return the bytes of time and packet from `at` on, None where there is none."""
+    head = data[at : at + ARRIVAL + 10]
+    if len(head) < ARRIVAL + 10 or not YEARS[0] < int.from_bytes(head[:ARRIVAL], "big") < YEARS[1]:
+        return None
+    kind, size = head[ARRIVAL], head[ARRIVAL + 1]
+    if kind == V1:
+        return ARRIVAL + 6 + size + 2
+    return ARRIVAL + 10 + size + 2 + (13 if head[ARRIVAL + 2] & SIGNED else 0) if kind == V2 else None

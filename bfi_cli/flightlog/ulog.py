@@ -1,0 +1,222 @@
+"""PX4 ULog: messages whose formats stand in the file itself.
+
+The layout is that of the PX4 User Guide, "ULog File Format": a header, then messages of a size, a type and a body.
+A reader of our own, because a stranger's file may claim anything: sizes are checked before memory is taken, and what is
+damaged is skipped to the next synchronisation message.
+"""
+
+from __future__ import annotations
+
+import itertools
+import mmap
+import re
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import LogError
+from .rates import log_of_topics
+from .raw import RawLog, require_few
+from .topics import Topic, fields_of, with_angles
+
+__all__ = ["read_ulog", "read_ulog_topics"]
+
+HEADER = 16  # bytes: the magic, a version, the time of the start
+SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+TYPES = {
+    "int8_t": "<i1",
+    "uint8_t": "<u1",
+    "bool": "<u1",
+    "char": "<u1",
+    "int16_t": "<i2",
+    "uint16_t": "<u2",
+    "int32_t": "<i4",
+    "uint32_t": "<u4",
+    "int64_t": "<i8",
+    "uint64_t": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+}
+KNOWN = frozenset(b"BFIMPQARDLCSO")
+DATA, FORMAT, ADDED, FLAGS, DROPOUT = b"DFABO"
+LONGEST = 0xFFFF  # bytes of a message
+DEEPEST = 8  # formats inside each other; PX4 nests one
+APPENDED = 1  # the only incompatible flag that is known: data after the end, at the offsets of the flags
+MICROSECOND = 1e-6
+
+
+@dataclass(slots=True)
+class _Stream:
+    """What was read of a file so far: formats by name, topics and their messages by number."""
+
+    formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
+    topics: dict[int, tuple[str, int]] = field(default_factory=dict)
+    layouts: dict[int, tuple[dict[str, tuple[str, int]], int, int] | None] = field(default_factory=dict)
+    messages: dict[int, list[bytes]] = field(default_factory=dict)
+    dropouts: int = 0
+    dropped_ms: int = 0
+    damaged: int = 0
+
+
+def read_ulog(path: str, *, channel_map: Mapping[str, str], unit_map: Mapping[str, str]) -> RawLog:
+    """Read a ULog; a field that is no channel by itself is named `topic.field` in `channel_map` and `unit_map`.
+
+    Raises
+    ------
+    LogError : no ULog, or of a later kind; no messages that are channels.
+    """
+    wanted = (*channel_map.values(), *unit_map)
+    topics, notes = read_ulog_topics(path, [re.sub(r"_\d+$", "", one.partition(".")[0]) for one in wanted])
+    return log_of_topics(path, "px4", [with_angles(one) for one in topics], channel_map, more=wanted, notes=notes)
+
+
+def read_ulog_topics(path: str, more: Sequence[str] = ()) -> tuple[list[Topic], list[str]]:
+    """Return the topics of a ULog that have channels, or that are named in `more`, and sentences on the file.
+
+    Raises
+    ------
+    LogError : no ULog, or of a later kind.
+    """
+    names = {*fields_of("px4"), *more}
+    with open(path, "rb") as file:
+        if len(file.read(HEADER)) < HEADER:
+            raise LogError(f"{path}: damaged or truncated ULog, its header is cut off; copy it from the vehicle again")
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            stream = _Stream()
+            for begin, end in _parts(path, data):
+                _read_messages(data, begin, end, stream, names)
+    require_few(path, len(stream.topics), "topics")
+    topics, empty = [], []
+    for number, (name, instance) in stream.topics.items():
+        layout, messages = stream.layouts.get(number), stream.messages.get(number, [])
+        if name not in names or layout is None:
+            continue
+        if not messages:
+            empty.append(name)
+            continue
+        fields, _, size = layout
+        kind = np.dtype(
+            {
+                "names": list(fields),
+                "formats": [one for one, _ in fields.values()],
+                "offsets": [at for _, at in fields.values()],
+                "itemsize": size,
+            }
+        )
+        table = np.frombuffer(b"".join(one.ljust(size, b"\0") for one in messages), dtype=kind)
+        time_s = MICROSECOND * table["timestamp"].astype(np.float64)
+        rest = {one: table[one] for one in fields if one != "timestamp"}
+        topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=rest))
+    notes = []
+    if stream.dropouts:
+        notes.append(f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all")
+    if stream.damaged:
+        notes.append(f"{stream.damaged} bytes are damaged or cut off and were skipped")
+    if empty:
+        notes.append(f"topics without samples are left out: {', '.join(dict.fromkeys(empty))}")
+    return topics, notes
+
+
+def _parts(path: str, data: mmap.mmap) -> list[tuple[int, int]]:
+    """Return where the messages begin and end: the file, or its part before appended data and the appended ones."""
+    size, kind = struct.unpack_from("<HB", data, HEADER) if len(data) >= HEADER + 3 else (0, 0)
+    if kind != FLAGS or size < 40 or len(data) < HEADER + 3 + 40:
+        return [(HEADER, len(data))]
+    unknown = [flag for i, flag in enumerate(data[HEADER + 11 : HEADER + 19]) if flag & ~(APPENDED if i == 0 else 0)]
+    if unknown:
+        raise LogError(f"{path}: a ULog of a later kind (unknown flags {unknown}); convert it to CSV with ulog2csv")
+    offsets = [one for one in struct.unpack_from("<3Q", data, HEADER + 19) if HEADER < one < len(data)]
+    bounds = [HEADER, *sorted(set(offsets)), len(data)]
+    return list(itertools.pairwise(bounds))
+
+
+def _read_messages(data: mmap.mmap, begin: int, end: int, stream: _Stream, names: set[str]) -> None:
+    """Read messages from `begin` to `end`; of topics that are not named only the format is kept."""
+    at, head = begin, struct.Struct("<HB")
+    while at + 3 <= end:
+        size, kind = head.unpack_from(data, at)
+        stop = at + 3 + size
+        if stop > end or kind not in KNOWN or not _read_one(data, at + 3, size, kind, stream, names):
+            following = data.find(SYNC, at + 1, end)
+            stop = end if following < 0 else following
+            stream.damaged += stop - at
+        at = stop
+    stream.damaged += end - at
+
+
+def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, names: set[str]) -> bool:
+    """Read the body of a message; return whether it is sound."""
+    if kind == DATA:
+        if size < 2:
+            return False
+        number = data[at] + 256 * data[at + 1]
+        layout = stream.layouts.get(number)
+        if layout is None:
+            return number in stream.topics  # of a format that is not known, or of no topic at all
+        _, least, most = layout
+        if not least <= size - 2 <= most:
+            return False
+        if number in stream.messages:
+            stream.messages[number].append(data[at + 2 : at + size])
+        return True
+    if kind == FORMAT:
+        name, colon, text = data[at : at + size].decode("latin-1").partition(":")
+        fields = [_field(one) for one in text.split(";") if one.strip()]
+        if not colon or None in fields:
+            return False
+        stream.formats[name] = [one for one in fields if one is not None]
+    elif kind == ADDED:
+        if size < 4:
+            return False
+        instance, number = struct.unpack_from("<BH", data, at)
+        name = data[at + 3 : at + size].decode("latin-1").rstrip("\0")
+        layout = _layout(name, stream.formats)
+        if number in stream.topics and stream.topics[number] != (name, instance):
+            return False
+        stream.topics[number], stream.layouts[number] = (name, instance), layout
+        if name in names and layout is not None:
+            stream.messages.setdefault(number, [])
+    elif kind == DROPOUT and size >= 2:
+        stream.dropouts += 1
+        stream.dropped_ms += data[at] + 256 * data[at + 1]
+    return True
+
+
+def _field(text: str) -> tuple[str, int, str] | None:
+    """Return type, count (0 for no array) and name of "float[3] xyz", None for what is no field."""
+    match = re.fullmatch(r"\s*(\w+)(?:\[(\d{1,5})\])? (\w+)\s*", text, re.ASCII)
+    return None if match is None else (match[1], int(match[2]) if match[2] is not None else 0, match[3])
+
+
+def _layout(
+    name: str, formats: Mapping[str, list[tuple[str, int, str]]]
+) -> tuple[dict[str, tuple[str, int]], int, int] | None:
+    """Return type and offset of each number of a topic by name, and the fewest and most bytes of a message.
+
+    Padding at the end need not be in the file. None for a topic that cannot be read: no format, no time, too long.
+    """
+    fields: dict[str, tuple[str, int]] = {}
+
+    def add(format_name: str, prefix: str, at: int, depth: int) -> int | None:
+        for kind, count, own in formats.get(format_name, ()):
+            for i in range(max(count, 1)):
+                label = f"{prefix}{own}[{i}]" if count else f"{prefix}{own}"
+                if kind in TYPES:
+                    if not own.startswith("_padding"):
+                        fields[label] = (TYPES[kind], at)
+                    at += int(TYPES[kind][2:])
+                else:
+                    nested = add(kind, f"{label}.", at, depth + 1) if depth < DEEPEST and kind in formats else None
+                    if nested is None:
+                        return None
+                    at = nested
+                if at > LONGEST:
+                    return None
+        return at
+
+    total = add(name, "", 0, 0)
+    if total is None or fields.get("timestamp", ("", 0))[0] != "<u8":
+        return None
+    return fields, max(at + int(kind[2:]) for kind, at in fields.values()), total

@@ -1,0 +1,112 @@
+"""ArduPilot DataFlash: the flight that was written, damage, and a recorded log.
+
+The numbers of the recorded log were compared once with pymavlink, which is no dependency: equal to rounding in every
+field of the messages that are read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_dataflash import airspeed, dataflash_bytes, fmt
+
+from bfi_cli.errors import LogError
+from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.dataflash import read_dataflash_topics
+
+
+@pytest.fixture
+def log_file(tmp_path: Path) -> Path:
+    (tmp_path / "flight.csv").write_bytes(dataflash_bytes())
+    return tmp_path / "flight.csv"
+
+
+def test_the_flight_that_was_written(log_file: Path):
+    log = read_log(log_file)
+    t, inner = log.time_s, slice(4, -4)
+    assert log.rate_hz == pytest.approx(10.0)
+    expected = {
+        "ias": [airspeed(one) for one in t],
+        "pitch": 0.1 * np.sin(0.8 * t),
+        "pitch_rate": 0.08 * np.cos(0.8 * t),
+        "longitudinal_acc": 0.98 * np.sin(0.8 * t),
+        "normal_acc": np.zeros(t.size),
+        "elevator": -0.3 * np.sin(1.3 * t),
+        "throttle": np.full(t.size, 0.4),
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(log.channels[name].values[inner], np.asarray(values)[inner], atol=3e-3, err_msg=name)
+    late = t > 12.0
+    for name, value in (("velocity_north", 0.0), ("velocity_east", 25.0), ("latitude", np.deg2rad(52.0))):
+        np.testing.assert_allclose(log.channels[name].values[late], value, atol=1e-5)
+        assert log.channels[name].own_rate_hz == pytest.approx(5.0)
+    assert log.channels["yaw"].values[50] == pytest.approx(np.deg2rad(-1.0), abs=1e-6)
+    assert log.notes[0].startswith("the signals have clocks of their own")
+
+
+def test_letters_and_their_scales(tmp_path: Path):
+    import struct
+
+    body = fmt(9, "BARO", "QBcLIg", "TimeUS,I,Alt,x,y,z")
+    for k in range(10):
+        for sensor in (0, 1):
+            row = struct.pack("<QBhiIe", 100_000 * k, sensor, 250 * sensor + k, 15_000_000, 7, 0.5)
+            body += b"\xa3\x95\x09" + row
+    (tmp_path / "a.bin").write_bytes(dataflash_bytes(()) + body)
+    topics, notes = read_dataflash_topics(str(tmp_path / "a.bin"))
+    assert notes == []
+    assert [one.label for one in topics] == ["BARO", "BARO_1"]
+    np.testing.assert_allclose(topics[1].fields["Alt"], 2.5 + 0.01 * np.arange(10))
+    assert {name: values[0] for name, values in topics[0].fields.items() if name in "xyz"} == {
+        "x": 1.5,
+        "y": 7,
+        "z": 0.5,
+    }
+    log = read_log(tmp_path / "a.bin", channel_map={"gear": "BARO.y"})
+    assert set(log.channels["gear"].values) == {7.0}
+
+
+def test_damage_is_skipped_and_said(log_file: Path):
+    whole = bytearray(log_file.read_bytes())
+    whole[len(whole) // 2 : len(whole) // 2 + 50] = b"\xa3\x95\x01" * 16 + b"\x00\x00"
+    log_file.write_bytes(whole)
+    log = read_log(log_file)
+    assert any("bytes are damaged or cut off and were skipped" in note for note in log.notes)
+    good = np.isfinite(log.channels["ias"].values)
+    np.testing.assert_allclose(log.channels["ias"].values[good], [airspeed(t) for t in log.time_s[good]], atol=0.02)
+
+
+def test_a_log_without_channels_is_refused(tmp_path: Path):
+    (tmp_path / "a.bin").write_bytes(dataflash_bytes(("MODE",)))
+    with pytest.raises(LogError, match="no channels in its messages"):
+        read_log(tmp_path / "a.bin")
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_a_damaged_dataflash_log_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.getbasetemp() / "damaged.bin"
+    whole = bytearray(dataflash_bytes(("ARSP", "MODE")))
+    for _ in range(data.draw(st.integers(0, 6))):
+        whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(whole[: data.draw(st.integers(1, len(whole)))])
+    try:
+        log = read_log(path)
+    except LogError:
+        return
+    assert log.n_samples >= 2
+
+
+@pytest.mark.realdata
+def test_a_recorded_log(flights: Path):
+    """Counts, rates and ranges as pymavlink has them; the log has no airspeed."""
+    log = read_log(flights / "reader_samples" / "pilot_0004.bin")
+    topics, _ = read_dataflash_topics(str(flights / "reader_samples" / "pilot_0004.bin"))
+    assert {one.label: one.time_s.size for one in topics} == {"ATT": 2375, "GPS": 461, "XKF1": 2355, "XKF2": 2354}
+    assert log.rate_hz == pytest.approx(25.0, rel=0.01)
+    assert log.channels["pitch"].own_rate_hz == pytest.approx(25.0, rel=0.01)
+    assert -0.39 < log.channels["pitch"].values.min() < -0.3

@@ -1,0 +1,173 @@
+"""CSV logs as people and recorders write them: units, commas, clocks, text, Garmin."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_logs import write_text
+
+from bfi_cli.errors import LogError
+from bfi_cli.flightlog import read_log
+
+KT, FT = 1852.0 / 3600.0, 0.3048
+G1000 = """\
+#airframe_info, log_version="1.00", airframe_name="Cessna 172S", mode=NORMAL,
+#yyy-mm-dd, hh:mm:ss,   hh:mm,  ident, ft Baro, deg C,     kt,     G,   deg, enum
+  Lcl Date, Lcl Time, UTCOfst, AtvWpt,    AltB,   OAT,    TAS, NormAc, Pitch, GPSfix
+"""
+G3X = """\
+#airframe_info,log_version="1.03",product="GDU 460"
+Date (yyyy-mm-dd),Time (hh:mm:ss),Pressure Altitude (ft),True Airspeed (kt),Normal Acceleration (G),Ident,Vib (ips)
+Lcl Date,Lcl Time,AltP,TAS,NormAc,AtvWpt,Vib
+"""
+
+
+def g1000(seconds: list[int], *, day: str = "2011-07-01", hour: int = 13) -> str:
+    rows = [
+        f"{day}, {hour:02d}:{s // 60:02d}:{s % 60:02d},  -05:00, {'' if k < 3 else 'KCKN'}, {1000.0 + k}, 15.0, "
+        f"{100 + k}, {0.01 * k}, {0.1 * k}, 3D\n"
+        for k, s in enumerate(seconds)
+    ]
+    return G1000 + "".join(rows)
+
+
+def test_a_g1000_log(tmp_path: Path):
+    log = read_log(write_text(tmp_path / "a.csv", g1000(list(range(20)))))
+    assert log.time_s.tolist() == [13 * 3600.0 + k for k in range(20)]
+    k = np.arange(20.0)
+    expected = {
+        "tas": KT * (100 + k),
+        "altitude": FT * (1000.0 + k),
+        "normal_acc": 9.80665 * 0.01 * k,
+        "pitch": np.deg2rad(0.1 * k),
+        "sat": np.full(20, 288.15),
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(log.channels[name].values, values, rtol=1e-12, atol=1e-12)
+    assert "time counts from midnight of 2011-07-01" in log.notes
+    assert {"'UTCOfst' holds text and is left out", "'AtvWpt' holds text and is left out"} <= set(log.notes)
+
+
+def test_repeated_and_missing_seconds_and_a_last_line_cut_off(tmp_path: Path):
+    text = g1000([0, 1, 1, 2, 3, 5, 6, 7])
+    log = read_log(write_text(tmp_path / "a.csv", text + "2011-07-01, 13:00:08, -05:"))
+    assert (log.time_s - 13 * 3600.0).tolist() == [0, 1, 2, 3, 5, 6, 7]
+    np.testing.assert_allclose(log.channels["tas"].values / KT, [100, 101, 103, 104, 105, 106, 107])
+    notes = " ".join(log.notes)
+    for words in ("line 12 is cut off", "repeat the second before are left out: 1", "skips 1 times; --rate 1 fills"):
+        assert words in notes
+
+
+def test_a_g3x_log_with_rows_before_its_clock_is_set(tmp_path: Path):
+    rows = "".join(f"2024-05-01,10:00:{k:02d},{5000 + k},{150 + k},0.1,,{k}\n" for k in range(10))
+    log = read_log(write_text(tmp_path / "a.csv", G3X + ",,5000,150,0,,0\n" * 2 + rows))
+    np.testing.assert_allclose(log.channels["tas"].values, KT * (150 + np.arange(10)))
+    np.testing.assert_allclose(log.channels["altitude"].values, FT * (5000 + np.arange(10)))
+    assert log.time_s[0] == 36000.0
+    assert "2 rows without a time are left out" in log.notes
+
+
+def test_midnight_is_passed_with_and_without_a_date(tmp_path: Path):
+    dated = g1000([0, 1, 2], hour=23).replace("23:00:02", "00:00:02").replace("2011-07-01, 00", "2011-07-02, 00")
+    assert np.diff(read_log(write_text(tmp_path / "a.csv", dated)).time_s).tolist() == [1.0, 3601.0]
+    clock = "UTC,tas\n" + "".join(
+        f"{h:02d}:{m:02d}:{s:02d}.5,90\n" for h, m, s in ((23, 59, 58), (23, 59, 59), (0, 0, 0))
+    )
+    log = read_log(write_text(tmp_path / "b.csv", clock))
+    assert log.time_s.tolist() == [86398.5, 86399.5, 86400.5]
+
+
+def test_a_clock_of_whole_seconds_with_many_rows_each(tmp_path: Path):
+    rows = "".join(f"12:00:{k // 5:02d},{k}\n" for k in range(2, 53))
+    log = read_log(write_text(tmp_path / "a.csv", "clock,tas\n" + rows))
+    np.testing.assert_allclose(log.time_s - 43200.0, np.arange(2, 53) / 5.0, atol=1e-9)
+    assert any("spread over it" in note for note in log.notes)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "first"),
+    [
+        ("2024-05-01T12:00:{:05.2f}Z", 43200.0),
+        ("2024-05-01T12:00:{:05.2f}+02:00", 36000.0),
+        ("2024-05-01 12:00:{:05.2f}", 43200.0),
+        ("12:00:{:05.2f}", 43200.0),
+    ],
+)
+def test_dates_and_times_of_day(stamp: str, first: float, tmp_path: Path):
+    rows = "".join(f"{stamp.format(0.25 * k)},{90 + k}\n" for k in range(8))
+    log = read_log(write_text(tmp_path / "a.csv", "when,tas\n" + rows))
+    np.testing.assert_allclose(log.time_s, first + 0.25 * np.arange(8), atol=1e-6)
+
+
+def test_a_clock_beside_a_time_axis_is_left_out(tmp_path: Path):
+    log = read_log(write_text(tmp_path / "a.csv", "clock,time,tas\n12:00:00,0,1\n12:00:01,1,2\n"))
+    assert log.time_s.tolist() == [0.0, 1.0]
+    assert "'clock' holds dates or times beside the time axis and is left out" in log.notes
+
+
+def test_a_line_of_units(tmp_path: Path):
+    log = read_log(write_text(tmp_path / "a.csv", "time,tas,aoa,what\ns,kt,deg,furlong\n0,100,3,1\n1,101,4,2\n"))
+    np.testing.assert_allclose(log.channels["tas"].values, [100 * KT, 101 * KT])
+    np.testing.assert_allclose(log.channels["aoa"].values, np.deg2rad([3, 4]))
+    assert log.channels["what"].unit == ""
+
+
+@settings(max_examples=40, deadline=None)
+@given(values=st.lists(st.floats(-1e6, 1e6).map(lambda x: round(x, 3)), min_size=2, max_size=20))
+def test_decimal_commas_are_the_numbers_with_points(values: list[float], tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.getbasetemp() / "commas.csv"
+    rows = "".join(f"{k},5;{value!r}\n".replace(".", ",") for k, value in enumerate(values))
+    log = read_log(write_text(path, "time;tas\n" + rows))
+    assert log.time_s.tolist() == [k + 0.5 for k in range(len(values))]
+    assert log.channels["tas"].values.tolist() == values
+
+
+def test_a_comma_among_decimal_points_is_refused(tmp_path: Path):
+    with pytest.raises(LogError, match="line 3, column 'tas': not a number, got '1,5'"):
+        read_log(write_text(tmp_path / "a.csv", "time;tas\n0.5;1.5\n1.5;1,5\n"))
+
+
+def test_a_column_of_text_is_left_out_and_text_among_numbers_refused(tmp_path: Path):
+    log = read_log(write_text(tmp_path / "a.csv", "time,mode,tas\n0,,90\n1,CRUISE,91\n2,7,92\n"))
+    assert set(log.channels) == {"tas"}
+    assert "'mode' holds text and is left out" in log.notes
+    with pytest.raises(LogError, match="line 3, column 'tas': not a number, got 'fast'"):
+        read_log(write_text(tmp_path / "b.csv", "time,mode,tas\n0,A,90\n1,B,fast\n"))
+    with pytest.raises(LogError, match="line 3, column 'clock': not a time of day, got '12'"):
+        read_log(write_text(tmp_path / "c.csv", "clock,tas\n12:00:00,90\n12,91\n"))
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_a_damaged_garmin_log_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.getbasetemp() / "damaged.csv"
+    whole = bytearray(g1000(list(range(30))).encode())
+    for _ in range(data.draw(st.integers(0, 6))):
+        whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(whole[: data.draw(st.integers(1, len(whole)))])
+    try:
+        log = read_log(path)
+    except LogError:
+        return
+    assert log.n_samples >= 2
+
+
+@pytest.mark.realdata
+def test_a_recorded_g1000_log_against_the_csv_module(flights: Path):
+    path = flights / "reader_samples" / "g1000_c172.csv"
+    with open(path, encoding="latin-1") as file:
+        lines = list(csv.reader(file, skipinitialspace=True))[2:]
+    names, rows = [name.strip() for name in lines[0]], [row for row in lines[1:] if len(row) == len(lines[0])]
+    seconds = [sum(f * int(p) for f, p in zip((3600, 60, 1), row[1].split(":"), strict=True)) for row in rows]
+    first = np.flatnonzero(np.diff(seconds, prepend=-1))
+    log = read_log(path)
+    np.testing.assert_array_equal(log.time_s, np.array(seconds, float)[first])
+    for name, source, factor in (("tas", "TAS", KT), ("altitude", "AltB", FT), ("normal_acc", "NormAc", 9.80665)):
+        theirs = np.array([float(rows[k][names.index(source)]) for k in first])
+        np.testing.assert_allclose(log.channels[name].values, factor * theirs, rtol=1e-12)
+    assert abs(float(np.median(log.channels["normal_acc"].values))) < 0.5

@@ -33,7 +33,7 @@ RUNS: tuple[tuple[str, dict[str, str]], ...] = (
     ),
     (
         "identify data/citation_two_faults.h5 -d configs/thesis_dictionary.yaml",
-        {name: name for name in ("outputs", "fault", "magnitudes", "residuals", "orders")},
+        {name: name for name in ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")},
     ),
     ("start-time data/citation_bias.csv --rate 10 --order 4", {"onset_profile": "profile", "onset_outputs": "outputs"}),
     (

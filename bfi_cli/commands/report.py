@@ -33,7 +33,7 @@ KINDS = {
     "identify": ("identify.report", "content_of_document", 2),
     "info": ("flightlog.report", "info_content", 1),
     "inject": ("flightlog.report", "log_content", 1),
-    "montecarlo": ("montecarlo", "montecarlo_content", 1),
+    "montecarlo": ("montecarlo", "montecarlo_content", 2),
     "reproduce": ("reproduce.catalogue", "reproduce_content", 1),
     "simulate": ("flightlog.report", "log_content", 1),
     "start-time": ("onset", "onset_content", 2),

@@ -195,6 +195,7 @@ def _checked(result: IdentifyResult, scanned: OnsetResult, config: Config) -> Id
         for one in scanned.candidates
         if one.kind not in looked_for or one.state in ("declared", "suspected")
     ]
+    suspects = [replace(one, name=f"{one.name} (scan)") for one in extra if one.state == "suspected"]
     verdicts = verdicts_of([*candidates, *extra])
     disagreement = [
         f"the scan over all onsets declares a {_said(estimate)}, which no declared entry of the dictionary explains; "
@@ -204,7 +205,7 @@ def _checked(result: IdentifyResult, scanned: OnsetResult, config: Config) -> Id
     decision = "fault" if result.decision == "fault" else decide(verdicts, config.require)
     result = replace(
         result,
-        candidates=tuple(candidates),
+        candidates=(*candidates, *suspects),
         verdicts=verdicts,
         decision="inconclusive" if found and decision == "no_fault" else decision,
         summary=summarise(verdicts, [*candidates, *extra]),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
+from ..faults import Fault
 from ..filters import recorded_signal, response_of
 from ..flightlog import FlightLog, read_log
 from ..flightlog.record import frozen_array
@@ -16,7 +18,9 @@ from ..flightlog.recorder import recorder_filters
 from .definition import FlownModel, RecordedLog
 from .scenarios import Setting
 
-__all__ = ["faulty", "is_shared", "record_of"]
+__all__ = ["faulty", "is_shared", "largest_errors", "record_of"]
+
+FloatArray = NDArray[np.float64]
 
 # Records that a worker keeps: a sweep's trials go through its records in turn.
 KEPT_RECORDS = 32
@@ -57,21 +61,38 @@ def faulty(log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np
     ------
     LogError : the log has no such channel.
     """
-    window, recorder = setting.config.window, setting.config.recorder
-    start_s = float(log.window(window.from_s, window.to_s).time_s[0])
-    response = response_of(recorder_filters(log, recorder.edge_hz, recorder.kind)[0], log.rate_hz)
-    added: dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]] = {}
-    for atom in setting.dictionary.resolved(start_s):
-        name = atom.name or atom.shape
-        if name in truth:
-            channel = log.channel(atom.channel)
-            signal = truth[name] * recorded_signal(atom, log.time_s, response, window_start_s=start_s)
-            added[channel.name] = added.get(channel.name, channel.values) + signal
+    added: dict[str, FloatArray] = {}
+    for atom, signal in _recorded(log, setting, truth):
+        channel = log.channel(atom.channel)
+        added[channel.name] = added.get(channel.name, channel.values) + signal
     for (name, sd), stream in zip(setting.noise, rng.spawn(len(setting.noise)), strict=True):
         channel = log.channel(name)
         added[channel.name] = added.get(channel.name, channel.values) + sd * stream.standard_normal(log.n_samples)
     channels = {name: replace(log.channels[name], values=frozen_array(values)) for name, values in added.items()}
     return replace(log, channels={**log.channels, **channels})
+
+
+def largest_errors(log: FlightLog, setting: Setting, truth: Mapping[str, float]) -> list[tuple[Fault, float]]:
+    """Return every fault of a truth with the largest error that it makes on its channel within the window.
+
+    Parameters
+    ----------
+    truth : magnitude by name of the atom.
+    """
+    window = setting.config.window
+    inside = np.isin(log.time_s, log.window(window.from_s, window.to_s).time_s)
+    return [(atom, float(np.abs(signal[inside]).max())) for atom, signal in _recorded(log, setting, truth)]
+
+
+def _recorded(log: FlightLog, setting: Setting, truth: Mapping[str, float]) -> Iterator[tuple[Fault, FloatArray]]:
+    """Yield every fault of a truth, times on the log's axis, and its signal as the log shows it."""
+    window, recorder = setting.config.window, setting.config.recorder
+    start_s = float(log.window(window.from_s, window.to_s).time_s[0])
+    response = response_of(recorder_filters(log, recorder.edge_hz, recorder.kind)[0], log.rate_hz)
+    for atom in setting.dictionary.resolved(start_s):
+        name = atom.name or atom.shape
+        if name in truth:
+            yield atom, truth[name] * recorded_signal(atom, log.time_s, response, window_start_s=start_s)
 
 
 @lru_cache(maxsize=KEPT_RECORDS)

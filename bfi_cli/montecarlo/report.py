@@ -18,9 +18,10 @@ __all__ = ["DRAWINGS", "TABLES", "montecarlo_content", "summary_document"]
 
 Plain = Mapping[str, Any]
 
-MONTECARLO_SCHEMA = 1
-DRAWINGS, TABLES = ("isolation", "magnitude_error"), ("scenarios", "trials", "timings")
+MONTECARLO_SCHEMA = 2
+DRAWINGS, TABLES = ("isolation", "magnitude_error"), ("scenarios", "decisions", "trials", "timings")
 HEADS = ("scenario", "isolated, %", "trials", "false alarms, %", "missed, %", "coverage, %", "median error")
+DECISION_HEADS = ("scenario", "fault, %", "no fault, %", "inconclusive, %", "beyond tolerance", "wrong no fault, %")
 # Curves that can be told apart by colour and marker; the others are in the table.
 MOST_CURVES = 6
 # Part of the way from one number of faults to the next over which the curves stand side by side.
@@ -56,7 +57,7 @@ def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -
 
 
 def _flat(scenario: dict[str, Any]) -> dict[str, Any]:
-    rates = ("isolation", "false_alarm", "missed_detection")
+    rates = ("isolation", "false_alarm", "missed_detection", "wrong_no_fault")
     named = {f"{key}_rate" if key in rates else key: value for key, value in scenario.items()}
     return {**named, "magnitude_error": named["magnitude_error"] or None}
 
@@ -87,7 +88,15 @@ def montecarlo_content(document: Plain) -> ReportContent:
         title=str(document["provenance"]["command"]),
         heading=f"{len(scenarios)} scenarios",
         verdict=f"{trials} trials of {len(scenarios)} scenarios; rates in % with their 95 % Wilson intervals.",
-        tables=(Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(map(_row, scenarios))),),
+        tables=(
+            Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(map(_row, scenarios))),
+            Table(
+                name="decisions",
+                title="Decisions, and no fault said of the kind of a fault that is beyond the tolerance",
+                heads=DECISION_HEADS,
+                rows=tuple(map(_decision_row, scenarios)),
+            ),
+        ),
         drawings=(
             Drawing(name="isolation", caption=ISOLATION_CAPTION, panels=(rates,)),
             Drawing(
@@ -105,6 +114,16 @@ def _row(scenario: Plain) -> tuple[str, ...]:
     error = number((scenario["magnitude_error"] or {}).get("p50"), digits=2)
     trials = str(scenario["trials"])
     return (scenario["name"], shares[0], trials, *shares[1:], _percent(scenario["coverage"]), error)
+
+
+def _decision_row(scenario: Plain) -> tuple[str, ...]:
+    wrong = scenario["wrong_no_fault_rate"]
+    return (
+        scenario["name"],
+        *(_percent(scenario["decisions"][one]) for one in ("fault", "no_fault", "inconclusive")),
+        str(wrong["of"]),
+        _percent(wrong),
+    )
 
 
 def _percent(share: Plain) -> str:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from ..faults import Decision
+from ..shapes import Kind
+from ..verdicts import KINDS
 from .scenarios import Sweep
 from .trial import Row, rounded
 
@@ -16,6 +19,7 @@ __all__ = ["Proportion", "ScenarioSummary", "Summary", "summarise", "wilson"]
 
 # The 97.5 % quantile of the normal distribution.
 NORMAL_975 = 1.959963984540054
+DECISIONS: tuple[Decision, ...] = get_args(Decision)
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
 
 
@@ -40,6 +44,9 @@ class ScenarioSummary:
     isolation : trials whose declared faults are those added; a failed trial isolates nothing.
     false_alarm : trials with an answer that declare a fault which was not added.
     missed_detection : trials with an answer and faults that do not declare one of them.
+    decisions : trials with an answer by their decision; verdicts : by their verdict on each kind of fault.
+    wrong_no_fault : trials with an answer and a fault whose largest error in the window exceeds the channel's
+        tolerance, in which the verdict that covers such a fault is no_fault.
     coverage : 95 % intervals of rightly declared faults that hold the truth.
     magnitude_error : quantiles over trials with an answer and faults, relative; empty where there are none.
     seconds : median time of a trial.
@@ -52,6 +59,9 @@ class ScenarioSummary:
     isolation: Proportion
     false_alarm: Proportion
     missed_detection: Proportion
+    decisions: Mapping[Decision, Proportion]
+    verdicts: Mapping[Kind, Mapping[Decision, Proportion]]
+    wrong_no_fault: Proportion
     coverage: Proportion
     magnitude_error: Mapping[str, float]
     detection_delay_s: float | None
@@ -106,11 +116,19 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
         isolation=_proportion(row.isolated for row in rows),
         false_alarm=_proportion(row.false_alarms for row in answered),
         missed_detection=_proportion(row.missed for row in faulty),
+        decisions=_shares(row.decision for row in answered),
+        verdicts={kind: _shares(getattr(row, kind) for row in answered) for kind in KINDS},
+        wrong_no_fault=_proportion(row.wrong_no_fault for row in answered if row.beyond_tolerance),
         coverage=_counted(sum(row.covered or 0 for row in answered), sum(row.intervals or 0 for row in answered)),
         magnitude_error={key: rounded(float(np.quantile(errors, q)), 6) for key, q in QUANTILES.items() if errors},
         detection_delay_s=float(np.median(delays)) if delays else None,
         seconds=float(np.median([seconds for _, seconds in done])) if done else None,
     )
+
+
+def _shares(answers: Iterable[str | None]) -> dict[Decision, Proportion]:
+    given = list(answers)
+    return {decision: _counted(given.count(decision), len(given)) for decision in DECISIONS}
 
 
 def _proportion(hits: Iterable[object]) -> Proportion:

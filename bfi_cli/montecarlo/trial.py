@@ -17,15 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BfiError
+from ..faults import Decision, Fault
 from ..identify import identify_faults
 from ..identify.methods import METHODS
 from ..identify.risro import declared
+from ..kernels.termination import Termination
 from ..preprocessing.rank_one import decides_by_rule, solve
 from ..preprocessing.regression import RegressionData
+from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import prepare_window, regression_of
 from ..serialization import to_json
+from ..shapes import Kind
 from ..truth import compare_faults
-from .flight import faulty, is_shared, record_of
+from ..verdicts import KINDS, State, kind_of
+from .flight import faulty, is_shared, largest_errors, record_of
 from .scenarios import Setting, Trial
 
 __all__ = [
@@ -57,7 +62,12 @@ class Row:
     ----------
     scenario, trial, seed : which it is.
     truth, estimate : magnitude by name of the faults added and of those declared.
-    decision : see `bfi identify`; isolated : whether the declared faults are those added.
+    decision : see `bfi identify`, without its scan over all onsets.
+    abrupt, oscillating, slow : the verdicts on the three kinds of fault.
+    states : of the faults added, by name: what became of their entries; None where the window does not show one.
+    beyond_tolerance : names of the faults added whose largest error in the window exceeds the channel's tolerance.
+    wrong_no_fault : those of them that `no_fault` was said of, by the verdict that covers them.
+    isolated : whether the declared faults are those added.
     false_alarms, missed : names of faults declared and not added, added and not declared.
     magnitude_error : 2-norm of estimate - truth relative to that of truth; None without a true fault.
     intervals, covered : 95 % intervals of rightly declared faults, and how many of them hold the truth; None with
@@ -72,6 +82,12 @@ class Row:
     truth: Mapping[str, float]
     estimate: Mapping[str, float] | None = None
     decision: str | None = None
+    abrupt: str | None = None
+    oscillating: str | None = None
+    slow: str | None = None
+    states: Mapping[str, str | None] | None = None
+    beyond_tolerance: tuple[str, ...] | None = None
+    wrong_no_fault: tuple[str, ...] | None = None
     isolated: bool | None = None
     false_alarms: tuple[str, ...] | None = None
     missed: tuple[str, ...] | None = None
@@ -88,7 +104,8 @@ class Row:
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
-TEXTS = ("scenario", "decision", "error")
+TEXTS = ("scenario", "decision", *KINDS, "error")
+NAMES = ("beyond_tolerance", "wrong_no_fault", "false_alarms", "missed")
 
 
 def row_from_cells(cells: Sequence[str]) -> Row:
@@ -102,7 +119,7 @@ def row_from_cells(cells: Sequence[str]) -> Row:
     read: dict[str, Any] = {
         key: json.loads(value) if value else None for key, value in text.items() if key not in TEXTS
     }
-    read |= {key: tuple(read[key]) for key in ("false_alarms", "missed") if read[key] is not None}
+    read |= {key: tuple(read[key]) for key in NAMES if read[key] is not None}
     return Row(**{key: text[key] or None for key in TEXTS} | {"scenario": text["scenario"]} | read)
 
 
@@ -130,30 +147,54 @@ def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
     atoms = trial.scenario.setting.dictionary.atoms
     active = np.sort(rng.choice(len(atoms), trial.scenario.n_active, replace=False))
     sizes = rng.choice(trial.scenario.sizes, trial.scenario.n_active)
-    return {atoms[j].name or atoms[j].shape: float(z) for j, z in zip(active, sizes, strict=True)}
+    return {_name(atoms[j]): float(z) for j, z in zip(active, sizes, strict=True)}
 
 
 def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) -> Row:
     """Return the row with the answer; where a shared record gives none, the whole one says if the data could tell."""
     setting, truth = trial.scenario.setting, row.truth
-    decision, estimate, hits = "fault", {}, None
+    log = faulty(record_of(setting, streams[0]), setting, truth, streams[1])
+    faults = largest_errors(log, setting, truth)
+    decision: Decision = "fault"
+    estimate: dict[str, float] = {}
+    verdicts: Mapping[Kind, Decision] = {}
+    states: dict[str, State | None] = {}
+    hits = None
     shared = shared_record(setting)
     if shared is not None:
         z = declared_magnitudes(shared, np.array([truth.get(name, 0.0) for name in shared.names]), setting)
-        estimate = {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
-    if not estimate:
-        log = faulty(record_of(setting, streams[0]), setting, truth, streams[1])
+        if z is not None:
+            estimate = {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
+    if estimate:
+        kinds = {kind_of(atom, declared=True) for atom in setting.dictionary.atoms if _name(atom) in estimate}
+        # A method without intervals excludes nothing.
+        verdicts = {kind: "fault" if kind in kinds else "inconclusive" for kind in KINDS}
+        states = {name: "declared" if name in estimate else "not_seen" for name in truth}
+    else:
         result = identify_faults(log, setting.dictionary, setting.config)
         decision, estimate = result.decision, {fault.name: fault.magnitude for fault in result.faults}
+        verdicts = result.verdicts
+        states = {one.name: one.state for one in result.candidates}
         if METHODS[setting.config.method].intervals:
             both = [(truth[fault.name], *fault.ci95) for fault in result.faults if fault.name in truth]
             hits = [low <= z <= high for z, low, high in both]
     comparison = compare_faults(estimate, truth)
     error = comparison.magnitude_error
+    window = setting.config.window
+    tolerances = tolerances_of(
+        log, log.window(window.from_s, window.to_s), setting.config.outputs, setting.config.tolerances
+    )
+    beyond = [atom for atom, largest in faults if largest > tolerances.get(log.channel(atom.channel).name, np.inf)]
     return replace(
         row,
         estimate={name: rounded(z) for name, z in estimate.items()},
         decision=decision,
+        abrupt=verdicts["abrupt"],
+        oscillating=verdicts["oscillating"],
+        slow=verdicts["slow"],
+        states={name: states[name] for name in truth},
+        beyond_tolerance=tuple(map(_name, beyond)),
+        wrong_no_fault=tuple(_name(one) for one in beyond if verdicts[kind_of(one, declared=False)] == "no_fault"),
         isolated=comparison.isolated,
         false_alarms=comparison.false_alarms,
         missed=comparison.missed,
@@ -161,6 +202,10 @@ def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) ->
         intervals=None if hits is None else len(hits),
         covered=None if hits is None else sum(hits),
     )
+
+
+def _name(atom: Fault) -> str:
+    return atom.name or atom.shape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -194,8 +239,10 @@ def shared_record(setting: Setting) -> SharedRecord | None:
     return None if window.reasons else SharedRecord(names=window.names, regression=regression)
 
 
-def declared_magnitudes(shared: SharedRecord, truth: FloatArray, setting: Setting) -> FloatArray:
+def declared_magnitudes(shared: SharedRecord, truth: FloatArray, setting: Setting) -> FloatArray | None:
     """Return (n_atoms,) the magnitudes that the published rule declares, 0 where it declares none.
+
+    None where the solver did not converge, which is no answer.
 
     Parameters
     ----------
@@ -203,5 +250,7 @@ def declared_magnitudes(shared: SharedRecord, truth: FloatArray, setting: Settin
     """
     faulty = shared.regression.with_fault(truth)
     solution = solve(faulty.data, setting.config)
+    if solution.termination not in (Termination.CONVERGED, Termination.FIXED):
+        return None
     z = solution.z * faulty.magnitude_unit
     return np.where(declared(solution, z, setting.config), z, 0.0)

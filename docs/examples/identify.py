@@ -22,8 +22,10 @@ for fault in result.faults:
     low, high = fault.ci95
     print(f"{fault.name}: {fault.magnitude:.3f} {fault.unit}, 95 % interval {low:.3f} to {high:.3f}")
 for candidate in result.candidates:
-    if not candidate.active:
-        print(f"{candidate.name}: seen from {candidate.minimal_detectable:.2g} {candidate.unit or '(factor)'} on")
+    if candidate.minimal_detectable is not None and candidate.state != "declared":
+        limit = f"{candidate.minimal_detectable:.2g} {candidate.unit or '(factor)'}"
+        print(f"{candidate.name}: {candidate.state}, would be declared from {limit} on")
+print(", ".join(f"{kind}: {verdict}" for kind, verdict in result.verdicts.items()))
 for note in result.notes:
     print("note:", note)
 

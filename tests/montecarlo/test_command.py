@@ -19,7 +19,7 @@ from bfi_cli.montecarlo.running import Journal
 from bfi_cli.montecarlo.trial import COLUMNS
 
 ROOT = Path(__file__).parents[2]
-FILES = {"trials.csv", "timings.csv", "summary.json", "scenarios.csv", "report.html"} | {
+FILES = {"trials.csv", "timings.csv", "summary.json", "scenarios.csv", "decisions.csv", "report.html"} | {
     f"{name}{end}" for name in ("isolation", "magnitude_error") for end in (".png", ".svg", "_figure.csv")
 }
 RUN = "from bfi_cli.commands import main; main()"
@@ -58,7 +58,7 @@ def test_two_scenarios_from_end_to_end(bfi: Callable, written: Callable, tmp_pat
     document = json.loads(outcome.stdout)
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
     assert json.loads((tmp_path / "out" / "summary.json").read_text()) == document
-    assert (document["kind"], document["schema"], document["notes"]) == ("montecarlo", 1, [])
+    assert (document["kind"], document["schema"], document["notes"]) == ("montecarlo", 2, [])
     assert document["provenance"]["seed"] == 0
     assert len(document["provenance"]["config_sha256"]) == 64
     assert [scenario["name"] for scenario in document["scenarios"]] == ["active=1", "active=2"]
@@ -68,6 +68,12 @@ def test_two_scenarios_from_end_to_end(bfi: Callable, written: Callable, tmp_pat
         assert scenario["missed_detection_rate"]["rate"] == scenario["false_alarm_rate"]["rate"] == 0.0
         assert scenario["magnitude_error"]["max"] < 1e-6
         assert scenario["coverage"]["rate"] is None
+        assert {key: share["count"] for key, share in scenario["decisions"].items()} == {
+            "fault": 6,
+            "no_fault": 0,
+            "inconclusive": 0,
+        }
+        assert scenario["wrong_no_fault_rate"]["count"] == 0
         assert scenario["detection_delay_s"] is None
     with (tmp_path / "out" / "trials.csv").open() as file:
         assert next(file) == "# written by bfi\n"
@@ -78,6 +84,9 @@ def test_two_scenarios_from_end_to_end(bfi: Callable, written: Callable, tmp_pat
         truth, estimate = json.loads(row["truth"]), json.loads(row["estimate"])
         assert estimate == pytest.approx(truth, rel=1e-6)
         assert (row["decision"], row["isolated"], row["error"]) == ("fault", "true", "")
+        assert json.loads(row["states"]) == dict.fromkeys(truth, "declared")
+        assert {row[kind] for kind in ("abrupt", "oscillating", "slow")} == {"fault", "inconclusive"}
+        assert json.loads(row["wrong_no_fault"]) == []
 
 
 def test_workers_do_not_change_a_byte(montecarlo: Callable[..., Path]):

@@ -41,15 +41,37 @@ def row(number: int, **answer: object) -> Row:
     return Row(scenario="all", trial=number, seed=0, truth={"bias": 2.0}, **answer)
 
 
+FOUND = {"abrupt": "fault", "oscillating": "no_fault", "slow": "inconclusive", "states": {"bias": "declared"}}
+FOUND |= {"beyond_tolerance": ("bias",), "wrong_no_fault": ()}
+MISSED = dict.fromkeys(("abrupt", "oscillating", "slow"), "no_fault") | {"states": {"bias": "excluded"}}
+MISSED |= {"beyond_tolerance": ("bias",), "wrong_no_fault": ("bias",)}
+
+
+def test_a_fault_within_the_tolerance_is_no_wrong_no_fault(sweep: Callable[..., Sweep]):
+    whole = sweep("record: {model: citation}\ndictionary: dictionary.yaml\nactive: 1\ntrials: 1\n")
+    small = {**MISSED, "beyond_tolerance": (), "wrong_no_fault": ()}
+    answer = {"estimate": {}, "decision": "no_fault", "isolated": False, "false_alarms": (), "missed": ("bias",)}
+    (scenario,) = summarise(whole, [(row(0, **answer, **small), 0.1)]).scenarios
+    wrong = scenario.wrong_no_fault
+    assert (wrong.count, wrong.of, wrong.rate, wrong.ci95) == (0, 0, None, None)
+
+
 def test_what_is_counted_of_what(sweep: Callable[..., Sweep]):
     whole = sweep("record: {model: citation}\ndictionary: dictionary.yaml\nactive: 1\ntrials: 4\n")
     right = {"estimate": {"bias": 2.0}, "decision": "fault", "isolated": True, "false_alarms": (), "missed": ()}
     both = {"estimate": {"bias": 3.0, "sine": 1.0}, "decision": "fault", "isolated": False}
     rows = [
-        row(0, **right, magnitude_error=0.01, intervals=1, covered=1),
-        row(1, **both, false_alarms=("sine",), missed=(), magnitude_error=0.5, intervals=1, covered=0),
+        row(0, **right, **FOUND, magnitude_error=0.01, intervals=1, covered=1),
+        row(1, **both, **FOUND, false_alarms=("sine",), missed=(), magnitude_error=0.5, intervals=1, covered=0),
         row(
-            2, estimate={}, decision="no_fault", isolated=False, false_alarms=(), missed=("bias",), magnitude_error=1.0
+            2,
+            **MISSED,
+            estimate={},
+            decision="no_fault",
+            isolated=False,
+            false_alarms=(),
+            missed=("bias",),
+            magnitude_error=1.0,
         ),
         row(3, error="no room"),
     ]
@@ -58,6 +80,18 @@ def test_what_is_counted_of_what(sweep: Callable[..., Sweep]):
     shares = (scenario.isolation, scenario.false_alarm, scenario.missed_detection, scenario.coverage)
     assert [(share.count, share.of) for share in shares] == [(1, 4), (1, 3), (1, 3), (1, 2)]
     assert (scenario.trials, scenario.failed) == (4, 1)
+    assert (scenario.wrong_no_fault.count, scenario.wrong_no_fault.of) == (1, 3)
+    assert scenario.wrong_no_fault.ci95 == wilson(1, 3)
+    assert {key: (one.count, one.of) for key, one in scenario.decisions.items()} == {
+        "fault": (2, 3),
+        "no_fault": (1, 3),
+        "inconclusive": (0, 3),
+    }
+    assert {kind: shares["no_fault"].count for kind, shares in scenario.verdicts.items()} == {
+        "abrupt": 1,
+        "oscillating": 3,
+        "slow": 1,
+    }
     assert scenario.magnitude_error["p50"] == 0.5
     assert scenario.magnitude_error["max"] == 1.0
     assert scenario.seconds == pytest.approx(0.25)

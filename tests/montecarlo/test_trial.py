@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bfi_cli.identify import identify_faults
+from bfi_cli.identify.methods import METHODS
 from bfi_cli.montecarlo import Sweep, run_trial
 from bfi_cli.montecarlo import trial as trial_module
-from bfi_cli.montecarlo.flight import faulty, record_of
+from bfi_cli.montecarlo.flight import faulty, largest_errors, record_of
 from bfi_cli.montecarlo.scenarios import Trial
 from bfi_cli.montecarlo.trial import Row, declared_magnitudes, row_from_cells, shared_record
 
@@ -79,6 +80,9 @@ def test_a_trial_is_an_identification_of_the_faulty_log(sweep: Callable[..., Swe
         log = faulty(record_of(setting, gusts), setting, row.truth, noise)
         result = identify_faults(log, setting.dictionary, setting.config)
         assert row.decision == result.decision
+        assert {"abrupt": row.abrupt, "oscillating": row.oscillating, "slow": row.slow} == result.verdicts
+        became = {one.name: one.state for one in result.candidates}
+        assert row.states == {name: became[name] for name in row.truth}
         assert row.estimate == pytest.approx({fault.name: fault.magnitude for fault in result.faults}, rel=1e-11)
         assert row.isolated == (set(row.estimate) == set(row.truth))
         right = [fault for fault in result.faults if fault.name in row.truth]
@@ -91,6 +95,87 @@ def test_a_trial_depends_on_nothing_but_itself(sweep: Callable[..., Sweep]):
     trials = list(sweep("noisy", trials=2).trials())
     rows = [run_trial(trial) for trial in trials]
     assert [run_trial(trial) for trial in reversed(pickle.loads(pickle.dumps(trials)))] == rows[::-1]
+
+
+VERDICTS = ("abrupt", "oscillating", "slow")
+
+
+def test_a_shared_factorisation_gives_the_verdicts_of_the_whole_answer(
+    sweep: Callable[..., Sweep], monkeypatch: pytest.MonkeyPatch
+):
+    for trial in sweep("fast", trials=3).trials():
+        row = run_trial(trial)
+        with monkeypatch.context() as patch:
+            patch.setattr(trial_module, "shared_record", lambda _: None)
+            alone = run_trial(trial)
+        keys = ("decision", *VERDICTS, "states", "beyond_tolerance", "wrong_no_fault")
+        assert [getattr(row, key) for key in keys] == [getattr(alone, key) for key in keys]
+
+
+def test_a_solver_that_did_not_converge_has_no_verdict(sweep: Callable[..., Sweep]):
+    trial = next(sweep(SHARING["log"].replace("sparsity: none", "sparsity: none, max_iterations: 1")).trials())
+    assert shared_record(trial.scenario.setting) is not None
+    row = run_trial(trial)
+    assert {row.decision, *(getattr(row, kind) for kind in VERDICTS)} == {"inconclusive"}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_fills_the_row(sweep: Callable[..., Sweep], method: str):
+    settings = f"identify: {{model: {{order: 4}}, method: {method}, dmae: {{model: citation}}}}\n"
+    text = f"{HEAD}noise: {{tas: 0.01}}\nactive: [0, 2]\ntrials: 1\n{settings}"
+    for row in map(run_trial, sweep(text).trials()):
+        assert row.error is None
+        assert None not in (row.decision, *(getattr(row, kind) for kind in VERDICTS))
+        assert set(row.states) == set(row.truth)
+        assert set(row.states.values()) <= {"declared", "suspected", "excluded", "not_seen"}
+        assert set(row.wrong_no_fault) <= set(row.beyond_tolerance) <= set(row.truth)
+
+
+def with_tolerance(sweep: Callable[..., Sweep], tolerance: float) -> Trial:
+    """Return a trial with a step of 2 m/s and a drift of 0.2 m/s^2 from 8 s, 4.4 m/s in 22 s."""
+    settings = f"identify: {{model: {{order: 4}}, tolerances: {{tas: {tolerance}}}}}\n"
+    return next(sweep(f"{HEAD}noise: {{tas: 0.01}}\nactive: 2\ntrials: 1\n{settings}").trials())
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "beyond"), [(1.9, ("bias", "drift")), (2.1, ("drift",)), (4.3, ("drift",)), (4.5, ())]
+)
+def test_an_error_is_beyond_the_tolerance_where_it_is_largest(
+    sweep: Callable[..., Sweep], monkeypatch: pytest.MonkeyPatch, tolerance: float, beyond: tuple[str, ...]
+):
+    monkeypatch.setattr(trial_module, "draw", lambda *_: {"bias": -2.0, "drift": 1.0})
+    row = run_trial(with_tolerance(sweep, tolerance))
+    assert row.beyond_tolerance == beyond
+    assert row.wrong_no_fault == ()
+
+
+@pytest.mark.parametrize("name", ["bias", "sine", "drift"])
+@pytest.mark.parametrize("recorder", ["none", "1.0"])
+def test_the_largest_error_is_that_of_the_faulty_record(sweep: Callable[..., Sweep], name: str, recorder: str):
+    settings = f"identify: {{recorder: {{edge_hz: {recorder}}}, window: {{from_s: 5, to_s: 25}}}}\n"
+    setting = sweep(f"{HEAD}active: 1\n{settings}").scenarios[0].setting
+    rng = np.random.default_rng(0)
+    clean = record_of(setting, rng)
+    wrong = faulty(clean, setting, {name: -1.5}, rng)
+    difference = np.abs((wrong.channel("tas").values - clean.channel("tas").values)[50:250])
+    ((fault, largest),) = largest_errors(clean, setting, {name: -1.5})
+    assert fault.name == name
+    assert largest == pytest.approx(difference.max(), rel=1e-12, abs=1e-12)
+    assert largest > 0.5
+
+
+@pytest.mark.parametrize(("kind", "wrong"), [("abrupt", ("bias",)), ("oscillating", ()), ("slow", ("drift",))])
+def test_no_fault_is_wrong_of_the_kind_that_covers_the_fault(
+    sweep: Callable[..., Sweep], monkeypatch: pytest.MonkeyPatch, kind: str, wrong: tuple[str, ...]
+):
+    def said(*_: object) -> SimpleNamespace:
+        verdicts = dict.fromkeys(VERDICTS, "inconclusive") | {kind: "no_fault"}
+        states = [SimpleNamespace(name=name, state="not_seen") for name in ("bias", "sine", "drift")]
+        return SimpleNamespace(decision="inconclusive", verdicts=verdicts, candidates=states, faults=())
+
+    monkeypatch.setattr(trial_module, "draw", lambda *_: {"bias": 2.0, "drift": 1.0})
+    monkeypatch.setattr(trial_module, "identify_faults", said)
+    assert run_trial(with_tolerance(sweep, 1.0)).wrong_no_fault == wrong
 
 
 def test_noise_and_gusts_are_what_is_asked_for(sweep: Callable[..., Sweep]):
@@ -137,6 +222,12 @@ sizes = st.dictionaries(names, st.floats(allow_nan=False, allow_infinity=False),
         truth=sizes,
         estimate=st.none() | sizes,
         decision=st.sampled_from([None, "fault", "no_fault"]),
+        abrupt=st.sampled_from([None, "fault", "inconclusive"]),
+        oscillating=st.sampled_from([None, "no_fault"]),
+        slow=st.sampled_from([None, "inconclusive"]),
+        states=st.none() | st.dictionaries(names, st.sampled_from([None, "declared", "excluded"]), max_size=3),
+        beyond_tolerance=st.none() | st.lists(names).map(tuple),
+        wrong_no_fault=st.none() | st.lists(names).map(tuple),
         isolated=st.sampled_from([None, True, False]),
         false_alarms=st.none() | st.lists(names).map(tuple),
         missed=st.none() | st.lists(names).map(tuple),

@@ -49,13 +49,15 @@ class PreparedRecord:
 
     Attributes
     ----------
-    record : inputs and outputs, no dictionary.
+    part : the log from the start of the healthy time on.
+    record : its inputs and outputs, no dictionary.
     train : healthy time; watch_s, until_s : from when on and until when the outputs are watched.
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
     """
 
+    part: FlightLog
     record: Signals
     native_rate_hz: float
     train: tuple[float, float]
@@ -173,6 +175,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     if bank:
         notes.append(TURNS)
     return PreparedRecord(
+        part=part,
         record=record,
         native_rate_hz=log.rate_hz,
         train=train,

@@ -18,7 +18,7 @@ from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
 from ..shapes import Kind
 from ..verdicts import KINDS, decide, summarise, verdicts_of
-from .claims import StepLimits, candidates_of, exact_limits, parity_limits
+from .claims import ABSORBED, SMEARED, StepLimits, candidates_of, exact_limits, parity_limits
 from .parity import LASTING_IN_GUSTS, PATCH_S, DetectionThreshold, detect_sequentially
 from .preparation import FELT, PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
@@ -63,9 +63,9 @@ def detect_faults(
         if config.detect.method == "exact" or (config.detect.method == "auto" and prepared.exact):
             result, limits = _exact_result(prepared, config)
             if result.is_calibrated or config.detect.method == "exact":
-                return _with_verdicts(result, prepared, config, limits, {}, tolerances)
-        result, limits, steps = _parity_result(prepared, config, report)
-        return _with_verdicts(result, prepared, config, limits, steps, tolerances)
+                return _with_verdicts(result, prepared, config, limits, tolerances)
+        result, limits = _parity_result(prepared, config, report)
+        return _with_verdicts(result, prepared, config, limits, tolerances)
 
 
 def _with_verdicts(
@@ -73,7 +73,6 @@ def _with_verdicts(
     prepared: PreparedRecord,
     config: Config,
     limits: StepLimits | None,
-    steps: Mapping[str, tuple[float | None, float | None]],
     tolerances: Mapping[str, float],
 ) -> DetectResult:
     """Return a result with what it says of every channel.
@@ -81,9 +80,8 @@ def _with_verdicts(
     Parameters
     ----------
     limits : None where nothing can be said of a channel that was not declared.
-    steps : size and standard deviation of the declared steps that have them.
     """
-    declared = {alarm.channel: steps.get(alarm.channel, (None, None)) for alarm in result.alarms}
+    declared = {alarm.channel: alarm.size for alarm in reversed(result.alarms)}
     candidates = candidates_of(prepared, limits, declared, tolerances)
     verdicts = verdicts_of(candidates)
     required = config.require if "require" in config.model_fields_set else REQUIRED
@@ -220,8 +218,8 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResul
 
 def _parity_result(
     prepared: PreparedRecord, config: Config, report: Callable[[int, int], None]
-) -> tuple[DetectResult, StepLimits, dict[str, tuple[float, float | None]]]:
-    """Return what the parity residuals say at the rate of the analysis, its limits, and the steps of what failed.
+) -> tuple[DetectResult, StepLimits]:
+    """Return what the parity residuals say at the rate of the analysis, and its limits.
 
     The calibration is that of the first pass.
     """
@@ -251,7 +249,6 @@ def _parity_result(
         series.append(_series(prepared, i, samples.y, statistic, level, failed_s.get(i)))
     model, threshold = passes[0].model, passes[0].threshold
     heavy = threshold.tail is not None and threshold.tail > threshold.white
-    steps = {outputs[one.output]: (one.size, one.sd if np.isfinite(one.sd) else None) for one in failures}
     first_held, last_held = model.samples[model.errors.start], model.samples[model.n_healthy - 1]
     result = DetectResult(
         log=log_summary(path, samples.time_s, rate_hz=samples.rate_hz, native_rate_hz=prepared.native_rate_hz),
@@ -290,7 +287,7 @@ def _parity_result(
         commands=_identify_command(prepared, alarms),
         notes=(*prepared.notes, f"rate: {prepared.choice.reason}", SLOW, *_threshold_notes(prepared, threshold)),
     )
-    return result, parity_limits(samples, passes), steps
+    return result, parity_limits(samples, passes, factor=SMEARED if prepared.filtered else ABSORBED)
 
 
 def _series(

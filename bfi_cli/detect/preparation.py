@@ -55,6 +55,7 @@ class PreparedRecord:
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
+    filtered : what was recorded went through a low-pass, or may have.
     """
 
     part: FlightLog
@@ -68,6 +69,7 @@ class PreparedRecord:
     units: tuple[str, ...]
     choice: RateChoice
     exact: bool
+    filtered: bool
     notes: tuple[str, ...]
 
 
@@ -186,6 +188,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         units=tuple(part.channel(name).unit for name in outputs),
         choice=choose_rate(healthy, (), exact=False, asked=rate_hz, fastest_hz=FASTEST_HZ),
         exact=is_exact(healthy),
+        filtered=log.filters is None or len(log.filters) > 0,
         notes=tuple(notes),
     )
 

@@ -42,16 +42,14 @@ class Drops:
     deviate : (n_rows, n_outputs) the drop, as the standard normal deviate that is as rare in a healthy record.
     age : (n_rows, n_outputs) rows from the best onset to the row.
     size : (n_rows, n_outputs) height of that step after its first row, in the outputs' units; 0 at the first row.
-    sd : (n_rows, n_outputs) standard deviation of that height, infinite where it is not estimated.
-    old_size, old_sd : (n_rows, n_old, n_outputs) the same of the steps that began window - n_old, ..., window - 1 rows
-        before, the oldest last.
+    old_size, old_sd : (n_rows, n_old, n_outputs) height and its standard deviation, infinite where it is not estimated,
+        of the steps that began window - n_old, ..., window - 1 rows before, the oldest last.
     freedom : (n_rows,) degrees of freedom of the covariance.
     """
 
     deviate: FloatArray
     age: IntArray
     size: FloatArray
-    sd: FloatArray
     old_size: FloatArray
     old_sd: FloatArray
     freedom: FloatArray
@@ -148,7 +146,7 @@ def largest_drops(
     # Whitened residuals, and one over the root of 1 + leverage; zero where the record has no row yet.
     white, shrink = np.zeros((window, q)), np.zeros(window)
     deviate, size, age = np.zeros((n, q)), np.zeros((n, q)), np.zeros((n, q), dtype=np.intp)
-    sd, old_size, old_sd = np.full((n, q), np.inf), np.zeros((n, n_old, q)), np.full((n, n_old, q), np.inf)
+    old_size, old_sd = np.zeros((n, n_old, q)), np.full((n, n_old, q), np.inf)
     for i in range(n):
         whitener = np.linalg.inv(np.linalg.cholesky(covariances[i]))
         K = (basis @ errors.coefficients[i, len(errors.coefficients[i]) - r :]).reshape(-1, q, q)
@@ -179,7 +177,7 @@ def largest_drops(
         age[i], size[i] = best, step[best, every]
         spread = np.full((window, q), np.inf)
         np.sqrt(left / np.maximum(own, DEPENDENT * aa), out=spread, where=own > DEPENDENT * aa)
-        sd[i], reached = spread[best, every], min(max(i + 1 - window + n_old, 0), n_old)
+        reached = min(max(i + 1 - window + n_old, 0), n_old)
         old_size[i, :reached], old_sd[i, :reached] = (
             each[window - n_old : window - n_old + reached] for each in (step, spread)
         )
@@ -187,4 +185,4 @@ def largest_drops(
         # The standard normal deviate that is as rare as F = drop / 2 with 2 and `freedom` degrees of freedom.
         tail = -0.5 * freedom[i] * np.log1p(drop[best, every] / freedom[i])
         deviate[i] = -special.ndtri_exp(tail - np.log(2.0))
-    return Drops(deviate=deviate, age=age, size=size, sd=sd, old_size=old_size, old_sd=old_sd, freedom=freedom)
+    return Drops(deviate=deviate, age=age, size=size, old_size=old_size, old_sd=old_sd, freedom=freedom)

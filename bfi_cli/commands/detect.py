@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from .options import CHANNELS, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import CHANNELS, VERDICT, config_of, exit_code, inputs_of, log_argument, log_of, with_options
 from .output import emit
 from .progress import progress
 
@@ -17,11 +17,12 @@ __all__ = ["command"]
 @log_argument
 @with_options(
     *("config_path", "train", "inputs", "outputs", "detect_false_alarm", "detect_method", "turns"),
-    *("from_s", "to_s", *CHANNELS, "rate"),
+    *("from_s", "to_s", *CHANNELS, "rate", *VERDICT),
     *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
     inputs="An input; repeatable.  [default: controls and accelerations]",
     outputs="An output to watch; repeatable.  [default: of the log]",
-    strict="Exit 4 where the threshold cannot be trusted.",
+    require="Kinds of fault that must be excluded for a no_fault: abrupt,oscillating,slow.  [default: abrupt]",
+    strict="Exit 4 where the log cannot tell, or the threshold cannot be trusted.",
     fail_on="Exit 10 where a channel fails.",
 )
 @click.pass_context
@@ -38,7 +39,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     config = config_of(config_path, options)
     inputs = inputs_of(config, log)
     if options["out"] is not None:
-        names = content_names(("detection",), ("alarms", "channels"))
+        names = content_names(("hidden", "detection"), ("alarms", "candidates", "channels"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
     flight = log_of(log, config)
     with progress("channels", wanted=options["progress"]) as report:

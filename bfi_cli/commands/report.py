@@ -27,7 +27,7 @@ GIVE = "give the result.json of a command's --out, or what its --json --series p
 KINDS = {
     "calibration": ("calibration", "calibration_content", 1),
     "convert": ("flightlog.report", "log_content", 1),
-    "detect": ("detect", "detect_content", 1),
+    "detect": ("detect", "detect_content", 2),
     "diagnosability": ("diagnosability", "diagnosability_content", 1),
     "dictionary": ("audit", "audit_content", 1),
     "identify": ("identify.report", "content_of_document", 2),

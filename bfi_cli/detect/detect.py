@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,9 +14,13 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.nullspace import criteria
 from ..preprocessing.summary import log_summary
+from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
+from ..shapes import Kind
+from ..verdicts import KINDS, decide, summarise, verdicts_of
+from .claims import ABSORBED, SMEARED, StepLimits, candidates_of, exact_limits, parity_limits
 from .parity import LASTING_IN_GUSTS, PATCH_S, DetectionThreshold, detect_sequentially
-from .preparation import PreparedRecord, decimate_record, prepare_record
+from .preparation import FELT, PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
 # Seconds on either side of the onset that the next command analyses: about two of the records of T, 31.7 s each.
@@ -31,6 +36,8 @@ NARROWEST, SPARE = 10, 5
 # other channels is smaller by orders of magnitude (H, after eq. 29).
 SELECTIVE = 1e-2
 SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
+# What must be excluded for a "no fault" where the user does not say: nothing but steps is looked for.
+REQUIRED: tuple[Kind, ...] = ("abrupt",)
 
 
 def detect_faults(
@@ -52,14 +59,73 @@ def detect_faults(
     """
     with threadpool_limits(1):
         prepared = prepare_record(log, config)
+        tolerances = tolerances_of(log, prepared.part, prepared.outputs, config.tolerances)
         if config.detect.method == "exact" or (config.detect.method == "auto" and prepared.exact):
-            result = _exact_result(prepared, config)
+            result, limits = _exact_result(prepared, config)
             if result.is_calibrated or config.detect.method == "exact":
-                return result
-        return _parity_result(prepared, config, report)
+                return _with_verdicts(result, prepared, config, limits, tolerances)
+        result, limits = _parity_result(prepared, config, report)
+        return _with_verdicts(result, prepared, config, limits, tolerances)
 
 
-def _exact_result(prepared: PreparedRecord, config: Config) -> DetectResult:
+def _with_verdicts(
+    result: DetectResult,
+    prepared: PreparedRecord,
+    config: Config,
+    limits: StepLimits | None,
+    tolerances: Mapping[str, float],
+) -> DetectResult:
+    """Return a result with what it says of every channel.
+
+    Parameters
+    ----------
+    limits : None where nothing can be said of a channel that was not declared.
+    """
+    declared = {alarm.channel: alarm.size for alarm in reversed(result.alarms)}
+    candidates = candidates_of(prepared, limits, declared, tolerances)
+    verdicts = verdicts_of(candidates)
+    required = config.require if "require" in config.model_fields_set else REQUIRED
+    notes = []
+    if limits is not None and len(limits.onset_s):
+        first_s, last_s = (instant(float(limits.onset_s[k])) for k in (0, -1))
+        notes.append(
+            f"claims hold for steps that begin from {first_s} to {last_s} s; what began before is learnt as normal"
+        )
+    unseen = [one.channel for one in candidates if one.state == "not_seen"]
+    if unseen:
+        notes.append(
+            f"what would help with steps of {', '.join(unseen)}: {'; '.join(_helps(prepared, config, limits))}"
+        )
+    others = [kind for kind in required if kind != "abrupt"]
+    if others:
+        notes.append(
+            f"{' and '.join(others)} faults are not looked for here: bfi start-time does, one channel at a time"
+        )
+    return replace(
+        result,
+        decision=decide(verdicts, required),
+        verdicts=verdicts,
+        candidates=candidates,
+        summary=summarise(verdicts, candidates),
+        notes=(*result.notes, *notes),
+    )
+
+
+def _helps(prepared: PreparedRecord, config: Config, limits: StepLimits | None) -> list[str]:
+    """Return what lowers the limits, or lets them pass."""
+    if limits is None:
+        return ["--method parity"]
+    if not len(limits.onset_s):
+        return ["a longer time to watch (an earlier end of --train, a later --to)"]
+    said = ["a longer healthy time (--train A:B)"]
+    idle = [
+        name for name in FELT if name in prepared.part.channels and name not in (*prepared.inputs, *prepared.outputs)
+    ]
+    said += ["more inputs (" + " ".join(f"--input {name}" for name in (*prepared.inputs, *idle)) + ")"] if idle else []
+    return [*said, "calmer air", "a --tolerance that you accept"]
+
+
+def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResult, StepLimits | None]:
     """Return what the right null space of the last samples says of each output, at the log's own rate (paper H).
 
     The past data have the fewest lags that explain the healthy time. A constant counts as an input, so that values need
@@ -81,10 +147,11 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> DetectResult:
         if explained:
             break
     channel = np.nan_to_num(criterion.channel)
+    levels = np.maximum(LEVEL, SELECTIVE * channel.max(axis=1))
     last = np.full(channel.shape[1], -width - 1)
     alarms = []
     for i in np.flatnonzero((channel > LEVEL).any(axis=1)):
-        above = channel[i] > max(LEVEL, SELECTIVE * float(channel[i].max()))
+        above = channel[i] > levels[i]
         time_s = float(record.time_s[i])
         alarms += [
             Alarm(
@@ -111,9 +178,22 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> DetectResult:
             "the healthy time is not explained to round-off: this log has noise, or needs more channels, and the "
             "alarms mean nothing; give --method parity"
         )
-    return DetectResult(
+    notes, limits = [note], None
+    if criterion.ready is not None:
+        notes.append(f"ready after {criterion.ready} samples")
+    if explained:
+        limits, left_out = exact_limits(record, inputs, criterion, width=width, level=levels)
+        if left_out:
+            notes.append(
+                f"{left_out} samples move in a direction in which their window does not, as the first ones after an "
+                "input begins to move: what fails at one of them may show in another channel or not at all"
+            )
+    result = DetectResult(
         log=log_summary(record.path, record.time_s, rate_hz=record.rate_hz, native_rate_hz=prepared.native_rate_hz),
-        decision="fault" if alarms else "no_fault",
+        decision="inconclusive",
+        verdicts=dict.fromkeys(KINDS, "inconclusive"),
+        candidates=(),
+        summary="",
         method="exact",
         inputs=prepared.inputs,
         outputs=prepared.outputs,
@@ -131,12 +211,18 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> DetectResult:
             for k, name in enumerate(prepared.outputs)
         ),
         commands=_identify_command(prepared, alarms),
-        notes=(note, *(() if criterion.ready is None else (f"ready after {criterion.ready} samples",))),
+        notes=tuple(notes),
     )
+    return result, limits
 
 
-def _parity_result(prepared: PreparedRecord, config: Config, report: Callable[[int, int], None]) -> DetectResult:
-    """Return what the parity residuals say at the rate of the analysis; the calibration is that of the first pass."""
+def _parity_result(
+    prepared: PreparedRecord, config: Config, report: Callable[[int, int], None]
+) -> tuple[DetectResult, StepLimits]:
+    """Return what the parity residuals say at the rate of the analysis, and its limits.
+
+    The calibration is that of the first pass.
+    """
     samples, outputs = decimate_record(prepared, prepared.choice.factor), prepared.outputs
     path, false_alarm = prepared.record.path, config.detect.false_alarm
     failures, passes = detect_sequentially(path, samples, false_alarm=false_alarm, report=report)
@@ -164,9 +250,12 @@ def _parity_result(prepared: PreparedRecord, config: Config, report: Callable[[i
     model, threshold = passes[0].model, passes[0].threshold
     heavy = threshold.tail is not None and threshold.tail > threshold.white
     first_held, last_held = model.samples[model.errors.start], model.samples[model.n_healthy - 1]
-    return DetectResult(
+    result = DetectResult(
         log=log_summary(path, samples.time_s, rate_hz=samples.rate_hz, native_rate_hz=prepared.native_rate_hz),
-        decision="fault" if alarms else "no_fault",
+        decision="inconclusive",
+        verdicts=dict.fromkeys(KINDS, "inconclusive"),
+        candidates=(),
+        summary="",
         method="parity",
         inputs=prepared.inputs,
         outputs=outputs,
@@ -198,6 +287,7 @@ def _parity_result(prepared: PreparedRecord, config: Config, report: Callable[[i
         commands=_identify_command(prepared, alarms),
         notes=(*prepared.notes, f"rate: {prepared.choice.reason}", SLOW, *_threshold_notes(prepared, threshold)),
     )
+    return result, parity_limits(samples, passes, factor=SMEARED if prepared.filtered else ABSORBED)
 
 
 def _series(

@@ -266,12 +266,17 @@ class MonitoringPass:
     Attributes
     ----------
     channels : indices of the outputs watched.
+    drops : whose deviate is the least one over as many rows as it has to last, those whose older steps it tells.
+    window : rows in which a step is sought.
+    decided : (n,) the rows of the drops on which this pass decided, up to the one of its failure.
     """
 
     channels: tuple[int, ...]
     model: Predictor
     drops: Drops
     threshold: DetectionThreshold
+    window: int
+    decided: NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,24 +310,34 @@ def detect_sequentially(
         patch = round(PATCH_S * samples.rate_hz)
         weights = running_weights(model.errors.residual, patch)
         gusty = bool(weights.max() > UNEQUAL * weights.min())
-        drops = largest_drops(model.errors, model.basis, window=window, patch=patch if gusty else 0)
-        # The deviate that counts is the least one over the last rows.
         lasting = LASTING_IN_GUSTS if gusty else LASTING
+        patch = patch if gusty else 0
+        drops = largest_drops(model.errors, model.basis, window=window, patch=patch, n_old=lasting)
+        # The deviate that counts is the least one over the last rows.
         padded = np.vstack([np.zeros((lasting - 1, len(channels))), drops.deviate])
         drops = replace(drops, deviate=np.lib.stride_tricks.sliding_window_view(padded, lasting, axis=0).min(axis=2))
         threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS if gusty else 1.0)
-        passes.append(MonitoringPass(channels=tuple(channels), model=model, drops=drops, threshold=threshold))
         # The first row, after the onset of the failure before, whose deviate is above its level.
         at = model.samples[model.errors.start :]
         begin = failures[-1].onset if failures else 0
-        watched = (np.arange(len(at)) >= model.n_healthy - model.errors.start) & (at >= begin)
-        above = np.flatnonzero(watched & (drops.deviate > threshold.level).any(axis=1))
+        decided = np.flatnonzero((np.arange(len(at)) >= model.n_healthy - model.errors.start) & (at >= begin))
+        above = decided[(drops.deviate[decided] > threshold.level).any(axis=1)]
+        passes.append(
+            MonitoringPass(
+                channels=tuple(channels),
+                model=model,
+                drops=drops,
+                threshold=threshold,
+                window=window,
+                decided=decided[decided <= above[0]] if above.size else decided,
+            )
+        )
         if not above.size:
             break
         row = int(above[0])
         k = int(drops.deviate[row].argmax())
-        # The size of the step is read where it is seen best, up to a window later.
-        clearest = row + int(drops.deviate[row : row + window, k].argmax())
+        # The size of the step is read at once: from later rows the predictor has learnt, of a step of 20 standard
+        # deviations so much that its size is told twice too large.
         failures.append(
             Failure(
                 output=channels.pop(k),
@@ -330,7 +345,7 @@ def detect_sequentially(
                 onset=int(at[row] - drops.age[row, k]),
                 deviate=float(drops.deviate[row, k]),
                 level=float(threshold.level[k]),
-                size=float(drops.size[clearest, k] * model.unit[k]),
+                size=float(drops.size[row, k] * model.unit[k]),
             )
         )
     return failures, passes

@@ -50,13 +50,16 @@ class PreparedRecord:
 
     Attributes
     ----------
-    record : inputs and outputs, no dictionary.
+    part : the log from the start of the healthy time on.
+    record : its inputs and outputs, no dictionary.
     train : healthy time; watch_s, until_s : from when on and until when the outputs are watched.
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
+    filtered : what was recorded went through a low-pass, or may have.
     """
 
+    part: FlightLog
     record: Signals
     native_rate_hz: float
     train: tuple[float, float]
@@ -67,6 +70,7 @@ class PreparedRecord:
     units: tuple[str, ...]
     choice: RateChoice
     exact: bool
+    filtered: bool
     notes: tuple[str, ...]
 
 
@@ -175,6 +179,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     if bank:
         notes.append(TURNS)
     return PreparedRecord(
+        part=part,
         record=record,
         native_rate_hz=log.rate_hz,
         train=train,
@@ -185,6 +190,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         units=tuple(part.channel(name).unit for name in outputs),
         choice=choose_rate(healthy, (), exact=False, asked=rate_hz, fastest_hz=FASTEST_HZ),
         exact=is_exact(healthy),
+        filtered=log.filters is None or len(log.filters) > 0,
         notes=tuple(notes),
     )
 

@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 
 from ..provenance import Provenance
+from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
 from ..report.text import instant, number, quantity, shortened
-from ..serialization import to_plain
+from ..serialization import from_plain, to_plain
+from ..verdicts import Candidate
 from .result import DetectResult
 
 __all__ = ["SCHEMA", "detect_content", "detect_document"]
 
-SCHEMA = 1
+SCHEMA = 2
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "inconclusive": "Inconclusive"}
 METHODS = {"exact": "right null space of the last samples", "parity": "parity residuals (left null space)"}
@@ -47,19 +49,17 @@ def detect_content(document: Plain) -> ReportContent:
     """Return what the report of a document of `bfi detect` holds."""
     log, model, use, alarms = (document[key] for key in ("log", "model", "calibration", "alarms"))
     train, series, exact = document["train"], document["series"], document["method"] == "exact"
+    candidates = from_plain(tuple[Candidate, ...], document["candidates"], where="candidates")
     failing = []
     for alarm in alarms:
-        step = "" if alarm["size"] is None else f" (a step of {quantity(alarm['size'], alarm['unit'])})"
-        failing.append(f"{alarm['channel']} from {instant(alarm['onset_s'])} s{step}")
-    verdict = f"Failing: {'; '.join(failing)}."
-    if not alarms:
-        share = number(100.0 * document["false_alarm"])
-        verdict = f"No channel of {', '.join(document['outputs'])} fails at a false-alarm rate of {share} %."
+        what = "a failure" if alarm["size"] is None else f"a step of {quantity(alarm['size'], alarm['unit'])}"
+        failing.append(f"{what} on {shortened(alarm['channel'], 40)} from {instant(alarm['onset_s'])} s")
 
     facts = [
         ("Window", f"{number(log['start_s'], digits=6)} to {number(log['stop_s'], digits=6)} s"),
         ("Samples", f"{log['n_samples']} at {number(log['rate_hz'])} Hz"),
         ("Inputs", ", ".join(document["inputs"]) or "none"),
+        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of healthy records wanted"),
         ("Method", METHODS[document["method"]]),
         ("Ready", f"{number(document['ready_s'], digits=6)} s"),
     ]
@@ -93,7 +93,7 @@ def detect_content(document: Plain) -> ReportContent:
             )
         )
     heads = ("channel", "prediction error", "largest statistic", "threshold")
-    tables = [Table(name="channels", title="Channels watched", heads=heads, rows=tuple(rows))]
+    tables = list(candidate_tables(candidates))
     if alarms:
         alarm_heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step")
         declared = tuple(
@@ -108,14 +108,19 @@ def detect_content(document: Plain) -> ReportContent:
             for alarm in alarms
         )
         tables.insert(0, Table(name="alarms", title="Alarms", heads=alarm_heads, rows=declared))
+    tables.append(Table(name="channels", title="Channels watched", heads=heads, rows=tuple(rows)))
+    hidden = hidden_drawing(candidates)
+    listed = {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
     return ReportContent(
         category="Detection of a failing channel",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=verdict,
+        verdict=verdict_sentence(document["decision"], failing, document["summary"]),
         tone=document["decision"],
+        lead=len(hidden),
         facts=tuple(facts),
         tables=tuple(tables),
-        drawings=(Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2),),
+        drawings=(*hidden, Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2)),
         notes=(*document["notes"], *(f"next: {command}" for command in document["commands"])),
+        data={"candidates.csv": listed},
     )

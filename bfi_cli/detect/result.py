@@ -9,6 +9,8 @@ from typing import Literal
 from ..faults import Decision
 from ..kernels import FloatArray
 from ..preprocessing.summary import LogSummary
+from ..shapes import Kind
+from ..verdicts import Candidate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +99,9 @@ class DetectResult:
 
     Attributes
     ----------
+    verdicts : on each kind of fault; oscillations and slow faults are not looked for.
+    candidates : a step in every channel watched, see `bfi_cli.verdicts`.
+    summary : what the log says of the kinds of which no fault is declared.
     method : "exact", the right null space of the paper, or "parity", its form for noisy records.
     inputs, outputs : those used.
     is_calibrated : whether the rate of false alarms can be relied on: noise-free data are explained to round-off, or
@@ -110,6 +115,9 @@ class DetectResult:
 
     log: LogSummary
     decision: Decision
+    verdicts: Mapping[Kind, Decision]
+    candidates: tuple[Candidate, ...]
+    summary: str
     method: Literal["exact", "parity"]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -128,5 +136,5 @@ class DetectResult:
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the threshold is known to hold."""
-        return self.is_calibrated
+        """Whether the log could tell, and the threshold is known to hold."""
+        return self.decision != "inconclusive" and self.is_calibrated

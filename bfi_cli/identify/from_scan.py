@@ -89,7 +89,8 @@ def identify_from_scan(
             "magnitudes estimated jointly"
         )
     else:
-        none = merge(config, {"selection.max_active": 0, "method": "ml"})
+        nothing = config.selection.model_copy(update={"max_active": 0})
+        none = config.model_copy(update={"selection": nothing, "method": "ml"})
         result = identify_faults(log, dictionary, none, progress)
         said = (
             f"no dictionary: the onset scan finds no fault at a false-alarm rate of {100.0 * scanned.false_alarm:.3g} %"

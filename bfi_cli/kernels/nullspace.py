@@ -127,6 +127,39 @@ def criteria(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float 
     return Criteria(channel=channel, rank=rank, ready=int(usable[0]) + 1 if usable.size else None)
 
 
+def onset_shares(y: FloatArray, u: FloatArray, *, width: int = 10, tolerance: float = TOLERANCE) -> FloatArray:
+    """Return how much of a failure that begins with the last sample of a window is outside the row space of Z.
+
+    At its first sample a failure d of sensor k changes the last column of Y alone, in row k, and Z not at all: eq. 29
+    becomes |d| times the length of the last row of the null space. That is 0 where the sample moves in a direction in
+    which the rest of the window does not.
+
+    Parameters
+    ----------
+    y, u, width, tolerance : as of `criteria`.
+
+    Returns
+    -------
+    (n_samples,) between 0 and 1; NaN where the window has no null space yet.
+    """
+    y, u = _checked(y, u, width)
+    Z = np.hstack([y[:-1], u[:-1], u[1:]])
+    peaks = np.maximum.accumulate(np.abs(Z), axis=0)
+    scales = np.where(peaks > 0.0, peaks, 1.0)
+    shares = np.full(len(y), np.nan)
+    for i in range(len(Z)):
+        window = Z[max(0, i - width + 1) : i + 1] / scales[i]
+        packed, _, tau, _, _ = lapack.dgeqp3(window)
+        diagonal = np.abs(packed.diagonal())
+        rank = int(np.count_nonzero(diagonal > tolerance * diagonal[0]))
+        if rank < len(window):
+            last = np.zeros((len(window), 1))
+            last[-1] = 1.0
+            turned = lapack.dormqr("L", "T", packed[:, : len(tau)], tau, last, 64)[0]
+            shares[i + 1] = np.linalg.norm(turned[rank:])
+    return shares
+
+
 class SlidingWindow:
     """The last `width` rows appended, condensed to about twice as many rows as there are columns.
 

@@ -27,6 +27,8 @@ FLOOR = 1e-12
 # The height after the first row is not estimated where less than this share of its pattern's power is orthogonal to the
 # pattern of the first row.
 DEPENDENT = 1e-6
+# exp of more overflows.
+LARGEST_EXPONENT = 700.0
 # Heights that a step has: that of its first row, smeared by the filter, and that of all later ones.
 STEP_FREEDOM = 2
 
@@ -40,11 +42,17 @@ class Drops:
     deviate : (n_rows, n_outputs) the drop, as the standard normal deviate that is as rare in a healthy record.
     age : (n_rows, n_outputs) rows from the best onset to the row.
     size : (n_rows, n_outputs) height of that step after its first row, in the outputs' units; 0 at the first row.
+    old_size, old_sd : (n_rows, n_old, n_outputs) height and its standard deviation, infinite where it is not estimated,
+        of the steps that began window - n_old, ..., window - 1 rows before, the oldest last.
+    freedom : (n_rows,) degrees of freedom of the covariance.
     """
 
     deviate: FloatArray
     age: IntArray
     size: FloatArray
+    old_size: FloatArray
+    old_sd: FloatArray
+    freedom: FloatArray
 
 
 def past_basis(
@@ -102,8 +110,15 @@ def step_response(K: FloatArray, n: int) -> FloatArray:
     return np.eye(q) - absorbed
 
 
+def drop_at(deviate: FloatArray, freedom: FloatArray) -> FloatArray:
+    """Return the drop of chi-square that is as rare as a standard normal deviate, see `largest_drops`."""
+    tail = np.minimum(special.log_ndtr(-np.asarray(deviate)) + np.log(2.0), 0.0)
+    # A few degrees of freedom and a high level need more than a double holds: no step is as rare.
+    return np.asarray(freedom * np.expm1(np.minimum(-2.0 * tail / freedom, LARGEST_EXPONENT)))
+
+
 def largest_drops(
-    errors: RecursiveResiduals, basis: FloatArray, *, window: int, recent: int = 60, patch: int = 0
+    errors: RecursiveResiduals, basis: FloatArray, *, window: int, recent: int = 60, patch: int = 0, n_old: int = 1
 ) -> Drops:
     """Return the largest drops of chi-square over the steps that begin in the last `window` rows, at every row.
 
@@ -118,9 +133,11 @@ def largest_drops(
     basis : (lags * n_outputs, r) maps the lag-major past outputs to the last r regressors.
     window : longest time a step is looked back for.
     recent, patch : rows, 0 for none; see `running_covariances`.
+    n_old : of how many onsets, the oldest in the window, sizes are wanted as well.
     """
     n, q = errors.residual.shape
     covariances, freedoms = running_covariances(errors, window=window, recent=recent, patch=patch)
+    freedom = np.maximum(freedoms - q + 1.0, 1.0)
     every, r, ages = np.arange(q), basis.shape[1], np.arange(window)
     # By age of the onset and rows since then: whether there is such a row, and its index among the last, oldest first.
     since = ages <= ages[:, None]
@@ -129,6 +146,7 @@ def largest_drops(
     # Whitened residuals, and one over the root of 1 + leverage; zero where the record has no row yet.
     white, shrink = np.zeros((window, q)), np.zeros(window)
     deviate, size, age = np.zeros((n, q)), np.zeros((n, q)), np.zeros((n, q), dtype=np.intp)
+    old_size, old_sd = np.zeros((n, n_old, q)), np.full((n, n_old, q), np.inf)
     for i in range(n):
         whitener = np.linalg.inv(np.linalg.cholesky(covariances[i]))
         K = (basis @ errors.coefficients[i, len(errors.coefficients[i]) - r :]).reshape(-1, q, q)
@@ -153,12 +171,18 @@ def largest_drops(
         step = np.where(own > DEPENDENT * aa, s - as_ * a / aa, 0.0) / np.maximum(own, DEPENDENT * aa)
         drop = a**2 / aa + step**2 * np.maximum(own, 0.0)
         total = np.cumsum(np.sum(white**2, axis=1)[::-1])[:, None]
-        drop /= np.maximum(1.0, (total - drop) / spare)
+        left = np.maximum(1.0, (total - drop) / spare)
+        drop /= left
         best = drop.argmax(axis=0)
         age[i], size[i] = best, step[best, every]
+        spread = np.full((window, q), np.inf)
+        np.sqrt(left / np.maximum(own, DEPENDENT * aa), out=spread, where=own > DEPENDENT * aa)
+        reached = min(max(i + 1 - window + n_old, 0), n_old)
+        old_size[i, :reached], old_sd[i, :reached] = (
+            each[window - n_old : window - n_old + reached] for each in (step, spread)
+        )
 
         # The standard normal deviate that is as rare as F = drop / 2 with 2 and `freedom` degrees of freedom.
-        freedom = max(freedoms[i] - q + 1.0, 1.0)
-        tail = -0.5 * freedom * np.log1p(drop[best, every] / freedom)
+        tail = -0.5 * freedom[i] * np.log1p(drop[best, every] / freedom[i])
         deviate[i] = -special.ndtri_exp(tail - np.log(2.0))
-    return Drops(deviate=deviate, age=age, size=size)
+    return Drops(deviate=deviate, age=age, size=size, old_size=old_size, old_sd=old_sd, freedom=freedom)

@@ -12,7 +12,7 @@ from ..flightlog import FlightLog
 __all__ = ["tolerance_of", "tolerances_of"]
 
 KNOT, FOOT, DEGREE = 0.514444, 0.3048, np.pi / 180.0
-AIRSPEEDS = ("tas", "cas", "ias")
+AIRSPEEDS = ("tas", "cas", "ias", "lift_speed", "ground_airspeed")
 # CS/FAR 25.1323(b): the error of an airspeed may be 3 % or 5 kt, whichever is greater; of a slow aircraft that would
 # be most of its speed, so no more than a tenth.
 AIRSPEED_SHARE, AIRSPEED_LEAST, AIRSPEED_MOST = 0.03, 5.0 * KNOT, 0.1
@@ -22,9 +22,9 @@ ALTITUDE_PER_SPEED, ALTITUDE_LEAST = 30.0 * FOOT / (100.0 * KNOT), 30.0 * FOOT
 FIXED = {
     "mach": 0.01,
     "altitude_rate": 1.5,
-    **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle"), DEGREE),
+    **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle", "climb_angle"), DEGREE),
     **dict.fromkeys(("pitch_rate", "roll_rate", "yaw_rate"), DEGREE),
-    **dict.fromkeys(("longitudinal_acc", "lateral_acc", "normal_acc"), 0.3),
+    **dict.fromkeys(("longitudinal_acc", "lateral_acc", "normal_acc", "kinematic_acc"), 0.3),
 }
 OTHER_SHARE = 0.1
 
@@ -62,7 +62,8 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
         known = [one for one in AIRSPEEDS if one in window.channels]
         speed = float(np.median(np.abs(window.channel(known[0]).values))) if known else 0.0
         return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)
-    values = log.channel(name).values
     outside = (log.time_s < window.time_s[0]) | (log.time_s > window.time_s[-1])
-    rest = values[outside] if outside.any() else values
+    # Of the window itself where it is the whole log, or the channel is derived from others within it.
+    elsewhere = name in log.channels and bool(outside.any())
+    rest = log.channel(name).values[outside] if elsewhere else window.channel(name).values
     return OTHER_SHARE * float(np.ptp(rest[np.isfinite(rest)]))

@@ -19,16 +19,53 @@ def failing(flown: Callable[..., FlightLog], tmp_path_factory: pytest.TempPathFa
     return path
 
 
+@pytest.fixture(scope="module")
+def healthy(flown: Callable[..., FlightLog], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("detect") / "healthy.h5"
+    write_log(flown(seed=4), path)
+    return path
+
+
 def test_the_document(bfi, failing: Path):
     outcome = bfi("detect", failing, "--train", "0:8", "--json", "--series")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
-    assert (document["kind"], document["schema"], document["decision"]) == ("detect", 1, "fault")
+    assert (document["kind"], document["schema"], document["decision"]) == ("detect", 2, "fault")
     assert document["ready_s"] == pytest.approx(8.0)
     alarm = document["alarms"][0]
     assert {"channel", "time_s", "statistic", "threshold"} <= set(alarm)
     assert alarm["channel"] == "aoa"
     assert set(document) >= {"notes", "provenance", "log", "calibration", "series"}
+    assert document["verdicts"] == {"abrupt": "fault", "oscillating": "inconclusive", "slow": "inconclusive"}
+    assert [one["channel"] for one in document["candidates"]] == document["outputs"]
+    (declared,) = (one for one in document["candidates"] if one["state"] == "declared")
+    assert (declared["channel"], declared["magnitude"]) == ("aoa", alarm["size"])
+
+
+def test_the_kinds_required_decide(bfi, healthy: Path):
+    plain = json.loads(bfi("detect", healthy, "--train", "0:8", "--json").stdout)
+    assert (plain["decision"], plain["verdicts"]["abrupt"]) == ("no_fault", "no_fault")
+    strict = bfi("detect", healthy, "--train", "0:8", "--require", "abrupt,slow", "--strict", "--json")
+    assert (strict.code, json.loads(strict.stdout)["decision"]) == (4, "inconclusive")
+
+
+def test_the_tolerance_decides_what_is_excluded(bfi, healthy: Path, tmp_path: Path):
+    limit = {one["channel"]: one["excluded_above"] for one in json.loads(_plain(bfi, healthy))["candidates"]}
+    for factor, state, decision in ((1.01, "excluded", "no_fault"), (0.99, "not_seen", "inconclusive")):
+        stated = ("--tolerance", f"aoa={factor * limit['aoa']!r}")
+        document = json.loads(_plain(bfi, healthy, *stated))
+        states = {one["channel"]: one["state"] for one in document["candidates"]}
+        assert (states["aoa"], document["decision"]) == (state, decision)
+    assert any(
+        note.startswith("what would help with steps of aoa: a longer healthy time") for note in document["notes"]
+    )
+    answer = bfi("detect", healthy, "--train", "0:8", *stated, "--out", tmp_path / "out").stdout
+    assert answer.startswith("Inconclusive: a step could reach ")
+    assert 'class="verdict inconclusive' in (tmp_path / "out" / "report.html").read_text("utf-8")
+
+
+def _plain(bfi, log: Path, *options: str) -> str:
+    return bfi("detect", log, "--train", "0:8", *options, "--json").stdout
 
 
 def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
@@ -36,8 +73,9 @@ def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
     assert outcome.code == 10
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names >= {"result.json", "report.html", "detection.png", "detection.svg", "alarms.csv", "channels.csv"}
+    assert names >= {"hidden.png", "hidden.svg", "candidates.csv"}
     assert bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again").code == 0
-    for name in ("detection.svg", "report.html"):
+    for name in ("hidden.svg", "detection.svg", "candidates.csv", "report.html"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
 
 
@@ -87,6 +125,7 @@ def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
         (("--output", "cas"), 3, "no channel 'cas'"),
         (("--method", "hankel"), 2, "--method: not one of the choices, got 'hankel'"),
         (("--false-alarm", "0"), 2, "--false-alarm: must be greater than 0, got 0.0"),
+        (("--tolerance", "cas=1"), 3, "--tolerance: 'cas' is no output, got outputs tas_rate, aoa,"),
         (("--output", "aoa", "--input", "aoa"), 2, "command line: 'aoa' is both an input and an output"),
     ],
 )

@@ -13,7 +13,7 @@ from bfi_cli.detect import detect_faults
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.filters import Filter
-from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 
 TRAINED = merge(Config(), {"detect.train": (0.0, 8.0)})
@@ -157,3 +157,43 @@ def test_statistics_are_finite_where_the_channels_are_watched(flown: Callable[..
     result = detect_faults(flown(seed=2), TRAINED)
     after = result.time_s > 8.1
     assert all(np.isfinite(one.statistic[after]).all() for one in result.series)
+
+
+def test_healthy_channels_are_excluded_each_and_what_is_not_looked_for_is_said(flown: Callable[..., FlightLog]):
+    result = detect_faults(flown(seed=4), TRAINED)
+    assert [one.channel for one in result.candidates] == list(result.outputs)
+    assert {one.state for one in result.candidates} == {"excluded"}
+    assert result.verdicts == {"abrupt": "no_fault", "oscillating": "inconclusive", "slow": "inconclusive"}
+    assert result.summary.startswith("no step above ")
+    assert result.summary.endswith("an oscillation was not looked for; a slow fault was not looked for")
+    for one in result.candidates:
+        assert 0.0 < one.minimal_detectable <= one.excluded_above
+        assert abs(one.magnitude) + 2.3 * one.sd <= one.excluded_above
+        assert one.effect == one.excluded_above <= one.tolerance
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 0.01])
+def test_twice_what_is_excluded_is_declared(flown: Callable[..., FlightLog], noise: float):
+    """Of every channel, at onsets drawn from those that the claim covers, in the same record."""
+    rng, healthy = np.random.default_rng(6), flown(seed=6, noise=noise)
+    for one in detect_faults(healthy, TRAINED).candidates:
+        onset_s = round(float(rng.uniform(9.0, 18.0)), 2)
+        size = float(rng.choice([-2.0, 2.0])) * one.excluded_above
+        fault = Fault(shape="bias", channel=one.channel, magnitude=size, onset_s=onset_s)
+        states = {each.channel: each.state for each in detect_faults(inject(healthy, [fault]), TRAINED).candidates}
+        assert states[one.channel] == "declared", (one.channel, onset_s)
+
+
+def test_a_declared_step_has_its_size_and_leaves_the_others_excluded(flown: Callable[..., FlightLog]):
+    log = flown(Fault(shape="bias", channel="aoa", magnitude=0.005, onset_s=12.0), seed=4)
+    states = {one.channel: one for one in detect_faults(log, TRAINED).candidates}
+    assert states["aoa"].magnitude == pytest.approx(0.005, rel=0.2)
+    assert states["aoa"].excluded_above is None
+    assert {one.state for name, one in states.items() if name != "aoa"} == {"excluded"}
+
+
+def test_nothing_is_excluded_where_no_step_has_time_to_show(flown: Callable[..., FlightLog]):
+    result = detect_faults(flown(seed=4), merge(TRAINED, {"window.to_s": 8.7}))
+    assert {one.state for one in result.candidates} == {"not_seen"}
+    assert (result.decision, result.is_trusted) == ("inconclusive", False)
+    assert any("a longer time to watch" in note for note in result.notes)

@@ -11,7 +11,8 @@ import pytest
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.detect import detect_faults
-from bfi_cli.flightlog import FlightLog
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 
 TRAINED = merge(Config(), {"detect.train": (0.0, 8.0)})
@@ -64,3 +65,20 @@ def test_the_level_flown_at_does_not_matter(flown: Callable[..., FlightLog]):
 def test_noise_is_told_where_the_exact_form_is_asked_for(flown: Callable[..., FlightLog]):
     result = detect_faults(flown(), merge(TRAINED, {"detect.method": "exact"}))
     assert "the healthy time is not explained to round-off" in result.notes[0]
+    result = detect_faults(flown(), merge(TRAINED, {"detect.method": "exact"}))
+    assert {one.state for one in result.candidates} <= {"declared", "not_seen"}
+
+
+def test_a_step_beyond_the_limit_is_declared_at_its_very_sample(flown: Callable[..., FlightLog]):
+    """Hardly more than the limit does at any sample that the claim covers."""
+    log = flown(noise=0.0)
+    for one in detect_faults(log, TRAINED).candidates:
+        assert one.state == "excluded"
+        fault = Fault(shape="bias", channel=one.channel, magnitude=1.01 * one.excluded_above, onset_s=12.0)
+        assert ("declared", 12.0) in [
+            (each.state, alarm.time_s)
+            for result in [detect_faults(inject(log, [fault]), TRAINED)]
+            for each, alarm in zip(
+                [c for c in result.candidates if c.channel == one.channel], result.alarms, strict=False
+            )
+        ]

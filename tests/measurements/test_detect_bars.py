@@ -16,6 +16,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.low_pass import IDENTITY
+from bfi_cli.verdicts import decide
 
 pytestmark = pytest.mark.slow
 
@@ -74,9 +75,31 @@ def right(result: DetectResult, name: str, onset_s: float) -> bool:
 
 def test_healthy_flights_raise_few_alarms(clean: FlightLog):
     n = sized(400)
-    alarms = sum(bool(detect_faults(noisy(clean, seed), TRAIN).alarms) for seed in range(n))
+    results = [detect_faults(noisy(clean, seed), TRAIN) for seed in range(n)]
+    alarms = sum(bool(one.alarms) for one in results)
     print(f"\nhealthy: {alarms} alarms in {n} flights")
+    # The noise is so small that every channel is excluded far within its tolerance.
+    assert {one.decision for one in results if not one.alarms} == {"no_fault"}
     assert alarms / n <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / n)
+
+
+def test_the_minimal_detectable_step_is_what_it_says(clean: FlightLog):
+    """A step in any channel at any onset covered, at 0.5, 1 and 2 times what is printed for the healthy record."""
+    n, declared = sized(60), dict.fromkeys((0.5, 1.0, 2.0), 0)
+    for seed in range(n):
+        log, rng = noisy(clean, 2000 + seed), np.random.default_rng([29, seed])
+        channels = detect_faults(log, TRAIN).candidates
+        one = channels[int(rng.integers(len(channels)))]
+        onset_s, sign = round(float(rng.uniform(8.5, 18.5)), 2), float(rng.choice([-1.0, 1.0]))
+        for share in declared:
+            size = sign * share * one.minimal_detectable
+            fault = Fault(shape="bias", channel=one.channel, magnitude=size, onset_s=onset_s)
+            alarms = detect_faults(inject(log, [fault]), TRAIN).alarms
+            declared[share] += one.channel in [alarm.channel for alarm in alarms]
+    print(f"\nminimal detectable: declared {declared} of {n} at 0.5, 1, 2 times it")
+    assert not_below(declared[1.0] / n, 0.8, n)
+    assert not_below(1.0 - declared[0.5] / n, 0.6, n)
+    assert not_below(declared[2.0] / n, 0.95, n)
 
 
 def shaken(log: FlightLog, clean: FlightLog, seed: int) -> FlightLog:
@@ -143,7 +166,10 @@ def test_hand_flown_segments(flights: Path, inputs: tuple[str, ...]):
     alarms = 0
     for log in logs:
         start_s, length_s = float(log.time_s[0]), float(np.ptp(log.time_s))
-        alarms += bool(detect_faults(log, settings).alarms)
+        healthy = detect_faults(log, settings)
+        alarms += bool(healthy.alarms)
+        assert healthy.decision == decide(healthy.verdicts, ("abrupt",))
+        print(f"\n{start_s:g} s: {healthy.decision}, {healthy.summary}")
         for channel, size in faults.items():
             onset_s = start_s + 0.6 * length_s
             fault = Fault(shape="bias", channel=channel, magnitude=size, onset_s=onset_s)

@@ -7,7 +7,7 @@ rows as it has to last, or, for data without noise, a criterion above its level.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from ..kernels import FloatArray
 from ..kernels.nullspace import Criteria, onset_shares
 from ..kernels.parity import drop_at
 from ..preprocessing.regression import Signals
-from ..verdicts import Candidate, state_of
+from ..report.text import instant
+from ..verdicts import Candidate, shown_limit, state_of
 from .parity import MonitoringPass
 from .preparation import DecimatedRecord, PreparedRecord
 
@@ -30,6 +31,9 @@ POWER, LIMIT = 1.2815515655446004, 2.3263478740408408
 # flights all of 30 sharp steps of 1.5 times it raise an alarm; through the recorder 50, 70, 97 and 100 % of 30 of 1.5,
 # 2, 2.5 and 3 times.
 ABSORBED, SMEARED = 1.7, 2.5
+# Share of the onsets whose limit a note gives where the worst one is beyond the tolerance: while the inputs move as
+# never before, the predictor knows nothing for a few seconds.
+USUAL = 0.95
 # A sample of which less than this share is outside the row space of its window moves in a direction of its own, as the
 # first ones after an input begins to move do: no claim is made for a failure that begins there.
 LEAST_SHARE = 1e-3
@@ -145,25 +149,29 @@ def candidates_of(
             clearest = int(np.argmax(np.abs(limits.size[:, i]) / np.maximum(limits.sd[:, i], np.finfo(float).tiny)))
             if limits.sd[clearest, i] > 0.0:
                 size, sd = _finite(float(limits.size[clearest, i])), _finite(float(limits.sd[clearest, i]))
-        candidates.append(
-            Candidate(
-                name="bias" if len(prepared.outputs) == 1 else f"bias on {channel}",
-                shape="bias",
-                channel=channel,
-                kind="abrupt",
-                state=state_of(
-                    declared=channel in declared, suspected=False, effect=hidden, tolerance=tolerances[channel]
-                ),
-                magnitude=size,
-                unit=unit,
-                sd=sd,
-                minimal_detectable=detectable,
-                excluded_above=hidden,
-                effect=hidden,
-                tolerance=tolerances[channel],
-                channel_unit=unit,
-            )
+        one = Candidate(
+            name="bias" if len(prepared.outputs) == 1 else f"bias on {channel}",
+            shape="bias",
+            channel=channel,
+            kind="abrupt",
+            state=state_of(declared=channel in declared, suspected=False, effect=hidden, tolerance=tolerances[channel]),
+            magnitude=size,
+            unit=unit,
+            sd=sd,
+            minimal_detectable=detectable,
+            excluded_above=hidden,
+            effect=hidden,
+            tolerance=tolerances[channel],
+            channel_unit=unit,
         )
+        if one.state == "not_seen" and limits is not None and hidden is not None:
+            worst_s = limits.onset_s[limits.hidden[:, i].argmax()]
+            usual = replace(one, effect=float(np.quantile(limits.hidden[:, i], USUAL)))
+            note = (
+                f"worst from {instant(worst_s)} s; from {100.0 * USUAL:g} % of the onsets {shown_limit(usual)} at most"
+            )
+            one = replace(one, note=note)
+        candidates.append(one)
     return tuple(candidates)
 
 

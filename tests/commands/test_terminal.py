@@ -76,7 +76,7 @@ def failing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (IDENTIFY, r" bias_13\.8 +tas +13\.8"),
         (("start-time", BIAS, *QUICK, "--shape", "bias"), r" bias +tas +13\.8"),
-        (("detect", "FAILING", "--train", "0:8"), r" aoa +12 s"),
+        (("detect", "FAILING", "--train", "0:8"), r" aoa +12\.05 s"),
     ],
     ids=["identify", "start-time", "detect"],
 )

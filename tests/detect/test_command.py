@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,6 +60,8 @@ def test_the_tolerance_decides_what_is_excluded(bfi, healthy: Path, tmp_path: Pa
     assert any(
         note.startswith("what would help with steps of aoa: a longer healthy time") for note in document["notes"]
     )
+    (unseen,) = (one for one in document["candidates"] if one["state"] == "not_seen")
+    assert re.fullmatch(r"worst from [0-9.]+ s; from 95 % of the onsets [0-9.]+ deg at most", unseen["note"])
     answer = bfi("detect", healthy, "--train", "0:8", *stated, "--out", tmp_path / "out").stdout
     assert answer.startswith("Inconclusive: a step could reach ")
     assert 'class="verdict inconclusive' in (tmp_path / "out" / "report.html").read_text("utf-8")

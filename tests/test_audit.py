@@ -17,18 +17,14 @@ from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.kernels.covariance import unfold
-from bfi_cli.kernels.model_selection import Penalty, ScoredFit
-from bfi_cli.kernels.variable_projection import fit_magnitudes
-from bfi_cli.kernels.whiteness import effective_rows
-from bfi_cli.preprocessing.magnitudes import magnitudes_of_fit
-from bfi_cli.preprocessing.regression import build_regression
+from bfi_cli.identify import identify_faults
 from bfi_cli.preprocessing.window import prepare_window
 
 ROOT = Path(__file__).parent.parent
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"
 WHOLE = {"shape": "sine", "frequency_hz": 0.5, "name": "whole"}
-ORDER_4 = merge(Config(), {"model.order": 4})
+EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
+ORDER_4 = merge(EXACT, {"model.order": 4})
 
 
 @pytest.fixture(scope="module")
@@ -49,18 +45,10 @@ def atom(found, name):
     return next(entry for entry in found.atoms if entry.name == name)
 
 
-def test_the_limits_are_those_of_an_identification_with_the_same_model(clean, on_clean):
-    window = prepare_window(clean, load_dictionary(THESIS), ORDER_4)
-    regression = build_regression(window.signals, window.live, ORDER_4)
-    fit = fit_magnitudes(regression.problem(4), ())
-    rows = effective_rows(unfold(regression.layout, fit).error)
-    penalty = Penalty(
-        n_rows=regression.n_rows,
-        n_effective=min(rows, regression.n_rows),
-        n_candidates=7,
-        evidence=Config().selection.evidence,
-    )
-    expected = magnitudes_of_fit(regression, ScoredFit(criterion=0.0, fit=fit), penalty).minimal_detectable
+def test_the_limits_are_those_of_an_identification_that_declares_nothing(clean, on_clean):
+    result = identify_faults(clean, load_dictionary(THESIS), ORDER_4)
+    assert result.faults == ()
+    expected = [candidate.minimal_detectable for candidate in result.candidates]
     np.testing.assert_allclose([entry.minimal_detectable for entry in on_clean.atoms], expected, rtol=1e-6)
 
 
@@ -142,7 +130,7 @@ def second_order_log():
 
 def test_an_atom_whose_onset_the_lags_swallow_is_seen_nowhere():
     entries = dictionary({"shape": "bias", "onset_s": 0.45, "name": "early"}, {"shape": "bias", "onset_s": 15})
-    config = merge(Config(), {"model.orders": [2, 12], "conditioning.rate_hz": "none"})
+    config = merge(EXACT, {"model.orders": [2, 12], "conditioning.rate_hz": "none"})
     found = audit_on_log(second_order_log(), entries, config)
     early = found.atoms[0]
     assert found.model.order == 2
@@ -156,7 +144,7 @@ def test_an_atom_whose_onset_the_lags_swallow_is_seen_nowhere():
 def test_a_late_atom_is_limited_by_its_prediction_error_alone():
     """A step through 1 - 1.6 q + 0.7 q^2 leaves 1, -0.6, 0.1, 0.1, ...; the constant takes half of the tail."""
     entries = dictionary({"shape": "bias", "onset_s": 20, "name": "step"})
-    config = merge(Config(), {"model.order": 2, "conditioning.rate_hz": "none"})
+    config = merge(EXACT, {"model.order": 2, "conditioning.rate_hz": "none"})
     found = audit_on_log(second_order_log(), entries, config)
     g_norm = np.sqrt(1.0 + 0.36 + 198 * 0.05**2)
     deviations = np.sqrt(np.log(398) + 6.0) + stats.norm.isf(0.1)

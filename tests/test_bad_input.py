@@ -451,7 +451,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "begun" / "unfinished").mkdir(parents=True)
     (folder / "begun" / "unfinished" / "trials.csv").write_text(csv())
     (folder / "other.json").write_text("{}")
-    (folder / "damaged.json").write_text('{"kind": "identify", "schema": 1}')
+    (folder / "damaged.json").write_text('{"kind": "identify", "schema": 2}')
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")
     write_log(FLIGHT, folder / "two.h5")
     (folder / "truncated.h5").write_bytes((folder / "two.h5").read_bytes()[:20_000])

@@ -137,6 +137,8 @@ def _said(fault: FaultEstimate) -> str:
 
 def _confirmed(result: IdentifyResult, scanned: OnsetResult) -> tuple[tuple[FaultEstimate, ...], tuple[Candidate, ...]]:
     """Return the scan's faults that the joint estimate confirms, and the others as suspected candidates."""
+    if not scanned.faults:
+        return (), ()
     by_name = {one.name: one for one in result.faults}
     joint = {one.name: one for one in result.candidates}
     faults, suspects = [], []

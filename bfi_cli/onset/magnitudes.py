@@ -34,7 +34,8 @@ def measure(
 ) -> list[Estimate]:
     """Return faults with their magnitudes estimated together at the rate of an estimate, onsets and shapes kept.
 
-    Where the window is too short for that rate, or cannot tell the faults from each other there, they stay as they are.
+    They stay as they are where the window is too short for that rate, or cannot tell the faults from each other there,
+    and where the recorder is uncertain: each was then measured with the likeliest of several.
 
     Parameters
     ----------
@@ -43,6 +44,8 @@ def measure(
     """
     if not faults:
         return []
+    if any(one.uncertain for one in record.window.filters):
+        return list(faults)
     atoms = [
         fault_of(
             fault.form,

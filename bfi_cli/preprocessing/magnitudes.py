@@ -141,7 +141,9 @@ def averaged_magnitudes(
         single, scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
         z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
-        sampling[n] = single.variance * overdispersion * unit**2
+        own = single.variance.copy()
+        own[active] = np.diag(scaled)
+        sampling[n] = own * overdispersion * unit**2
         wider = np.sqrt(overdispersion[active])
         if unit_root and fit.order > 1:
             free = variance[active]

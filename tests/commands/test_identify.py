@@ -83,7 +83,7 @@ CONTRACT = {
     "faults.0": "name shape channel magnitude unit physical sd ci95 onset_s offset_s frequency_hz phase_rad "
     "time_constant_s duration_s",
     "faults.0.physical": "value unit",
-    "candidates.0": "name active magnitude sd minimal_detectable note",
+    "candidates.0": "name state magnitude sd minimal_detectable excluded_above effect note",
     "model": "order rate_hz inputs outputs noise_sd",
     "vaf": "output fault",
     "solver": "method termination iterations condition_number",
@@ -98,7 +98,7 @@ def test_the_document_of_the_contract(identify: Callable, bfi: Callable):
         for key in filter(None, path.split(".")):
             part = part[int(key)] if key.isdigit() else part[key]
         assert set(keys.split()) <= set(part), path
-    assert (document["kind"], document["schema"]) == ("identify", 1)
+    assert (document["kind"], document["schema"]) == ("identify", 2)
     assert document["provenance"]["command"] == f"bfi identify {BIAS} -d {FAULTS} --json --series"
     assert document["provenance"]["log_sha256"] == read_log(BIAS).sha256
     assert "NaN" not in bfi("identify", BIAS, "-d", FAULTS, "--json", "--series").stdout
@@ -122,6 +122,9 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ("units", "units: {tas: kt}", "faults", lambda faults: abs(faults[0]["magnitude"] - 4.0 * KNOT) < 0.01),
     ("window.from_s", "window: {from_s: 2}", "log.start_s", lambda start: 2.0 <= start < 2.5),
     ("window.to_s", "window: {to_s: 28}", "log.stop_s", lambda stop: 27.5 < stop <= 28.0),
+    ("tolerances.tas", "tolerances: {tas: 0.5}", "candidates", lambda c: c[0]["tolerance"] == 0.5),
+    ("onset_tolerance_s", "onset_tolerance_s: 0", "candidates", lambda c: c[1]["minimal_detectable"] < 0.1),
+    ("require", "require: [abrupt]\nselection: {evidence: 1e4}", "decision", "inconclusive"),
     ("recorder.edge_hz", "recorder: {edge_hz: 3}", "notes", lambda notes: "gain one half at 3 Hz" in " ".join(notes)),
     ("recorder.kind", "recorder: {edge_hz: 3, kind: fir}", "notes", lambda notes: "(fir, gain" in " ".join(notes)),
     ("conditioning.variance", "conditioning: {variance: constant}", "decision", "fault"),
@@ -140,7 +143,12 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ("selection.evidence", "selection: {evidence: 1e4}", "faults", []),
     ("selection.criterion", "selection: {criterion: bic}", "decision", "fault"),
     ("selection.threshold", "method: risro\nselection: {threshold: 0.99}", "faults", lambda faults: len(faults) < 2),
-    ("dictionary", "dictionary: {atoms: [{name: x, shape: bias, onset_s: 13.8}]}", "candidates", lambda c: len(c) == 1),
+    (
+        "dictionary",
+        "dictionary: {atoms: [{name: x, shape: bias, onset_s: 13.8}]}",
+        "candidates",
+        lambda c: c[0]["name"] == "x",
+    ),
     ("seed", "seed: 7", "provenance.seed", 7),
 )
 OF_OTHERS = ("start_time.", "detect.", "diagnosability.", "calibrate.", "audit.")

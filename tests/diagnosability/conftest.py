@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
-from bfi_cli.config import Config
+from bfi_cli.config import Config, merge
 from bfi_cli.diagnosability import DiagnosabilityResult, ModelFlights, assess, assess_manoeuvres
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.flightlog import FlightLog
 
+# What is compared with theory are the faults at their exact onsets.
+EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
 THESIS = Path(__file__).parents[2] / "configs" / "thesis_dictionary.yaml"
 
 
@@ -39,7 +41,7 @@ def flight(fly: Callable[..., FlightLog]) -> FlightLog:
 
 @pytest.fixture(scope="session")
 def at_unit(flight: FlightLog, thesis: Dictionary) -> DiagnosabilityResult:
-    return assess(flight, thesis, Config())
+    return assess(flight, thesis, EXACT)
 
 
 @pytest.fixture(scope="session")

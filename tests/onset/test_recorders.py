@@ -76,7 +76,8 @@ def test_identify_names_and_measures_it(recorded: FlightLog, kind: str):
     result = identify_faults(recorded, load_dictionary({"atoms": atoms}), config)
     (found,) = result.faults
     assert found.name == "step"
-    assert found.magnitude == pytest.approx(3.0, rel=0.02)
+    assert found.magnitude == pytest.approx(3.0, rel=0.03)
+    assert found.ci95[0] < 3.0 < found.ci95[1]
     assert any(f"the recorder's low-pass ({kind}" in note for note in result.notes)
 
 

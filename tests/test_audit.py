@@ -148,7 +148,8 @@ def test_a_late_atom_is_limited_by_its_prediction_error_alone():
     found = audit_on_log(second_order_log(), entries, config)
     g_norm = np.sqrt(1.0 + 0.36 + 198 * 0.05**2)
     deviations = np.sqrt(np.log(398) + 6.0) + stats.norm.isf(0.1)
-    assert found.atoms[0].minimal_detectable == pytest.approx(deviations * 0.01 / g_norm, rel=0.25)
+    # Larger by what the same step shows at other onsets of this record, and no smaller.
+    assert 0.9 < found.atoms[0].minimal_detectable / (deviations * 0.01 / g_norm) < 1.5
 
 
 def test_an_onset_within_the_lags_of_a_fault_that_ends_is_said():

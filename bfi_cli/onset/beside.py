@@ -113,6 +113,8 @@ def at_any_onset(candidate: Candidate, limit: AnyOnset | None, covered_s: tuple[
     else:
         excluded, effect = limit.excluded_above, limit.effect
     state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
+    if candidate.magnitude is None:  # left out as the same signal as another entry, which the note says
+        note = candidate.note
     return replace(
         candidate, minimal_detectable=detectable, effect=effect, excluded_above=excluded, state=state, note=note
     )

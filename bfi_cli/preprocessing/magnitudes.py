@@ -37,6 +37,8 @@ RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the varian
 # three that wander (docs/theory.md, 5.2; Perron 1989 for records whose trend breaks). Half of them exceed 4 to 7: the
 # logarithm of the number of rows, the price of a parameter in BIC, would rule a root out that is there.
 UNIT_ROOT = 16.0
+# Of an exponential that double precision holds: evidence may be asked for that no fault can show.
+LARGEST_EXPONENT = 500.0
 # Quantile of the normal distribution for 90 % power.
 POWER = 1.2815515655446004
 # Factors on a minimal detectable magnitude at which the profile is asked, until it would be declared; and for how many
@@ -186,7 +188,8 @@ def _minimal_detectable(estimates: MagnitudeEstimates, penalty: Penalty, overdis
     n, correlated = penalty.n_rows, np.sqrt(penalty.n_rows / penalty.n_effective)
     white = np.sqrt(estimates.sampling / overdispersion)
     scatter = POWER * correlated * np.sqrt(estimates.sampling)
-    by_statistic = white * np.sqrt(n * np.expm1(statistic_needed(penalty, overdispersion) / n)) + scatter
+    needed = np.minimum(statistic_needed(penalty, overdispersion) / n, LARGEST_EXPONENT)
+    by_statistic = white * np.sqrt(n * np.expm1(needed)) + scatter
     by_interval = estimates.quantile * np.sqrt(estimates.variance) + scatter
     return np.asarray(np.maximum(by_statistic, by_interval))
 

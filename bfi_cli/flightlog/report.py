@@ -102,7 +102,8 @@ def _tables(document: Plain) -> Iterator[Table]:
         }
         for one in document.get("derived", ())
     ]
-    yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
+    if any(row["lacks"] == "nothing" for row in derived):
+        yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
     for name, title, keys in (
         ("excitation", "Inputs, in flight", inputs),
         ("windows", "Windows to analyse", windows),

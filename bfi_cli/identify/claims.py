@@ -102,7 +102,7 @@ def _claim(
             effect = limit * float(np.abs(window.native.theta[:, :, entry]).max())
         if not _onset_is_covered(window, outcome.order, fault.onset_s):
             limit = effect = None
-            note = "too near the start or the end of the window"
+            note = "too near an end of the window"
     suspected = n in outcome.declined
     state = state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance)
     return Candidate(

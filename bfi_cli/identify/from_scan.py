@@ -16,7 +16,7 @@ from ..filters import response_of
 from ..flightlog import FlightLog, inject
 from ..flightlog.recorder import recorder_filters
 from ..kernels.progress import Progress, unseen
-from ..onset import OnsetResult, at_any_onset, find_onset, propose_dictionary, scan_beside
+from ..onset import OnsetResult, find_onset, propose_dictionary, scan_beside, with_limit_of_scan
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..truth import Comparison, compare_by_onset
@@ -181,8 +181,8 @@ def _checked(result: IdentifyResult, scanned: OnsetResult, config: Config) -> Id
         return _with_scan(result, scanned, "it cannot check an answer of a solver that did not converge")
     candidates = list(result.candidates)
     if config.onset_tolerance_s > 0.0:
-        limits = zip(candidates, scanned.at_any_onset, strict=True)
-        candidates = [at_any_onset(one, limit, scanned.covered_s) for one, limit in limits]
+        limits = zip(candidates, scanned.of_dictionary, strict=True)
+        candidates = [with_limit_of_scan(one, limit, scanned.covered_s) for one, limit in limits]
     looked_for = {one.kind for one in candidates if one.state is not None}
     found = [one.estimate for one in scanned.faults]
     for estimate in found:

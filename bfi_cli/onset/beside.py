@@ -24,9 +24,9 @@ from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.window import PreparedWindow, must_resample
 from ..verdicts import Candidate, state_of
 from .detection import find_onset
-from .result import AnyOnset, OnsetResult
+from .result import OnsetResult, ScanLimit
 
-__all__ = ["at_any_onset", "detectable_magnitudes", "scan_beside"]
+__all__ = ["detectable_magnitudes", "scan_beside", "with_limit_of_scan"]
 
 # A longer record, counted at the rate that is asked for or at 10 Hz, would take minutes.
 MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
@@ -86,13 +86,15 @@ def detectable_magnitudes(
     scanned = scan_beside(part, config, faults, progress, exact=False)
     limits = np.full(len(faults), np.inf)
     if not isinstance(scanned, str):
-        for n, one in enumerate(scanned.at_any_onset):
+        for n, one in enumerate(scanned.of_dictionary):
             if one is not None and one.minimal_detectable is not None:
                 limits[n] = one.minimal_detectable
     return limits, exactly
 
 
-def at_any_onset(candidate: Candidate, limit: AnyOnset | None, covered_s: tuple[float, float] | None) -> Candidate:
+def with_limit_of_scan(
+    candidate: Candidate, limit: ScanLimit | None, covered_s: tuple[float, float] | None
+) -> Candidate:
     """Return a candidate whose onset is known to a tolerance only: with the limits of the scan in place of its own.
 
     Parameters
@@ -106,12 +108,12 @@ def at_any_onset(candidate: Candidate, limit: AnyOnset | None, covered_s: tuple[
     if candidate.state not in ("excluded", "not_seen"):
         return replace(candidate, minimal_detectable=detectable)
     excluded = effect = note = None
-    if limit is None:
-        note = "the scan does not look for this shape (--shape); a fault whose onset is not exact could be missed"
-    elif covered_s is None or candidate.onset_s is None or not covered_s[0] <= candidate.onset_s <= covered_s[1]:
-        note = "too near the start or the end of the window"
-    else:
+    if limit is not None:
         excluded, effect = limit.excluded_above, limit.effect
+    elif covered_s is None or candidate.onset_s is None or not covered_s[0] <= candidate.onset_s <= covered_s[1]:
+        note = "too near an end of the window"
+    else:
+        note = "no claim where its onset is not exact: the scan does not look for it (--onset-tolerance 0)"
     state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
     if candidate.magnitude is None:  # left out as the same signal as another entry, which the note says
         note = candidate.note

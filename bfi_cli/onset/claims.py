@@ -20,12 +20,12 @@ from ..kernels.progress import Report, parts, silent
 from ..verdicts import Candidate, kind_of, state_of
 from .decision import Rule
 from .estimate import Estimate, subtract_faults
-from .result import AnyOnset
+from .result import ScanLimit
 from .scan import HypothesisScan, Peak, scan_of
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, fault_of, waveform
 
-__all__ = ["OLDER_NOTE", "POWER", "claims_of", "covered_s", "limits_at_any_onset"]
+__all__ = ["OLDER_NOTE", "POWER", "claims_of", "covered_s", "limits_near_onsets"]
 
 # Quantiles of the normal distribution: 90 % power, and the one-sided 99 % limit.
 POWER, LIMIT = 1.2815515655446004, 2.3263478740408408
@@ -47,20 +47,27 @@ OLDER_NOTE = "a fault that began before the window is never excluded: the model'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Limit:
-    """What is known of one hypothesis: magnitudes scaled, of the conditioned output.
+class Limits:
+    """What is known of one hypothesis at the onsets that a claim covers: magnitudes scaled, (n_onsets,).
 
     Attributes
     ----------
-    minimal_detectable : median over the onsets.
-    excluded_above, effect : at the onset where the effect is largest; infinite where no magnitude is excluded.
-    profile : over the onsets that the claim covers.
+    profile : over the onsets.
+    onset_s : on the log's axis.
+    detected : magnitude that would be declared with 90 % power.
+    excluded : magnitude beyond which the record excludes the fault, infinite where none is; effect : its largest error.
     """
 
-    minimal_detectable: float
-    excluded_above: float
-    effect: float
     profile: Profile
+    onset_s: FloatArray
+    detected: FloatArray
+    excluded: FloatArray
+    effect: FloatArray
+
+    @property
+    def worst(self) -> int:
+        """Index of the onset where the hidden error is largest."""
+        return int(np.argmax(self.effect))
 
 
 def claims_of(
@@ -95,9 +102,9 @@ def claims_of(
         )
         own = [one for one in estimates if (one.form.shape, one.form.output) == (shape, output)]
         forms = _claimed(record, peak)
-        every = (_limit(record, scans[output], form, rule.threshold(shape)) for form in forms)
+        every = (_limits(record, scans[output], form, rule.threshold(shape)) for form in forms)
         limits = [one for one in every if one is not None]
-        worst = max(limits, key=lambda one: one.effect, default=None)
+        worst = max(limits, key=lambda one: float(one.effect.max()), default=None)
         likeliest = max((one.profile for one in limits), key=lambda one: one.statistic.max(), default=peak.profile)
         z, sd = float(likeliest.z[likeliest.best]), float(likeliest.sd[likeliest.best])
         if own:
@@ -106,8 +113,9 @@ def claims_of(
         unit = log.channel(channel).unit
         excluded = effect = detectable = None
         if worst is not None and not own:
-            detectable = _finite(scale * float(np.median([one.minimal_detectable for one in limits])))
-            excluded, effect = _finite(scale * worst.excluded_above), _finite(scale * worst.effect)
+            detectable = _finite(scale * float(np.median([np.median(one.detected) for one in limits])))
+            excluded = _finite(scale * float(worst.excluded[worst.worst]))
+            effect = _finite(scale * float(worst.effect[worst.worst]))
         suspicion = None if own else _suspicion(rule, first, estimates, peak, order)
         state = state_of(
             declared=bool(own), suspected=suspicion is not None, effect=effect, tolerance=tolerances[channel]
@@ -137,20 +145,29 @@ def claims_of(
     return (*candidates, *_watched(record, scans, estimates, rule, tolerances))
 
 
-def limits_at_any_onset(
-    record: ScanRecord, estimates: Sequence[Estimate], rule: Rule, faults: Sequence[Fault], *, order: int
-) -> tuple[AnyOnset | None, ...]:
-    """Return what the scan says of faults of a dictionary, each as if its onset were not known.
+def limits_near_onsets(
+    record: ScanRecord,
+    estimates: Sequence[Estimate],
+    rule: Rule,
+    faults: Sequence[Fault],
+    tolerance_s: float,
+    *,
+    order: int,
+) -> tuple[ScanLimit | None, ...]:
+    """Return what the scan says of faults of a dictionary, the worst of the onsets that each may have.
 
-    None for a fault of a shape that is not looked for, or whose channel is no output.
+    None for a fault of a shape that is not looked for, or whose channel is no output, or whose onset is not covered.
 
     Parameters
     ----------
     faults : of the dictionary; `estimates` and `order` as in `claims_of`.
+    tolerance_s : how far the onset of a fault may be from that of the dictionary.
     """
-    y, known = subtract_faults(record.y, *estimates), dict[ShapeHypothesis, AnyOnset | None]()
+    y, known = subtract_faults(record.y, *estimates), dict[ShapeHypothesis, Limits | None]()
     scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
-    found: list[AnyOnset | None] = []
+    # Onsets are looked at in strides, so those of a stride to either side are counted too.
+    near_s = tolerance_s + STRIDE / record.settings.rate_hz
+    found: list[ScanLimit | None] = []
     for fault in faults:
         shape = LIKE.get(fault.shape, fault.shape)
         if shape not in record.settings.shapes or fault.channel not in record.settings.outputs:
@@ -160,25 +177,22 @@ def limits_at_any_onset(
         parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         if form not in known:
-            limit, scale = _limit(record, scans[output], form, rule.threshold(shape)), float(record.unit[output])
-            # A drift with a slope, a ramp with one: a magnitude of 1 is larger or smaller than that of the hypothesis.
-            known[form] = (
-                None
-                if limit is None
-                else AnyOnset(
-                    minimal_detectable=_finite(scale * limit.minimal_detectable),
-                    excluded_above=_finite(scale * limit.excluded_above),
-                    effect=_finite(scale * limit.effect),
-                )
+            known[form] = _limits(record, scans[output], form, rule.threshold(shape))
+        limits = known[form]
+        near = np.zeros(0, dtype=bool) if limits is None else np.abs(limits.onset_s - fault.onset_s) <= near_s
+        if limits is None or not near.any():
+            found.append(None)
+            continue
+        # A fault with a slope is so many times that of the hypothesis.
+        scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)
+        worst = int(np.argmax(np.where(near, limits.effect, -1.0)))
+        found.append(
+            ScanLimit(
+                minimal_detectable=_finite(scale / slope * float(limits.detected[near].max())),
+                excluded_above=_finite(scale / slope * float(limits.excluded[worst])),
+                effect=_finite(scale * float(limits.effect[worst])),
             )
-        one, slope = known[form], abs(fault.slope or 1.0)
-        if one is not None and slope != 1.0:
-            one = AnyOnset(
-                minimal_detectable=None if one.minimal_detectable is None else one.minimal_detectable / slope,
-                excluded_above=None if one.excluded_above is None else one.excluded_above / slope,
-                effect=one.effect,
-            )
-        found.append(one)
+        )
     return tuple(found)
 
 
@@ -195,8 +209,8 @@ def _claimed(record: ScanRecord, peak: Peak) -> list[ShapeHypothesis]:
     return [replace(bare, parameter=float(f)) for f in np.geomspace(low, high, FREQUENCIES)]
 
 
-def _limit(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float) -> Limit | None:
-    """Return the limit of a hypothesis; None where no onset is covered."""
+def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float) -> Limits | None:
+    """Return the limits of a hypothesis at every onset; None where none is covered."""
     sampling = replace(record.sampling, n_samples=scan.n_samples)
     wave, onsets = waveform(form, sampling), default_onsets(scan)
     last = scan.n_samples - ENDING * scan.order
@@ -215,15 +229,14 @@ def _limit(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: flo
         power=(np.sqrt(threshold) + POWER * np.sqrt(dispersion)) ** 2,
         doubt=LIMIT**2 * dispersion,
     )
-    limit = np.maximum(detected, admitted)
+    excluded = np.maximum(detected, admitted)
     reach: FloatArray = np.maximum.accumulate(np.abs(wave.samples * wave.unit))[scan.n_samples - 1 - onsets]
-    effect = limit * reach
-    worst = int(np.argmax(effect))
-    return Limit(
-        minimal_detectable=float(np.median(detected)),
-        excluded_above=float(limit[worst]),
-        effect=float(effect[worst]),
+    return Limits(
         profile=profile,
+        onset_s=np.array([record.onset_s(int(k) + record.sampling.lead) for k in onsets]),
+        detected=detected,
+        excluded=excluded,
+        effect=excluded * reach,
     )
 
 

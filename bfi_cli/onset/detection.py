@@ -21,7 +21,7 @@ from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant
 from ..verdicts import decide, summarise, verdicts_of
-from .claims import OLDER_NOTE, claims_of, covered_s, limits_at_any_onset
+from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
 from .magnitudes import measure
@@ -73,7 +73,7 @@ def find_onset(
     progress : called with the name of the stage and the fraction of it that is done.
     briefly : after step 1 the fault that stands out most is declared as the scan has it, on its grid of onsets, and
         nothing more is sought: enough to tell whether there is one.
-    faults : of a dictionary, for which the result says how large each would have to be at an onset that is not known.
+    faults : of a dictionary, for which the result says how large each would have to be for the scan.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def find_onset(
         tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
         limits = partial(progress, "what could not have been seen")
         candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
-        at_any_onset = limits_at_any_onset(record, estimates, rule, faults, order=order)
+        of_dictionary = limits_near_onsets(record, estimates, rule, faults, config.onset_tolerance_s, order=order)
     by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
@@ -129,7 +129,7 @@ def find_onset(
         candidates=candidates,
         summary=summarise(by_kind, candidates),
         covered_s=(earliest_s, latest_s),
-        at_any_onset=at_any_onset,
+        of_dictionary=of_dictionary,
         false_alarm=rule.false_alarm,
         p_value=verdict.p_value if rule.use.matches else None,
         statistic=verdict.statistic,

@@ -100,10 +100,10 @@ class OnsetSeries:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnyOnset:
-    """What a scan says of a fault whose onset is not known: magnitudes and effect in SI, None where there is no limit.
+class ScanLimit:
+    """What a scan says of a fault of a dictionary, the worst of the onsets it may have; None where it has no limit.
 
-    See `bfi_cli.verdicts.Candidate`; `minimal_detectable` is the median over the onsets.
+    Magnitudes and effect in SI, see `bfi_cli.verdicts.Candidate`.
     """
 
     minimal_detectable: float | None
@@ -120,7 +120,7 @@ class OnsetResult:
     verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.verdicts`.
     summary : what the log says of the kinds of which no fault is declared.
     covered_s : first and last onset for which the claims hold, None where none is made.
-    at_any_onset : of the faults that were asked for, in their order.
+    of_dictionary : limits of the faults that were asked for, in their order.
     statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
     p_value : of the largest standardised statistic; None where no calibration fits the settings.
     time_s : (n_samples,) of the series.
@@ -133,7 +133,7 @@ class OnsetResult:
     candidates: tuple[Candidate, ...]
     summary: str
     covered_s: tuple[float, float] | None
-    at_any_onset: tuple[AnyOnset | None, ...]
+    of_dictionary: tuple[ScanLimit | None, ...]
     false_alarm: float
     p_value: float | None
     statistic: float
@@ -221,7 +221,7 @@ def assemble_result(
         candidates=(),
         summary="",
         covered_s=None,
-        at_any_onset=(),
+        of_dictionary=(),
         false_alarm=0.0,
         p_value=None,
         statistic=estimates[0].statistic if estimates else 0.0,

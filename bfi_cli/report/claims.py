@@ -12,7 +12,7 @@ from .text import number, quantity
 
 __all__ = ["CANDIDATE_COLUMNS", "CANDIDATE_HEADS", "candidate_tables", "hidden_drawing", "verdict_sentence"]
 
-CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "largest hidden error", "sd", "note", "channel")
+CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")
 CANDIDATE_COLUMNS = (
     *("name", "shape", "channel", "kind", "state", "magnitude", "unit", "sd", "minimal_detectable"),
     *("minimal_detectable_scan", "excluded_above", "effect", "tolerance", "channel_unit", "note"),
@@ -56,9 +56,8 @@ def candidate_tables(candidates: Sequence[Candidate]) -> tuple[Table, ...]:
                 size if size == "-" else f"{size} {one.unit}".rstrip(),
                 quantity(limit, one.unit),
                 hidden,
-                number(one.sd, digits=2),
-                one.note or "",
                 one.channel,
+                one.note or "",
             )
         )
     title = "What was looked for, declared first"

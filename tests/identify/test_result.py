@@ -166,7 +166,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
     assert result.decision == "inconclusive"
     assert "the data cannot answer" in result.notes[0]
     assert result.candidates[0].state == "not_seen"
-    assert "too near the start" in result.candidates[0].note
+    assert "too near an end" in result.candidates[0].note
 
 
 def test_dead_constant_and_repeated_entries_are_left_out_and_named(flight, thesis, faulty):

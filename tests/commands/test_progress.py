@@ -122,7 +122,7 @@ def test_nothing_is_shown_where_stderr_is_no_terminal_unless_asked_for(bfi: Call
         (("start-time", BIAS), HIDDEN),
         pytest.param(("start-time", BIAS, "--ends"), "scan of all onsets", marks=pytest.mark.slow),
         pytest.param(("start-time", BIAS, "--method", "thesis"), "a solution for every onset", marks=pytest.mark.slow),
-        pytest.param(("start-time", BIAS, "--calibration", "gaussian"), "threshold", marks=pytest.mark.slow),
+        pytest.param(("start-time", BIAS, "--calibration", "gaussian"), "simulated records", marks=pytest.mark.slow),
         pytest.param(("identify", BIAS), "scan of all onsets", marks=pytest.mark.slow),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from trials import CONFIGS, Trial, run_all, sized
 
-from bfi_cli.config import Config
+from bfi_cli.config import Config, merge
 from bfi_cli.diagnosability import DiagnosabilityResult, Magnitudes, ModelFlights, assess, assess_manoeuvres
 from bfi_cli.dictionary import load_dictionary
 
@@ -21,6 +21,10 @@ NOISES = (0.003, 0.01, 0.03, 0.1)
 FACTORS = (0.5, 0.7, 1.0, 1.4)
 SEEDS = range(sized(10, 0.5))
 RANKED, NEAR_THE_LIMIT = 0.8, 0.7
+
+
+# Limits at the exact onsets: those of onsets known to a second are the scan's.
+EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
 
 
 def citation(noise: float, *, manoeuvre: str = "3211", draws: int = 5) -> ModelFlights:
@@ -53,7 +57,7 @@ def test_faults_of_unit_magnitude_are_ranked_as_their_minimal_detectable_magnitu
     """Beside it the divergence of single samples, the paper's index, which forgets when they were taken."""
     for noise in NOISES:
         flights = citation(noise, manoeuvre=manoeuvre)
-        each = [assess(flights.record(manoeuvre, draw), DICTIONARY, Config()) for draw in range(3)]
+        each = [assess(flights.record(manoeuvre, draw), DICTIONARY, EXACT) for draw in range(3)]
         each.append(assess_manoeuvres(flights, DICTIONARY, Config()))
         limits = [[-limit for limit in column(result, "minimal_detectable")] for result in each]
         window, sample = (

@@ -398,6 +398,12 @@ COMMANDS = {
         2,
         "reproduced.json: exhibit: '../../drawn' is no name of a file; run the command again",
     ),
+    "identify good.csv -d good.yaml --require abrupt,sloww": (2, "--require: not one of the choices, got 'sloww'; did"),
+    "start-time good.csv --require abrupt,abrupt": (2, "--require: a value stands twice"),
+    "identify good.csv -d good.yaml --tolerance aoa=1": (2, "--tolerance: 'aoa' is no output, got outputs tas; leave"),
+    "start-time good.csv --tolerance tas": (2, "--tolerance: expected CHANNEL=VALUE, got 'tas'; write --tolerance tas"),
+    "identify good.csv -d good.yaml --tolerance tas=-1": (2, "tolerances.tas: must be greater than 0, got -1"),
+    "identify good.csv -d good.yaml --onset-tolerance -1": (2, "--onset-tolerance: must be greater than or equal to 0"),
     "report damaged.json": (2, "damaged.json: no key 'faults'; the file is damaged or of another program"),
 }
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..errors import LogError
+from ..errors import ConfigError
 from ..flightlog import FlightLog
 
 __all__ = ["tolerance_of", "tolerances_of"]
@@ -36,11 +36,11 @@ def tolerances_of(
 
     Raises
     ------
-    LogError : a tolerance is stated for a channel that is no output.
+    ConfigError : a tolerance is stated for a channel that is no output.
     """
     for name in stated:
         if name not in channels:
-            raise LogError(f"--tolerance: '{name}' is no output, got outputs {', '.join(channels)}; leave it out")
+            raise ConfigError(f"--tolerance: '{name}' is no output, got outputs {', '.join(channels)}; leave it out")
     return {name: stated.get(name) or tolerance_of(log, window, name) for name in channels}
 
 

@@ -49,7 +49,7 @@ def deviances(
 
 
 def undeclared_magnitudes(
-    scan: Scan, waveform: Waveform, profile: Profile, *, power: float, doubt: float, coherence: FloatArray | None = None
+    scan: Scan, waveform: Waveform, profile: Profile, *, power: float, doubt: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the magnitudes that would be declared, and those that the record does not admit, at every onset.
 
@@ -58,30 +58,23 @@ def undeclared_magnitudes(
     profile : of the shape at the onsets that are asked for.
     power : statistic that a fault needs to be declared with the wanted power.
     doubt : statistic by which the record must disagree with a magnitude to exclude it.
-    coherence : (n_onsets,) squared correlation of the shape with what is looked for, 1 where that is the shape itself.
 
     Returns
     -------
     Two arrays (n_onsets,): the first magnitude from which on every larger one reaches `power`, in the mean of both
     signs, and the first from which on both signs reach `doubt` beyond the best magnitude; infinite where none does.
     """
-    n, seen = scan.n_rows, np.isfinite(profile.sd)
+    seen = np.isfinite(profile.sd)
     linear = np.where(seen, profile.sd, 0.0)
-    share = np.ones(len(linear)) if coherence is None else coherence
     bound = magnitude_bound(scan, waveform, scan.n_samples - profile.onsets) / waveform.unit
-    first = np.where(seen, np.sqrt(power / np.maximum(share, 1e-6)) * linear, bound)
+    first = np.where(seen, np.sqrt(power) * linear, bound)
     # Not held within the scan's bound on magnitudes: the span of a record with such a fault would be larger.
     m = GRID[:, None] * np.maximum(first, 1e-9 * bound)
     # Beside the best magnitude, which a grid would step over where a fault is in the record.
     beside = np.abs(profile.z) + BESIDE[:, None] * np.sqrt(doubt) * linear
     m = np.sort(np.vstack([m, np.maximum(beside, m[:1])]), axis=0)
     plus, minus = deviances(scan, waveform, profile.onsets, m)
-    # What the scanned shapes explain of a fault of another shape: the rest stays in the residual.
-    up, down = (
-        n * np.log((1.0 + gain) / (1.0 + (1.0 - share) * gain))
-        for gain in (np.expm1(np.maximum(x, 0.0) / n) for x in (plus, minus))
-    )
-    reached = 0.5 * (up + down)
+    reached = 0.5 * (plus + minus)
     against = np.minimum(plus, minus) + profile.statistic
     return _from_there_on(m, reached, power), _from_there_on(m, against, doubt)
 

@@ -69,16 +69,3 @@ def test_limits_scale_with_the_record_and_not_with_its_level():
         limits.append(np.array(undeclared_magnitudes(scan, waveform, profile, power=40.0, doubt=5.4)))
     np.testing.assert_allclose(limits[1], 10.0 * limits[0], rtol=1e-5)
     np.testing.assert_allclose(limits[2], limits[0], rtol=1e-5)
-
-
-def test_a_shape_that_is_not_looked_for_needs_more_the_less_it_is_like_one_that_is():
-    u, y = record(N)
-    waveform = waveforms(N)["lagged bias"]
-    scan = prepare_scan(u, y, order=ORDER)
-    profile = scan_shape(scan, waveform, ONSETS)
-    needed = [
-        undeclared_magnitudes(scan, waveform, profile, power=30.0, doubt=5.4, coherence=np.full(3, share))[0]
-        for share in (1.0, 0.8, 0.4)
-    ]
-    assert (needed[0] < needed[1]).all()
-    assert (needed[1] < needed[2]).all()

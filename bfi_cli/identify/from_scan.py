@@ -55,8 +55,22 @@ def identify_and_scan(
     faults = dictionary.resolved(start_s)
     scanned = scan_beside(_corrected(log, result, config), config, faults, progress, exact=exact)
     if isinstance(scanned, str):
-        return _with_scan(result, None, scanned)
+        return _with_scan(result if exact else _unchecked(result, config), None, scanned)
     return _checked(result, scanned, config)
+
+
+def _unchecked(result: IdentifyResult, config: Config) -> IdentifyResult:
+    """Return the result of a window that was not scanned: onsets known to a tolerance only exclude nothing."""
+    if config.onset_tolerance_s == 0.0 or result.summary == NOT_CONVERGED:
+        return result
+    candidates = tuple(
+        with_limit_of_scan(one, None, None) if one.state in ("excluded", "not_seen") else one
+        for one in result.candidates
+    )
+    verdicts = verdicts_of(candidates)
+    decision = "fault" if result.decision == "fault" else decide(verdicts, config.require)
+    summary = summarise(verdicts, candidates)
+    return replace(result, candidates=candidates, verdicts=verdicts, decision=decision, summary=summary)
 
 
 def _corrected(log: FlightLog, result: IdentifyResult, config: Config) -> FlightLog:

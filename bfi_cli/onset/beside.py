@@ -110,7 +110,9 @@ def with_limit_of_scan(
     excluded = effect = note = None
     if limit is not None:
         excluded, effect = limit.excluded_above, limit.effect
-    elif covered_s is None or candidate.onset_s is None or not covered_s[0] <= candidate.onset_s <= covered_s[1]:
+    elif covered_s is None:
+        note = "no claim where its onset is not exact and the window is not scanned (--onset-tolerance 0)"
+    elif candidate.onset_s is None or not covered_s[0] <= candidate.onset_s <= covered_s[1]:
         note = "too near an end of the window"
     else:
         note = "no claim where its onset is not exact: the scan does not look for it (--onset-tolerance 0)"

@@ -29,4 +29,7 @@ with tempfile.TemporaryDirectory() as folder:
     audit = audit_on_log(read_log(ROOT / "data" / "citation_clean.h5"), dictionary, Config())
 
 for atom in audit.atoms:
-    print(f"{atom.name}: detectable from {atom.minimal_detectable:.2g} on")
+    limit = "not at all where its onset is not exact"
+    if atom.minimal_detectable is not None:
+        limit = f"from {atom.minimal_detectable:.2g} on"
+    print(f"{atom.name}: detectable {limit}")

@@ -22,6 +22,7 @@ from ..shapes import SHAPES
 from ..truth import Comparison, compare_by_onset
 from ..verdicts import KINDS, Candidate, decide, kind_of, summarise, verdicts_of
 from .identify import NOT_CONVERGED, identify_faults
+from .methods import METHODS
 from .result import IdentifyResult, ScanSummary
 
 __all__ = ["identify_and_scan", "identify_from_scan"]
@@ -77,7 +78,9 @@ def _corrected(log: FlightLog, result: IdentifyResult, config: Config) -> Flight
     """Return the window of a log less the faults that are declared in it."""
     part = log.window(config.window.from_s, config.window.to_s)
     response = response_of(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0], log.rate_hz)
-    faults = [replace(one.fault, magnitude=-one.magnitude) for one in result.faults if one.magnitude]
+    # A channel that is derived from others is made of them anew in the scan.
+    known = [one for one in result.faults if one.magnitude and one.fault.channel in part.channels]
+    faults = [replace(one.fault, magnitude=-one.magnitude) for one in known]
     return replace(inject(part, faults, response=response), truth=None) if faults else part
 
 
@@ -194,7 +197,7 @@ def _checked(result: IdentifyResult, scanned: OnsetResult, config: Config) -> Id
     if result.summary == NOT_CONVERGED:
         return _with_scan(result, scanned, "it cannot check an answer of a solver that did not converge")
     candidates = list(result.candidates)
-    if config.onset_tolerance_s > 0.0:
+    if config.onset_tolerance_s > 0.0 and METHODS[config.method].intervals:
         limits = zip(candidates, scanned.of_dictionary, strict=True)
         candidates = [with_limit_of_scan(one, limit, scanned.covered_s) for one, limit in limits]
     looked_for = {one.kind for one in candidates if one.state is not None}

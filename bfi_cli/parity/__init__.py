@@ -1,0 +1,1 @@
+"""Air data as one system: faults found where pressures, lift, attitude, inertia and ground velocity disagree."""

@@ -1,0 +1,64 @@
+"""What an analysis of the air data of one window says: the faults it found, and what it could not have missed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+__all__ = ["Finding", "Limit", "Stage"]
+
+Stage = Literal["sensors", "static relations", "holds", "parity", "scan"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """A fault that explains a window.
+
+    Attributes
+    ----------
+    fault : a fault of a pressure line by its shape ("pitot_icing"), or the standard name of the one channel that errs.
+    among : every fault that explains the window about as well, `fault` first; more than one is no isolation.
+    channels : the recorded channels that err under `fault`.
+    stage : which analysis found it.
+    shape : course of the error over time, by the name of a fault's shape.
+    magnitude, sd : of that shape, in `unit`; None where the fault has none.
+    effect : largest error in the window by channel, in the channel's unit.
+    onset_s, offset_s : on the log's axis; onset_ci95 : interval of the onset. offset_s is None where it lasts.
+    statistic, threshold, p_value : that it was declared by; p_value is None where no distribution is known.
+    evidence : by residual, what it says for the fault: a log-likelihood ratio, or the residual's own statistic.
+    """
+
+    fault: str
+    among: tuple[str, ...]
+    channels: tuple[str, ...]
+    stage: Stage
+    shape: str
+    magnitude: float | None
+    sd: float | None
+    unit: str
+    onset_s: float
+    onset_ci95: tuple[float, float]
+    offset_s: float | None = None
+    statistic: float
+    threshold: float
+    p_value: float | None = None
+    effect: Mapping[str, float] = field(default_factory=dict)
+    evidence: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """What a window excludes of a fault and shape: magnitudes above `excluded_above`, in `unit`.
+
+    Attributes
+    ----------
+    effect : largest error in the window that this magnitude makes on `channel`, in the channel's unit.
+    """
+
+    fault: str
+    shape: str
+    channel: str
+    excluded_above: float
+    unit: str
+    effect: float

@@ -1,0 +1,87 @@
+"""What windows of a flight found, joined into events: one fault is one event, whichever analyses saw it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ..parity import Finding
+
+__all__ = ["Draft", "clusters", "join", "merge_stages"]
+
+Window = tuple[float, float]
+
+# A finding belongs to an event that began at most this long after it: onsets of slow faults are uncertain by as much.
+BEFORE_S = 15.0
+# The order of trust: what a line or a relation shows is exact, what windows of a regression show is not.
+STAGES = ("sensors", "static relations", "holds", "parity", "scan")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draft:
+    """A finding with its window, and until when windows show it; `also` what other analyses found of it."""
+
+    finding: Finding
+    window: Window
+    until_s: float
+    also: tuple[Finding, ...] = ()
+
+    @property
+    def from_s(self) -> float:
+        return min(self.finding.onset_s, self.finding.onset_ci95[0])
+
+
+def clusters(windows: Sequence[Window]) -> list[list[int]]:
+    """Return the indices of windows that overlap each other, directly or through others, in order of time."""
+    order = sorted(range(len(windows)), key=lambda k: windows[k])
+    found: list[list[int]] = []
+    end = float("-inf")
+    for k in order:
+        if windows[k][0] < end:
+            found[-1].append(k)
+        else:
+            found.append([k])
+        end = max(end, windows[k][1])
+    return found
+
+
+def join(drafts: Sequence[Draft]) -> list[Draft]:
+    """Return the drafts of one analysis with those of overlapping windows joined; the strongest describes them."""
+    found = []
+    for cluster in clusters([one.window for one in drafts]):
+        members = [drafts[k] for k in cluster]
+        best = max(members, key=lambda one: one.finding.statistic / one.finding.threshold)
+        found.append(replace(best, until_s=max(one.until_s for one in members)))
+    return found
+
+
+def merge_stages(drafts: Sequence[Draft]) -> list[Draft]:
+    """Return the drafts of all analyses as events: what overlaps in time and in what errs is one fault.
+
+    The most trusted analysis describes it. A scan for steps watches the airspeed alone and is disturbed by whatever is
+    wrong with its inputs, so that it joins any event of its time.
+    """
+    events: list[Draft] = []
+    for one in sorted(drafts, key=lambda draft: (STAGES.index(draft.finding.stage), draft.finding.onset_s)):
+        for k, event in enumerate(events):
+            if _belongs(one, event):
+                events[k] = replace(
+                    event,
+                    until_s=max(event.until_s, one.until_s),
+                    also=(*event.also, one.finding, *one.also),
+                )
+                break
+        else:
+            events.append(one)
+    return sorted(events, key=lambda event: event.finding.onset_s)
+
+
+def _belongs(one: Draft, event: Draft) -> bool:
+    overlaps = one.from_s <= event.until_s and one.until_s >= event.from_s - BEFORE_S
+    if not overlaps:
+        return False
+    # While a line is held, whatever is compared with its pressure disagrees.
+    if one.finding.stage == "scan" or event.finding.stage == "holds":
+        return True
+    alike = {*one.finding.among, *one.finding.channels} & {*event.finding.among, *event.finding.channels}
+    return bool(alike)

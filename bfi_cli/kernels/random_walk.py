@@ -46,6 +46,7 @@ class MixedFit:
     deviance : minus twice the log-likelihood of the data off the fixed columns, constants left out that depend on
         their number only; without : the same for b = 0.
     freedom : effective number of the random coefficients, the trace of their smoother.
+    log_det : of the covariance of the data off the fixed columns over the noise's: what the random ones pay.
     """
 
     beta: FloatArray
@@ -55,6 +56,7 @@ class MixedFit:
     deviance: float
     without: float
     freedom: float
+    log_det: float
     _inverse: FloatArray
     _across: FloatArray
     _V: FloatArray
@@ -73,21 +75,32 @@ class MixedFit:
         return np.asarray(value), np.asarray(np.sqrt(self.noise_variance * variance))
 
 
-def fit_mixed(y: FloatArray, fixed: FloatArray, random: FloatArray, *, noise_variance: float | None = None) -> MixedFit:
+def fit_mixed(
+    y: FloatArray,
+    fixed: FloatArray,
+    random: FloatArray,
+    *,
+    noise_variance: float | None = None,
+    ratio: float | None = None,
+    spent: int = 0,
+) -> MixedFit:
     """Fit a mixed linear model to white data by maximum likelihood off the fixed columns.
 
     Parameters
     ----------
     y : (n,), fixed : (n, n_fixed), random : (n, n_random).
     noise_variance : where it is known; None to estimate it.
+    ratio : of the variances where it is known; None to estimate it.
+    spent : dimensions that were projected out of all of it before.
 
     Raises
     ------
     ValueError : the fixed columns are dependent, or there are no more rows than they.
     """
     n, m = fixed.shape
-    if n <= m:
-        raise ValueError(f"{n} samples do not determine {m} fixed coefficients")
+    degrees = n - m - spent
+    if degrees < 1:
+        raise ValueError(f"{n} samples do not determine {m + spent} fixed coefficients")
     scale = np.linalg.norm(fixed, axis=0)
     Q, R = np.linalg.qr(fixed / np.where(scale > 0.0, scale, 1.0))
     if m and np.linalg.svd(R, compute_uv=False)[-1] < RANK_TOLERANCE * np.sqrt(m):
@@ -98,7 +111,6 @@ def fit_mixed(y: FloatArray, fixed: FloatArray, random: FloatArray, *, noise_var
     e = y - Q @ (Q.T @ y)
     a = U.T @ e
     rest = max(float(e @ e - a @ a), 0.0)
-    degrees = n - m
 
     def deviance(ratio: float) -> tuple[float, float]:
         gains = 1.0 + ratio * s**2
@@ -107,7 +119,8 @@ def fit_mixed(y: FloatArray, fixed: FloatArray, random: FloatArray, *, noise_var
         variance = max(misfit / degrees, np.finfo(float).tiny) if noise_variance is None else noise_variance
         return float(np.sum(np.log(gains)) + degrees * np.log(variance) + misfit / variance), variance
 
-    ratio = _best_ratio(lambda x: deviance(x)[0], float(s[0]) if s.size else 0.0)
+    if ratio is None:
+        ratio = _best_ratio(lambda x: deviance(x)[0], float(s[0]) if s.size else 0.0)
     least, variance = deviance(ratio)
     b = V.T @ (ratio * s / (1.0 + ratio * s**2) * a)
     inverse = np.linalg.solve(R, np.eye(m)) / np.where(scale > 0.0, scale, 1.0)[:, None]
@@ -119,6 +132,7 @@ def fit_mixed(y: FloatArray, fixed: FloatArray, random: FloatArray, *, noise_var
         deviance=least,
         without=deviance(0.0)[0],
         freedom=float(np.sum(ratio * s**2 / (1.0 + ratio * s**2))),
+        log_det=float(np.sum(np.log1p(ratio * s**2))),
         _inverse=inverse,
         _across=across,
         _V=V,

@@ -60,6 +60,11 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
         fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
     name, active = fault.name or fault.shape, active_samples(fault, log.time_s)
     added: Mapping[str, FloatArray]
+    if acts_on == "course":
+        raise DictionaryError(
+            f"{log.path}: fault '{declared.name or declared.shape}': shape '{declared.shape}' has no course of its "
+            "own; give one that has, as samples"
+        )
     if acts_on == "channel":
         signal = recorded_signal(fault, log.time_s, through, window_start_s=start_s)
         added = {fault.channel: fault.magnitude * signal}

@@ -41,6 +41,10 @@ def output_series(
     theta = window.signals.theta[:, :, [window.live[n] for n in atoms]]
     fault = theta @ outcome.magnitudes.value[atoms]
     variance = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
+    for one in outcome.free:
+        if one.declared:
+            fault[:, one.output] += one.value
+            variance[:, one.output] += one.sd**2
     spread = np.sqrt(np.maximum(variance, 0.0))
     head = np.full((len(y) - len(outcome.error), y.shape[1]), np.nan)
     error, plain = np.vstack([head, outcome.error]), np.vstack([head, outcome.plain_error])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config, merge
-from ..dictionary import Dictionary, dead_reason, signals
+from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..filters import Filter, response_of
@@ -20,6 +20,7 @@ from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
+from ..shapes import SHAPES
 from .regression import RegressionData, Signals, build_regression, decimate_signals, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
@@ -48,7 +49,8 @@ class PreparedWindow:
     ----------
     log : the window, at the rate before decimation.
     faults : every dictionary entry, times on the log's axis; names : their names.
-    reasons : why an entry is left out, by index; live : the indices of the others.
+    reasons : why an entry is left out, by index; live : the indices of the others but for
+    free : the indices of the entries of unknown course, whose signals are zero.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
     filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
     recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
@@ -65,6 +67,7 @@ class PreparedWindow:
     names: tuple[str, ...]
     reasons: Mapping[int, str]
     live: tuple[int, ...]
+    free: tuple[int, ...]
     native: Signals
     signals: Signals
     rate: RateChoice
@@ -88,13 +91,20 @@ class PreparedWindow:
 
 
 def prepare_window(
-    log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent, *, purpose: Purpose = "estimate"
+    log: FlightLog,
+    dictionary: Dictionary,
+    config: Config,
+    report: Report = silent,
+    *,
+    purpose: Purpose = "estimate",
+    courses: bool = False,
 ) -> PreparedWindow:
     """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` receives the progress.
 
     Parameters
     ----------
     purpose : of the analysis, for which its rate is chosen.
+    courses : it estimates entries of unknown course, which else are left out.
 
     Raises
     ------
@@ -114,7 +124,10 @@ def prepare_window(
     names = tuple(fault.name or fault.shape for fault in faults)
     dead = ((j, dead_reason(fault, start_s, stop_s, outputs=config.outputs)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
-    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons}
+    unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
+    free = tuple(unknown) if courses else ()
+    reasons |= {j: no_signal(faults[j]) for j in unknown if j not in free}
+    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons and j not in free}
 
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
@@ -148,7 +161,7 @@ def prepare_window(
     decimated = decimate_signals(native, rate.factor, lowpass)
     reasons |= unusable_atoms(decimated.theta, names, tuple(seen), report)
     live = tuple(j for j in seen if j not in reasons)
-    if not live:
+    if not live and not free:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
     longest = longest_order(len(decimated.time_s), n_inputs=len(config.inputs), n_outputs=len(config.outputs))
@@ -158,6 +171,7 @@ def prepare_window(
         names=names,
         reasons=reasons,
         live=live,
+        free=free,
         native=native,
         signals=decimated,
         rate=rate,

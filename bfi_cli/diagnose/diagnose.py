@@ -18,10 +18,9 @@ from ..faults import Decision
 from ..flightlog import FlightLog
 from ..flightlog.phases import Phase, phases_of
 from ..flightlog.recorder import with_seen_recorder
-from ..kernels.progress import Progress, unseen
+from ..kernels.progress import Progress, Report, unseen
 from ..parity import (
     LENGTHS_S,
-    Finding,
     Limit,
     ParityTable,
     Record,
@@ -36,14 +35,14 @@ from ..parity import (
 )
 from ..parity.calibration import load_air_data
 from ..parity.holds import find_holds
-from ..parity.static_relations import StaticRelations, find_static, relation_series
+from ..parity.static_relations import RelationSeries, StaticRelations, find_static, relation_series
 from ..parity.windows import judged
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerance_of
 from ..shapes import SHAPES, Kind
 from ..verdicts import KINDS, State, decide
 from .corrected import corrected_channels, course_of
-from .events import Draft, join, merge_stages
+from .events import Draft, clusters, join, merge_stages
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
 from .looks import Scanned, look_at, scale_of, scan_flight
 from .missing import missing_sentences
@@ -60,6 +59,8 @@ NEAR_START_S = 20.0
 # Where in the window that describes an event its onset lies.
 ONSET_SHARE = 0.4
 MOVES = 3
+# Limits are compared over stretches of this length.
+BIN_S = 30.0
 # Onset and error of lift by flaps are not told from those of a vane.
 IMITATED = "flaps or gear that move change the lift as a fault of {} would; record their position"
 QUANTILE_95 = 1.959963984540054
@@ -85,9 +86,7 @@ class Flight:
         return self.log.channels.keys()
 
 
-def diagnose_flight(
-    log: FlightLog, config: Config, *, workers: int = 1, progress: Progress = unseen
-) -> DiagnoseResult:
+def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progress: Progress = unseen) -> DiagnoseResult:
     """Say which air-data fault hit a flight, when, how large and how sure, with everything that the log allows.
 
     1. Phases of the flight; take-off, approach, landing and parabolas are left out.
@@ -227,7 +226,9 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
     )
 
 
-def _windows(flight: Flight, lengths: Sequence[float] = LENGTHS_S, step_s: float | None = None) -> dict[float, list[Window]]:
+def _windows(
+    flight: Flight, lengths: Sequence[float] = LENGTHS_S, step_s: float | None = None
+) -> dict[float, list[Window]]:
     """Return the windows of every length within what is asked for."""
     cut = tuple(
         replace(one, from_s=max(one.from_s, flight.from_s), to_s=min(one.to_s, flight.to_s)) for one in flight.phases
@@ -248,7 +249,7 @@ def _holds(flight: Flight, notes: list[str]) -> list[Draft]:
 
 
 def _static(
-    flight: Flight, series: tuple, report: partial[None]
+    flight: Flight, series: tuple[tuple[RelationSeries, ...], tuple[str, ...]], report: Report
 ) -> list[tuple[Window, StaticRelations]]:
     windows = _windows(flight, (120.0,))[120.0] or _windows(flight, (60.0,))[60.0]
     answers = []
@@ -294,8 +295,6 @@ def _of_parity(
         if one.statistic > threshold.level
         and not any(one.to_s > draft.from_s and one.from_s < draft.until_s for draft in held)
     ]
-    from .events import clusters
-
     drafts = []
     for cluster in clusters([(one.from_s, one.to_s) for one, _ in flagged]):
         members = [flagged[k] for k in cluster]
@@ -319,7 +318,6 @@ def _described(
     window, level, onset_s = (one.from_s, one.to_s), threshold, one.onset_s
     stretch = next((s for s in judged(flight.phases) if s[0] <= onset_s < s[1]), window)
     low, high = max(stretch[0], flight.from_s), min(stretch[1], flight.to_s)
-    by_length = {round(pair[0].length_s): pair[1] for pair in members}
     scan = scan_window(flight.record.between(*window), zero_lift=flight.zero_lift)
     for _ in range(MOVES):
         length_s = window[1] - window[0]
@@ -335,7 +333,6 @@ def _described(
         onset_s = float(scan.onsets_s[int(np.argmax(best.ratio))])
     if scan is None:
         return None
-    del by_length
     record = flight.record.between(*window)
     fits = explain(scan, record, ruled_out=contradicted(_intact(static, window)))
     finding = finding_of_fit(fits, record, level, flight.recorded, scan)
@@ -347,7 +344,7 @@ def _glances(
     config: Config,
     static: Sequence[tuple[Window, StaticRelations]],
     workers: int,
-    report: partial[None],
+    report: Report,
 ) -> tuple[list[Draft], list[str]]:
     """Return what the scan for steps and oscillations found, and why it did not look."""
     inputs = inputs_for(flight.log)
@@ -394,6 +391,7 @@ def _event(flight: Flight, draft: Draft) -> Event:
         kind=SHAPES[one.shape].kind,
         stages=stages,
         shape=one.shape,
+        constant_s=one.constant_s,
         magnitude=one.magnitude,
         unit=one.unit,
         sd=one.sd,
@@ -433,28 +431,26 @@ def _limits(
     judgements: Sequence[tuple[Scanned, Threshold, Look]],
     static: Sequence[tuple[Window, StaticRelations]],
 ) -> tuple[FlightLimit, ...]:
-    """Return per fault and shape what the worst stretch of the flight excludes; of several windows the best counts."""
-    worst: dict[tuple[str, str], FlightLimit] = {}
-    for length_s in LENGTHS_S:
-        of_length = [pair for pair in judgements if round(pair[0].length_s) == length_s]
-        per_fault: dict[str, tuple[float, float, Scanned]] = {}
-        for one, threshold, _ in of_length:
-            for fault in one.magnitude:
-                slope, reached = one.largest_hidden(fault, threshold.level)
-                if fault not in per_fault or reached > per_fault[fault][1]:
-                    per_fault[fault] = (slope, reached, one)
-        for fault, (slope, reached, one) in per_fault.items():
-            limit = _flight_limit(flight, fault, slope, reached, (one.from_s, one.to_s))
-            key = (fault, "drift")
-            if key not in worst or limit.effect < worst[key].effect:
-                worst[key] = limit
+    """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts."""
+    bins = np.arange(flight.from_s, flight.to_s, BIN_S) + 0.5 * BIN_S
+    best: dict[tuple[str, str], list[FlightLimit | None]] = {}
+
+    def offer(limit: FlightLimit) -> None:
+        kept = best.setdefault((limit.fault, limit.shape), [None] * len(bins))
+        for k in np.flatnonzero((bins >= limit.from_s) & (bins < limit.to_s)).tolist():
+            other = kept[k]
+            if other is None or limit.effect < other.effect:
+                kept[k] = limit
+
+    for one, threshold, _ in judgements:
+        for fault in one.magnitude:
+            slope, reached = one.largest_hidden(fault, threshold.level)
+            offer(_flight_limit(flight, fault, slope, reached, (one.from_s, one.to_s)))
     for window, answer in static:
-        for one in answer.limits:
-            key = (one.fault, f"{one.shape} in static relations")
-            limit = _of_limit(flight, one, window)
-            if key not in worst or limit.effect > worst[key].effect:
-                worst[key] = limit
-    return tuple(worst.values())
+        for of_relation in answer.limits:
+            offer(_of_limit(flight, of_relation, window))
+    worst = (max((one for one in kept if one is not None), key=lambda one: one.effect) for kept in best.values())
+    return tuple(sorted(worst, key=lambda one: (one.shape, one.fault)))
 
 
 def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, window: Window) -> FlightLimit:
@@ -510,7 +506,7 @@ def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
 def _verdicts(events: Sequence[Event], limits: Sequence[FlightLimit]) -> dict[Kind, Decision]:
     """Return the verdict on every kind: a slow fault is excluded where its limits on all airspeeds are tolerable.
 
-    How small a step or an oscillation could hide is told by `start-time` on a window: here they are found, not excluded.
+    How small a step or an oscillation could hide is told by `start-time` on a window: here they are only found.
     """
     verdicts: dict[Kind, Decision] = dict.fromkeys(KINDS, "inconclusive")
     suspected = {one.kind for one in events if one.state == "suspected"}

@@ -16,10 +16,8 @@ __all__ = ["Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
 
 FloatArray = NDArray[np.float64]
 
-# Where a flight shows mostly more than the tables, its thresholds rise; with fewer windows than this it does not say so.
+# Where a flight shows mostly more than the tables, its thresholds rise; fewer windows than this do not say so.
 ENOUGH_WINDOWS = 10
-# Windows of a short stretch of flight follow each other more closely, so that no onset falls between two.
-FEWEST, CLOSEST_S = 8, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,9 +63,10 @@ class Scanned:
 def rates_of(false_alarm: float) -> dict[float, float]:
     """Return the wanted rate of false alarms of a window of each length.
 
-    All lengths share the rate of one window of 120 s in proportion to the time that they cover; windows overlap by half.
+    It goes with the time that a window covers, and by half since windows overlap by half. Windows of several lengths
+    over one stretch see mostly the same, so that they do not share a rate.
     """
-    return {length_s: false_alarm * length_s / 120.0 / (2.0 * len(LENGTHS_S)) for length_s in LENGTHS_S}
+    return {length_s: 0.5 * false_alarm * length_s / 120.0 for length_s in LENGTHS_S}
 
 
 def scan_flight(

@@ -65,9 +65,10 @@ def finding_of_fit(
         channels=channels_of(name, recorded),
         stage="parity",
         shape=fit.shape,
+        constant_s=fit.constant_s,
         magnitude=sign * fit.magnitude,
         sd=fit.sd,
-        unit=unit if fit.fault.unit != "1" else {"": "1", "1": "1"}.get(unit, unit),
+        unit=unit or "1",
         effect={channel: size for channel, size in effects(record, fit).items() if channel in recorded},
         onset_s=fit.onset_s,
         onset_ci95=fit.onset_ci95,
@@ -153,4 +154,3 @@ def repeat_advice(among: Collection[str]) -> str:
         if pair <= set(among):
             return words
     return f"a second, independent sensor of {' or '.join(sorted(among)[:3])} tells them apart"
-

@@ -1,4 +1,4 @@
-"""One look at a window: does the scan over all onsets see a fault in it, without limits, refinement or further faults."""
+"""One look at a window: does the scan over all onsets see a fault, without limits, refinement or further faults."""
 
 from __future__ import annotations
 

@@ -77,9 +77,7 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
     return AirDataCalibration(zero_lift_rad=zero_lift, tables=tables) if found else None
 
 
-def _quiet(
-    windows: Sequence[tuple[float, float]], moved: Sequence[tuple[float, float]]
-) -> list[tuple[float, float]]:
+def _quiet(windows: Sequence[tuple[float, float]], moved: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return [one for one in windows if not any(one[0] < last and first < one[1] for first, last in moved)]
 
 

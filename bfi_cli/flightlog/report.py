@@ -21,7 +21,7 @@ Plain = Mapping[str, Any]
 
 SCHEMA = 1
 # Heights of a panel of lanes and of each of them, relative to that of a panel of curves.
-LANES_HEIGHT, LANE_HEIGHT = 0.2, 0.085
+LANES_HEIGHT, LANE_HEIGHT = 0.08, 0.085
 MOST_GAPS = 5  # named in a report; the document has all
 
 

@@ -43,6 +43,7 @@ LOUD, UNKEYED = ("fault", "suspect"), ("outline", "black")
 # Seconds between the times of the upper edge, and how many of them there is room for; they take that much height.
 CLOCK_STEPS, MOST_CLOCK_TICKS = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600), 9
 CLOCK_IN = 0.17
+X_LABEL_IN = 0.3  # what numbers and name below lanes take, which are too low to give it away
 KEY_COLUMNS = 6  # of the key of lanes, whose labels are words
 LOOKS: tuple[Look, ...] = (
     {"color": BLUE, "marker": "o"},
@@ -73,6 +74,7 @@ def draw(drawing: Drawing) -> Figure:
     wide = {panel: KEY_COLUMNS if panel.lanes else columns for panel in drawing.panels}
     rows = [drawing.panels[i : i + across] for i in range(0, len(drawing.panels), across)]
     heights = [max(PANEL_IN * panel.height + _legend_in(panel, wide[panel]) for panel in row) for row in rows]
+    heights = [height + (X_LABEL_IN if row[-1].lanes else 0.0) for height, row in zip(heights, rows, strict=True)]
     heights += [min(CELL_IN * len(one.rows), TALLEST_MAP_IN) + MAP_LABELS_IN for one in drawing.heat_maps]
     figure = Figure(figsize=(WIDTH_IN, sum(heights)))
     figure.set_layout_engine("constrained", w_pad=PAD_IN, h_pad=PAD_IN)
@@ -94,7 +96,8 @@ def draw(drawing: Drawing) -> Figure:
 
 
 def _legend_in(panel: Panel, columns: int) -> float:
-    return LINE_IN * (-(-len(_labels(panel)) // columns) + bool(panel.title))
+    lines = -(-len(_labels(panel)) // columns) + bool(panel.title)
+    return LINE_IN * lines + (CLOCK_IN if panel.clock else 0.0)
 
 
 def _labels(panel: Panel) -> set[str]:

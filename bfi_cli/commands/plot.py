@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import click
@@ -16,10 +17,12 @@ MAPPED = pairs("tas=my_airspeed")
 
 
 def _channels(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> Any:
-    """Return the channels to draw, and the names in the file of those that are given as STD=NAME."""
-    return tuple(text for text in texts if "=" not in text), MAPPED(
-        context, option, tuple(text for text in texts if "=" in text)
-    )
+    """Return the channels to draw, and the names in the file of those that are given as STD=NAME.
+
+    A name in a file may hold an equals sign; a standard name is one plain word.
+    """
+    mapped = tuple(text for text in texts if re.match(r"\s*\w+\s*=", text))
+    return tuple(text for text in texts if text not in mapped), MAPPED(context, option, mapped)
 
 
 @click.command("plot")
@@ -62,7 +65,7 @@ def command(
     if options["out"] is None and not options["as_json"]:
         raise ConfigError("bfi plot: --out is missing; give --out DIR, or --json for phases and windows alone")
     if from_s is not None and to_s is not None and not to_s > from_s:
-        raise ConfigError(f"--from/--to: to_s must be after from_s ({from_s:g} s), got {to_s:g} s")
+        raise ConfigError(f"--from/--to: to_s must be after from_s ({from_s:g} s), got {to_s:g} s; give a later --to")
     from ..flightlog import read_log
     from ..flightlog.events import read_events
     from ..flightlog.plot import MOST_PANELS, plot_content, plot_document

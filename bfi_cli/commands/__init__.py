@@ -28,6 +28,7 @@ __all__ = ["COMMANDS", "cli", "main", "run_command"]
 
 COMMANDS = {
     "info": "Channels, units, rate, gaps, held samples, excitation of a log.",
+    "plot": "The channels of a log over time, with the phases of the flight and windows to analyse.",
     "convert": "Any readable log to HDF5 or CSV, resampled, units normalised.",
     "simulate": "A flight log from an aircraft model.",
     "inject": "Add faults to a log; the truth is stored in the file.",

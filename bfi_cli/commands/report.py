@@ -34,6 +34,7 @@ KINDS = {
     "info": ("flightlog.report", "info_content", 1),
     "inject": ("flightlog.report", "log_content", 1),
     "montecarlo": ("montecarlo", "montecarlo_content", 2),
+    "plot": ("flightlog.plot", "plot_content", 1),
     "reproduce": ("reproduce.catalogue", "reproduce_content", 1),
     "simulate": ("flightlog.report", "log_content", 1),
     "start-time": ("onset", "onset_content", 2),

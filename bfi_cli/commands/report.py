@@ -29,6 +29,7 @@ KINDS = {
     "convert": ("flightlog.report", "log_content", 1),
     "detect": ("detect", "detect_content", 2),
     "diagnosability": ("diagnosability", "diagnosability_content", 1),
+    "diagnose": ("diagnose", "diagnose_content", 2),
     "dictionary": ("audit", "audit_content", 1),
     "identify": ("identify.report", "content_of_document", 2),
     "info": ("flightlog.report", "info_content", 1),

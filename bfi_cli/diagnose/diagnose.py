@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from ..airdata import IMPACT_SOURCES
 from ..channels import STANDARD
 from ..config import Config, merge
-from ..errors import LogError
+from ..errors import ConfigError, LogError
 from ..faults import Decision
 from ..flightlog import FlightLog
 from ..flightlog.phases import Phase, phases_of
@@ -80,6 +80,7 @@ class Flight:
     tables: Sequence[ParityTable]
     false_alarm: float
     moved: Sequence[Window]
+    tolerances: Mapping[str, float]
 
     @property
     def recorded(self) -> Collection[str]:
@@ -191,6 +192,10 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
     if not {"tas", *IMPACT_SOURCES} & log.channels.keys():
         has = ", ".join(sorted(log.channels))
         raise LogError(f"{log.path}: no airspeed and no impact pressure; the log has: {has}; map one with --channel")
+    for name in config.tolerances:
+        if name not in log.channels:
+            has = ", ".join(sorted(log.channels))
+            raise ConfigError(f"--tolerance: '{name}' is no channel, the log has: {has}; leave it out")
     phases = phases_of(log)
     if not judged(phases):
         raise LogError(
@@ -223,6 +228,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
         tables=tables,
         false_alarm=config.diagnose.false_alarm,
         moved=configuration_changes(phases),
+        tolerances=config.tolerances,
     )
 
 
@@ -431,7 +437,10 @@ def _limits(
     judgements: Sequence[tuple[Scanned, Threshold, Look]],
     static: Sequence[tuple[Window, StaticRelations]],
 ) -> tuple[FlightLimit, ...]:
-    """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts."""
+    """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts.
+
+    Stretches in which flaps and gear are moved are left out, since nothing is declared there.
+    """
     bins = np.arange(flight.from_s, flight.to_s, BIN_S) + 0.5 * BIN_S
     best: dict[tuple[str, str], list[FlightLimit | None]] = {}
 
@@ -443,7 +452,8 @@ def _limits(
                 kept[k] = limit
 
     for one, threshold, _ in judgements:
-        for fault in one.magnitude:
+        moving = any(one.from_s < last and first < one.to_s for first, last in flight.moved)
+        for fault in () if moving else one.magnitude:
             slope, reached = one.largest_hidden(fault, threshold.level)
             offer(_flight_limit(flight, fault, slope, reached, (one.from_s, one.to_s)))
     for window, answer in static:
@@ -473,6 +483,7 @@ def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, wind
         excluded_above=slope,
         unit=per_second,
         effect=effect,
+        effect_unit=STANDARD[channel].unit,
         tolerance=tolerance,
         within_tolerance=tolerance is not None and effect <= tolerance,
         from_s=window[0],
@@ -489,6 +500,7 @@ def _of_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
         excluded_above=one.excluded_above,
         unit=one.unit,
         effect=one.effect,
+        effect_unit=_unit(flight, one.channel),
         tolerance=tolerance,
         within_tolerance=tolerance is not None and one.effect <= tolerance,
         from_s=window[0],
@@ -496,7 +508,13 @@ def _of_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
     )
 
 
+def _unit(flight: Flight, channel: str) -> str:
+    return STANDARD[channel].unit if channel in STANDARD else flight.log.channels[channel].unit
+
+
 def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
+    if channel in flight.tolerances:
+        return flight.tolerances[channel]
     part = flight.log.window(*window)
     if channel not in part.channels:
         return None

@@ -75,7 +75,7 @@ class FlightLimit:
 
     Attributes
     ----------
-    effect : the error on `channel` that this magnitude makes in the window, in its unit.
+    effect : the error on `channel` that this magnitude makes in the window, in `effect_unit`.
     within_tolerance : whether that is no more than the channel's tolerance.
     from_s, to_s : of the window.
     """
@@ -86,6 +86,7 @@ class FlightLimit:
     excluded_above: float
     unit: str
     effect: float
+    effect_unit: str
     tolerance: float | None
     within_tolerance: bool
     from_s: float

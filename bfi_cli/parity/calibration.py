@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..calibration import FEWEST_WINDOWS, MAX_BYTES
+from ..calibration import FEWEST_WINDOWS, MAX_BYTES, null_from
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of
@@ -39,6 +39,19 @@ class AirDataCalibration:
 
     zero_lift_rad: float | None
     tables: tuple[ParityTable, ...]
+
+    def lines(self) -> list[str]:
+        """Return what a reader is told of it."""
+        said = []
+        if self.zero_lift_rad is not None:
+            said.append(f"angle of attack of zero lift: {np.degrees(self.zero_lift_rad):.2f} deg")
+        for table in self.tables:
+            level = null_from({"largest": table.statistics}).threshold("largest", 0.01)
+            names = ", ".join(table.residuals)
+            said.append(
+                f"{names}: {len(table.statistics)} windows of {table.length_s:g} s, 1 % false alarms above {level:.4g}"
+            )
+        return said or ["air data: too few windows for thresholds"]
 
 
 def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:

@@ -536,10 +536,11 @@ def _fall(
     rate, misfit = fits[k]
     if not rate > 1.0 / LONGEST_TIME_CONSTANT_S or misfit > LARGEST_MISFIT:
         return None
-    # Speed that changes meanwhile is no white noise: a fifth of the blocks count.
-    near = np.flatnonzero(squares <= squares[k] * (1.0 + 5.0 * 3.84 / len(part))) + 2
-    step_s = float(at[1] - at[0])
-    return float(at[k + 2]), (float(at[near[0]]) - step_s, float(at[near[-1]]) + step_s), float(1.0 / rate)
+    # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
+    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + 5.0 * 3.84 / len(part))) + 2]
+    onset_s, time_constant_s = float(at[k + 2]), float(1.0 / rate)
+    half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
+    return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s
 
 
 def _kinks(at: FloatArray, y: FloatArray) -> tuple[FloatArray, list[tuple[float, float]]]:

@@ -368,14 +368,13 @@ def _edge(lines: Lines, line: _Line, middle: int, way: int) -> int:
     at = lines.time_s[around] - lines.time_s[middle]
     design = np.column_stack([np.ones(len(at)), at])
     level = np.linalg.lstsq(design, line.values[around] - line.values[middle], rcond=None)[0]
-    k = middle
-    while 0 <= k + way < len(lines.time_s):
-        t = lines.time_s[k + way] - lines.time_s[middle]
-        off = line.values[k + way] - line.values[middle] - level[0] - level[1] * t
-        if not abs(off) <= BAND * float(np.hypot(line.step_sd[middle], line.noise_sd)):
-            break
-        k += way
-    return k
+    at = lines.time_s - lines.time_s[middle]
+    off = np.abs(line.values - line.values[middle] - level[0] - level[1] * at)
+    # Two blocks in a row: one of noise may stray.
+    away = ~(off <= BAND * float(np.hypot(line.step_sd[middle], line.noise_sd)))
+    away = away[middle:] if way > 0 else away[middle::-1]
+    twice = np.flatnonzero(away[:-1] & away[1:])
+    return middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)
 
 
 def _has_landed(log: FlightLog, lines: Lines, line: _Line, onset: int, from_s: float) -> bool:

@@ -35,6 +35,9 @@ LARGEST = 1.25
 # A still stretch strays at most by this share of what the calmest twentieth of the log's moving stretches does. Where
 # already the limit is this share of that, steps and noise hide the calm and only a stretch without any motion counts.
 STILL, CALMEST, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.05, 0.5, 0.1
+STILL_WORDS = (
+    "nothing moves beyond the noise of the record: calm air, an aircraft at rest or a record that stands still"
+)
 FEWEST_MOVING_S = 60.0  # of them; with fewer the log does not say how still its flight is
 # Noise is that of the calmest twentieth of pieces of 5 s.
 PIECE_S = 5.0
@@ -169,6 +172,17 @@ def lines_of(log: FlightLog) -> Lines:
         values["q_impact"] = np.zeros(len(blocks.time_s))
         missing.append("the pitot tube is not watched: the log lacks an airspeed, mach, q_impact or p_total")
     air = air_data_of(values)
+    if not np.isfinite(air.p_static + air.q_impact)[flies].any():
+        missing.append("the pressure lines are not watched: no sample in flight has both pressures")
+        return Lines(
+            time_s=blocks.time_s,
+            flies=flies,
+            borne=flies,
+            step_s=step_s,
+            q_impact=None,
+            lines=(),
+            missing=tuple(missing),
+        )
     if air.made_of["q_impact"] == ("tas",) and has_impact:
         heat = [name for name in ("tat", "sat") if name in names]
         missing.append(
@@ -301,14 +315,16 @@ def _holds_of(
         sd = float(own.sd[best])
         span = (float(lines.time_s[first]), float(lines.time_s[last + own.n - 1]))
         moves = beside is not None and bool(beside.sd[best] > beside.limit[best])
+        # The total pressure moves at least as the static one does, unless speed is traded for it.
+        shown = moves and beside is not None and bool(own.limit[best] <= HIDDEN * beside.sd[best])
         onset = _edge(lines, line, first + own.n // 2, -1)
         if line.pressure == "p_static" and _has_landed(log, lines, line, onset, from_s):
             untold.append((*span, "the aircraft has landed"))
         elif beside is not None and not moves:
-            untold.append((*span, "nothing moves: calm air, an aircraft at rest or a record that stands still"))
+            untold.append((*span, STILL_WORDS))
         elif calm is not None and sd > calm * (STILL if own.limit[best] <= HIDDEN * calm else MOTIONLESS):
             untold.append((*span, f"the calmest flight of the log moves by {calm:.2g} Pa, too calm to tell"))
-        elif calm is None and not (moves if line.pressure == "p_total" else _stopped(lines, line, onset)):
+        elif calm is None and not (shown if line.pressure == "p_total" else _stopped(lines, line, onset)):
             untold.append((*span, "the log has too little flight that moves to tell it from calm air"))
         else:
             end = _edge(lines, line, last + own.n // 2, 1)

@@ -156,6 +156,9 @@ def lines_of(log: FlightLog) -> Lines:
         missing.append("the pressure lines are not watched: the log lacks altitude or p_static")
     elif not flies.any():
         missing.append("the pressure lines are not watched: the log shows no flight")
+    elif step_s > POINT_S:
+        why = f"it has a sample every {step_s:g} s, one every {POINT_S:g} s at least is needed"
+        missing.append(f"the pressure lines are not watched: {why}")
     if missing:
         return Lines(
             time_s=blocks.time_s,

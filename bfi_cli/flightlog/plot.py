@@ -182,8 +182,7 @@ def plot_content(document: Plain) -> ReportContent:
         title=paths,
         heading="Channels over time",
         verdict=(
-            f"{paths}: {len(names)} channels from {instant(limits[0])} s to {instant(limits[1])} s, "
-            f"{n_samples} samples, {len(document['phases'])} phases"
+            f"{paths}: {', '.join(names)} from {instant(limits[0])} s to {instant(limits[1])} s, {n_samples} samples"
         ),
         tables=(*event_table(events), *window_table(document["windows"]), *phase_table(document["phases"])),
         drawings=tuple(drawings),

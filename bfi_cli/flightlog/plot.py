@@ -37,6 +37,8 @@ MOST_PANELS = 8
 PAGE, LEAST, MOST = 3.7, 0.44, 0.9
 # Points of a curve on the page that can be zoomed: four screens wide, a least and a greatest value for each pixel.
 ZOOM_POINTS = 8000
+# Time steps, above which samples are missing for longer than a reader would take for jitter.
+GAP = 5.0
 DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
@@ -136,12 +138,16 @@ def _series(log: FlightLog, i: int, name: str) -> dict[str, Any]:
     """Return the curve of a channel, of a long one the least and the greatest value of each stretch."""
     channel = log.channels[name]
     kept = thinned(channel.values, max_points=ZOOM_POINTS)
+    time_s, values = log.time_s[kept], channel.values[kept]
+    # No line is drawn over a gap: a point without a value stands in its middle.
+    before = np.flatnonzero(np.diff(log.time_s) > GAP / log.rate_hz)
+    at = np.searchsorted(kept, before, side="right")
     return {
         "log": i,
         "channel": name,
         "unit": channel.unit,
-        "time_s": log.time_s[kept],
-        "values": channel.values[kept],
+        "time_s": np.insert(time_s, at, 0.5 * (log.time_s[before] + log.time_s[before + 1])),
+        "values": np.insert(values, at, np.nan),
     }
 
 
@@ -176,8 +182,7 @@ def plot_content(document: Plain) -> ReportContent:
         title=paths,
         heading="Channels over time",
         verdict=(
-            f"{paths}: {len(names)} channels from {instant(limits[0])} s to {instant(limits[1])} s, "
-            f"{n_samples} samples, {len(document['phases'])} phases"
+            f"{paths}: {', '.join(names)} from {instant(limits[0])} s to {instant(limits[1])} s, {n_samples} samples"
         ),
         tables=(*event_table(events), *window_table(document["windows"]), *phase_table(document["phases"])),
         drawings=tuple(drawings),
@@ -246,5 +251,7 @@ def _curve(series: Plain, label: str, points: int) -> Curve:
     values = np.array(series["values"], dtype=np.float64)
     values = np.degrees(values) if series["unit"] in DEGREES else values
     time_s = np.array(series["time_s"], dtype=np.float64)
-    kept = thinned(values, max_points=points)
+    missing = np.isnan(values)
+    breaks = np.flatnonzero(missing & ~np.concatenate([[False], missing[:-1]]))  # no line is drawn over them
+    kept = np.union1d(thinned(values, max_points=points), breaks)
     return curve(label, time_s[kept], values[kept])

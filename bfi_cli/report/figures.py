@@ -74,7 +74,8 @@ def draw(drawing: Drawing) -> Figure:
     wide = {panel: KEY_COLUMNS if panel.lanes else columns for panel in drawing.panels}
     rows = [drawing.panels[i : i + across] for i in range(0, len(drawing.panels), across)]
     heights = [max(PANEL_IN * panel.height + _legend_in(panel, wide[panel]) for panel in row) for row in rows]
-    heights = [height + (X_LABEL_IN if row[-1].lanes else 0.0) for height, row in zip(heights, rows, strict=True)]
+    if not drawing.shared_x:
+        heights = [height + (X_LABEL_IN if row[-1].lanes else 0.0) for height, row in zip(heights, rows, strict=True)]
     heights += [min(CELL_IN * len(one.rows), TALLEST_MAP_IN) + MAP_LABELS_IN for one in drawing.heat_maps]
     figure = Figure(figsize=(WIDTH_IN, sum(heights)))
     figure.set_layout_engine("constrained", w_pad=PAD_IN, h_pad=PAD_IN)

@@ -133,6 +133,19 @@ def test_a_long_curve_keeps_its_spike(bfi: Callable, tmp_path: Path) -> None:
     assert len((tmp_path / "out" / "channels_figure.csv").read_text().splitlines()) < MAX_POINTS + 10
 
 
+def test_no_line_is_drawn_over_a_gap(bfi: Callable, tmp_path: Path) -> None:
+    path = tmp_path / "gap.csv"
+    times = [t for t in np.arange(0.0, 4000.0, 0.1) if not 1000.0 < t < 1200.0]
+    path.write_text("time [s],tas [m/s]\n" + "".join(f"{t:.1f},{50 + t % 7}\n" for t in times))
+    bfi("plot", path, "--out", tmp_path / "out")
+    (series,) = json.loads((tmp_path / "out" / "result.json").read_text())["series"]
+    inside = [value for t, value in zip(series["time_s"], series["values"], strict=True) if 1000.5 < t < 1199.5]
+    assert inside == [None]
+    assert series["time_s"] == sorted(series["time_s"])
+    rows = (tmp_path / "out" / "channels_figure.csv").read_text().splitlines()
+    assert [row for row in rows if ",,," in row]
+
+
 def test_two_logs_are_laid_over_each_other(bfi: Callable, log: Path, tmp_path: Path) -> None:
     other = write_flight(tmp_path / "other.h5", tas_offset=-5.0)
     out = tmp_path / "out"

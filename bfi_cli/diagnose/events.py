@@ -7,24 +7,30 @@ from dataclasses import dataclass, replace
 
 from ..parity import Finding
 
-__all__ = ["Draft", "clusters", "join", "merge_stages"]
+__all__ = ["Draft", "clusters", "join", "merge_stages", "with_ends"]
 
 Window = tuple[float, float]
 
 # A finding belongs to an event that began at most this long after it: onsets of slow faults are uncertain by as much.
 BEFORE_S = 15.0
+# Relative, of the frequency of an oscillation where it begins and where it ends.
+FREQUENCY_TOLERANCE = 0.05
 # The order of trust: what a line or a relation shows is exact, what windows of a regression show is not.
 STAGES = ("sensors", "static relations", "holds", "parity", "scan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """A finding with its window, and until when windows show it; `also` what other analyses found of it."""
+    """A finding with its window, and until when windows show it; `also` what other analyses found of it.
+
+    `n_windows` of its analysis stand out.
+    """
 
     finding: Finding
     window: Window
     until_s: float
     also: tuple[Finding, ...] = ()
+    n_windows: int = 1
 
     @property
     def from_s(self) -> float:
@@ -51,7 +57,8 @@ def join(drafts: Sequence[Draft]) -> list[Draft]:
     for cluster in clusters([one.window for one in drafts]):
         members = [drafts[k] for k in cluster]
         best = max(members, key=lambda one: one.finding.statistic / one.finding.threshold)
-        found.append(replace(best, until_s=max(one.until_s for one in members)))
+        until_s = max(one.until_s for one in members)
+        found.append(replace(best, until_s=until_s, n_windows=len(members)))
     return found
 
 
@@ -74,6 +81,28 @@ def merge_stages(drafts: Sequence[Draft]) -> list[Draft]:
         else:
             events.append(one)
     return sorted(events, key=lambda event: event.finding.onset_s)
+
+
+def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
+    """Return the drafts of the scan with each oscillation and its end as one.
+
+    Inside of an oscillation no window shows a change; where it ends the next one does, of the same frequency.
+    """
+    found: list[Draft] = []
+    for one in sorted(drafts, key=lambda draft: draft.finding.onset_s):
+        last = found[-1] if found else None
+        if last is not None and last.finding.offset_s is None and _same_frequency(last.finding, one.finding):
+            ended = replace(last.finding, offset_s=one.finding.onset_s)
+            found[-1] = replace(last, finding=ended, until_s=one.until_s, also=(*last.also, one.finding))
+        else:
+            found.append(one)
+    return found
+
+
+def _same_frequency(one: Finding, other: Finding) -> bool:
+    if one.frequency_hz is None or other.frequency_hz is None or one.fault != other.fault:
+        return False
+    return abs(one.frequency_hz - other.frequency_hz) <= FREQUENCY_TOLERANCE * one.frequency_hz
 
 
 def _belongs(one: Draft, event: Draft) -> bool:

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.progress import Report, silent
-from ..parity import LENGTHS_S, ParityTable, Record, Threshold, WindowScan, scan_window, table_for, threshold_of
+from ..parity import (
+    LENGTHS_S,
+    RESIDUALS,
+    ParityTable,
+    Record,
+    Threshold,
+    WindowScan,
+    scan_window,
+    table_for,
+    threshold_of,
+)
 from .result import Look
 
 __all__ = ["Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
@@ -18,6 +28,7 @@ FloatArray = NDArray[np.float64]
 
 # Where a flight shows mostly more than the tables, its thresholds rise; fewer windows than this do not say so.
 ENOUGH_WINDOWS = 10
+WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,14 +85,23 @@ def scan_flight(
     windows: Mapping[float, Sequence[tuple[float, float]]],
     *,
     zero_lift: float | None,
+    without_lift: Sequence[tuple[float, float]] = (),
     report: Report = silent,
 ) -> list[Scanned]:
-    """Return the scans of all windows, by length and then in time; those without a residual are left out."""
+    """Return the scans of all windows, by length and then in time; those without a residual are left out.
+
+    Parameters
+    ----------
+    zero_lift : angle of attack of zero lift, rad, where it is known.
+    without_lift : stretches in which flaps and gear may move, so that the lift says nothing.
+    """
     every = [one for length_s in windows for one in windows[length_s]]
     found = []
     for k, (from_s, to_s) in enumerate(every):
         report(k / len(every))
-        scan = scan_window(record.between(from_s, to_s), zero_lift=zero_lift)
+        moving = any(from_s < last and first < to_s for first, last in without_lift)
+        only = WITHOUT_LIFT if moving else None
+        scan = scan_window(record.between(from_s, to_s), zero_lift=zero_lift, only=only)
         if scan is not None:
             found.append(_reduced(scan, from_s, to_s))
     return found

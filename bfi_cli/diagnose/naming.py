@@ -98,6 +98,7 @@ def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bo
         channels=channels_of(among[0], recorded),
         stage="scan",
         shape=found.shape,
+        frequency_hz=found.frequency_hz,
         magnitude=found.magnitude,
         sd=found.sd,
         unit=magnitude_unit(shape, unit),

@@ -33,7 +33,7 @@ class Event:
     kind : abrupt, oscillating or slow, by its shape.
     stages : the analyses that saw it, the one that describes it first.
     shape, magnitude, unit, sd, ci95 : of its course; None for a line that is held, where no size is known.
-    constant_s : time constant or duration of the course, where it has one.
+    constant_s, frequency_hz : time constant or duration, and frequency of the course, where it has one.
     effect : by channel the largest error in the window that describes it, in the channel's unit.
     onset_s, onset_ci95, offset_s : on the log's axis; offset_s is None where it lasts.
     seen_until_s : end of the last window that shows it.
@@ -51,6 +51,7 @@ class Event:
     stages: tuple[Stage, ...]
     shape: str
     constant_s: float | None
+    frequency_hz: float | None
     magnitude: float | None
     unit: str
     sd: float | None

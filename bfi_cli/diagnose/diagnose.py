@@ -599,9 +599,7 @@ def _summary(verdicts: Mapping[Kind, Decision], limits: Sequence[FlightLimit], *
         said.append("a slow fault of any size could be there unseen")
     unseen_kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
     if unseen_kinds and looked_for_steps:
-        said.append(
-            f"{' or '.join(unseen_kinds)} was looked for and not found: bfi start-time says how small it could be"
-        )
+        said.append(f"{' or '.join(unseen_kinds)} was looked for and not found; bfi start-time says how small")
     elif unseen_kinds:
         said.append(f"{' or '.join(unseen_kinds)} was not looked for")
     return "; ".join(said)

@@ -101,6 +101,8 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     if truth is None:
         return None
     declared = {window.names[window.live[n]]: float(outcome.magnitudes.value[n]) for n in outcome.atoms}
+    courses = [one for one in outcome.free if one.declared]
+    declared |= {window.names[one.entry]: float(one.value[one.peak]) for one in courses}
     wanted: dict[int, float] = {}
     unknown: list[str] = []
     time_s, start_s = window.native.time_s, window.window_start_s
@@ -118,7 +120,10 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
         if not np.any(signal):
             continue
         entry, z = _entry_of(window, channel, signal)
-        if entry is None:
+        course = next((one for one in courses if _begins_as(window, one.entry, channel, fault.onset_s)), None)
+        if entry is None and course is not None:
+            wanted[course.entry] = float(signal[np.argmax(np.abs(signal))])
+        elif entry is None:
             unknown.append(name_of(fault))
         else:
             wanted[entry] = wanted.get(entry, 0.0) + z
@@ -138,6 +143,13 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
         magnitude_error=comparison.magnitude_error,
         vaf_fault=vaf_fault,
     )
+
+
+def _begins_as(window: PreparedWindow, entry: int, channel: str, onset_s: float) -> bool:
+    """Say whether an entry is of a channel and begins at an onset, to a sample of the analysis."""
+    fault = window.faults[entry]
+    near = abs(fault.onset_s - onset_s) * window.signals.rate_hz <= 1.0
+    return near and window.log.channel(fault.channel).name == channel
 
 
 def _entry_of(window: PreparedWindow, channel: str, signal: FloatArray) -> tuple[int | None, float]:

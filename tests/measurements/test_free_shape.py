@@ -1,7 +1,7 @@
 """Faults of unknown shape on a nonlinear Citation simulation: their course, and none where there is none.
 
-The inputs are elevator, pitch and longitudinal acceleration. From the elevator alone the airspeed nearly integrates, and
-what `bfi identify` must do there is to say so.
+The inputs are elevator, pitch and longitudinal acceleration. From the elevator alone the airspeed nearly integrates,
+and what `bfi identify` must do there is to say so.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def test_a_dictionary_holds_no_shape_that_depends_on_the_flight(part, name):
     with pytest.raises(DictionaryError) as refusal:
         load_dictionary({part: entries})
     assert str(refusal.value).startswith(
-        f"dictionary: {part}[1].shape: a dictionary holds shapes that are the same in every flight, got '{name}'; "
+        f"dictionary: {part}[1].shape: a dictionary holds shapes whose signal the log tells, got '{name}'; "
         "bfi inject adds it to a log; known: bias, drift, "
     )
 

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import active_samples, unit_signal
+from ..faults import Fault, active_samples, unit_signal
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
-from ..shapes import ADDITIVE
+from ..shapes import ADDITIVE, SHAPES
 from ..truth import compare_faults, name_of
 from .magnitudes import MethodResult
 from .result import AgainstTruth, OutputSeries, ResidualSummary
@@ -109,6 +109,9 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     # No file is opened because a log names it.
     named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
+        if SHAPES[fault.shape].acts_on == "reading" and (entry := _same_entry(window, fault)) is not None:
+            wanted[entry] = wanted.get(entry, 0.0) + fault.magnitude
+            continue
         if fault.shape not in ADDITIVE:  # no entry of a dictionary is such a fault
             unknown += [name_of(fault)] if active_samples(fault, time_s).any() else []
             continue
@@ -143,6 +146,17 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
         magnitude_error=comparison.magnitude_error,
         vaf_fault=vaf_fault,
     )
+
+
+def _same_entry(window: PreparedWindow, fault: Fault) -> int | None:
+    """Return the live entry of the same shape, channel and times, None where there is none."""
+    channel = window.log.channel(fault.channel).name
+    for j in window.live:
+        one = window.faults[j]
+        same = (one.shape, window.log.channel(one.channel).name) == (fault.shape, channel)
+        if same and (one.onset_s, one.offset_s) == (fault.onset_s, fault.offset_s):
+            return j
+    return None
 
 
 def _begins_as(window: PreparedWindow, entry: int, channel: str, onset_s: float) -> bool:

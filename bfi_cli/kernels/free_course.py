@@ -114,7 +114,8 @@ def course_problem(
         lags = lags[:, :-1] - lags[:, 1:]
     inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, order + 1), first=first)
     base = np.hstack([np.ones((n - first, 1)), inputs]) * weights[:, None]
-    U, s, _ = np.linalg.svd(base / np.linalg.norm(base, axis=0), full_matrices=False)
+    norms = np.linalg.norm(base, axis=0)
+    U, s, _ = np.linalg.svd(base / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
     Q = U[:, s > RANK_TOLERANCE * s[0]]
     flat = lags.reshape(n - first, -1) * weights[:, None]
     lags = (flat - Q @ (Q.T @ flat)).reshape(lags.shape)

@@ -366,9 +366,12 @@ SHAPES: Mapping[str, FaultShape] = {
         lines=lambda static, total, *, first, cabin, amount: (_towards(static, cabin, amount), total),
     ),
 }
-# Those whose signal is the same whatever the log shows, and with them what a dictionary holds.
+# Those whose signal is the same whatever the log shows. A dictionary holds them, and those of one channel that depend
+# on its reading or are estimated; a trapped line leaves no trace of the pressure that its signal would need.
 ADDITIVE: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.acts_on == "channel")
-IN_DICTIONARY: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.acts_on in ("channel", "course"))
+IN_DICTIONARY: tuple[str, ...] = tuple(
+    name for name, shape in SHAPES.items() if shape.acts_on in ("channel", "reading", "course")
+)
 SCANNED: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.is_scanned)
 # A key means the same in every shape that has it; only its description may differ.
 KEY_RULES: Mapping[str, Rule] = {key.name: key.rule for shape in SHAPES.values() for key in shape.keys}

@@ -71,7 +71,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     values = None if theta is None else own_channel(theta)
     dead = ((j, dead_reason(fault, span.start_s, span.stop_s)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
-    reasons |= {j: no_signal(one) for j, one in enumerate(faults) if SHAPES[one.shape].acts_on == "course"}
+    reasons |= {j: no_signal(one) for j, one in enumerate(faults) if SHAPES[one.shape].acts_on in ("course", "reading")}
     if theta is not None and values is not None:
         rest = [j for j in range(len(faults)) if j not in reasons]
         reasons |= advised(unusable_atoms(theta, names, rest), values)

@@ -169,14 +169,14 @@ class DictionaryDocument(Rules):
 
     @model_validator(mode="before")
     @classmethod
-    def _is_additive(cls, given: Any) -> Any:
+    def _is_told_by_a_log(cls, given: Any) -> Any:
         for part in ("atoms", "grids"):
             entries = given.get(part) if isinstance(given, Mapping) else None
             for i, entry in enumerate(entries if isinstance(entries, list | tuple) else ()):
                 shape = entry.get("shape") if isinstance(entry, Mapping) else None
                 if isinstance(shape, str) and shape in SHAPES and shape not in IN_DICTIONARY:
                     raise ValueError(
-                        f"{part}[{i}].shape: a dictionary holds shapes that are the same in every flight, got "
+                        f"{part}[{i}].shape: a dictionary holds shapes whose signal the log tells, got "
                         f"'{shape}'; bfi inject adds it to a log; known: {', '.join(IN_DICTIONARY)}"
                     )
         return given
@@ -366,8 +366,10 @@ def dead_reason(fault: Fault, start_s: float, stop_s: float, *, outputs: Sequenc
 
 
 def no_signal(fault: Fault) -> str:
-    """Return why an analysis that needs signals leaves out a fault of unknown course, as a sentence."""
-    return f"'{fault.name or fault.shape}' has no signal of its own; bfi identify estimates its course"
+    """Return why an analysis that needs signals, and has no log, leaves out a fault that has none, as a sentence."""
+    if SHAPES[fault.shape].acts_on == "course":
+        return f"'{fault.name or fault.shape}' has no signal of its own; bfi identify estimates its course"
+    return f"'{fault.name or fault.shape}' is a share of what the log shows; give the log"
 
 
 def _not_an_output(fault: Fault, outputs: Sequence[str]) -> str:

@@ -45,6 +45,8 @@ SAMPLES_PER_CELL = 8
 # Records that are drawn anew for each of two courses, and the share of the course's mean square that its error in them
 # may be: what is drawn accounts for 90 % of the fault.
 DRAWS, LARGEST_ERROR = 6, 0.1
+# Of signals of norm 1: a combination smaller than this is round-off (as in `preprocessing.window`).
+DEPENDENT = 1e-7
 # Models whose criterion is worse by more weigh less than exp(-10).
 CLOSE = 20.0
 
@@ -148,7 +150,12 @@ def _course_of(
     )
     supports = dict.fromkeys([atoms, *(tuple(a for a in atoms if a != left) for left in atoms), ()])
     models = sorted(
-        (one for support in supports for one in _models(regression, penalty, line, walk, support)),
+        (
+            one
+            for support in supports
+            if _independent(regression.layout.theta[:, 0, list(support)], line)
+            for one in _models(regression, penalty, line, walk, support)
+        ),
         key=lambda one: one.criterion,
     )
     best = models[0]
@@ -189,6 +196,13 @@ def _columns(window: PreparedWindow, fault: Fault, cells: int, time_s: FloatArra
     active = active_samples(fault, wider)[:, None]
     line, walk = (response.filtered(each * active) for each in made)
     return line, walk
+
+
+def _independent(theta: FloatArray, line: FloatArray) -> bool:
+    """Say whether named faults are told from level and slope: a step and a drift of the same onset are both."""
+    columns = np.column_stack([theta, line])
+    norms = np.linalg.norm(columns, axis=0)
+    return bool(norms.all() and np.linalg.svd(columns / norms, compute_uv=False)[-1] > DEPENDENT)
 
 
 def _models(

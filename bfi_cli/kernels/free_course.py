@@ -22,7 +22,7 @@ from .covariance import Layout
 from .lagged import lagged
 from .random_walk import fit_mixed
 
-__all__ = ["CourseFit", "CourseProblem", "course_problem", "fit_course", "redrawn"]
+__all__ = ["CourseFit", "CourseProblem", "course_problem", "deviance", "fit_course", "redrawn"]
 
 # Below this share of the largest, a direction is round-off (as in `variable_projection`).
 RANK_TOLERANCE = 1e-11
@@ -114,7 +114,8 @@ def course_problem(
         lags = lags[:, :-1] - lags[:, 1:]
     inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, order + 1), first=first)
     base = np.hstack([np.ones((n - first, 1)), inputs]) * weights[:, None]
-    U, s, _ = np.linalg.svd(base / np.linalg.norm(base, axis=0), full_matrices=False)
+    norms = np.linalg.norm(base, axis=0)
+    U, s, _ = np.linalg.svd(base / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
     Q = U[:, s > RANK_TOLERANCE * s[0]]
     flat = lags.reshape(n - first, -1) * weights[:, None]
     lags = (flat - Q @ (Q.T @ flat)).reshape(lags.shape)
@@ -147,7 +148,7 @@ def fit_course(problem: CourseProblem, starts: Sequence[FloatArray] = ()) -> Cou
         size, unit = float(np.linalg.norm(Z, 2)) ** 2, inverse * float(np.linalg.norm(w))
 
         def target(x: FloatArray, *, at: FloatArray, unit: FloatArray, size: float) -> tuple[float, FloatArray]:
-            value, by_K, by_ratio = _deviance(problem, at + unit @ x[:-1], float(np.exp(x[-1])) / size)
+            value, by_K, by_ratio = deviance(problem, at + unit @ x[:-1], float(np.exp(x[-1])) / size)
             return value / n, np.append(unit.T @ by_K, by_ratio) / n
 
         for ratio in START_RATIOS:
@@ -207,7 +208,7 @@ def _filtered(problem: CourseProblem, K: FloatArray) -> tuple[FloatArray, FloatA
     return problem.y @ taps, np.einsum("kij,i->kj", problem.line, taps), np.einsum("kij,i->kj", problem.walk, taps)
 
 
-def _deviance(problem: CourseProblem, K: FloatArray, ratio: float) -> tuple[float, FloatArray, float]:
+def deviance(problem: CourseProblem, K: FloatArray, ratio: float) -> tuple[float, FloatArray, float]:
     """Return the deviance, its gradient with respect to K, (order,), and to the logarithm of the ratio.
 
     With V = I + ratio Z Z' the covariance of the filtered output over that of the noise, it is

@@ -15,6 +15,7 @@ from ..faults import Fault
 from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.derived import with_derived
+from ..flightlog.injection import added_by
 from ..flightlog.quality import hold_of, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
@@ -132,26 +133,35 @@ def prepare_window(
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
 
-    def dictionary_signals(time_s: FloatArray) -> FloatArray:
-        theta = np.zeros((len(time_s), len(config.outputs), len(faults)))
-        theta[:, :, list(seen)] = signals(
-            list(seen.values()), time_s, list(config.outputs), window_start_s=start_s, response=response
+    read = [j for j, fault in seen.items() if SHAPES[fault.shape].acts_on == "reading"]
+    stated = [j for j in seen if j not in read]
+
+    def dictionary_signals(source: FlightLog) -> FloatArray:
+        theta = np.zeros((source.n_samples, len(config.outputs), len(faults)))
+        theta[:, :, stated] = signals(
+            [seen[j] for j in stated], source.time_s, list(config.outputs), window_start_s=start_s, response=response
         )
+        for j in read:
+            fault = replace(seen[j], magnitude=1.0, channel=source.channel(seen[j].channel).name)
+            added = added_by(source, fault, response)
+            theta[:, config.outputs.index(seen[j].channel), j] = added.get(fault.channel, 0.0)
         return theta
 
     if must_resample(part, used, rate_hz):
         assert not isinstance(rate_hz, str)
-        part, theta = resample_with(log, dictionary_signals(log.time_s), rate_hz, from_s=from_s, to_s=to_s)
+        part, theta = resample_with(log, dictionary_signals(log), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         added = (part.filters or ())[len(log.filters or ()) :]
         filters = (*filters, *added)
         response = response_of(filters, part.rate_hz)
     else:
-        theta = dictionary_signals(part.time_s)
+        theta = dictionary_signals(part)
     _require_movement(part, config)
 
     u, y = part.signals(config.inputs), part.signals(config.outputs)
-    native = Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta)
+    native = Signals(
+        path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta, scaling=tuple(read)
+    )
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)

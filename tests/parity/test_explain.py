@@ -160,3 +160,14 @@ def test_more_than_all_of_a_pressure_is_not_taken():
     for fit in fits:
         clean = corrected(with_fault(RECORD, "q_impact", amount), fit)
         assert np.isfinite(clean.channels["tas"]).all()
+
+
+def test_a_correction_that_takes_all_airspeed_away_explains_nothing():
+    """In level flight an error of the climb rate hardly shows; the linear look asks for more than the airspeed."""
+    level = {"altitude_rate": np.full(len(T), 1e-3), "tas": np.full(len(T), 110.0)}
+    level |= {"velocity_north": 110.0 * np.cos(0.03 * T), "velocity_east": 110.0 * np.sin(0.03 * T)}
+    record = Record(time_s=T, channels=level, gained=None, airspeed="tas")
+    _, fits = explained(with_fault(record, "tas", 0.2 * np.maximum(T - ONSET_S, 0.0)))
+    assert {fit.fault.fault for fit in fits} == {"tas", "ground_speed"}
+    for fit in fits:
+        assert abs(fit.magnitude) == pytest.approx(0.2, rel=0.1)

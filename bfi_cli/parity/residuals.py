@@ -103,7 +103,8 @@ def _geometric_climb_rate(record: Record) -> FloatArray:
 def _climb(record: Record, constants: Constants) -> FloatArray:
     channels = record.channels
     rise = np.sin(climb_angle(channels["aoa"], channels["pitch"], channels["roll"]))
-    return np.degrees(_geometric_climb_rate(record) / channels["tas"] - rise)
+    speed = np.where(channels["tas"] > LEAST_SPEED, channels["tas"], np.nan)
+    return np.degrees(_geometric_climb_rate(record) / speed - rise)
 
 
 def _airspeed(record: Record, constants: Constants) -> FloatArray:
@@ -128,15 +129,18 @@ def _ground(record: Record, constants: Constants) -> FloatArray:
     return np.asarray(_horizontal(record) - np.linalg.norm(_through_air(record, constants), axis=1))
 
 
+LEAST_SPEED = 1.0  # m/s; what is slower does not fly
 WIND_SD = 50.0  # m/s, a jet stream; it decides only what a flight straight ahead leaves open, the wind across
 
 
 def _wind_columns(record: Record, constants: Constants) -> tuple[FloatArray, FloatArray]:
     through = _through_air(record, constants)
-    ahead = through / np.linalg.norm(through, axis=1)[:, None]
-    if "altitude" not in record.channels:
+    size = np.linalg.norm(through, axis=1)
+    ahead = through / np.where(size > 0.0, size, np.nan)[:, None]
+    altitude = record.channels.get("altitude", np.empty(0))
+    if not np.isfinite(altitude).any():
         return ahead, np.array([WIND_SD, WIND_SD])
-    height = record.channels["altitude"] - np.nanmean(record.channels["altitude"])
+    height = altitude - np.nanmean(altitude)
     return np.column_stack([ahead, ahead * height[:, None]]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])
 
 
@@ -210,7 +214,9 @@ def constants_of(record: Record, *, zero_lift: float | None) -> Constants:
     channels = record.channels
     wind = (0.0, 0.0)
     if {"velocity_north", "velocity_east", "altitude_rate"} <= channels.keys():
-        wind = constant_wind(channels["velocity_north"], channels["velocity_east"], _horizontal(record))
+        north, east, horizontal = channels["velocity_north"], channels["velocity_east"], _horizontal(record)
+        if np.isfinite(north + east + horizontal).any():
+            wind = constant_wind(north, east, horizontal)
     return Constants(
         speed=float(np.nanmean(channels["tas"])),
         # Where it is linearised; any wing with camber has it a few degrees below zero.

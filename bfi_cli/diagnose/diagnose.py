@@ -140,9 +140,9 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         notes.append(
             "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not used"
         )
-    if scale > 1.0:
+    if scale >= 1.005:
         notes.append(
-            f"this flight shows {scale:.2g} times what the flights of the tables do: thresholds are raised by that"
+            f"this flight shows {scale:.3g} times what the flights of the tables do: thresholds are raised by that"
         )
     glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
     drafts += glanced

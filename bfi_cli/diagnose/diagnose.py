@@ -38,6 +38,7 @@ from ..parity import (
 )
 from ..parity.calibration import load_air_data
 from ..parity.holds import Holds, find_holds
+from ..parity.record import USED
 from ..parity.static_relations import RelationAnswer, RelationSeries, StaticRelations, find_static, relation_series
 from ..parity.windows import judged
 from ..preprocessing.summary import log_summary
@@ -46,7 +47,7 @@ from ..shapes import SHAPES, Kind
 from ..verdicts import KINDS, State, decide
 from .corrected import corrected_channels, course_of
 from .events import Draft, clusters, join, merge_stages, with_ends
-from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
+from .glances import GLANCE_S, INPUTS, STEP_S, glance_at_flight, inputs_for, summary_of
 from .looks import WITHOUT_LIFT, Scanned, look_at, scale_of, scan_flight
 from .missing import missing_sentences
 from .naming import contradicted, finding_of_fit, finding_of_glance, repeat_advice
@@ -126,9 +127,10 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         notes += flight.held.missing
         static = _static(flight, series, partial(progress, "static relations"))
         drafts += _of_static(static)
+        windows = _windows(flight)
         scanned = scan_flight(
             flight.record,
-            _windows(flight),
+            windows,
             zero_lift=flight.zero_lift,
             without_lift=() if "flaps" in flight.recorded else flight.moved,
             report=partial(progress, "lift and inertia"),
@@ -147,20 +149,17 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
     drafts += glanced
     events = tuple(_event(flight, draft) for draft in merge_stages(drafts))
-    limits = _limits(flight, judgements, static)
+    limits = _limits(flight, judgements, static, events)
     verdicts = _verdicts(events, limits)
-    lengths = {one.length_s for one in scanned}
     missing = (
         *frozen,
-        *missing_sentences(log, scanned, limits),
+        *missing_sentences(flight.record, scanned, limits, n_windows=sum(map(len, windows.values()))),
         *glances_missing,
         *dict.fromkeys(sentence for one in static for sentence in one[1].missing if "s of flight" not in sentence),
     )
     corrected = corrected_channels(flight.record, events)
     inside = log.window(flight.from_s, flight.to_s)
     courses = _courses(flight, events)
-    if not lengths:
-        notes.append("no window of the flight could be scanned for slow faults")
     return DiagnoseResult(
         log=log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz),
         decision=_decision(verdicts, events, config.require),
@@ -185,13 +184,13 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
 
 
 def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
-    """Return the log without channels that hold one value, and a sentence on each."""
-    frozen = [
-        name
-        for name, channel in log.channels.items()
-        if name in STANDARD and name not in ("flaps", "gear", "valid_airspeed") and _never_moves(channel.values)
-    ]
-    said = [f"'{name}' holds one value through the whole log: it was not used" for name in frozen]
+    """Return the log without the channels that hold one value although they are looked at, and a sentence on each."""
+    frozen = [name for name in (*USED, *INPUTS) if name in log.channels and _never_moves(log.channels[name].values)]
+    frozen = list(dict.fromkeys(frozen))
+    said = []
+    for name in frozen:
+        held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
+        said.append(f"'{name}' {held} through the whole log: it was not used")
     return said, replace(log, channels={name: one for name, one in log.channels.items() if name not in frozen})
 
 
@@ -208,7 +207,9 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
     log.window(from_s, to_s)  # refuses one without samples
     if not {"tas", *IMPACT_SOURCES} & log.channels.keys():
         has = ", ".join(sorted(log.channels))
-        raise LogError(f"{log.path}: no airspeed and no impact pressure; the log has: {has}; map one with --channel")
+        raise LogError(
+            f"{log.path}: no airspeed and no impact pressure that changes; the log has: {has}; map one with --channel"
+        )
     for name in config.tolerances:
         if name not in log.channels:
             has = ", ".join(sorted(log.channels))
@@ -480,11 +481,18 @@ def _limits(
     flight: Flight,
     judgements: Sequence[tuple[Scanned, Threshold, Look]],
     static: Sequence[tuple[Window, StaticRelations]],
+    events: Sequence[Event],
 ) -> tuple[FlightLimit, ...]:
     """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts.
 
-    Stretches in which flaps and gear are moved are left out, since nothing is declared there.
+    Stretches in which flaps and gear are moved are left out, since nothing is declared there, and windows with a
+    declared fault, which exclude no other of its size.
     """
+    left_out = [
+        (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
+        for one in events
+        if one.state == "declared"
+    ]
     bins = np.arange(flight.from_s, flight.to_s, BIN_S) + 0.5 * BIN_S
     best: dict[tuple[str, str], list[FlightLimit | None]] = {}
 
@@ -496,12 +504,13 @@ def _limits(
                 kept[k] = limit
 
     for one, threshold, _ in judgements:
-        moving = any(one.from_s < last and first < one.to_s for first, last in flight.moved)
-        for fault in () if moving else one.magnitude:
+        told = not any(one.from_s < last and first < one.to_s for first, last in (*flight.moved, *left_out))
+        for fault in one.magnitude if told else ():
             slope, reached = one.largest_hidden(fault, threshold.level)
             offer(_flight_limit(flight, fault, slope, reached, (one.from_s, one.to_s)))
     for window, answer in static:
-        for of_relation in answer.limits:
+        told = not any(window[0] < last and first < window[1] for first, last in left_out)
+        for of_relation in answer.limits if told else ():
             offer(_of_limit(flight, of_relation, window))
     worst = (max((one for one in kept if one is not None), key=lambda one: one.effect) for kept in best.values())
     return tuple(sorted(worst, key=lambda one: (one.shape, one.fault)))

@@ -111,6 +111,14 @@ def _airspeed(record: Record, constants: Constants) -> FloatArray:
     return record.channels["tas"]
 
 
+# m/s^2, of a longitudinal accelerometer's bias, or of gravity along it by 0.3 degrees of attitude.
+BIAS_SD = 0.05
+
+
+def _bias_column(record: Record, constants: Constants) -> tuple[FloatArray, FloatArray]:
+    return (record.time_s - record.time_s[0])[:, None], np.array([BIAS_SD])
+
+
 def _kinematic_rate(record: Record) -> FloatArray:
     return kinematic_acceleration(*(record.channels[name] for name in KINEMATICS))
 
@@ -175,7 +183,7 @@ RESIDUALS = (
         needs=(("tas",), *((name,) for name in KINEMATICS)),
         values=_airspeed,
         rate=_kinematic_rate,
-        nuisances=None,
+        nuisances=_bias_column,
         levels=np.geomspace(0.1, 2.0, 8),
         slow=_random_walk(0.3),
     ),

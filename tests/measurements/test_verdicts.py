@@ -66,7 +66,7 @@ def test_no_fault_is_never_said_of_an_error_beyond_the_tolerance(logs: tuple[Fli
                     beyond = largest_error(fault, part) > tolerance
                     counts["runs"] += 1
                     verdict = result.verdicts[kind_of(fault, declared=False)]
-                    # Beside it, not asserted: were every lag and ramp called abrupt, however slowly it builds up.
+                    # By the shape alone, which is the same for the lag of 5 s and the ramp of 10 s.
                     by_shape = result.verdicts[kind_of(fault, declared=True)]
                     counts["wrong were every lag and ramp abrupt"] += beyond and by_shape == "no_fault"
                     for of, said in (("decision", result.decision), ("kind", verdict)):

@@ -346,7 +346,7 @@ def limits_near_onsets(
     faults : of the dictionary; `estimates`, `tolerances` and `order` as in `claims_of`.
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
     """
-    y, known = subtract_faults(record.y, *estimates), dict[ShapeHypothesis, tuple[Limits | None, Likeliness | None]]()
+    y, known = subtract_faults(record.y, *estimates), dict[ShapeHypothesis, Limits | Likeliness | None]()
     scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
     # Onsets are looked at in strides, so those of a stride to either side are counted too.
     near_s = tolerance_s + STRIDE / record.settings.rate_hz
@@ -361,31 +361,22 @@ def limits_near_onsets(
         parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
-        if form not in known:
-            known[form] = (
-                _limits(record, scans[output], form, rule.threshold(shape))
-                if shape in record.settings.shapes
-                else None,
-                _likeliness(record, scans[output], form, tolerances[fault.channel] / scale)
-                if shape in WEIGHED
-                else None,
-            )
-        limits, likeliness = known[form]
-        onset_s = next((one.onset_s for one in (limits, likeliness) if one is not None), np.zeros(0))
-        near = np.abs(onset_s - fault.onset_s) <= near_s
-        if not near.any():
+        if form not in known and shape in WEIGHED:
+            known[form] = _likeliness(record, scans[output], form, tolerances[fault.channel] / scale)
+        elif form not in known:
+            known[form] = _limits(record, scans[output], form, rule.threshold(shape))
+        limits = known[form]
+        near = np.zeros(0, dtype=bool) if limits is None else np.abs(limits.onset_s - fault.onset_s) <= near_s
+        if limits is None or not near.any():
             found.append(None)
-            continue
-        detectable = excluded = effect = None
-        if limits is not None:
+        elif isinstance(limits, Likeliness):
+            error = limits.excluded(near)
+            effect = None if error is None else scale * error
+            found.append(ScanLimit(excluded_above=effect, effect=effect))
+        else:
             worst = int(np.argmax(np.where(near, limits.effect, -1.0)))
-            detectable = _finite(scale / slope * float(limits.detected[near].max()))
-            excluded = _finite(scale / slope * float(limits.excluded[worst]))
-            effect = _finite(scale * float(limits.effect[worst]))
-        if likeliness is not None:
-            error = likeliness.excluded(near)
-            excluded = effect = None if error is None else scale * error
-        found.append(ScanLimit(minimal_detectable=detectable, excluded_above=excluded, effect=effect))
+            excluded, effect = scale / slope * float(limits.excluded[worst]), scale * float(limits.effect[worst])
+            found.append(ScanLimit(excluded_above=_finite(excluded), effect=_finite(effect)))
     return tuple(found)
 
 

@@ -259,11 +259,13 @@ def join_tables(tables: Sequence[CalibrationTable], table: CalibrationTable) -> 
     return (*others, table)
 
 
-def save_tables(tables: Sequence[CalibrationTable], provenance: Provenance, notes: Sequence[str] = ()) -> str:
-    """Return the JSON text of tables."""
-    return to_json(
-        {"kind": "calibration", "schema": SCHEMA, "tables": list(tables), "notes": notes, "provenance": provenance}
-    )
+def save_tables(
+    tables: Sequence[CalibrationTable], provenance: Provenance, notes: Sequence[str] = (), *, air_data: object = None
+) -> str:
+    """Return the JSON text of tables, and of the air data of the aircraft where it is given."""
+    document = {"kind": "calibration", "schema": SCHEMA, "tables": list(tables)}
+    more = {} if air_data is None else {"air_data": air_data}
+    return to_json({**document, **more, "notes": notes, "provenance": provenance})
 
 
 def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:

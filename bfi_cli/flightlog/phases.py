@@ -158,13 +158,16 @@ def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collect
     """Return the signals as means of blocks of a tenth of V / g, or as they are where the log is slower."""
     start_s, step_s = float(log.time_s[0]), max(BLOCK * cruise / GRAVITY, 1.0 / log.rate_hz)
     block = np.floor((log.time_s - start_s) / step_s + 1e-6).astype(np.intp)
-    n = int(block[-1]) + 1
+    n, firsts = int(block[-1]) + 1, np.flatnonzero(np.diff(block, prepend=-1))
+    filled = block[firsts]  # blocks with samples, which lie side by side since time increases
 
     def mean(values: FloatArray) -> FloatArray:
         good = np.isfinite(values)
-        count = np.bincount(block[good], minlength=n)
-        total = np.bincount(block[good], weights=values[good], minlength=n)
-        return _bridged(np.where(count > 0, total / np.maximum(count, 1), np.nan), max(1, round(0.5 / BLOCK)))
+        total = np.add.reduceat(values if good.all() else np.where(good, values, 0.0), firsts)
+        count = np.add.reduceat(good, firsts, dtype=np.intp)
+        means = np.full(n, np.nan)
+        means[filled[count > 0]] = total[count > 0] / count[count > 0]
+        return _bridged(means, max(1, round(0.5 / BLOCK)))
 
     def channel(name: str) -> FloatArray | None:
         if name in suspects or name not in log.channels:

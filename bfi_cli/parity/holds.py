@@ -35,6 +35,9 @@ LARGEST = 1.25
 # A still stretch strays at most by this share of what the calmest twentieth of the log's moving stretches does. Where
 # already the limit is this share of that, steps and noise hide the calm and only a stretch without any motion counts.
 STILL, CALMEST, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.05, 0.5, 0.1
+STILL_WORDS = (
+    "nothing moves beyond the noise of the record: calm air, an aircraft at rest or a record that stands still"
+)
 FEWEST_MOVING_S = 60.0  # of them; with fewer the log does not say how still its flight is
 # Noise is that of the calmest twentieth of pieces of 5 s.
 PIECE_S = 5.0
@@ -47,18 +50,24 @@ STOPPED_AT = 4.0
 GAS_CONSTANT, TYPICAL_TEMPERATURE = 287.05, 265.0  # for m of altitude of a pressure, to a tenth
 # Times the noise of a sample beside the line, within which a line still holds.
 BAND = 4.0
-LONGEST_PASSAGE_S = 20.0
+# The time that a pressure in flight takes to leave that band is counted up to this, s, in so many times it before.
+LONGEST_PASSAGE_S, PASSAGES = 20.0, 16
+SMEARED_S = 0.5  # by which a recorder's low-pass moves the edge of a hold
+# Of the median impact pressure in flight, from which on the aircraft may fly.
+BORNE = 0.3
 # A leak with an open drain takes all of the impact pressure: less than this share of that in flight is left.
 LEFT = 0.15
 # s; how long it stays there at least, and how long the fall to there may take with the level before it.
 LONGEST_FALL_S = (5.0, 60.0)
 # The fall is fitted down to this share of that, as an exponential with a time constant of at most this, s, from so many
 # blocks; its misfit in ln q: a tenth of a speed that changes meanwhile.
+LONGEST_LEVEL_S = 15.0  # s before the onset, in which the speed is taken to be constant
 FITTED_TO, LONGEST_TIME_CONSTANT_S, FEWEST_OF_FALL, LARGEST_MISFIT = 0.2, 16.0, 12, 0.2
 # Of the median impact pressure in flight, above which no landing roll begins: a touch-down has 0.36.
 NO_ROLL = 0.5
-# s before the onset, whose median is the level; share of the ground speed that a landing roll leaves meanwhile.
-LEVEL_S, SLOWED = 5.0, 0.6
+# s before the onset, whose median is the level. Shares of the loss of airspeed that the ground speed, or the
+# accelerometer, shows up to which the aircraft does not brake, and from which it does.
+LEVEL_S, SLOWED = 5.0, (0.25, 0.5)
 # m; an aircraft that has landed does not climb or descend by this in the minute after.
 FLYING_M, AFTER_S = 15.0, 60.0
 
@@ -122,13 +131,14 @@ class Lines:
 
     Attributes
     ----------
-    time_s : (n,) seconds; flies : (n,) whether the aircraft does.
+    time_s : (n,) seconds; flies : (n,) whether the aircraft flies for certain; borne : (n,) whether it may.
     step_s : between blocks, s.
     q_impact : (n,) Pa, None where it is not known.
     """
 
     time_s: FloatArray
     flies: BoolArray
+    borne: BoolArray
     step_s: float
     q_impact: FloatArray | None
     lines: tuple[_Line, ...]
@@ -146,14 +156,36 @@ def lines_of(log: FlightLog) -> Lines:
         missing.append("the pressure lines are not watched: the log lacks altitude or p_static")
     elif not flies.any():
         missing.append("the pressure lines are not watched: the log shows no flight")
+    elif step_s > POINT_S:
+        why = f"it has a sample every {step_s:g} s, one every {POINT_S:g} s at least is needed"
+        missing.append(f"the pressure lines are not watched: {why}")
     if missing:
-        return Lines(time_s=blocks.time_s, flies=flies, step_s=step_s, q_impact=None, lines=(), missing=tuple(missing))
+        return Lines(
+            time_s=blocks.time_s,
+            flies=flies,
+            borne=flies,
+            step_s=step_s,
+            q_impact=None,
+            lines=(),
+            missing=tuple(missing),
+        )
     values = {name: blocks.mean(log.channels[name].values) for name in names}
     has_impact = bool(set(IMPACT_SOURCES) & names)
     if not has_impact:
         values["q_impact"] = np.zeros(len(blocks.time_s))
         missing.append("the pitot tube is not watched: the log lacks an airspeed, mach, q_impact or p_total")
     air = air_data_of(values)
+    if not np.isfinite(air.p_static + air.q_impact)[flies].any():
+        missing.append("the pressure lines are not watched: no sample in flight has both pressures")
+        return Lines(
+            time_s=blocks.time_s,
+            flies=flies,
+            borne=flies,
+            step_s=step_s,
+            q_impact=None,
+            lines=(),
+            missing=tuple(missing),
+        )
     if air.made_of["q_impact"] == ("tas",) and has_impact:
         heat = [name for name in ("tat", "sat") if name in names]
         missing.append(
@@ -192,6 +224,7 @@ def lines_of(log: FlightLog) -> Lines:
     return Lines(
         time_s=blocks.time_s,
         flies=flies,
+        borne=air.q_impact >= BORNE * np.nanmedian(air.q_impact[flies]) if has_impact else flies,
         step_s=step_s,
         q_impact=np.asarray(air.q_impact) if has_impact else None,
         lines=tuple(lines),
@@ -229,9 +262,10 @@ def _stretches(lines: Lines, line: _Line, length_s: float, from_s: float, to_s: 
     first, last = np.arange(m), np.arange(m) + n - 1
     limit = LARGEST * np.hypot(line.step_sd[first], line.point_noise_sd) if m else np.zeros(0)
     span = lines.time_s[last] - lines.time_s[first]
-    borne = np.concatenate([[0.0], np.cumsum(lines.flies)])
-    # A blocked tube shows no flight after a while: half of a stretch is enough.
-    whole = (span <= (n - 1) * lines.step_s + 1.0) & (borne[last + 1] - borne[first] >= 0.5 * n) & np.isfinite(sd)
+    # A trapped line shows no flight after a while: the beginning of a stretch counts.
+    borne, early = np.concatenate([[0.0], np.cumsum(lines.borne)]), max(1, n // 4)
+    whole = (span <= (n - 1) * lines.step_s + 1.0) & (borne[first + early] - borne[first] >= 0.5 * early)
+    whole &= np.isfinite(sd)
     inside = whole & (lines.time_s[first] >= from_s - 1e-6) & (lines.time_s[last] < to_s)
     height = GAS_CONSTANT * TYPICAL_TEMPERATURE / G * np.abs(line.values[last] / line.values[first] - 1.0)
     return _Stretches(sd=sd, limit=limit, rise=height, whole=whole, inside=inside, n=n)
@@ -257,13 +291,15 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
         other = by_name["p_static" if pressure == "p_total" else "p_total"] if len(by_name) == 2 else None
         report, held = _holds_of(log, lines, line, other, from_s, to_s)
         if pressure == "p_total":
-            # A trapped tube loses its airspeed in a descent; one that leaked has the static pressure, which may rest.
-            held = [one for one in held if not any(leak.onset_s < one.onset_s + 5.0 for leak in leaks)]
-            leaks = [leak for leak in leaks if not any(one.onset_s <= leak.onset_s for one in held)]
+            # A leaking tube ends at the static pressure, which may rest.
+            low_at = [low_s for _, low_s in leaks]
+            held = [one for one in held if not any(low_s <= one.onset_s + POINT_S for low_s in low_at)]
             report = replace(report, untold=(*report.untold, *landings))
         reports.append(report)
         findings += held
-    findings = sorted([*findings, *leaks], key=lambda one: one.onset_s)
+        # A trapped tube loses its airspeed in a descent, a trapped port in a climb.
+        leaks = [(leak, low_s) for leak, low_s in leaks if not any(one.onset_s < low_s for one in held)]
+    findings = sorted([*findings, *(leak for leak, _ in leaks)], key=lambda one: one.onset_s)
     return Holds(findings=tuple(findings), lines=tuple(reports), missing=lines.missing)
 
 
@@ -282,12 +318,16 @@ def _holds_of(
         sd = float(own.sd[best])
         span = (float(lines.time_s[first]), float(lines.time_s[last + own.n - 1]))
         moves = beside is not None and bool(beside.sd[best] > beside.limit[best])
+        # The total pressure moves at least as the static one does, unless speed is traded for it.
+        shown = moves and beside is not None and bool(own.limit[best] <= HIDDEN * beside.sd[best])
         onset = _edge(lines, line, first + own.n // 2, -1)
-        if beside is not None and not moves:
-            untold.append((*span, "nothing moves: calm air, an aircraft at rest or a record that stands still"))
+        if line.pressure == "p_static" and _has_landed(log, lines, line, onset, from_s):
+            untold.append((*span, "the aircraft has landed"))
+        elif beside is not None and not moves:
+            untold.append((*span, STILL_WORDS))
         elif calm is not None and sd > calm * (STILL if own.limit[best] <= HIDDEN * calm else MOTIONLESS):
             untold.append((*span, f"the calmest flight of the log moves by {calm:.2g} Pa, too calm to tell"))
-        elif calm is None and not (moves if line.pressure == "p_total" else _stopped(lines, line, onset)):
+        elif calm is None and not (shown if line.pressure == "p_total" else _stopped(lines, line, onset)):
             untold.append((*span, "the log has too little flight that moves to tell it from calm air"))
         else:
             end = _edge(lines, line, last + own.n // 2, 1)
@@ -347,14 +387,25 @@ def _edge(lines: Lines, line: _Line, middle: int, way: int) -> int:
     at = lines.time_s[around] - lines.time_s[middle]
     design = np.column_stack([np.ones(len(at)), at])
     level = np.linalg.lstsq(design, line.values[around] - line.values[middle], rcond=None)[0]
-    k = middle
-    while 0 <= k + way < len(lines.time_s):
-        t = lines.time_s[k + way] - lines.time_s[middle]
-        off = line.values[k + way] - line.values[middle] - level[0] - level[1] * t
-        if not abs(off) <= BAND * float(np.hypot(line.step_sd[middle], line.noise_sd)):
-            break
-        k += way
-    return k
+    at = lines.time_s - lines.time_s[middle]
+    off = np.abs(line.values - line.values[middle] - level[0] - level[1] * at)
+    # Two blocks in a row: one of noise may stray.
+    away = ~(off <= BAND * float(np.hypot(line.step_sd[middle], line.noise_sd)))
+    away = away[middle:] if way > 0 else away[middle::-1]
+    twice = np.flatnonzero(away[:-1] & away[1:])
+    return middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)
+
+
+def _has_landed(log: FlightLog, lines: Lines, line: _Line, onset: int, from_s: float) -> bool:
+    """Say whether the airspeed goes too after a hold of the static pressure, and other sensors show why."""
+    q, t = lines.q_impact, lines.time_s
+    if q is None:
+        return False
+    typical = float(np.nanmedian(q[lines.flies]))
+    after = (t >= t[onset]) & (t <= t[onset] + AFTER_S) & (q < LEFT * typical)
+    if not after.any():
+        return False
+    return _brakes(log, float(t[onset]), float(t[after][0]), float(q[onset]), float(line.values[onset])) is not False
 
 
 def _stopped(lines: Lines, line: _Line, onset: int) -> bool:
@@ -366,18 +417,16 @@ def _stopped(lines: Lines, line: _Line, onset: int) -> bool:
     return bool(GAS_CONSTANT * TYPICAL_TEMPERATURE / G * fall > STOPPED_AT)
 
 
-def _passage_s(lines: Lines, line: _Line, onset: int) -> tuple[float, float]:
-    """Return the median and the 95 % quantile of the time that the line needs in flight to leave its band, s."""
+def _passage_s(lines: Lines, line: _Line, onset: int) -> float:
+    """Return the longest time that the line took in the flight before to leave its band, s."""
     most = max(1, round(LONGEST_PASSAGE_S / lines.step_s))
-    x = line.values[max(0, onset - 8 * most) : onset]
+    x = line.values[max(0, onset - PASSAGES * most) : onset]
     if len(x) < 2 * most:
-        return 0.0, LONGEST_PASSAGE_S
+        return LONGEST_PASSAGE_S
     band = BAND * float(np.hypot(line.step_sd[onset], line.noise_sd))
-    views = np.lib.stride_tricks.sliding_window_view(x, most)
-    away = np.abs(views - views[:, :1]) > band
+    away = np.abs(np.lib.stride_tricks.sliding_window_view(x, most) - x[: len(x) - most + 1, None]) > band
     passage = np.where(away.any(axis=1), np.argmax(away, axis=1), most)
-    median, longest = np.quantile(passage, [0.5, 0.95])
-    return float(median) * lines.step_s, float(longest) * lines.step_s
+    return float(np.quantile(passage, 0.975)) * lines.step_s
 
 
 def _hold(
@@ -393,10 +442,9 @@ def _hold(
 ) -> Finding:
     """Return the finding of a hold between two blocks.
 
-    Seen backwards in time the pressure leaves the line some time after the onset, so that the onset is later than that
-    by the time that this pressure takes in flight.
+    Seen backwards in time the pressure leaves the line at the onset, or later where it moves slowly: the onset is at
+    most so much after that as this pressure took to leave such a band in the flight before.
     """
-    median_s, longest_s = _passage_s(lines, line, onset)
     left_s = float(lines.time_s[onset])
     limit, sd = float(own.limit[best]), float(own.sd[best])
     lasts = lines.time_s[end] >= min(to_s, float(lines.time_s[-1])) - 2.0 * lines.step_s
@@ -413,8 +461,8 @@ def _hold(
         magnitude=None,
         sd=None,
         unit="",
-        onset_s=left_s + median_s,
-        onset_ci95=(left_s - lines.step_s, left_s + longest_s + lines.step_s),
+        onset_s=left_s,
+        onset_ci95=(left_s - SMEARED_S - lines.step_s, left_s + _passage_s(lines, line, onset) + lines.step_s),
         offset_s=None if lasts else float(lines.time_s[end]),
         statistic=min(limit / sd, 1000.0) if sd > 0.0 else 1000.0,
         threshold=1.0,
@@ -432,8 +480,8 @@ def _channels(log: FlightLog, pressure: str) -> tuple[str, ...]:
 
 def _leaks(
     log: FlightLog, lines: Lines, from_s: float, to_s: float
-) -> tuple[list[Finding], list[tuple[float, float, str]]]:
-    """Return the exponential losses of nearly all impact pressure in flight, and what may be landings."""
+) -> tuple[list[tuple[Finding, float]], list[tuple[float, float, str]]]:
+    """Return the exponential losses of nearly all impact pressure, each with its end, and what may be landings."""
     t, q = lines.time_s, lines.q_impact
     if q is None or not lines.flies.any():
         return [], []
@@ -449,30 +497,30 @@ def _leaks(
         after = slice(first, min(last + 1, first + round(AFTER_S / lines.step_s)))
         p_static = next(line.values for line in lines.lines if line.pressure == "p_static")[after]
         metres = GAS_CONSTANT * TYPICAL_TEMPERATURE / G * np.ptp(p_static) / np.mean(p_static)
-        if _slows_over_ground(log, onset_s, float(t[first])) or not (level > NO_ROLL * typical or metres > FLYING_M):
+        brakes = _brakes(log, onset_s, float(t[first]), level, float(np.mean(p_static)))
+        if brakes or (brakes is None and not (level > NO_ROLL * typical or metres > FLYING_M)):
             why = "the impact pressure is lost as in a landing"
             untold.append((onset_s, float(t[last]), why))
             continue
         lasts = last + 1 >= len(t) or not within[last + 1]
         lost = 1.0 - float(np.nanmin(q[first : last + 1])) / level
-        found.append(
-            Finding(
-                fault="pitot_leak",
-                among=("pitot_leak",),
-                channels=_channels(log, "p_total"),
-                stage="holds",
-                shape="pitot_leak",
-                magnitude=None,
-                sd=None,
-                unit="",
-                onset_s=onset_s,
-                onset_ci95=onset_ci95,
-                offset_s=None if lasts else float(t[last]),
-                statistic=lost,
-                threshold=1.0 - LEFT,
-                evidence={"time_constant_s": time_constant_s},
-            )
+        finding = Finding(
+            fault="pitot_leak",
+            among=("pitot_leak",),
+            channels=_channels(log, "p_total"),
+            stage="holds",
+            shape="pitot_leak",
+            magnitude=None,
+            sd=None,
+            unit="",
+            onset_s=onset_s,
+            onset_ci95=onset_ci95,
+            offset_s=None if lasts else float(t[last]),
+            statistic=lost,
+            threshold=1.0 - LEFT,
+            evidence={"time_constant_s": time_constant_s},
         )
+        found.append((finding, float(t[first])))
     return found, untold
 
 
@@ -495,33 +543,59 @@ def _fall(
     part = part[part > slow[-1]] if slow.size else part
     if len(part) < FEWEST_OF_FALL:
         return None
-    at, y = t[part], np.log(q[part])
-    best = None
-    squares = []
-    for k in range(2, len(part) - 2):
-        since = np.maximum(at - at[k], 0.0)
-        design = np.column_stack([np.ones(len(at)), -since])
+    # The speed before the onset is a constant for a while only, which the second fit takes.
+    squares, _ = _kinks(t[part], np.log(q[part]))
+    part = part[t[part] >= t[part[int(np.argmin(squares)) + 2]] - LONGEST_LEVEL_S]
+    if len(part) < FEWEST_OF_FALL:
+        return None
+    squares, fits = _kinks(t[part], np.log(q[part]))
+    k = int(np.argmin(squares))
+    at = t[part]
+    rate, misfit = fits[k]
+    if not rate > 1.0 / LONGEST_TIME_CONSTANT_S or misfit > LARGEST_MISFIT:
+        return None
+    # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
+    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + 5.0 * 3.84 / len(part))) + 2]
+    onset_s, time_constant_s = float(at[k + 2]), float(1.0 / rate)
+    half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
+    return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s
+
+
+def _kinks(at: FloatArray, y: FloatArray) -> tuple[FloatArray, list[tuple[float, float]]]:
+    """Return what is left of squares by a constant that becomes a line at each inner point, its slope and misfit."""
+    squares, fits = [], []
+    for k in range(2, len(at) - 2):
+        design = np.column_stack([np.ones(len(at)), -np.maximum(at - at[k], 0.0)])
         fitted = np.linalg.lstsq(design, y, rcond=None)[0]
         rest = y - design @ fitted
         squares.append(float(rest @ rest))
-        if best is None or squares[-1] < best[0]:
-            best = (squares[-1], k, fitted, float(np.sqrt(np.mean(rest[k:] ** 2))))
-    assert best is not None
-    _, k, (_, rate), misfit = best
-    if not rate > 1.0 / LONGEST_TIME_CONSTANT_S or misfit > LARGEST_MISFIT:
-        return None
-    near = np.flatnonzero(np.array(squares) <= best[0] * (1.0 + 5.0 * 3.84 / len(part))) + 2
-    interval = (float(at[near[0]] - (at[1] - at[0])), float(at[near[-1]] + (at[1] - at[0])))
-    return float(at[k]), interval, float(1.0 / rate)
+        fits.append((float(fitted[1]), float(np.sqrt(np.mean(rest[k:] ** 2)))))
+    return np.array(squares), fits
 
 
-def _slows_over_ground(log: FlightLog, from_s: float, to_s: float) -> bool:
-    """Say whether a recorded ground speed falls with the airspeed."""
-    if "ground_speed" in log.channels:
-        speed = log.channels["ground_speed"].values
-    elif {"velocity_north", "velocity_east"} <= log.channels.keys():
-        speed = np.hypot(log.channels["velocity_north"].values, log.channels["velocity_east"].values)
-    else:
-        return False
-    before, after = np.interp([from_s, to_s], log.time_s, speed)
-    return bool(after < SLOWED * before)
+def _brakes(log: FlightLog, from_s: float, to_s: float, level: float, p_static: float) -> bool | None:
+    """Say whether ground speed or acceleration show that the aircraft slows down with its airspeed; None for neither.
+
+    Parameters
+    ----------
+    level : impact pressure before, Pa; about 0.4 of the speed is left at `to_s`.
+    p_static : static pressure, Pa.
+    """
+    has = log.channels
+    if "ground_speed" in has or {"velocity_north", "velocity_east"} <= has.keys():
+        if "ground_speed" in has:
+            speed = has["ground_speed"].values
+        else:
+            speed = np.hypot(has["velocity_north"].values, has["velocity_east"].values)
+        before, after = np.interp([from_s, to_s], log.time_s, speed)
+        share = (before - after) / max((1.0 - np.sqrt(LEFT)) * before, 1e-9)
+        return None if SLOWED[0] < share < SLOWED[1] else bool(share >= SLOWED[1])
+    if {"longitudinal_acc", "pitch"} <= has.keys():
+        meanwhile = (log.time_s >= from_s) & (log.time_s <= to_s)
+        ahead = has["longitudinal_acc"].values[meanwhile] - G * np.sin(has["pitch"].values[meanwhile])
+        if not ahead.size:
+            return None
+        lost = (1.0 - np.sqrt(LEFT)) * np.sqrt(2.0 * level * GAS_CONSTANT * TYPICAL_TEMPERATURE / p_static)
+        share = -float(np.mean(ahead)) * (to_s - from_s) / lost
+        return None if SLOWED[0] < share < SLOWED[1] else bool(share >= SLOWED[1])
+    return None

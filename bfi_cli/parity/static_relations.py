@@ -422,8 +422,11 @@ def _follows(values: Values, time_s: FloatArray) -> FloatArray:
 
 def _effect(relation: _Relation, part: Values, name: str) -> FloatArray:
     """Return what one unit of a channel's error adds to a relation, by a difference."""
-    step = 1e-4 * max(float(np.nanmedian(np.abs(part[name]))), 1e-6)
-    return np.asarray((relation.make({**part, name: part[name] - step}) - relation.make(part)) / -step)
+    known = np.abs(part[name][np.isfinite(part[name])])
+    size = 1e-4 * max(float(np.median(known)) if known.size else 0.0, 1e-6)
+    # Downwards, away from Mach 1, where there is room.
+    step = np.where(part[name] > 2.0 * size, -size, size)
+    return np.asarray((relation.make({**part, name: part[name] + step}) - relation.make(part)) / step)
 
 
 def _noise_about_lines(x: FloatArray, time_s: FloatArray) -> float:
@@ -468,6 +471,7 @@ def find_static(
         nuisances = np.column_stack([nuisances[:, 0], nuisances[:, 1:] - nuisances[:, 1:].mean(axis=0)])
         scan = scan_changes(one.values[inside], time_s, nuisances, candidates, floor=one.noise_sd, sizes=one.sizes)
         effects = {name: float(np.nanmedian(effect[inside])) for name, effect in one.effects.items()}
+        effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
         reach = np.concatenate([np.ones(onsets_s.size), to_s - onsets_s])
         scanned.append(_Scanned(series=one, scan=scan, effects=effects, reach=reach))
     answers = tuple(_answer(one) for one in scanned)

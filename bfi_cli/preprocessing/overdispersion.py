@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from ..faults import Fault
 from ..filters import recorded_signal
+from ..flightlog.injection import added_by
 from ..kernels.covariance import single_additions, unfold
 from ..kernels.decimation import decimate
 from ..kernels.progress import Report, parts, silent
 from ..kernels.variable_projection import Fit
+from ..shapes import SHAPES
 from .regression import RegressionData
 from .window import PreparedWindow
 
@@ -54,7 +56,12 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
             raw = np.empty((len(time_s), N_ONSETS))
             for i, onset in enumerate(onsets.tolist()):
                 shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
-                raw[:, i] = recorded_signal(shifted, time_s, window.response, window_start_s=window.window_start_s)
+                if SHAPES[fault.shape].acts_on == "reading":
+                    channel = window.log.channel(fault.channel).name
+                    changes = added_by(window.log, replace(shifted, channel=channel), window.response)
+                    raw[:, i] = changes.get(channel, 0.0)
+                else:
+                    raw[:, i] = recorded_signal(shifted, time_s, window.response, window_start_s=window.window_start_s)
             filtered = decimate(raw, window.rate.factor, window.lowpass)
             output = channels.index(window.log.channel(fault.channel).name)
             theta = np.zeros((len(filtered), len(channels), N_ONSETS))

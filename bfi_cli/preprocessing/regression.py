@@ -44,6 +44,7 @@ class Signals:
     factor : by which they were decimated, 1 at the log's own rate.
     time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
     theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary.
+    scaling : entries whose signal is the output itself.
     """
 
     path: str
@@ -53,6 +54,7 @@ class Signals:
     u: FloatArray
     y: FloatArray
     theta: FloatArray
+    scaling: tuple[int, ...] = ()
 
 
 def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) -> Signals:
@@ -113,8 +115,19 @@ class RegressionData:
     def problem(self, order: int) -> ProjectedRegression:
         """Return the regression of one order, made at the first call."""
         if order not in self._problems:
-            self._problems[order] = project_inputs(self.at_order(order), order, floor=self.floor)
+            problem = project_inputs(self.at_order(order), order, floor=self.floor)
+            self._problems[order] = replace(problem, scaling=self.scaling)
         return self._problems[order]
+
+    @property
+    def scaling(self) -> dict[int, tuple[int, float]]:
+        """Of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
+        rows = np.count_nonzero(self.layout.theta[self.layout.first :], axis=(0, 1))
+        return {
+            j: (int(rows[j]), float(self.magnitude_unit[j]))
+            for j, entry in enumerate(self.atoms)
+            if entry in self.signals.scaling
+        }
 
     def at_order(self, order: int) -> Compressed:
         """Return the factor of one order."""

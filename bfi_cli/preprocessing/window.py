@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config, merge
-from ..dictionary import Dictionary, dead_reason, signals
+from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.derived import with_derived
+from ..flightlog.injection import added_by
 from ..flightlog.quality import hold_of, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
+from ..shapes import SHAPES
 from .regression import RegressionData, Signals, build_regression, decimate_signals, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
@@ -48,7 +50,8 @@ class PreparedWindow:
     ----------
     log : the window, at the rate before decimation.
     faults : every dictionary entry, times on the log's axis; names : their names.
-    reasons : why an entry is left out, by index; live : the indices of the others.
+    reasons : why an entry is left out, by index; live : the indices of the others but for
+    free : the indices of the entries of unknown course, whose signals are zero.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
     filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
     recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
@@ -65,6 +68,7 @@ class PreparedWindow:
     names: tuple[str, ...]
     reasons: Mapping[int, str]
     live: tuple[int, ...]
+    free: tuple[int, ...]
     native: Signals
     signals: Signals
     rate: RateChoice
@@ -88,13 +92,20 @@ class PreparedWindow:
 
 
 def prepare_window(
-    log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent, *, purpose: Purpose = "estimate"
+    log: FlightLog,
+    dictionary: Dictionary,
+    config: Config,
+    report: Report = silent,
+    *,
+    purpose: Purpose = "estimate",
+    courses: bool = False,
 ) -> PreparedWindow:
     """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` receives the progress.
 
     Parameters
     ----------
     purpose : of the analysis, for which its rate is chosen.
+    courses : it estimates entries of unknown course, which else are left out.
 
     Raises
     ------
@@ -114,31 +125,43 @@ def prepare_window(
     names = tuple(fault.name or fault.shape for fault in faults)
     dead = ((j, dead_reason(fault, start_s, stop_s, outputs=config.outputs)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
-    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons}
+    unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
+    free = tuple(unknown) if courses else ()
+    reasons |= {j: no_signal(faults[j]) for j in unknown if j not in free}
+    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons and j not in free}
 
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
 
-    def dictionary_signals(time_s: FloatArray) -> FloatArray:
-        theta = np.zeros((len(time_s), len(config.outputs), len(faults)))
-        theta[:, :, list(seen)] = signals(
-            list(seen.values()), time_s, list(config.outputs), window_start_s=start_s, response=response
+    read = [j for j, fault in seen.items() if SHAPES[fault.shape].acts_on == "reading"]
+    stated = [j for j in seen if j not in read]
+
+    def dictionary_signals(source: FlightLog) -> FloatArray:
+        theta = np.zeros((source.n_samples, len(config.outputs), len(faults)))
+        theta[:, :, stated] = signals(
+            [seen[j] for j in stated], source.time_s, list(config.outputs), window_start_s=start_s, response=response
         )
+        for j in read:
+            fault = replace(seen[j], magnitude=1.0, channel=source.channel(seen[j].channel).name)
+            added = added_by(source, fault, response)
+            theta[:, config.outputs.index(seen[j].channel), j] = added.get(fault.channel, 0.0)
         return theta
 
     if must_resample(part, used, rate_hz):
         assert not isinstance(rate_hz, str)
-        part, theta = resample_with(log, dictionary_signals(log.time_s), rate_hz, from_s=from_s, to_s=to_s)
+        part, theta = resample_with(log, dictionary_signals(log), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         added = (part.filters or ())[len(log.filters or ()) :]
         filters = (*filters, *added)
         response = response_of(filters, part.rate_hz)
     else:
-        theta = dictionary_signals(part.time_s)
+        theta = dictionary_signals(part)
     _require_movement(part, config)
 
     u, y = part.signals(config.inputs), part.signals(config.outputs)
-    native = Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta)
+    native = Signals(
+        path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta, scaling=tuple(read)
+    )
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
@@ -148,7 +171,7 @@ def prepare_window(
     decimated = decimate_signals(native, rate.factor, lowpass)
     reasons |= unusable_atoms(decimated.theta, names, tuple(seen), report)
     live = tuple(j for j in seen if j not in reasons)
-    if not live:
+    if not live and not free:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
     longest = longest_order(len(decimated.time_s), n_inputs=len(config.inputs), n_outputs=len(config.outputs))
@@ -158,6 +181,7 @@ def prepare_window(
         names=names,
         reasons=reasons,
         live=live,
+        free=free,
         native=native,
         signals=decimated,
         rate=rate,

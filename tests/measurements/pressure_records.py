@@ -22,7 +22,7 @@ def recorded_anew(log: FlightLog, fault: Fault, *, noise_pa: float, rng: np.rand
     `bfi inject` adds differences, so that a trapped line there is stiller than any transducer.
     """
     faulty = inject(log, [fault])
-    on = log.time_s >= fault.onset_s
+    on = (log.time_s >= fault.onset_s) & (log.time_s < (np.inf if fault.offset_s is None else fault.offset_s))
     air = air_data_of({name: log.channels[name].values for name in ("altitude", "cas")})
     p_static, p_total = np.array(air.p_static), np.array(air.p_total)
     first = int(np.argmax(on))

@@ -8,7 +8,7 @@ from ..flightlog.phases import Phase
 
 __all__ = ["LENGTHS_S", "OVERLAP", "configuration_changes", "windows_in"]
 
-# Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.4).
+# Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.7).
 LENGTHS_S = (60.0, 120.0, 240.0)
 OVERLAP = 0.5
 # Flaps and gear move after take-off, and from the last descent on.

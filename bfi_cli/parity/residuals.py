@@ -1,4 +1,4 @@
-"""Residuals that a healthy log keeps at a constant: lift, climb, kinematics and ground speed (docs/theory.md, 15.4)."""
+"""Residuals that a healthy log keeps at a constant: lift, climb, kinematics and ground speed (docs/theory.md, 15.7)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ResidualKind:
     needs : groups of channels, of each group one is enough.
     nuisances : (n, m) columns beside the constant, and the prior standard deviation of each.
     levels : of the fast noise, from which one is chosen; slow : from times, (n, n) covariance of the slow noise.
-        The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.4).
+        The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.7).
     """
 
     name: str

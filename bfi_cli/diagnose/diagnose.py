@@ -40,11 +40,12 @@ from ..parity.calibration import load_air_data
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
 from ..parity.static_relations import RelationAnswer, RelationSeries, StaticRelations, find_static, relation_series
-from ..parity.windows import judged
+from ..parity.windows import clean_up_time, judged
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerance_of
 from ..shapes import SHAPES, Kind
 from ..verdicts import KINDS, State, decide
+from .conventions import without_other_conventions
 from .corrected import corrected_channels, course_of
 from .events import Draft, clusters, join, merge_stages, with_ends
 from .glances import GLANCE_S, INPUTS, STEP_S, glance_at_flight, inputs_for, summary_of
@@ -69,6 +70,7 @@ BRIDGE_S, AROUND_HOLD_S, AFTER_HOLD_S = 10.0, 60.0, 20.0
 # A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
 NEAR = 1.2
 STEPS: Mapping[Kind, str] = {"abrupt": "a step", "oscillating": "an oscillation"}
+AIRSPEEDS = ("tas", "cas", "ias", "mach")
 # Limits are compared over stretches of this length.
 BIN_S = 30.0
 QUANTILE_95 = 1.959963984540054
@@ -119,8 +121,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     """
     progress("phases of the flight", 0.0)
     frozen, log = _without_frozen(log)
-    flight = _prepared(log, config)
-    notes = [*log.notes]
+    flight, unlike = _prepared(log, config)
+    log, notes = flight.log, [*log.notes]
     with threadpool_limits(1):
         series = relation_series(log)
         drafts = _holds(flight)
@@ -153,6 +155,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     verdicts = _verdicts(events, limits)
     missing = (
         *frozen,
+        *unlike,
         *missing_sentences(flight.record, scanned, limits, n_windows=sum(map(len, windows.values()))),
         *glances_missing,
         *dict.fromkeys(sentence for one in static for sentence in one[1].missing if "s of flight" not in sentence),
@@ -199,7 +202,8 @@ def _never_moves(values: FloatArray) -> bool:
     return known.size == 0 or float(known.min()) == float(known.max())
 
 
-def _prepared(log: FlightLog, config: Config) -> Flight:
+def _prepared(log: FlightLog, config: Config) -> tuple[Flight, tuple[str, ...]]:
+    """Return what every step needs, and what is not used of the log."""
     log = with_seen_recorder(log)
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
     from_s = start_s if config.window.from_s is None else config.window.from_s
@@ -221,6 +225,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
             "map its airspeed with --channel"
         )
+    log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
     trapped = [
         (one.onset_ci95[0] - BRIDGE_S, stop_s if one.offset_s is None else one.offset_s + BRIDGE_S)
@@ -240,7 +245,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
             zero_lift, origin = zero_lift_of(record, phases, without=trapped), "the whole flight"
     if zero_lift is None:
         origin = "free in every window"
-    return Flight(
+    flight = Flight(
         log=log,
         record=record,
         phases=tuple(one for one in phases if one.to_s > from_s and one.from_s < to_s),
@@ -250,10 +255,11 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
         zero_lift_from=origin,
         tables=tables,
         false_alarm=config.diagnose.false_alarm,
-        moved=configuration_changes(phases),
+        moved=configuration_changes(phases, clean_up_s=clean_up_time(phases, record)),
         held=held,
         tolerances=config.tolerances,
     )
+    return flight, unlike
 
 
 def _windows(
@@ -508,6 +514,12 @@ def _limits(
         for fault in one.magnitude if told else ():
             slope, reached = one.largest_hidden(fault, threshold.level)
             offer(_flight_limit(flight, fault, slope, reached, (one.from_s, one.to_s)))
+            if fault in AIRSPEEDS and fault == flight.record.airspeed and "q_impact" not in one.magnitude:
+                # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
+                window = (one.from_s, one.to_s)
+                limit = _flight_limit(flight, fault, slope, reached, window)
+                relative = 2.0 * slope / _speed(flight, window, fault)
+                offer(replace(limit, fault="pitot_icing", excluded_above=relative, unit="1/s"))
     for window, answer in static:
         told = not any(window[0] < last and first < window[1] for first, last in left_out)
         for of_relation in answer.limits if told else ():
@@ -519,10 +531,7 @@ def _limits(
 def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, window: Window) -> FlightLimit:
     name, channel, unit, effect = fault, fault, STANDARD["tas"].unit, reached
     if fault == "q_impact":
-        # A relative loss of impact pressure is half as large, relative, in airspeed.
-        part = flight.record.between(*window)
-        speed = float(np.nanmean(part.channels["tas"]))
-        name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * speed
+        name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * _speed(flight, window)
     elif fault == "ground_speed":
         channel = "ground_speed"
     else:
@@ -542,6 +551,10 @@ def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, wind
         from_s=window[0],
         to_s=window[1],
     )
+
+
+def _speed(flight: Flight, window: Window, channel: str = "tas") -> float:
+    return float(np.nanmean(flight.record.between(*window).channels[channel]))
 
 
 def _of_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
@@ -577,17 +590,22 @@ def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
 def _verdicts(events: Sequence[Event], limits: Sequence[FlightLimit]) -> dict[Kind, Decision]:
     """Return the verdict on every kind: a slow fault is excluded where its limits on all airspeeds are tolerable.
 
+    Relations between airspeeds say nothing of the line that all are made of, so that its own limit is needed.
     How small a step or an oscillation could hide is told by `start-time` on a window: here they are only found.
     """
     verdicts: dict[Kind, Decision] = dict.fromkeys(KINDS, "inconclusive")
     suspected = {one.kind for one in events if one.state == "suspected"}
-    slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias", "mach")]
-    if slow and all(one.within_tolerance for one in slow) and "slow" not in suspected:
+    slow = [one for one in limits if one.shape == "drift" and one.channel in AIRSPEEDS]
+    if _bounds_line(slow) and all(one.within_tolerance for one in slow) and "slow" not in suspected:
         verdicts["slow"] = "no_fault"
     for one in events:
         if one.state == "declared":
             verdicts[one.kind] = "fault"
     return verdicts
+
+
+def _bounds_line(limits: Sequence[FlightLimit]) -> bool:
+    return any(one.fault == "pitot_icing" for one in limits)
 
 
 def _decision(verdicts: Mapping[Kind, Decision], events: Sequence[Event], required: Sequence[Kind]) -> Decision:
@@ -599,7 +617,7 @@ def _decision(verdicts: Mapping[Kind, Decision], events: Sequence[Event], requir
 def _summary(verdicts: Mapping[Kind, Decision], limits: Sequence[FlightLimit], *, looked_for_steps: bool) -> str:
     slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
     said = []
-    if verdicts["slow"] != "fault" and slow:
+    if verdicts["slow"] != "fault" and _bounds_line(slow):
         worst = max(slow, key=lambda one: one.effect)
         verb = "no slow fault above" if verdicts["slow"] == "no_fault" else "a slow fault could reach"
         end = "" if verdicts["slow"] == "no_fault" else " unseen"

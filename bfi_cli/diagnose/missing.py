@@ -34,7 +34,7 @@ def missing_sentences(
     used = {name for one in scanned for name in one.residuals}
     seen = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
     cost = ""
-    if seen:
+    if any(one.fault == "pitot_icing" for one in seen):
         worst = max(seen, key=lambda one: one.effect)
         within = f"{worst.effect:.2g} m/s in {worst.to_s - worst.from_s:.0f} s"
         cost = f"; a slow fault of the airspeed of less than {within} would not be seen"

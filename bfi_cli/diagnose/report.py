@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ..channels import STANDARD
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import bands_of, lanes_of, phase_table
 from ..provenance import Provenance
@@ -23,6 +25,7 @@ HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive"
 DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 # On either side of the window that describes an event.
 AROUND_S = 60.0
+AIRSPEEDS = ("tas", "cas", "ias", "mach")
 MOST_PAGES = 12  # events with a page of their own; the table has all
 EVENT_COLUMNS = (
     *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
@@ -30,8 +33,8 @@ EVENT_COLUMNS = (
 )
 TIMELINE = (
     "The flight: its phases, what was measured (blue) and what it would have been without the declared faults (red), "
-    "and how near each analysis came to its threshold in every window (1 is the threshold). Dashed lines are onsets of "
-    "declared (red) and suspected (orange) faults."
+    "and how near each analysis came to its threshold in every window (1 is the threshold). Dashed lines are onsets "
+    "and ends of declared (red) and suspected (orange) faults."
 )
 
 
@@ -107,7 +110,7 @@ def _verdict(decision: str, declared: Sequence[str], suspected: Sequence[str], s
         said.append(f"suspected: {'; '.join(suspected)}")
     if summary:
         said.append(summary)
-    return ". ".join(f"{one[:1].upper()}{one[1:]}" for one in said) + "."
+    return ". ".join(_capital(one) for one in said) + "."
 
 
 def _name(event: Plain) -> str:
@@ -121,8 +124,22 @@ def _sentence(event: Plain) -> str:
     if event["shape"] in ("bias", "drift", "sine") and event["fault"] in event["effect"]:
         name += f" {event['shape']}"
     size = "" if event["magnitude"] is None else f", {_magnitude(event)}"
-    until = "" if event["offset_s"] is None else f" to {instant(event['offset_s'])}"
-    return f"{name} from {instant(event['onset_s'])}{until} s{size}"
+    if event["frequency_hz"] is not None:
+        size += f" at {number(event['frequency_hz'])} Hz"
+    until = "" if event["offset_s"] is None else f" to {_time(event['offset_s'])}"
+    airspeed = next((one for one in AIRSPEEDS if one in event["effect"]), None)
+    if airspeed is not None and event["fault"] not in event["effect"]:
+        size += f", {_error(airspeed, event['effect'][airspeed])}"
+    return f"{name} from {_time(event['onset_s'])}{until} s{size}"
+
+
+def _error(channel: str, value: float) -> str:
+    """Return the largest error of a channel in words: "tas -19 m/s"."""
+    return f"{channel} {_size(value, STANDARD[channel].unit)}" if channel in STANDARD else f"{channel} {value:.2g}"
+
+
+def _time(time_s: float) -> str:
+    return instant(round(time_s, 1))
 
 
 def _magnitude(event: Plain) -> str:
@@ -135,6 +152,8 @@ def _magnitude(event: Plain) -> str:
 
 
 def _size(value: float, unit: str) -> str:
+    if unit == "1":
+        return f"{value:.2g}"
     return quantity(np.degrees(value), DEGREES[unit]) if unit in DEGREES else quantity(value, unit)
 
 
@@ -144,14 +163,14 @@ def _event_tables(events: Sequence[Plain]) -> tuple[Table, ...]:
         low, high = one["onset_ci95"]
         among = ", ".join(one["among"])
         evidence = ", ".join(f"{name} {value:.3g}" for name, value in one["evidence"].items())
-        effect = ", ".join(f"{name} {value:.3g}" for name, value in list(one["effect"].items())[:3])
+        effect = ", ".join(_error(name, value) for name, value in list(one["effect"].items())[:3])
         rows.append(
             (
                 among,
                 one["state"],
-                f"{instant(one['onset_s'])} ({instant(round(low, 1))} to {instant(round(high, 1))})",
-                "-" if one["offset_s"] is None else instant(one["offset_s"]),
-                f"{one['shape']} {_magnitude(one)}" if one["magnitude"] is not None else one["shape"],
+                f"{_time(one['onset_s'])} ({_time(low)} to {_time(high)})",
+                "-" if one["offset_s"] is None else _time(one["offset_s"]),
+                f"{one['shape']} {_magnitude(one)}" if one["magnitude"] is not None else "held",
                 effect or "-",
                 "-" if one["p_value"] is None else f"{one['p_value']:.2g}",
                 evidence or "-",
@@ -170,12 +189,12 @@ def _limit_tables(limits: Sequence[Plain]) -> tuple[Table, ...]:
             f"{_size(one['effect'], _unit_of_effect(one))}",
             "-" if one["tolerance"] is None else _size(one["tolerance"], _unit_of_effect(one)),
             "yes" if one["within_tolerance"] else "no",
-            f"{instant(one['from_s'])} to {instant(one['to_s'])}",
+            f"{instant(round(one['from_s']))} to {instant(round(one['to_s']))}",
         )
         for one in limits
     )
     heads = ("fault", "shape", "excluded above", "could hide", "tolerance", "within", "worst window [s]")
-    title = "What could not have been missed, in the worst stretch of the flight (flaps and gear at rest)"
+    title = "What could not have been missed, in the worst stretch without a fault, flaps and gear at rest"
     return (Table(name="limits", title=title, heads=heads, rows=rows),) if rows else ()
 
 
@@ -201,11 +220,13 @@ def _lines(events: Sequence[Plain]) -> list[Block]:
     return [
         Block(
             label="",
-            low=one["onset_s"],
-            high=one["onset_s"],
+            low=edge,
+            high=edge,
             shade="fault" if one["state"] == "declared" else "suspect",
         )
         for one in events
+        for edge in (one["onset_s"], one["offset_s"])
+        if edge is not None
     ]
 
 
@@ -266,6 +287,16 @@ def _channel_panel(
     )
 
 
+def _course_label(course: Plain) -> str:
+    if course["channel"] == "pitot_icing":
+        return "loss of\nq_impact [1]"
+    return f"error of\n{course['channel']} [{DEGREES.get(course['unit'], course['unit'])}]"
+
+
+def _capital(sentence: str) -> str:
+    return f"{sentence[:1].upper()}{sentence[1:]}"
+
+
 def _page(document: Plain, k: int) -> Drawing:
     """Return the figure of an event: its channels, its course beside the named shape, its evidence by residual."""
     event, series = document["events"][k], document["series"]
@@ -284,7 +315,7 @@ def _page(document: Plain, k: int) -> Drawing:
         panels.append(
             Panel(
                 x_label="time [s]",
-                y_label=f"error of {course['channel']}\n[{DEGREES.get(unit, unit)}]",
+                y_label=_course_label(course),
                 curves=(
                     curve(
                         "of any shape, 95 % band",
@@ -299,16 +330,25 @@ def _page(document: Plain, k: int) -> Drawing:
                 x_limits=(low, high),
             )
         )
-    if event["evidence"]:
+    # The panels above each other have one time axis; its name stands below the last.
+    panels[:-1] = [replace(panel, x_label="") for panel in panels[:-1]]
+    # A line is held where its pressure scatters least: no bar shows that.
+    told = bool(event["evidence"]) and event["stages"][0] != "holds"
+    if told:
         sizes = list(event["evidence"].items())
         panels.append(
             Panel(
-                x_label="evidence for it [twice the log-likelihood ratio, or the analysis's own statistic]",
+                x_label="evidence [as in the caption]",
                 y_label="",
                 curves=(curve("", [float(value) for _, value in sizes], range(len(sizes)), style="rows_red"),),
                 y_ticks=tuple((name, float(i)) for i, (name, _) in enumerate(sizes)),
                 height=0.25 + 0.15 * len(sizes),
             )
         )
-    caption = f"{_sentence(event)}; {event['state']}. Evidence by residual: what each says for it."
+    caption = f"{_capital(_sentence(event))}; {event['state']}."
+    if told:
+        caption += (
+            " Evidence by residual: what each says for the fault, twice the log-likelihood ratio, of other analyses "
+            "their own statistic."
+        )
     return Drawing(name=f"event_{k + 1}", caption=caption, panels=tuple(panels))

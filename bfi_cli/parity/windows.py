@@ -16,6 +16,7 @@ CLEAN_UP_S = 120.0
 # To both sides of a parabola: pull-up and pull-out are flown at the limits of the wing.
 RECOVERY_S = 30.0
 APART_S = 1.0  # of two parts that follow each other
+ROUNDING_S = 1e-6  # a part of exactly one window's length, from sums of decimals, may come out shorter by rounding
 
 
 def judged(phases: Sequence[Phase]) -> list[tuple[float, float]]:
@@ -46,9 +47,9 @@ def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None
     step_s = (1.0 - OVERLAP) * length_s if step_s is None else step_s
     windows = []
     for first, last in judged(phases):
-        if last - first < length_s:
+        if last - first < length_s - ROUNDING_S:
             continue
-        n = int((last - first - length_s) / step_s) + 1
+        n = int((last - first - length_s + ROUNDING_S) / step_s) + 1
         starts = [first + step_s * k for k in range(n)]
         if last - length_s - starts[-1] > 0.25 * step_s:
             starts.append(last - length_s)

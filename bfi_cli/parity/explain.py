@@ -20,7 +20,7 @@ Course = Callable[[FloatArray], FloatArray]
 # Twice a log-likelihood ratio by which a fault may explain a window worse and still be the one: so much, or that share
 # of the best. The noise of gusts is not quite what its model says, so a large ratio says less than it seems to.
 CLOSE, CLOSE_SHARE = 10.0, 0.05
-REFINED_S = 10.0  # to both sides of the onset that a linear look finds, in steps of a second
+REFINED_S = 10.0  # to both sides of the onsets that a linear look finds likely, in steps of a second
 STEPS = 4  # Gauss-Newton; the last moves a magnitude by less than 1 %
 # Of the standard deviations of magnitude and onset: gusts are not the stationary noise that they are computed for.
 DISPERSION = 2.5
@@ -151,8 +151,8 @@ def fit_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, shape: 
     first, last = float(scan.onsets_s[0]), float(scan.onsets_s[-1])
     coarse = COURSES[shape, constant](record.time_s[:, None] - scan.onsets_s[None, :])
     linear = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, coarse))
-    near_s = float(scan.onsets_s[int(np.argmax(linear.ratio))])
-    onsets_s = np.arange(max(first, near_s - REFINED_S), min(last, near_s + REFINED_S) + 1e-6, 1.0)
+    likely_s = scan.onsets_s[linear.ratio >= linear.ratio.max() - CHI_SQUARE_95 * DISPERSION**2]
+    onsets_s = np.arange(max(first, likely_s[0] - REFINED_S), min(last, likely_s[-1] + REFINED_S) + 1e-6, 1.0)
     courses = COURSES[shape, constant](record.time_s[:, None] - onsets_s[None, :])
     before = [float(one.values @ one.values) for one in scan.residuals]
     costs = [one.cost for one in scan.residuals]

@@ -382,10 +382,13 @@ def _described(
     until_s: float,
     static: Sequence[tuple[Window, StaticRelations]],
 ) -> Draft | None:
-    """Return what the windows of a run say, in the window in which their fault begins well inside."""
+    """Return what the windows of a run say, in the window in which their fault begins well inside.
+
+    It is the one with the most evidence: a long window may be nearer its threshold and tell more.
+    """
     first_s = min(one.from_s for one, _ in members)
     early = [pair for pair in members if pair[0].from_s <= first_s + max(LENGTHS_S)]
-    one, threshold = max(early, key=lambda pair: pair[0].statistic / pair[1].level)
+    one, threshold = max(early, key=lambda pair: pair[0].statistic)
     window, level, onset_s = (one.from_s, one.to_s), threshold, one.onset_s
     stretch = next((s for s in judged(flight.phases) if s[0] <= onset_s < s[1]), window)
     low, high = max(stretch[0], flight.from_s), min(stretch[1], flight.to_s)

@@ -22,12 +22,13 @@ from ..parity import (
 )
 from .result import Look
 
-__all__ = ["Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
+__all__ = ["SCALE_S", "Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
 
 FloatArray = NDArray[np.float64]
 
-# Where a flight shows mostly more than the tables, its thresholds rise; fewer windows than this do not say so.
-ENOUGH_WINDOWS = 10
+# Where a flight shows mostly more than the tables, its thresholds rise. Fewer windows of this length do not say so: a
+# fault fills them.
+SCALE_S, ENOUGH_WINDOWS = 120.0, 10
 # The share of windows that say so: a fault that lasts to the end of a short log is in more than half of them.
 CALM = 0.25
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
@@ -131,12 +132,18 @@ def _reduced(scan: WindowScan, from_s: float, to_s: float) -> Scanned:
 def scale_of(scanned: Sequence[Scanned], tables: Sequence[ParityTable]) -> float:
     """Return by how much this flight shows more than the flights of the tables, at least 1.
 
-    The lower quartile over all windows of the statistic over the lower quartile of their table. A fault in half of the
-    windows does not move it far, so that it does not hide by raising its own threshold; an aircraft or an air that is
-    rougher throughout raises them.
+    The lower quartile over windows of 120 s of the statistic over the lower quartile of their table. A fault in half of
+    the windows does not move it far, so that it does not hide by raising its own threshold; an aircraft or an air that
+    is rougher throughout raises them.
+
+    Parameters
+    ----------
+    scanned : windows of the whole flight, also where a part of it is diagnosed.
     """
     shares = []
     for one in scanned:
+        if round(one.length_s) != SCALE_S:
+            continue
         table = table_for(tables, one.residuals, one.length_s, knows_zero_lift=one.knows_zero_lift)
         if table is not None:
             shares.append(one.statistic / max(float(np.quantile(table.statistics, CALM)), 1.0))

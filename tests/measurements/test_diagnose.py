@@ -160,7 +160,7 @@ def names(case: Case, event: Event) -> bool:
     """Whether an event is declared and called what it should be."""
     if event.state != "declared":
         return False
-    return event.fault == case.name or (case.name in event.among and len(event.among) <= case.among)
+    return event.fault == case.name if not case.among else case.name in event.among and len(event.among) <= case.among
 
 
 def said(result: DiagnoseResult) -> str:

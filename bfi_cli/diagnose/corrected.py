@@ -57,7 +57,8 @@ def _amount(event: Event, time_s: FloatArray) -> tuple[str, FloatArray]:
 def course_of(record: Record, event: Event, index: int, *, zero_lift: float | None) -> Course | None:
     """Return the course of an event as an integrated random walk, smoothed, None where the residuals do not tell it.
 
-    Residuals that integrate the fault are left out: a course of any shape is told by those that show it at once.
+    Residuals that integrate the fault are left out: a course of any shape is told by those that show it at once. It is
+    told about the record without the named shape, since a loss of a tenth of the impact pressure is no small change.
     """
     if event.stages[0] != "parity" or event.magnitude is None:
         return None
@@ -67,7 +68,7 @@ def course_of(record: Record, event: Event, index: int, *, zero_lift: float | No
     scan = scan_window(part, zero_lift=zero_lift)
     if hypothesis is None or scan is None or event.window_s[1] - event.onset_s < FEWEST_S:
         return None
-    stacked = _stacked(part, scan, hypothesis)
+    stacked = _stacked(without_fault(part, fault, named), scan, hypothesis)
     if stacked is None:
         return None
     times, values, gains, nuisances, covariance = stacked
@@ -84,13 +85,13 @@ def course_of(record: Record, event: Event, index: int, *, zero_lift: float | No
     except ValueError:
         return None
     sign = -1.0 if event.fault == "pitot_icing" else 1.0
-    sides = np.sort(np.stack([sign * course.low, sign * course.high]), axis=0)
+    sides = np.sort(np.stack([sign * (named + course.low), sign * (named + course.high)]), axis=0)
     return Course(
         event=index,
         channel=event.fault,
         unit="1" if fault == "q_impact" else STANDARD[fault].unit,
         time_s=part.time_s,
-        free=sign * course.value,
+        free=sign * (named + course.value),
         low=sides[0],
         high=sides[1],
         named=sign * named,

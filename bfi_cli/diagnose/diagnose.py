@@ -38,15 +38,17 @@ from ..parity import (
 )
 from ..parity.calibration import load_air_data
 from ..parity.holds import Holds, find_holds
+from ..parity.record import USED
 from ..parity.static_relations import RelationAnswer, RelationSeries, StaticRelations, find_static, relation_series
-from ..parity.windows import judged
+from ..parity.windows import clean_up_time, judged
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerance_of
 from ..shapes import SHAPES, Kind
 from ..verdicts import KINDS, State, decide
+from .conventions import without_other_conventions
 from .corrected import corrected_channels, course_of
 from .events import Draft, clusters, join, merge_stages, with_ends
-from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
+from .glances import GLANCE_S, INPUTS, STEP_S, glance_at_flight, inputs_for, summary_of
 from .looks import SCALE_S, WITHOUT_LIFT, Scanned, look_at, scale_of, scan_flight
 from .missing import missing_sentences
 from .naming import contradicted, finding_of_fit, finding_of_glance, repeat_advice
@@ -68,6 +70,7 @@ BRIDGE_S, AROUND_HOLD_S, AFTER_HOLD_S = 10.0, 60.0, 20.0
 # A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
 NEAR = 1.2
 STEPS: Mapping[Kind, str] = {"abrupt": "a step", "oscillating": "an oscillation"}
+AIRSPEEDS = ("tas", "cas", "ias", "mach")
 # Limits are compared over stretches of this length.
 BIN_S = 30.0
 QUANTILE_95 = 1.959963984540054
@@ -124,17 +127,18 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     """
     progress("phases of the flight", 0.0)
     frozen, log = _without_frozen(log)
-    flight = _prepared(log, config)
-    notes = [*log.notes]
+    flight, unlike = _prepared(log, config)
+    log, notes = flight.log, [*log.notes]
     with threadpool_limits(1):
         series = relation_series(log)
         drafts = _holds(flight)
         notes += flight.held.missing
         static = _static(flight, series, partial(progress, "static relations"))
         drafts += _of_static(static)
+        windows = _windows(flight)
         scanned = scan_flight(
             flight.record,
-            _windows(flight),
+            windows,
             zero_lift=flight.zero_lift,
             without_lift=flight.without_lift,
             report=partial(progress, "lift and inertia"),
@@ -146,27 +150,25 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         notes.append(
             "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not used"
         )
-    if scale > 1.0:
+    if scale >= 1.005:
         notes.append(
-            f"this flight shows {scale:.2g} times what the flights of the tables do: thresholds are raised by that"
+            f"this flight shows {scale:.3g} times what the flights of the tables do: thresholds are raised by that"
         )
     glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
     drafts += glanced
     events = tuple(_event(flight, draft) for draft in merge_stages(drafts))
-    limits = _limits(flight, judgements, static)
+    limits = _limits(flight, judgements, static, events)
     verdicts = _verdicts(events, limits)
-    lengths = {one.length_s for one in scanned}
     missing = (
         *frozen,
-        *missing_sentences(log, scanned, limits),
+        *unlike,
+        *missing_sentences(flight.record, scanned, limits, n_windows=sum(map(len, windows.values()))),
         *glances_missing,
         *dict.fromkeys(sentence for one in static for sentence in one[1].missing if "s of flight" not in sentence),
     )
     corrected = corrected_channels(flight.record, events)
     inside = log.window(flight.from_s, flight.to_s)
     courses = _courses(flight, events)
-    if not lengths:
-        notes.append("no window of the flight could be scanned for slow faults")
     return DiagnoseResult(
         log=log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz),
         decision=_decision(verdicts, events, config.require),
@@ -191,13 +193,13 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
 
 
 def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
-    """Return the log without channels that hold one value, and a sentence on each."""
-    frozen = [
-        name
-        for name, channel in log.channels.items()
-        if name in STANDARD and name not in ("flaps", "gear", "valid_airspeed") and _never_moves(channel.values)
-    ]
-    said = [f"'{name}' holds one value through the whole log: it was not used" for name in frozen]
+    """Return the log without the channels that hold one value although they are looked at, and a sentence on each."""
+    frozen = [name for name in (*USED, *INPUTS) if name in log.channels and _never_moves(log.channels[name].values)]
+    frozen = list(dict.fromkeys(frozen))
+    said = []
+    for name in frozen:
+        held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
+        said.append(f"'{name}' {held} through the whole log: it was not used")
     return said, replace(log, channels={name: one for name, one in log.channels.items() if name not in frozen})
 
 
@@ -206,7 +208,8 @@ def _never_moves(values: FloatArray) -> bool:
     return known.size == 0 or float(known.min()) == float(known.max())
 
 
-def _prepared(log: FlightLog, config: Config) -> Flight:
+def _prepared(log: FlightLog, config: Config) -> tuple[Flight, tuple[str, ...]]:
+    """Return what every step needs, and what is not used of the log."""
     log = with_seen_recorder(log)
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
     from_s = start_s if config.window.from_s is None else config.window.from_s
@@ -214,7 +217,9 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
     log.window(from_s, to_s)  # refuses one without samples
     if not {"tas", *IMPACT_SOURCES} & log.channels.keys():
         has = ", ".join(sorted(log.channels))
-        raise LogError(f"{log.path}: no airspeed and no impact pressure; the log has: {has}; map one with --channel")
+        raise LogError(
+            f"{log.path}: no airspeed and no impact pressure that changes; the log has: {has}; map one with --channel"
+        )
     for name in config.tolerances:
         if name not in log.channels:
             has = ", ".join(sorted(log.channels))
@@ -226,6 +231,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
             "map its airspeed with --channel"
         )
+    log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
     trapped = [
         (one.onset_ci95[0] - BRIDGE_S, stop_s if one.offset_s is None else one.offset_s + BRIDGE_S)
@@ -245,7 +251,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
             zero_lift, origin = zero_lift_of(record, phases, without=trapped), "the whole flight"
     if zero_lift is None:
         origin = "free in every window"
-    return Flight(
+    flight = Flight(
         log=log,
         record=record,
         phases=tuple(one for one in phases if one.to_s > from_s and one.from_s < to_s),
@@ -256,10 +262,11 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
         zero_lift_from=origin,
         tables=tables,
         false_alarm=config.diagnose.false_alarm,
-        moved=configuration_changes(phases),
+        moved=configuration_changes(phases, clean_up_s=clean_up_time(phases, record)),
         held=held,
         tolerances=config.tolerances,
     )
+    return flight, unlike
 
 
 def _windows(
@@ -496,11 +503,18 @@ def _limits(
     flight: Flight,
     judgements: Sequence[tuple[Scanned, Threshold, Look]],
     static: Sequence[tuple[Window, StaticRelations]],
+    events: Sequence[Event],
 ) -> tuple[FlightLimit, ...]:
     """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts.
 
-    Stretches in which flaps and gear are moved are left out, since nothing is declared there.
+    Stretches in which flaps and gear are moved are left out, since nothing is declared there, and windows with a
+    declared fault, which exclude no other of its size.
     """
+    left_out = [
+        (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
+        for one in events
+        if one.state == "declared"
+    ]
     bins = np.arange(flight.from_s, flight.to_s, BIN_S) + 0.5 * BIN_S
     best: dict[tuple[str, str], list[FlightLimit | None]] = {}
 
@@ -512,12 +526,19 @@ def _limits(
                 kept[k] = limit
 
     for one, threshold, _ in judgements:
-        moving = any(one.from_s < last and first < one.to_s for first, last in flight.moved)
-        for fault in () if moving else one.magnitude:
+        told = not any(one.from_s < last and first < one.to_s for first, last in (*flight.moved, *left_out))
+        for fault in one.magnitude if told else ():
             slope, reached = one.largest_hidden(fault, threshold.level)
             offer(_flight_limit(flight, fault, slope, reached, (one.from_s, one.to_s)))
+            if fault in AIRSPEEDS and fault == flight.record.airspeed and "q_impact" not in one.magnitude:
+                # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
+                window = (one.from_s, one.to_s)
+                limit = _flight_limit(flight, fault, slope, reached, window)
+                relative = 2.0 * slope / _speed(flight, window, fault)
+                offer(replace(limit, fault="pitot_icing", excluded_above=relative, unit="1/s"))
     for window, answer in static:
-        for of_relation in answer.limits:
+        told = not any(window[0] < last and first < window[1] for first, last in left_out)
+        for of_relation in answer.limits if told else ():
             offer(_of_limit(flight, of_relation, window))
     worst = (max((one for one in kept if one is not None), key=lambda one: one.effect) for kept in best.values())
     return tuple(sorted(worst, key=lambda one: (one.shape, one.fault)))
@@ -526,10 +547,7 @@ def _limits(
 def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, window: Window) -> FlightLimit:
     name, channel, unit, effect = fault, fault, STANDARD["tas"].unit, reached
     if fault == "q_impact":
-        # A relative loss of impact pressure is half as large, relative, in airspeed.
-        part = flight.record.between(*window)
-        speed = float(np.nanmean(part.channels["tas"]))
-        name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * speed
+        name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * _speed(flight, window)
     elif fault == "ground_speed":
         channel = "ground_speed"
     else:
@@ -549,6 +567,10 @@ def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, wind
         from_s=window[0],
         to_s=window[1],
     )
+
+
+def _speed(flight: Flight, window: Window, channel: str = "tas") -> float:
+    return float(np.nanmean(flight.record.between(*window).channels[channel]))
 
 
 def _of_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
@@ -584,17 +606,22 @@ def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
 def _verdicts(events: Sequence[Event], limits: Sequence[FlightLimit]) -> dict[Kind, Decision]:
     """Return the verdict on every kind: a slow fault is excluded where its limits on all airspeeds are tolerable.
 
+    Relations between airspeeds say nothing of the line that all are made of, so that its own limit is needed.
     How small a step or an oscillation could hide is told by `start-time` on a window: here they are only found.
     """
     verdicts: dict[Kind, Decision] = dict.fromkeys(KINDS, "inconclusive")
     suspected = {one.kind for one in events if one.state == "suspected"}
-    slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias", "mach")]
-    if slow and all(one.within_tolerance for one in slow) and "slow" not in suspected:
+    slow = [one for one in limits if one.shape == "drift" and one.channel in AIRSPEEDS]
+    if _bounds_line(slow) and all(one.within_tolerance for one in slow) and "slow" not in suspected:
         verdicts["slow"] = "no_fault"
     for one in events:
         if one.state == "declared":
             verdicts[one.kind] = "fault"
     return verdicts
+
+
+def _bounds_line(limits: Sequence[FlightLimit]) -> bool:
+    return any(one.fault == "pitot_icing" for one in limits)
 
 
 def _decision(verdicts: Mapping[Kind, Decision], events: Sequence[Event], required: Sequence[Kind]) -> Decision:
@@ -606,7 +633,7 @@ def _decision(verdicts: Mapping[Kind, Decision], events: Sequence[Event], requir
 def _summary(verdicts: Mapping[Kind, Decision], limits: Sequence[FlightLimit], *, looked_for_steps: bool) -> str:
     slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
     said = []
-    if verdicts["slow"] != "fault" and slow:
+    if verdicts["slow"] != "fault" and _bounds_line(slow):
         worst = max(slow, key=lambda one: one.effect)
         verb = "no slow fault above" if verdicts["slow"] == "no_fault" else "a slow fault could reach"
         end = "" if verdicts["slow"] == "no_fault" else " unseen"

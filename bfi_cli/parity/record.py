@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ..airdata import (
     DEPENDS_ON,
+    HIGHEST,
     IMPACT_SOURCES,
+    LOWEST,
     STATIC_SOURCES,
     air_data_of,
     channels_of,
@@ -41,6 +43,7 @@ USED: tuple[str, ...] = (
     "roll",
 )
 USED += ("normal_acc", "longitudinal_acc", "altitude_rate", "velocity_north", "velocity_east", "latitude", "longitude")
+USED += ("flaps", "gear")  # what moves the lift at an angle of attack
 KINEMATICS = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 
 
@@ -106,10 +109,15 @@ HYPOTHESES = (
 
 def record_of(log: FlightLog) -> Record:
     """Return the channels of a log that the residuals need, once a second."""
-    seconds = np.floor((log.time_s - log.time_s[0]) / STEP_S).astype(np.intp)
+    # The first second begins half a step before the first sample; in a log slower than a second that is its middle.
+    half = min(0.5 / log.rate_hz, 0.5 * STEP_S)
+    seconds = np.floor((log.time_s - log.time_s[0] + half) / STEP_S).astype(np.intp)
     n = int(seconds[-1]) + 1
     expected = log.rate_hz * STEP_S
     values = {name: log.channels[name].values for name in USED if name in log.channels}
+    if "altitude" in values:
+        altitude = values["altitude"]
+        values["altitude"] = np.where((altitude >= LOWEST) & (altitude <= HIGHEST), altitude, np.nan)
     if "altitude_rate" not in values and "altitude" in values:
         values["altitude_rate"] = np.gradient(values["altitude"], log.time_s)
     if "velocity_north" not in values and {"latitude", "longitude"} <= values.keys():
@@ -124,8 +132,7 @@ def record_of(log: FlightLog) -> Record:
     if not airspeed and set(STATIC_SOURCES) & channels.keys() and set(IMPACT_SOURCES) & channels.keys():
         airspeed = next(name for name in IMPACT_SOURCES if name in channels)
         channels["tas"] = _true_airspeed(channels)
-    # The first second begins half a step before the first sample.
-    time_s = float(log.time_s[0]) - 0.5 / log.rate_hz + STEP_S * (np.arange(n, dtype=np.float64) + 0.5)
+    time_s = float(log.time_s[0]) - half + STEP_S * (np.arange(n, dtype=np.float64) + 0.5)
     return Record(time_s=time_s, channels=channels, gained=gained, airspeed=airspeed)
 
 
@@ -188,12 +195,13 @@ def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
     """Return the faults that a record could show.
 
     With a single channel of airspeed, a fault of the pitot line and one of the channel are the same: the channel's.
+    Without a static pressure what a fault of the line makes of each channel is not known.
     """
     recorded = {name for name in record.channels if name != "tas" or record.airspeed == "tas"}
     airspeeds = recorded & set(IMPACT_SOURCES)
     possible = set(recorded)
-    if len(airspeeds) > 1:
+    if len(airspeeds) > 1 and recorded & set(STATIC_SOURCES):
         possible |= {"q_impact"}
-    if "velocity_north" in recorded:
+    if {"velocity_north", "velocity_east"} <= recorded:
         possible |= {"ground_speed"}
     return tuple(one for one in HYPOTHESES if one.fault in possible)

@@ -1,4 +1,4 @@
-"""Residuals that a healthy log keeps at a constant: lift, climb, kinematics and ground speed (docs/theory.md, 15.4)."""
+"""Residuals that a healthy log keeps at a constant: lift, climb, kinematics and ground speed (docs/theory.md, 15.7)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ResidualKind:
     needs : groups of channels, of each group one is enough.
     nuisances : (n, m) columns beside the constant, and the prior standard deviation of each.
     levels : of the fast noise, from which one is chosen; slow : from times, (n, n) covariance of the slow noise.
-        The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.4).
+        The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.7).
     """
 
     name: str
@@ -103,11 +103,20 @@ def _geometric_climb_rate(record: Record) -> FloatArray:
 def _climb(record: Record, constants: Constants) -> FloatArray:
     channels = record.channels
     rise = np.sin(climb_angle(channels["aoa"], channels["pitch"], channels["roll"]))
-    return np.degrees(_geometric_climb_rate(record) / channels["tas"] - rise)
+    speed = np.where(channels["tas"] > LEAST_SPEED, channels["tas"], np.nan)
+    return np.degrees(_geometric_climb_rate(record) / speed - rise)
 
 
 def _airspeed(record: Record, constants: Constants) -> FloatArray:
     return record.channels["tas"]
+
+
+# m/s^2, of a longitudinal accelerometer's bias, or of gravity along it by 0.3 degrees of attitude.
+BIAS_SD = 0.05
+
+
+def _bias_column(record: Record, constants: Constants) -> tuple[FloatArray, FloatArray]:
+    return (record.time_s - record.time_s[0])[:, None], np.array([BIAS_SD])
 
 
 def _kinematic_rate(record: Record) -> FloatArray:
@@ -128,15 +137,18 @@ def _ground(record: Record, constants: Constants) -> FloatArray:
     return np.asarray(_horizontal(record) - np.linalg.norm(_through_air(record, constants), axis=1))
 
 
+LEAST_SPEED = 1.0  # m/s; what is slower does not fly
 WIND_SD = 50.0  # m/s, a jet stream; it decides only what a flight straight ahead leaves open, the wind across
 
 
 def _wind_columns(record: Record, constants: Constants) -> tuple[FloatArray, FloatArray]:
     through = _through_air(record, constants)
-    ahead = through / np.linalg.norm(through, axis=1)[:, None]
-    if "altitude" not in record.channels:
+    size = np.linalg.norm(through, axis=1)
+    ahead = through / np.where(size > 0.0, size, np.nan)[:, None]
+    altitude = record.channels.get("altitude", np.empty(0))
+    if not np.isfinite(altitude).any():
         return ahead, np.array([WIND_SD, WIND_SD])
-    height = record.channels["altitude"] - np.nanmean(record.channels["altitude"])
+    height = altitude - np.nanmean(altitude)
     return np.column_stack([ahead, ahead * height[:, None]]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])
 
 
@@ -171,7 +183,7 @@ RESIDUALS = (
         needs=(("tas",), *((name,) for name in KINEMATICS)),
         values=_airspeed,
         rate=_kinematic_rate,
-        nuisances=None,
+        nuisances=_bias_column,
         levels=np.geomspace(0.1, 2.0, 8),
         slow=_random_walk(0.3),
     ),
@@ -210,7 +222,9 @@ def constants_of(record: Record, *, zero_lift: float | None) -> Constants:
     channels = record.channels
     wind = (0.0, 0.0)
     if {"velocity_north", "velocity_east", "altitude_rate"} <= channels.keys():
-        wind = constant_wind(channels["velocity_north"], channels["velocity_east"], _horizontal(record))
+        north, east, horizontal = channels["velocity_north"], channels["velocity_east"], _horizontal(record)
+        if np.isfinite(north + east + horizontal).any():
+            wind = constant_wind(north, east, horizontal)
     return Constants(
         speed=float(np.nanmean(channels["tas"])),
         # Where it is linearised; any wing with camber has it a few degrees below zero.

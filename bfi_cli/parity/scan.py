@@ -21,7 +21,7 @@ ONSET_STEP_S = 3.0
 FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0  # after the window's start and before its end
 # Of a deflection in rad, and of a gear that is down at 1: more is no play of a sensor.
 MOVED = {"flaps": 0.02, "gear": 0.2}
-FEWEST = 0.7  # of a window's seconds in which a residual must be known
+FEWEST = 0.7  # of the seconds of a window that the log samples, in which a residual must be known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ def ramps(time_s: FloatArray, onsets_s: FloatArray) -> FloatArray:
     return np.maximum(time_s[:, None] - onsets_s[None, :], 0.0)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=16)  # 6 MB each at 240 s
 def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> NoiseModel:
     known = ~np.frombuffer(missing, dtype=bool)
     model = next(one for one in RESIDUALS if one.name == kind)
@@ -76,14 +76,17 @@ def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str
     kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
     if not kinds or not np.isfinite(record.channels["tas"]).any():
         return None
-    if reason := _reconfigured(record):
+    reason = _reconfigured(record)
+    if reason and "lift" not in lacking:
         kinds = tuple(kind for kind in kinds if kind.name != "lift")
         lacking["lift"] = reason
     constants = constants_of(record, zero_lift=zero_lift)
     first, last = record.time_s[0] - 0.5 * STEP_S, record.time_s[-1] + 0.5 * STEP_S
     onsets_s = np.arange(first + FIRST_ONSET_S, last - LAST_ONSET_S + 1e-6, ONSET_STEP_S)
+    if not len(onsets_s):
+        return None
     courses = ramps(record.time_s, onsets_s)
-    n = len(record.time_s)
+    n, fewest = len(record.time_s), FEWEST * _samples(record)
     used: list[ResidualKind] = []
     residuals: list[Residual] = []
     masks: list[NDArray[np.bool_]] = []
@@ -94,7 +97,8 @@ def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str
             more, sd = kind.nuisances(record, constants)
             columns, prior_sd = np.column_stack([columns, more]), np.append(prior_sd, sd)
         known = np.isfinite(values) & np.isfinite(columns).all(axis=1)
-        if np.count_nonzero(known) < FEWEST * n:
+        if np.count_nonzero(known) < fewest:
+            lacking[kind.name] = _gaps(record, kind, fewest)
             continue
         noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
         used.append(kind)
@@ -119,6 +123,24 @@ def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str
     return replace(scan, ratios=ratios) if ratios else None
 
 
+def _samples(record: Record) -> float:
+    """Return how many samples a window has where there are no gaps: fewer than seconds in a slower log."""
+    n = len(record.time_s)
+    sampled = np.flatnonzero(np.any([np.isfinite(values) for values in record.channels.values()], axis=0))
+    return n / float(np.median(np.diff(sampled))) if len(sampled) > 1 else float(n)
+
+
+def _gaps(record: Record, kind: ResidualKind, fewest: float) -> str:
+    """Return which channels a residual that has too few values lacks."""
+    channels = record.channels
+    short = [
+        " or ".join(group)
+        for group in kind.needs
+        if not any(name in channels and np.isfinite(channels[name]).sum() >= fewest for name in group)
+    ]
+    return ", ".join(f"{names} without gaps" for names in short) or "flight with lift and airspeed"
+
+
 def _reconfigured(record: Record) -> str:
     """Return what moves that changes the lift at an angle of attack, "" for nothing."""
     for name in ("flaps", "gear"):
@@ -140,10 +162,22 @@ def residual_values(record: Record, original: Record, constants: Constants, kind
     if kind.rate is None:
         return values
     assert original.gained is not None
-    values = values - (original.gained - np.nanmean(original.gained))
+    gained = original.gained
+    if np.isfinite(gained).any():
+        gained = gained - np.nanmean(gained)
+    values = values - gained
     if record is not original:
-        values = values - _integral(np.nan_to_num(kind.rate(record) - kind.rate(original)))
+        values = values - _integral(_bridged(kind.rate(record) - kind.rate(original)))
     return values
+
+
+def _bridged(values: FloatArray) -> FloatArray:
+    """Return values with straight lines over what is not known."""
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return np.nan_to_num(values)
+    at = np.arange(len(values))
+    return np.asarray(np.interp(at, at[known], values[known]))
 
 
 def _integral(rates: FloatArray) -> FloatArray:
@@ -166,7 +200,7 @@ def fault_signatures(
         moved = (kind.values(other, scan.constants) - kind.values(record, scan.constants)) / hypothesis.size
         signature = moved[:, None] * courses
         if kind.rate is not None:
-            rates = np.nan_to_num(kind.rate(other) - kind.rate(record)) / hypothesis.size
+            rates = _bridged(kind.rate(other) - kind.rate(record)) / hypothesis.size
             signature = signature - _integral(rates[:, None] * courses)
         signature = np.nan_to_num(signature[known])
         found.append(signature if signature.any() else None)

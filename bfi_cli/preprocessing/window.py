@@ -12,13 +12,13 @@ from ..config import Config, merge
 from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
-from ..filters import Filter, response_of
+from ..filters import Filter, recorded_signal, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by
 from ..flightlog.quality import hold_of, is_uniform
 from ..flightlog.recorder import recorder_filters
-from ..kernels.decimation import WHITE, Lowpass
+from ..kernels.decimation import WHITE, Lowpass, decimate
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
@@ -26,7 +26,8 @@ from .regression import RegressionData, Signals, build_regression, decimate_sign
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
-__all__ = ["PreparedWindow", "must_resample", "prepare_window", "regression_of", "unusable_atoms", "with_inputs_of"]
+__all__ = ["PreparedWindow", "must_resample", "prepare_window", "regression_of", "shifted_signals", "shifts_within"]
+__all__ += ["unusable_atoms", "with_inputs_of", "with_onsets"]
 
 FloatArray = NDArray[np.float64]
 
@@ -38,6 +39,9 @@ STILL_ANGLE = 5e-4  # rad: a control surface that moves by less than 0.03 degree
 STILL_RELATIVE = 1e-6  # of the largest value: a constant stored in single precision moves by less
 SMALLEST = 1e-30  # the travel of a signal that is zero
 SAME_RATE = 1e-3  # relative error of a clock, within which a rate is a whole part of the log's
+# Conditioned samples between the onsets that are tried where they are known to a tolerance only: the low-pass leaves a
+# step a sample wide, so that the nearest of them misses the true onset by a quarter.
+ONSET_STEP = 0.5
 CONSTANT = 1e-9  # of an atom's largest value: a travel this small is round-off
 DEPENDENT = 1e-7  # of an atom's norm: a part this small that earlier atoms do not explain is round-off
 
@@ -225,6 +229,70 @@ def regression_of(window: PreparedWindow, config: Config, report: Report = silen
     LogError : the window has no rows for any order.
     """
     return build_regression(window.signals, window.live, config, orders=window.orders, report=report)
+
+
+def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> FloatArray:
+    """Return the times by which an entry may begin later than the dictionary states, half a sample apart, s.
+
+    0 is not among them, nor what would begin outside the window. None where it begins before the window, or where a
+    model explains the window to round-off: what differs from it by round-off says nothing about onsets.
+    """
+    start_s, stop_s = float(window.native.time_s[0]), float(window.native.time_s[-1])
+    onset_s = window.faults[entry].onset_s
+    if tolerance_s <= 0.0 or (window.exact and window.rate.factor == 1) or not start_s < onset_s < stop_s:
+        return np.zeros(0)
+    own_s = 1.0 / window.native.rate_hz
+    step_s = own_s * max(1, round(ONSET_STEP / window.signals.rate_hz / own_s))
+    far = int(np.floor(tolerance_s / step_s * (1.0 + SAME_RATE)))
+    shifts = step_s * np.concatenate([np.arange(-far, 0), np.arange(1, far + 1)])
+    return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
+
+
+def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Return the signal of an entry that begins and ends later by some times.
+
+    Parameters
+    ----------
+    shifts_s : seconds.
+
+    Returns
+    -------
+    (n_samples, n_outputs, n_shifts) at the log's own rate, and filtered and decimated as the window is.
+    """
+    time_s, fault = window.native.time_s, window.faults[entry]
+    output = [window.log.channel(name).name for name in window.outputs].index(window.log.channel(fault.channel).name)
+    native = np.zeros((len(time_s), len(window.outputs), len(shifts_s)))
+    for i, shift_s in enumerate(shifts_s):
+        moved = _later(fault, shift_s)
+        native[:, output, i] = recorded_signal(moved, time_s, window.response, window_start_s=window.window_start_s)
+    return native, decimate(native, window.rate.factor, window.lowpass)
+
+
+def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
+    """Return the window with entries that begin and end later by some seconds.
+
+    Parameters
+    ----------
+    shifts_s : seconds by entry.
+    """
+    if not shifts_s:
+        return window
+    faults, native, theta = list(window.faults), window.native.theta.copy(), window.signals.theta.copy()
+    for entry, shift_s in shifts_s.items():
+        faults[entry] = _later(window.faults[entry], shift_s)
+        own, decimated = shifted_signals(window, entry, [shift_s])
+        native[:, :, entry], theta[:, :, entry] = own[:, :, 0], decimated[:, :, 0]
+    return replace(
+        window,
+        faults=tuple(faults),
+        native=replace(window.native, theta=native),
+        signals=replace(window.signals, theta=theta),
+    )
+
+
+def _later(fault: Fault, shift_s: float) -> Fault:
+    offset_s = None if fault.offset_s is None else fault.offset_s + shift_s
+    return replace(fault, onset_s=fault.onset_s + shift_s, offset_s=offset_s)
 
 
 def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -> bool:

@@ -15,8 +15,9 @@ Window = tuple[float, float]
 BEFORE_S = 15.0
 # Relative, of the frequency of an oscillation where it begins and where it ends.
 FREQUENCY_TOLERANCE = 0.05
-# The order of trust: what a line or a relation shows is exact, what windows of a regression show is not.
-STAGES = ("sensors", "static relations", "holds", "parity", "scan")
+# The order of trust: what a line or a relation shows is exact, what windows of a regression show is not. A line that is
+# held goes before the relations that it disturbs.
+STAGES = ("sensors", "holds", "static relations", "parity", "scan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -49,7 +49,7 @@ class Case:
     ----------
     fault : its onset and end are drawn; name : what it is to be called.
     length_s : of the windows; tail_s : from the onset to the end of the window at least, None for a fault that grows.
-    alone : whether it must come first; else it may be one of a set of two.
+    among : how many names an event may have that holds it, 0 for an event that it names first.
     bare : whether the true airspeed is the only one in the log.
     onset_s, size : bars on the median error of the onset, and on that of the magnitude.
     """
@@ -59,7 +59,7 @@ class Case:
     bar: float
     length_s: float = 120.0
     tail_s: float | None = None
-    alone: bool = True
+    among: int = 0
     bare: bool = False
     onset_s: float | None = None
     size: float | None = None
@@ -84,7 +84,8 @@ def icing(share: float, bar: float, length_s: float) -> Case:
 
 
 WATER = Fault(shape="pitot_water", magnitude=0.025, frequency_hz=0.3)
-BARE = {"bare": True, "onset_s": 5.0, "size": 0.10}
+# With no other airspeed, the lift alone tells a drift, and hardly from one of the vane or the accelerometer.
+BARE = {"bare": True, "among": 4, "size": 0.10}
 CASES = (
     line("pitot_blocked", 0.95, 30.0),
     line("static_blocked", 0.93, 40.0),
@@ -92,12 +93,12 @@ CASES = (
     line("pitot_leak", 0.97, 30.0, 10.0),
     icing(0.0025, 0.80, 120.0),
     icing(0.001, 0.75, 240.0),
-    growing("tas", 0.1, 0.85, **BARE),
-    growing("tas", -0.1, 0.85, **BARE),
+    growing("tas", 0.1, 0.85, onset_s=5.0, **BARE),
+    growing("tas", -0.1, 0.85, onset_s=5.0, **BARE),
     growing("tas", 0.05, 0.75, length_s=240.0, **BARE),
     growing("tas", -0.05, 0.75, length_s=240.0, **BARE),
-    growing("aoa", float(np.deg2rad(0.02)), 0.85, alone=False),
-    growing("pitch", float(np.deg2rad(0.05)), 0.92, alone=False),
+    growing("aoa", float(np.deg2rad(0.02)), 0.85, among=2),
+    growing("pitch", float(np.deg2rad(0.05)), 0.92, among=2),
     Case(fault=Fault(shape="bias", channel="tas", magnitude=0.1), name="tas", bar=0.97, tail_s=40.0),
     Case(fault=Fault(shape="bias", channel="tas", magnitude=-0.1), name="tas", bar=0.97, tail_s=40.0),
     Case(fault=WATER, name="pitot_water", bar=0.90, tail_s=40.0),
@@ -159,7 +160,7 @@ def names(case: Case, event: Event) -> bool:
     """Whether an event is declared and called what it should be."""
     if event.state != "declared":
         return False
-    return event.fault == case.name if case.alone else case.name in event.among and len(event.among) <= 2
+    return event.fault == case.name if not case.among else case.name in event.among and len(event.among) <= case.among
 
 
 def said(result: DiagnoseResult) -> str:
@@ -169,7 +170,8 @@ def said(result: DiagnoseResult) -> str:
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_faults_are_named(pairs: Mapping[bool, Pair], case: Case) -> None:
-    rng, counts, right, onsets, sizes, covered = np.random.default_rng(1), Counter[str](), 0, [], [], 0
+    rng, counts, onsets, sizes = np.random.default_rng(1), Counter[str](), [], []
+    right, first, covered = 0, 0, 0
     for log, config, window in windows(pairs[case.bare], case.length_s):
         fault = placed(case, window, rng)
         result = diagnosed(inject(log, [fault]), config, window)
@@ -181,11 +183,12 @@ def test_faults_are_named(pairs: Mapping[bool, Pair], case: Case) -> None:
         right += 1
         onsets.append(abs(found.onset_s - fault.onset_s))
         covered += found.onset_ci95[0] <= fault.onset_s <= found.onset_ci95[1]
-        if found.magnitude is not None and found.shape == case.fault.shape:
+        first += found.fault == case.name
+        if found.fault == case.name and found.magnitude is not None and found.shape == case.fault.shape:
             sizes.append(abs(found.magnitude / case.fault.magnitude - 1.0))
     n = counts.total()
     assert right, counts
-    print(f"{case}: {right} of {n} named, onset {np.median(onsets):.1f} s off, {covered} onsets covered")
+    print(f"{case}: {right} of {n} named, {first} first; onset {np.median(onsets):.1f} s off, {covered} onsets covered")
     print(f"  {dict(counts.most_common())}")
     if sizes:
         print(f"  magnitude {np.median(sizes):.1%} off in {len(sizes)}")

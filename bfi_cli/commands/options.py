@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
 
-__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "advise", "channel_options", "config_of", "exit_code"]
+__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
-__all__ += ["outside_option", "pairs", "progress_option", "series_option", "window_options", "with_options"]
+__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "window_options", "with_options"]
 
 Command = Callable[..., Any]
 Callback = Callable[[click.Context, click.Parameter, Any], Any]
@@ -368,15 +368,22 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
     return tuple(path for path in named if path)
 
 
-def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
-    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
-    from ..flightlog.quality import advice_on_windows
+def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
+    """Return the configuration with what the log has in place of defaults that it lacks, and notes.
 
-    advice = advice_on_windows(flight) if (config.window.from_s, config.window.to_s) == (None, None) else None
-    if advice is None:
-        return ()
-    note(advice)
-    return (advice,)
+    They say what was taken, and which windows a long log has unless one was asked for; the terminal is told too.
+    """
+    from ..flightlog.quality import advice_on_windows
+    from ..preprocessing.defaults import with_defaults_of
+
+    asked = (config.window.from_s, config.window.to_s) != (None, None)
+    config, notes = with_defaults_of(flight, config)
+    window = flight.window(config.window.from_s, config.window.to_s)
+    if not asked and (advice := advice_on_windows(window)) is not None:
+        notes = (*notes, advice)
+    for sentence in notes:
+        note(sentence)
+    return config, notes
 
 
 class Answer(Protocol):

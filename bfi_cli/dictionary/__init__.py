@@ -1,5 +1,16 @@
 """A fault dictionary: the faults an analysis looks for, with the signals they would add to each output."""
 
-from .document import Dictionary, DictionaryDocument, dead_reason, expand, json_schema, load_dictionary, signals
+from .document import (
+    SHIPPED,
+    Dictionary,
+    DictionaryDocument,
+    dead_reason,
+    expand,
+    is_shipped,
+    json_schema,
+    load_dictionary,
+    signals,
+)
 
-__all__ = ["Dictionary", "DictionaryDocument", "dead_reason", "expand", "json_schema", "load_dictionary", "signals"]
+__all__ = ["SHIPPED", "Dictionary", "DictionaryDocument", "dead_reason", "expand", "is_shipped", "json_schema"]
+__all__ += ["load_dictionary", "signals"]

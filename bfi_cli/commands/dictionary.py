@@ -24,6 +24,8 @@ OF_A_LOG = {
     "channel_map": "--channel",
     "unit_map": "--unit",
     "group": "--group",
+    "sample_rate_hz": "--sample-rate",
+    "fill_s": "--fill",
 }
 
 

@@ -147,6 +147,10 @@ unit_map  --unit  units  NAME=UNIT  units
     The unit of a channel that states none, such as tas=kt; repeatable.
 group  --group  group  NAME  text
     HDF5 group or MATLAB struct that holds the channels.
+sample_rate_hz  --sample-rate  sample_rate_hz  HZ  positive
+    Samples per second of a log that has no time axis.
+fill_s  --fill  fill_s  S  positive
+    Interpolate stretches of missing samples (NaN) up to this long.  [default: none]
 rate  --rate  conditioning.rate_hz  HZ|none|auto  number_or_word
     Rate of the analysis; none is the log's own.  [default: auto]
 order  --order  model.order  N|auto  number_or_word
@@ -261,7 +265,7 @@ def _rows() -> dict[str, Option]:
 OPTIONS = _rows()
 # The long flag of every key, for messages.
 FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if row.key}
-CHANNELS = ("channel_map", "unit_map", "group")
+CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "fill_s")
 SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
@@ -356,8 +360,16 @@ def log_of(path: str, config: Config) -> FlightLog:
     if config.detect.train is not None and from_s is not None:
         from_s = min(from_s, config.detect.train[0])
     from_s, to_s = with_reach(rate if isinstance(rate, float) else None, from_s, to_s)
-    names = {"channel_map": dict(config.channels), "unit_map": dict(config.units)}
-    return read_log(path, group=config.group, from_s=from_s, to_s=to_s, **names)
+    return read_log(
+        path,
+        group=config.group,
+        channel_map=dict(config.channels),
+        unit_map=dict(config.units),
+        from_s=from_s,
+        to_s=to_s,
+        sample_rate_hz=config.sample_rate_hz,
+        fill_s=config.fill_s,
+    )
 
 
 def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:

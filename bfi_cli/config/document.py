@@ -305,6 +305,10 @@ class Config(Rules):
     """Name in the log: the unit it does not state."""
     group: Text | None = None
     """HDF5 group or MATLAB struct that holds the channels."""
+    sample_rate_hz: Positive | None = None
+    """Samples per second of a log that has no time axis."""
+    fill_s: Positive | None = None
+    """Stretches of missing samples (NaN) up to this long, s, are interpolated; default none."""
     window: Window = Window()
     tolerances: Mapping[Text, Positive] = Field(default_factory=dict)
     """Output: the largest error that may stay unseen, SI; default by the channel, see docs/formats.md."""

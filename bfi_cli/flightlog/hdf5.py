@@ -67,12 +67,13 @@ class _Signal:
         return RawColumn(source=self.name, values=self.values(rows), unit=self.unit)
 
 
-def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
+def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf, rate_hz: float | None = None) -> RawLog:
     """Read an HDF5 or MATLAB v7.3 log; a large one only between the times of `span`, in seconds.
 
     Parameters
     ----------
     time_of : returns the column that is the time axis, with its unit, None where there is none.
+    rate_hz : of a log without one, in place of what the file states.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf) -> R
 
     try:
         with h5py.File(path, "r") as file:
-            return _read(path, file, group, span, time_of)
+            return _read(path, file, group, span, time_of, rate_hz)
     except (LogError, MemoryError):
         raise
     except Exception as error:  # a damaged file can make the HDF5 library raise anything
@@ -91,7 +92,7 @@ def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf) -> R
         ) from None
 
 
-def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
+def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: TimeOf, rate_hz: float | None) -> RawLog:
     import h5py
 
     root = dict(_members(path, file))
@@ -111,7 +112,9 @@ def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: Ti
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
         clean = {name.removesuffix(CLEAN): signal for name, signal in injected.items() if name.endswith(CLEAN)}
     stated = next((one for one in (node, file) if "sample_rate_hz" in one.attrs), None)
-    rate = None if stated is None else rate_of(path, _attribute(stated, "sample_rate_hz"))
+    rate = rate_hz
+    if rate is None and stated is not None:
+        rate = rate_of(path, _attribute(stated, "sample_rate_hz"))
     rows, notes = _rows(path, signals, list(clean.values()), rate, span, time_of)
     columns = [signal.column(rows) for signal in signals.values()]
     texts = (_text(_attribute(one, "segments")) or "[]" for one in (node, file))

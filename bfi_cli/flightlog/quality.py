@@ -14,10 +14,12 @@ from ..errors import LogError
 from ..filters import Filter
 from .derived import DERIVED, missing_for
 from .holds import Hold, find_hold, find_quantum, repeat_fraction
-from .record import FlightLog, FloatArray, Segment
+from .rates import AS_FAST
+from .record import Channel, FlightLog, FloatArray, Segment
 
-__all__ = ["ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport", "advice_on_windows"]
-__all__ += ["gap_starts", "hold_of", "inspect_log", "is_uniform", "require_usable", "time_jitter"]
+__all__ = ["UNEVEN", "ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport"]
+__all__ += ["advice_on_windows", "gap_starts", "held_hz", "hold_of", "inspect_log", "is_uniform", "require_usable"]
+__all__ += ["time_jitter"]
 
 LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
@@ -166,15 +168,15 @@ def inspect_log(log: FlightLog) -> LogReport:
     channels, flying = [], _flying(log)
     for channel in log.channels.values():
         finite = channel.values[np.isfinite(channel.values)]
-        hold = hold_of(log, channel.values)
+        held = held_hz(log, channel)
         report = ChannelReport(
             name=channel.name,
             unit=channel.unit,
             source=channel.source,
             own_rate_hz=None if channel.own_rate_hz is None else float(f"{channel.own_rate_hz:.6g}"),
             n_nan=channel.values.size - finite.size,
-            held_fraction=0.0 if hold is None else repeat_fraction(finite),
-            hold_period_s=None if hold is None else hold.period / log.rate_hz,
+            held_fraction=0.0 if held is None else repeat_fraction(finite),
+            hold_period_s=None if held is None else 1.0 / held,
             quantum=find_quantum(finite),
             min=float(finite.min()) if finite.size else None,
             max=float(finite.max()) if finite.size else None,
@@ -233,6 +235,17 @@ def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
     return find_hold(values[finite], _position(log.time_s)[finite])
 
 
+def held_hz(log: FlightLog, channel: Channel) -> float | None:
+    """Return the rate of a channel that is held between values of its own, None for one that is not.
+
+    The file tells it where its signals have clocks of their own, else the values do.
+    """
+    if channel.own_rate_hz is not None and channel.own_rate_hz < AS_FAST * log.rate_hz:
+        return channel.own_rate_hz
+    hold = hold_of(log, channel.values)
+    return None if hold is None else log.rate_hz / hold.period
+
+
 def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = False) -> None:
     """Check that the channels can be analysed.
 
@@ -269,8 +282,8 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
             "give --rate to resample, or cut the window with --from/--to"
         )
     for channel in channels:
-        if (hold := hold_of(log, channel.values)) is not None:
-            rate, repeated = f"{log.rate_hz / hold.period:.3g}", 100.0 * repeat_fraction(channel.values)
+        if (held := held_hz(log, channel)) is not None:
+            rate, repeated = f"{held:.3g}", 100.0 * repeat_fraction(channel.values)
             raise LogError(
                 f"{log.path}: '{channel.name}' repeats its value {repeated:.0f} % of the time (held samples, about "
                 f"{rate} Hz); give --rate {rate} to decimate"

@@ -10,7 +10,7 @@ from ..provenance import Provenance
 from ..report.content import ReportContent, Table
 from ..serialization import to_plain
 from ..shapes import SHAPES
-from .quality import LogReport
+from .quality import UNEVEN, LogReport
 from .record import FlightLog
 
 __all__ = ["describe_injected", "info_content", "info_document", "log_content", "log_document", "log_lines"]
@@ -42,7 +42,13 @@ def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
 def info_content(document: Plain) -> ReportContent:
     """Return what the report of a document of `bfi info` holds."""
     log = document["log"]
-    step = "uniform" if document["uniform"] else f"not uniform, off by up to {100 * document['jitter']:.3g} %"
+    count = len(document["gaps"])
+    if document["uniform"]:
+        step = "uniform"
+    elif document["jitter"] <= UNEVEN:
+        step = f"uniform but for {count} gap{'s' * (count > 1)}"
+    else:
+        step = f"not uniform, off by up to {100 * document['jitter']:.3g} %"
     size = f"{log['n_samples']} samples at {log['rate_hz']:.4g} Hz, {log['start_s']:g} s to {log['stop_s']:g} s"
     gaps = [(gap["start_s"], gap["stop_s"]) for gap in document["gaps"]]
     return ReportContent(

@@ -16,7 +16,7 @@ from ..channels import INPUTS
 from ..config import Config, merge
 from ..flightlog import Channel, FlightLog
 from ..flightlog.airborne import airborne_stretches
-from ..flightlog.quality import gap_starts, hold_of
+from ..flightlog.quality import gap_starts, held_hz
 
 __all__ = ["with_defaults_of"]
 
@@ -24,8 +24,6 @@ OTHER_AIRSPEEDS = ("cas", "ias")
 # What moves an aircraft lengthwise, and what shows that it does: one of each group, the first that moves.
 SURFACES = tuple(name for name in INPUTS if name.startswith("elevator"))
 IN_PLACE_OF_ELEVATOR = (SURFACES, ("throttle", "n1_left", "n1_right"), ("pitch",), ("longitudinal_acc",))
-# A signal at less than this part of the log's rate is held between values of its own, as in `flightlog.rates`.
-AS_FAST = 0.9
 # An aircraft that stands or rolls is lower than the lowest hundredth of its flight by less than this part of what it
 # flew above it: an airport may lie above another. Chosen without a tuning record.
 LOW = 0.2
@@ -84,9 +82,7 @@ def _inputs(log: FlightLog, config: Config) -> tuple[str, ...]:
 
 def _moves(log: FlightLog, channel: Channel) -> bool:
     """Say whether a channel moves, and is not held between values of a lower rate."""
-    if _own_rate(log, channel) < AS_FAST * log.rate_hz:
-        return False
-    return bool(np.ptp(_finite(channel)) > 0.0) and hold_of(log, channel.values) is None
+    return bool(np.ptp(_finite(channel)) > 0.0) and held_hz(log, channel) is None
 
 
 def _finite(channel: Channel) -> NDArray[np.float64]:

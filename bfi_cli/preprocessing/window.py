@@ -15,7 +15,7 @@ from ..faults import Fault
 from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.derived import with_derived
-from ..flightlog.quality import hold_of, is_uniform
+from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
@@ -222,7 +222,7 @@ def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -
         return False
     ratio = part.rate_hz / rate_hz
     whole = ratio > 1.0 - SAME_RATE and abs(ratio - round(ratio)) < SAME_RATE * ratio
-    held = (hold_of(part, part.channel(name).values) for name in names)
+    held = (held_hz(part, part.channel(name)) is not None for name in names)
     return not whole or not is_uniform(part.time_s) or any(held)
 
 

@@ -13,7 +13,7 @@ from ..channels import INPUTS, STANDARD
 from ..errors import LogError
 from ..filters import Filter
 from .derived import DERIVED, missing_for
-from .holds import Hold, find_hold, find_quantum, repeat_fraction
+from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from .rates import AS_FAST
 from .record import Channel, FlightLog, FloatArray, Segment
 
@@ -167,14 +167,16 @@ def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
     channels, flying = [], _flying(log)
     for channel in log.channels.values():
-        finite = channel.values[np.isfinite(channel.values)]
+        values = channel.values  # of a large file read here, once
+        is_finite = np.isfinite(values)
+        finite = values if is_finite.all() else values[is_finite]
         held = held_hz(log, channel)
         report = ChannelReport(
             name=channel.name,
             unit=channel.unit,
             source=channel.source,
             own_rate_hz=None if channel.own_rate_hz is None else float(f"{channel.own_rate_hz:.6g}"),
-            n_nan=channel.values.size - finite.size,
+            n_nan=values.size - finite.size,
             held_fraction=0.0 if held is None else repeat_fraction(finite),
             hold_period_s=None if held is None else 1.0 / held,
             quantum=find_quantum(finite),
@@ -232,7 +234,8 @@ def advice_on_windows(log: FlightLog) -> str | None:
 def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
     """Return the clock of a held signal (n_samples,) of the log, NaN left out; None where it is not held."""
     finite = np.isfinite(values)
-    return find_hold(values[finite], _position(log.time_s)[finite])
+    known = values if finite.all() else values[finite]
+    return find_hold(known, _position(log.time_s)[finite]) if may_be_held(known) else None
 
 
 def held_hz(log: FlightLog, channel: Channel) -> float | None:

@@ -18,7 +18,7 @@ from ..units import si_unit, to_si
 from .filling import with_filled
 from .quality import is_uniform
 from .raw import RawColumn, RawLog, Span, TimeOf, different_length
-from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
+from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .tlog import is_tlog
 
@@ -180,20 +180,13 @@ def _assemble(
         if name == "time" and stated is None:
             stated, assumed = _unit_of_time(path, column)
             notes += assumed
+        known = stated
         if stated is not None and si_unit(stated) is None and name not in STANDARD:
             notes.append(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
-            values, unit = column.values, ""
-        else:
-            values, unit = to_si(column.values, stated or "", where=f"{path}: '{column.source}'")
-        values = frozen_array(values)
-        taken[name] = Channel(
-            name=name,
-            values=values,
-            unit=unit,
-            source=column.source,
-            source_unit=stated,
-            own_rate_hz=column.rate_hz,
-        )
+            known = None
+        if column.read is not None and column.rows is not None and name == "time":
+            column = replace(column, values=column.read(column.rows), read=None)
+        taken[name] = _channel(path, name, column, known, stated)
     if not taken.keys() - {"time"}:
         raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
     time = taken.pop("time", None)
@@ -213,8 +206,8 @@ def _assemble(
     order = [column.source for column in raw.columns]
     channels = dict(sorted(taken.items(), key=lambda item: order.index(item[1].source)))
     for channel in channels.values():
-        if channel.values.size != time_s.size:
-            raise different_length(path, channel.source, channel.values.size, time_s.size)
+        if channel.n_samples != time_s.size:
+            raise different_length(path, channel.source, channel.n_samples, time_s.size)
     bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
     units = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
     if units:
@@ -238,6 +231,30 @@ def _assemble(
         sha256=sha256,
         notes=tuple(notes),
     )
+
+
+def _channel(path: str, name: str, column: RawColumn, unit: str | None, stated: str | None) -> Channel:
+    """Return a column as a channel in SI units, read-only; one that is left in its file stays there."""
+    where, read = f"{path}: '{column.source}'", column.read
+    values, si = to_si(column.values, unit or "", where=where)
+    values.setflags(write=False)
+    if read is None or column.rows is None:
+        return Channel(
+            name=name,
+            values=values,
+            unit=si,
+            source=column.source,
+            source_unit=stated,
+            own_rate_hz=column.rate_hz,
+        )
+
+    def in_si(rows: slice) -> FloatArray:
+        part = read(rows)
+        part = to_si(part, unit, where=where)[0] if unit and si_unit(unit) != unit else part
+        part.setflags(write=False)
+        return part
+
+    return StoredChannel(name=name, read=in_si, rows=column.rows, unit=si, source=column.source, source_unit=stated)
 
 
 def _time_column(
@@ -379,7 +396,7 @@ def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog, rate_
             f"{path}: no time axis, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: "
             f"{', '.join(sorted(channels))}; map one with --channel time=NAME, or give --sample-rate HZ"
         )
-    samples = raw.first_sample + np.arange(next(iter(channels.values())).values.size)
+    samples = raw.first_sample + np.arange(next(iter(channels.values())).n_samples)
     if not (0.0 < rate_hz <= FASTEST) or samples[-1] / rate_hz > LATEST:
         raise LogError(f"{path}: sample_rate_hz is no rate of a recorder, got {rate_hz:g} Hz; mend it")
     return frozen_array(samples / rate_hz)

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault
-from ..filters import recorded_signal
 from ..kernels.covariance import single_additions, unfold
-from ..kernels.decimation import decimate
 from ..kernels.progress import Report, parts, silent
 from ..kernels.variable_projection import Fit
+from .fault_signals import decimated_fault
 from .regression import RegressionData
 from .window import PreparedWindow
 
@@ -51,14 +50,19 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
         lasting = None if fault.offset_s is None else fault.offset_s - fault.onset_s
         family = replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
         if family not in known:
-            raw = np.empty((len(time_s), N_ONSETS))
+            output = channels.index(window.log.channel(fault.channel).name)
+            theta = np.zeros((len(regression.layout.y), len(channels), N_ONSETS))
             for i, onset in enumerate(onsets.tolist()):
                 shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
-                raw[:, i] = recorded_signal(shifted, time_s, window.response, window_start_s=window.window_start_s)
-            filtered = decimate(raw, window.rate.factor, window.lowpass)
-            output = channels.index(window.log.channel(fault.channel).name)
-            theta = np.zeros((len(filtered), len(channels), N_ONSETS))
-            theta[:, output] = filtered / regression.unit[output]
+                filtered, _ = decimated_fault(
+                    shifted,
+                    time_s,
+                    window.rate.factor,
+                    window.lowpass,
+                    window_start_s=window.window_start_s,
+                    response=window.response,
+                )
+                theta[:, output, i] = filtered / regression.unit[output]
             # Each shifted signal is added alone to the fit.
             layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
             added = single_additions(same, unfold(layout, same))

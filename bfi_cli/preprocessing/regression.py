@@ -16,8 +16,10 @@ from ..kernels.lagged import Compressed, compress, restrict, with_fault, with_sc
 from ..kernels.progress import Report, silent
 from ..kernels.running_weights import running_weights
 from ..kernels.variable_projection import ProjectedRegression, fit_magnitudes, project_inputs
+from .fault_signals import FaultSignals
 
-__all__ = ["RegressionData", "Signals", "build_regression", "decimate_signals", "feasible_orders"]
+__all__ = ["NativeSignals", "RegressionData", "Signals", "build_regression", "decimate_native", "decimate_signals"]
+__all__ += ["feasible_orders", "longest_order"]
 
 FloatArray = NDArray[np.float64]
 
@@ -53,6 +55,55 @@ class Signals:
     u: FloatArray
     y: FloatArray
     theta: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NativeSignals:
+    """Inputs and outputs of a window at the log's own rate, as in `Signals`, and what makes those of the dictionary."""
+
+    path: str
+    rate_hz: float
+    time_s: FloatArray
+    u: FloatArray
+    y: FloatArray
+    faults: FaultSignals
+
+    def between(self, rows: slice) -> Signals:
+        """Return the signals of these samples."""
+        return Signals(
+            path=self.path,
+            rate_hz=self.rate_hz,
+            factor=1,
+            time_s=self.time_s[rows],
+            u=self.u[rows],
+            y=self.y[rows],
+            theta=self.faults.between(rows),
+        )
+
+
+def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE) -> tuple[Signals, FloatArray]:
+    """Filter and decimate all signals alike, those of the dictionary one by one.
+
+    Returns
+    -------
+    The signals, and (n_faults,) the largest value of each entry's at the log's own rate.
+
+    Raises
+    ------
+    LogError : the window is shorter than the filter.
+    """
+    bare = Signals(
+        path=native.path,
+        rate_hz=native.rate_hz,
+        factor=1,
+        time_s=native.time_s,
+        u=native.u,
+        y=native.y,
+        theta=np.empty((*native.y.shape, 0)),
+    )
+    decimated = decimate_signals(bare, factor, lowpass)
+    theta, largest = native.faults.decimated(factor, lowpass)
+    return replace(decimated, theta=theta), largest
 
 
 def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) -> Signals:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config, merge
-from ..dictionary import Dictionary, dead_reason, signals
+from ..dictionary import Dictionary, dead_reason
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..filters import Filter, response_of
@@ -20,7 +20,8 @@ from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
-from .regression import RegressionData, Signals, build_regression, decimate_signals, longest_order
+from .fault_signals import FaultSignals
+from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
@@ -50,6 +51,7 @@ class PreparedWindow:
     faults : every dictionary entry, times on the log's axis; names : their names.
     reasons : why an entry is left out, by index; live : the indices of the others.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
+    largest : (n_faults,) the largest value of every entry's signal at the log's own rate.
     filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
     recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
         is none or none is known.
@@ -65,8 +67,9 @@ class PreparedWindow:
     names: tuple[str, ...]
     reasons: Mapping[int, str]
     live: tuple[int, ...]
-    native: Signals
+    native: NativeSignals
     signals: Signals
+    largest: FloatArray
     rate: RateChoice
     filters: tuple[Filter, ...]
     response: Response
@@ -119,33 +122,34 @@ def prepare_window(
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
 
-    def dictionary_signals(time_s: FloatArray) -> FloatArray:
-        theta = np.zeros((len(time_s), len(config.outputs), len(faults)))
-        theta[:, :, list(seen)] = signals(
-            list(seen.values()), time_s, list(config.outputs), window_start_s=start_s, response=response
-        )
-        return theta
-
+    made = FaultSignals(
+        faults=faults,
+        seen=tuple(seen),
+        outputs=config.outputs,
+        time_s=part.time_s,
+        window_start_s=start_s,
+        response=response,
+    )
     if must_resample(part, used, rate_hz):
         assert not isinstance(rate_hz, str)
-        part, theta = resample_with(log, dictionary_signals(log.time_s), rate_hz, from_s=from_s, to_s=to_s)
+        theta = replace(made, time_s=log.time_s).between(slice(None))
+        part, theta = resample_with(log, theta, rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         added = (part.filters or ())[len(log.filters or ()) :]
         filters = (*filters, *added)
         response = response_of(filters, part.rate_hz)
-    else:
-        theta = dictionary_signals(part.time_s)
+        made = replace(made, time_s=part.time_s, response=response, resampled=theta)
     _require_movement(part, config)
 
     u, y = part.signals(config.inputs), part.signals(config.outputs)
-    native = Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta)
+    native = NativeSignals(path=part.path, rate_hz=part.rate_hz, time_s=part.time_s, u=u, y=y, faults=made)
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
     rate = choose_rate(
         native, list(seen.values()), exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose
     )
-    decimated = decimate_signals(native, rate.factor, lowpass)
+    decimated, largest = decimate_native(native, rate.factor, lowpass)
     reasons |= unusable_atoms(decimated.theta, names, tuple(seen), report)
     live = tuple(j for j in seen if j not in reasons)
     if not live:
@@ -160,6 +164,7 @@ def prepare_window(
         live=live,
         native=native,
         signals=decimated,
+        largest=largest,
         rate=rate,
         filters=filters,
         response=response,

@@ -98,6 +98,10 @@ def decimated_fault(
     pieces, largest = [], 0.0
     for start in range(0, max(len(time_s) - reach, 1), step):
         part = time_s[start : start + step + reach]
+        # Nothing of a fault shows before its onset by more than the response of the filters reaches.
+        if len(part) > max(reach, 1) and part[-1] + (response.before + 1) * (part[-1] - part[-2]) < fault.onset_s:
+            pieces.append(np.zeros((min(len(part), step - factor + 1 + reach) - reach - 1) // factor + 1))
+            continue
         signal = recorded_signal(fault, part, response, window_start_s=window_start_s)
         largest = max(largest, float(np.max(np.abs(signal), initial=0.0)))
         pieces.append(decimate(signal[: step - factor + 1 + reach], factor, lowpass))

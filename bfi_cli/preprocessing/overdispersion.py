@@ -28,6 +28,8 @@ FloatArray = NDArray[np.float64]
 # last tenth are left out, where a fault acts on the lags alone or on too few samples.
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
+# Of the signals that are added at once, for memory: of a day at 2 Hz those of a third of the onsets.
+MOST_VALUES = 2 * 10**6
 
 
 def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit, report: Report = silent) -> FloatArray:
@@ -51,22 +53,24 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
         family = replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
         if family not in known:
             output = channels.index(window.log.channel(fault.channel).name)
-            theta = np.zeros((len(regression.layout.y), len(channels), N_ONSETS))
-            for i, onset in enumerate(onsets.tolist()):
-                shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
-                filtered, _ = decimated_fault(
-                    shifted,
-                    time_s,
-                    window.rate.factor,
-                    window.lowpass,
-                    window_start_s=window.window_start_s,
-                    response=window.response,
-                )
-                theta[:, output, i] = filtered / regression.unit[output]
-            # Each shifted signal is added alone to the fit.
-            layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
-            added = single_additions(same, unfold(layout, same))
-            squares = (added.magnitude**2 / added.variance)[len(fit.atoms) :]
+            squares = np.empty(0)
+            for some in np.array_split(onsets, -(-N_ONSETS * len(regression.layout.y) // MOST_VALUES)):
+                theta = np.zeros((len(regression.layout.y), len(channels), len(some)))
+                for i, onset in enumerate(some.tolist()):
+                    shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
+                    filtered, _ = decimated_fault(
+                        shifted,
+                        time_s,
+                        window.rate.factor,
+                        window.lowpass,
+                        window_start_s=window.window_start_s,
+                        response=window.response,
+                    )
+                    theta[:, output, i] = filtered / regression.unit[output]
+                # Each shifted signal is added alone to the fit.
+                layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
+                added = single_additions(same, unfold(layout, same))
+                squares = np.append(squares, (added.magnitude**2 / added.variance)[len(fit.atoms) :])
             seen = squares[np.isfinite(squares)]
             known[family] = max(1.0, float(np.mean(seen))) if seen.size else 1.0
         factors[n] = known[family]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import LogError
+from ..flightlog import FlightLog
 from ..kernels.covariance import Layout, unfold
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, compress, restrict, with_fault, with_scaled_outputs
@@ -59,14 +60,43 @@ class Signals:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NativeSignals:
-    """Inputs and outputs of a window at the log's own rate, as in `Signals`, and what makes those of the dictionary."""
+    """The window of a log, as `Signals` of its own rate are made of it: of a large log only when they are asked for.
 
-    path: str
-    rate_hz: float
-    time_s: FloatArray
-    u: FloatArray
-    y: FloatArray
+    Attributes
+    ----------
+    log : the window; inputs, outputs : names of its channels.
+    faults : what makes the signals of the dictionary.
+    """
+
+    log: FlightLog
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
     faults: FaultSignals
+
+    @property
+    def path(self) -> str:
+        """Of the log, for messages."""
+        return self.log.path
+
+    @property
+    def rate_hz(self) -> float:
+        """Of the log."""
+        return self.log.rate_hz
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n_samples,)."""
+        return self.log.time_s
+
+    @property
+    def u(self) -> FloatArray:
+        """(n_samples, n_inputs)."""
+        return self.log.signals(self.inputs)
+
+    @property
+    def y(self) -> FloatArray:
+        """(n_samples, n_outputs)."""
+        return self.log.signals(self.outputs)
 
     def between(self, rows: slice) -> Signals:
         """Return the signals of these samples."""
@@ -99,7 +129,7 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
         time_s=native.time_s,
         u=native.u,
         y=native.y,
-        theta=np.empty((*native.y.shape, 0)),
+        theta=np.empty((native.log.n_samples, len(native.outputs), 0)),
     )
     decimated = decimate_signals(bare, factor, lowpass)
     theta, largest = native.faults.decimated(factor, lowpass)

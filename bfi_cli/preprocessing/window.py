@@ -141,8 +141,7 @@ def prepare_window(
         made = replace(made, time_s=part.time_s, response=response, resampled=theta)
     _require_movement(part, config)
 
-    u, y = part.signals(config.inputs), part.signals(config.outputs)
-    native = NativeSignals(path=part.path, rate_hz=part.rate_hz, time_s=part.time_s, u=u, y=y, faults=made)
+    native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made)
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
@@ -268,7 +267,8 @@ def unusable_atoms(
     reasons: dict[int, str] = {}
     n, n_y, _ = theta.shape
     flat = theta.reshape(n * n_y, theta.shape[2])
-    basis = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
+    bases = np.empty((n * n_y, n_y + len(indices)), order="F")
+    bases[:, :n_y] = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
     kept: list[int] = []
     for j, _ in parts(report, indices):
         signal, name = flat[:, j], names[j]
@@ -281,10 +281,11 @@ def unusable_atoms(
                 f"'{name}' does not change in the window, so the model's constant explains it; move its onset inside"
             )
             continue
+        basis = bases[:, : n_y + len(kept)]
         rest = signal - basis @ (basis.T @ signal)
         rest -= basis @ (basis.T @ rest)
         if np.linalg.norm(rest) > DEPENDENT * size:
-            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+            bases[:, n_y + len(kept)] = rest / np.linalg.norm(rest)
             kept.append(j)
             continue
         likeness = [abs(float(signal @ flat[:, i])) / float(np.linalg.norm(flat[:, i])) for i in kept]

@@ -390,9 +390,9 @@ def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]
 
     asked = (config.window.from_s, config.window.to_s) != (None, None)
     config, notes = with_defaults_of(flight, config)
-    window = flight.window(config.window.from_s, config.window.to_s)
-    if not asked and (advice := advice_on_windows(window)) is not None:
-        notes = (*notes, advice)
+    whole = (config.window.from_s, config.window.to_s) == (None, None)
+    if not asked and (advice := advice_on_windows(flight, whole=whole)) is not None:
+        notes = (advice, *notes)
     for sentence in notes:
         note(sentence)
     return config, notes

@@ -218,16 +218,21 @@ def _pressures(name: str, log: FlightLog) -> tuple[str, ...]:
     return () if name == "sat" and "tat" not in log.channels else DEPENDS_ON.get(name, ())
 
 
-def advice_on_windows(log: FlightLog) -> str | None:
-    """Return a sentence that names the windows with the most moves; None where the log is not long."""
+def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:
+    """Return a sentence that names the windows with the most moves; None where the log is not long.
+
+    Parameters
+    ----------
+    whole : the whole log is analysed, which the sentence says.
+    """
     duration_s = float(log.time_s[-1] - log.time_s[0])
     if duration_s <= LONG_S:
         return None
     windows = _suggested_windows(log, at_most=MOST_NAMED)
     named = [f"--from {w.start_s:.10g} --to {w.stop_s:.10g} ({w.channel})" for w in windows]
     return (
-        f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}; "
-        "the whole record is analysed"
+        f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}"
+        f"{'; the whole record is analysed' * whole}"
     )
 
 
@@ -347,12 +352,14 @@ def _move_times(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> FloatAr
 def _suggested_windows(log: FlightLog, *, at_most: int) -> tuple[ExcitedWindow, ...]:
     """Return the stretches without gaps in which the first input that moves at all does so, in order of time.
 
+    In a log without inputs the pitch attitude, which they move, takes their place.
+
     Parameters
     ----------
     at_most : the stretches with the most moves are kept.
     """
     gaps, flying = _gaps(log), _flying(log)
-    for name in _inputs(log):
+    for name in _inputs(log) or [name for name in ("pitch",) if name in log.channels]:
         times = _move_times(log, name, flying)
         # Moves are apart where the input rests for longer than the margins, or the log has a gap.
         rests = np.diff(times) > BEFORE_S + AFTER_S

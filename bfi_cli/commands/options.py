@@ -383,8 +383,10 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
 def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
     """Return the configuration with what the log has in place of defaults that it lacks, and notes.
 
-    They say what was taken, and which windows a long log has unless one was asked for; the terminal is told too.
+    They say what was taken, which windows a long log has unless one was asked for, and ask about values that cannot be
+    and units that nobody has stated; the terminal is told too.
     """
+    from ..flightlog.plausible import doubts_about
     from ..flightlog.quality import advice_on_windows
     from ..preprocessing.defaults import with_defaults_of
 
@@ -393,6 +395,7 @@ def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]
     whole = (config.window.from_s, config.window.to_s) == (None, None)
     if not asked and (advice := advice_on_windows(flight, whole=whole)) is not None:
         notes = (advice, *notes)
+    notes = (*notes, *doubts_about(flight, (*config.outputs, *config.inputs)))
     for sentence in notes:
         note(sentence)
     return config, notes

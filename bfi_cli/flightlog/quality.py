@@ -14,6 +14,7 @@ from ..errors import LogError
 from ..filters import Filter
 from .derived import DERIVED, missing_for
 from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
+from .plausible import doubt_about
 from .rates import AS_FAST
 from .record import Channel, FlightLog, FloatArray, Segment
 
@@ -165,7 +166,7 @@ def is_uniform(time_s: FloatArray) -> bool:
 
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
-    channels, flying = [], _flying(log)
+    channels, questions, flying = [], [], _flying(log)
     for channel in log.channels.values():
         values = channel.values  # of a large file read here, once
         is_finite = np.isfinite(values)
@@ -185,6 +186,7 @@ def inspect_log(log: FlightLog) -> LogReport:
             pressures=_pressures(channel.name, log),
         )
         channels.append(report)
+        questions.append(doubt_about(channel))
     return LogReport(
         path=log.path,
         n_samples=log.n_samples,
@@ -209,7 +211,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         windows=_suggested_windows(log, at_most=10),
         segments=log.segments,
         filters=log.filters,
-        notes=log.notes,
+        notes=(*log.notes, *filter(None, questions)),
     )
 
 

@@ -24,7 +24,16 @@ from .serialization import from_plain, mapping, member, to_json
 from .yaml12 import read_text
 
 __all__ = ["FEWEST_WINDOWS", "SCHEMA", "TOLERANCES", "CalibrationSettings", "CalibrationTable", "Null"]
-__all__ += ["calibration_content", "differences", "join_tables", "load_tables", "nearest", "null_of", "save_tables"]
+__all__ += [
+    "calibration_content",
+    "differences",
+    "join_tables",
+    "load_tables",
+    "nearest",
+    "null_from",
+    "null_of",
+    "save_tables",
+]
 __all__ += ["summary", "table_notes"]
 
 FloatArray = NDArray[np.float64]
@@ -185,7 +194,12 @@ def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
             f"--calibration: {table.n_windows} windows without a fault, fewer than {FEWEST_WINDOWS}; "
             "give more or longer logs, or shorter windows"
         )
-    values = np.stack([table.statistics[shape] for shape in shapes])
+    return null_from({shape: table.statistics[shape] for shape in shapes})
+
+
+def null_from(statistics: Mapping[str, FloatArray]) -> Null:
+    """Return the distribution of statistics, (n_windows,) by shape, of windows without a fault."""
+    shapes, values = tuple(statistics), np.stack(list(statistics.values()))
     median, high = np.quantile(values, [0.5, HIGH], axis=1)
     scale = np.maximum(high - median, np.finfo(float).eps * np.maximum(high, 1.0))
     maxima = np.sort(((values - median[:, None]) / scale[:, None]).max(axis=0))
@@ -245,11 +259,13 @@ def join_tables(tables: Sequence[CalibrationTable], table: CalibrationTable) -> 
     return (*others, table)
 
 
-def save_tables(tables: Sequence[CalibrationTable], provenance: Provenance, notes: Sequence[str] = ()) -> str:
-    """Return the JSON text of tables."""
-    return to_json(
-        {"kind": "calibration", "schema": SCHEMA, "tables": list(tables), "notes": notes, "provenance": provenance}
-    )
+def save_tables(
+    tables: Sequence[CalibrationTable], provenance: Provenance, notes: Sequence[str] = (), *, air_data: object = None
+) -> str:
+    """Return the JSON text of tables, and of the air data of the aircraft where it is given."""
+    document = {"kind": "calibration", "schema": SCHEMA, "tables": list(tables)}
+    more = {} if air_data is None else {"air_data": air_data}
+    return to_json({**document, **more, "notes": notes, "provenance": provenance})
 
 
 def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:

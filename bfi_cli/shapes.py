@@ -17,7 +17,18 @@ from numpy.typing import NDArray
 
 from .sample_file import read_samples
 
-__all__ = ["ADDITIVE", "KEY_RULES", "SCANNED", "SHAPES", "FaultShape", "Key", "Kind", "ScannedShape", "Shape"]
+__all__ = [
+    "ADDITIVE",
+    "IN_DICTIONARY",
+    "KEY_RULES",
+    "SCANNED",
+    "SHAPES",
+    "FaultShape",
+    "Key",
+    "Kind",
+    "ScannedShape",
+    "Shape",
+]
 
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]
@@ -73,8 +84,9 @@ class FaultShape:
     is_scanned : whether `bfi start-time` can look for it.
     magnitude_unit : from the channel's unit and the keys, the unit of the magnitude; "" for a pure number.
     physical : from the magnitude, the channel's unit and the keys, what the magnitude means: value and unit.
-    acts_on : the channel, to which magnitude x signal is added; its reading, of which that share is added; or the
-        pressure of a line, of which `lines` makes another, and which is no channel that a fault could name.
+    acts_on : the channel, to which magnitude x signal is added; its reading, of which that share is added; the
+        pressure of a line, of which `lines` makes another, and which is no channel that a fault could name; or a
+        channel, to which a course is added that nobody knows and an analysis estimates: the signal is where it acts.
     has_magnitude : whether it has one; without, it is whole.
     lines : from static and total pressure (n_samples,), the same at the onset, the cabin's pressure, Pa, and
         magnitude x signal (n_samples,), the static and total pressure that the instruments get.
@@ -89,7 +101,7 @@ class FaultShape:
     is_scanned: bool = False
     magnitude_unit: Callable[..., str] = _same_unit
     physical: Callable[..., tuple[float, str]] = _same_value
-    acts_on: Literal["channel", "reading", "p_static", "p_total"] = "channel"
+    acts_on: Literal["channel", "reading", "p_static", "p_total", "course"] = "channel"
     has_magnitude: bool = True
     lines: Callable[..., tuple[FloatArray, FloatArray]] | None = None
 
@@ -258,6 +270,15 @@ SHAPES: Mapping[str, FaultShape] = {
         ),
         is_scanned=True,
     ),
+    "free": FaultShape(
+        signal=_ones,
+        formula="Any smooth course from the onset, which bfi identify estimates.",
+        kind="slow",  # of an abrupt one there is nothing smooth to estimate but its step
+        label="fault of unknown shape",
+        build_up_s=_never,
+        acts_on="course",
+        has_magnitude=False,
+    ),
     "scale": FaultShape(
         signal=_ones,
         formula="The channel's own reading.",
@@ -345,8 +366,12 @@ SHAPES: Mapping[str, FaultShape] = {
         lines=lambda static, total, *, first, cabin, amount: (_towards(static, cabin, amount), total),
     ),
 }
-# Those whose signal is the same whatever the log shows: what a dictionary holds.
+# Those whose signal is the same whatever the log shows. A dictionary holds them, and those of one channel that depend
+# on its reading or are estimated; a trapped line leaves no trace of the pressure that its signal would need.
 ADDITIVE: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.acts_on == "channel")
+IN_DICTIONARY: tuple[str, ...] = tuple(
+    name for name, shape in SHAPES.items() if shape.acts_on in ("channel", "reading", "course")
+)
 SCANNED: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.is_scanned)
 # A key means the same in every shape that has it; only its description may differ.
 KEY_RULES: Mapping[str, Rule] = {key.name: key.rule for shape in SHAPES.values() for key in shape.keys}

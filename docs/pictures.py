@@ -27,6 +27,7 @@ COLOURS = 128  # a dozen colours and the smoothing of lines; fewer change a colo
 
 # A command, and the pictures made of its figures: name of the picture, name of the figure. "" makes logs only.
 RUNS: tuple[tuple[str, dict[str, str]], ...] = (
+    ("plot data/citation_two_faults.h5 --channel tas --channel pitch --channel elevator", {"plot": "channels"}),
     (
         "dictionary configs/thesis_dictionary.yaml data/citation_clean.h5",
         {name: name for name in ("signatures", "coherence", "limits")},

@@ -15,7 +15,7 @@ from bfi_cli.dictionary import dead_reason, json_schema, load_dictionary, signal
 from bfi_cli.dictionary.document import MAX_ATOMS
 from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import COMMON_KEYS, Fault, fault_from_dict, unit_signal
-from bfi_cli.shapes import ADDITIVE, KEY_RULES, SHAPES
+from bfi_cli.shapes import IN_DICTIONARY, KEY_RULES, SHAPES
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -33,7 +33,7 @@ def complaint(document):
 
 def test_the_document_and_the_command_line_know_the_same_keys():
     definitions = json_schema()["$defs"]
-    for shape in ADDITIVE:
+    for shape in IN_DICTIONARY:
         title = "".join(word.capitalize() for word in shape.split("_"))
         for entry in (definitions[title], definitions[f"{title}Grid"]):
             assert set(entry["properties"]) == {*COMMON_KEYS, *(key.name for key in SHAPES[shape].keys)}
@@ -47,7 +47,7 @@ VALUE = st.one_of(
 
 @settings(max_examples=200, deadline=None)
 @given(
-    st.sampled_from(sorted(set(ADDITIVE) - {"samples"})),
+    st.sampled_from(sorted(set(IN_DICTIONARY) - {"samples", "free"})),
     st.dictionaries(st.sampled_from([*COMMON_KEYS[1:], *KEY_RULES, "onset"]), VALUE, max_size=4),
 )
 def test_the_document_and_the_command_line_accept_the_same_faults(shape, keys):

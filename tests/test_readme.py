@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -57,6 +60,17 @@ def test_tour(bfi: Callable[..., object], checkout: Path) -> None:
         assert words.pop(0) == "bfi"
         outcome = bfi(*words)
         assert outcome.code == 0, f"{line}: {outcome.stderr}"
+
+
+def test_completion_knows_the_commands() -> None:
+    """What the shell asks for is what the line of the README hands to it."""
+    assert "_BFI_COMPLETE=bash_source bfi" in block("completion")
+    asked = {**os.environ, "_BFI_COMPLETE": "bash_complete", "COMP_WORDS": "bfi pl", "COMP_CWORD": "1"}
+    told = subprocess.run([sys.executable, "-m", "bfi_cli"], env=asked, capture_output=True, text=True, check=False)
+    assert told.stdout.split() == ["plain,plot"]
+    source = {**os.environ, "_BFI_COMPLETE": "bash_source"}
+    script = subprocess.run([sys.executable, "-m", "bfi_cli"], env=source, capture_output=True, text=True, check=False)
+    assert "_BFI_COMPLETE=bash_complete" in script.stdout
 
 
 def test_dictionary_of_the_readme_is_one(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import DictionaryDocument, load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.faults import Fault, fault_from_dict, unit_signal
-from bfi_cli.shapes import ADDITIVE, SCANNED, SHAPES, FaultShape, ScannedShape, Shape
+from bfi_cli.shapes import IN_DICTIONARY, SCANNED, SHAPES, FaultShape, ScannedShape, Shape
 
 ONSET_S, WINDOW_S = 3.0, 1.0
 T = np.arange(0.0, 12.0, 0.05)
@@ -29,6 +29,7 @@ FORMULAS = [
     ("ramp_hold", {"duration_s": 5.0}, lambda t: np.where(t < 8.0, (t - 3.0) / 5.0, 1.0)),
     ("ramp_hold", {"duration_s": 5.0, "slope": 0.1}, lambda t: np.where(t < 8.0, 0.1 * (t - 3.0), 0.5)),
     ("decaying_bias", {"time_constant_s": 2.0}, lambda t: np.exp(-(t - 3.0) / 2.0)),
+    ("free", {}, lambda t: 1.0 + 0.0 * t),
     ("scale", {}, lambda t: 1.0 + 0.0 * t),
     ("pitot_blocked", {}, lambda t: 1.0 + 0.0 * t),
     ("static_blocked", {}, lambda t: 1.0 + 0.0 * t),
@@ -102,14 +103,14 @@ def test_a_configuration_takes_the_scanned_shapes_and_no_other(name):
             merge(Config(), wanted)
 
 
-@pytest.mark.parametrize("name", sorted(set(SHAPES) - set(ADDITIVE)))
+@pytest.mark.parametrize("name", sorted(set(SHAPES) - set(IN_DICTIONARY)))
 @pytest.mark.parametrize("part", ["atoms", "grids"])
 def test_a_dictionary_holds_no_shape_that_depends_on_the_flight(part, name):
     entries = [{"shape": "bias"}, {"shape": name, "onset_s": 3.0}]
     with pytest.raises(DictionaryError) as refusal:
         load_dictionary({part: entries})
     assert str(refusal.value).startswith(
-        f"dictionary: {part}[1].shape: a dictionary holds shapes that are the same in every flight, got '{name}'; "
+        f"dictionary: {part}[1].shape: a dictionary holds shapes whose signal the log tells, got '{name}'; "
         "bfi inject adds it to a log; known: bias, drift, "
     )
 
@@ -125,7 +126,7 @@ def test_a_dictionary_survives_the_way_to_another_process():
     entries = [
         {"shape": name} | {key.name: keys[key.name] for key in shape.keys if key.required}
         for name, shape in SHAPES.items()
-        if name in ADDITIVE
+        if name in IN_DICTIONARY
     ]
     document = DictionaryDocument.model_validate({"atoms": entries, "grids": entries})
     assert pickle.loads(pickle.dumps(document)) == document

@@ -7,6 +7,7 @@ along body x, forward. Sideslip is neglected.
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G
 from .domain import FloatArray
@@ -22,7 +23,6 @@ LEAST_CORRELATION = 0.9
 EARTH_RADIUS, ECCENTRICITY_2 = 6_378_137.0, 6.694_379_990_14e-3
 WIND_SD = 50.0  # m/s; a jet stream. It decides only what a flight straight ahead leaves open, the wind across
 AIRSPEED_SD = 1.0  # m/s; of true airspeed and ground velocity about a constant wind, gusts included
-GAUSS_NEWTON_STEPS = 20  # five are enough from no wind where the ground speed is no more than twice the airspeed
 
 
 def kinematic_acceleration(
@@ -99,8 +99,8 @@ def ground_velocity(time_s: FloatArray, latitude: FloatArray, longitude: FloatAr
 def constant_wind(north: FloatArray, east: FloatArray, horizontal: FloatArray) -> tuple[float, float]:
     """Return the constant wind, m/s to the north and to the east, that makes airspeeds of ground velocities.
 
-    Least squares of horizontal - |v_ground - w| by Gauss-Newton steps from no wind, with a prior standard deviation of
-    50 m/s, so that a flight straight ahead, which shows the wind along its track only, has none across.
+    Least squares of horizontal - |v_ground - w| by Levenberg-Marquardt steps from no wind, with a prior standard
+    deviation of 50 m/s, so that a flight straight ahead, which shows the wind along its track only, has none across.
 
     Parameters
     ----------
@@ -115,15 +115,17 @@ def constant_wind(north: FloatArray, east: FloatArray, horizontal: FloatArray) -
     if not kept.any():
         raise ValueError("a wind needs ground velocity and airspeed, got no sample with both")
     ground, speed = np.column_stack([north[kept], east[kept]]), horizontal[kept]
-    prior = AIRSPEED_SD / WIND_SD * np.eye(2)
-    wind = np.zeros(2)
-    for _ in range(GAUSS_NEWTON_STEPS):
+    prior = AIRSPEED_SD / WIND_SD
+
+    def misfit(wind: FloatArray) -> FloatArray:
+        return np.append(speed - np.linalg.norm(ground - wind, axis=1), prior * wind)
+
+    def slopes(wind: FloatArray) -> FloatArray:
         through = ground - wind
         size = np.maximum(np.linalg.norm(through, axis=1), 1e-9)
         # |v - w| falls by the unit vector of v - w times the step of w.
-        rows = np.vstack([-through / size[:, None], prior])
-        step = np.linalg.lstsq(rows, np.concatenate([speed - size, -prior @ wind]), rcond=None)[0]
-        wind = wind + step
-        if np.linalg.norm(step) < 1e-9 * WIND_SD:
-            break
+        return np.vstack([through / size[:, None], prior * np.eye(2)])
+
+    # Plain Gauss-Newton steps run away where the flight is straight; Levenberg-Marquardt's are damped.
+    wind = least_squares(misfit, np.zeros(2), slopes, method="lm").x
     return float(wind[0]), float(wind[1])

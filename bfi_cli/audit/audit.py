@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config
-from ..dictionary import Dictionary, dead_reason, signals
+from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
 from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
@@ -14,6 +14,7 @@ from ..onset import detectable_magnitudes
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
+from ..shapes import SHAPES
 from .comparison import advised, compare, own_channel, sentences
 from .entries import (
     AuditWindow,
@@ -70,6 +71,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     values = None if theta is None else own_channel(theta)
     dead = ((j, dead_reason(fault, span.start_s, span.stop_s)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
+    reasons |= {j: no_signal(one) for j, one in enumerate(faults) if SHAPES[one.shape].acts_on in ("course", "reading")}
     if theta is not None and values is not None:
         rest = [j for j in range(len(faults)) if j not in reasons]
         reasons |= advised(unusable_atoms(theta, names, rest), values)

@@ -28,6 +28,7 @@ __all__ = ["COMMANDS", "cli", "main", "run_command"]
 
 COMMANDS = {
     "info": "Channels, units, rate, gaps, held samples, excitation of a log.",
+    "plot": "The channels of a log over time, with the phases of the flight and windows to analyse.",
     "convert": "Any readable log to HDF5 or CSV, resampled, units normalised.",
     "simulate": "A flight log from an aircraft model.",
     "inject": "Add faults to a log; the truth is stored in the file.",
@@ -35,6 +36,7 @@ COMMANDS = {
     "diagnosability": "How well each fault can be seen and told from the others, in a log or before the flight.",
     "identify": "Which faults of a dictionary are present, how large, how sure.",
     "start-time": "When a fault started (and ended), of which shape: the scan over all onsets.",
+    "diagnose": "Which air-data fault hit a whole flight: every analysis that the log allows, one verdict, one report.",
     "calibrate": "The scan's statistic on fault-free logs, for thresholds and p-values.",
     "detect": "Which channel of a log fails, and when, without a dictionary: the null-space detector.",
     "montecarlo": "Sweeps over faults, noise and settings: rates with intervals, tables, figures.",

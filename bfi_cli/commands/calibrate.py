@@ -24,10 +24,15 @@ __all__ = ["command"]
 @click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
 @with_options("progress", "force", "as_json")
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
-    """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE."""
+    """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE.
+
+    Where the logs have air data, FILE also holds the aircraft's angle of zero lift and the tables of bfi diagnose.
+    """
     from ..calibration import join_tables, load_tables, save_tables, summary, table_notes
+    from ..errors import LogError
     from ..files import aside, check_files
     from ..onset import calibration_windows, table_of_windows
+    from ..parity.calibration import calibrate_air_data
     from ..provenance import provenance
 
     config = config_of(config_path, options)
@@ -36,15 +41,26 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
         load_tables(out)
     check_files([out], inputs=inputs_of(config, *logs), force=appended or options["force"], option="-o")
     flights = [log_of(log, config) for log in logs]
-    windows = calibration_windows(flights, config)
     with stages(wanted=options["progress"]) as progress:
-        table = table_of_windows(windows, config, partial(progress, f"{len(windows)} windows"))
+        progress("air data", 0.0)
+        air_data, reason = calibrate_air_data(flights), None
+        try:
+            windows = calibration_windows(flights, config)
+            table = table_of_windows(windows, config, partial(progress, f"{len(windows)} windows"))
+        except LogError as error:
+            if air_data is None:
+                raise
+            table, reason = None, str(error)
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
-    tables = join_tables(load_tables(out) if appended else (), table)
-    notes = table_notes(tables[-1], [flight.path for flight in flights])
-    text = save_tables(tables, origin, notes)
+    tables = load_tables(out) if appended else ()
+    notes: tuple[str, ...] = (f"only for bfi diagnose, no onset scan: {reason}",)
+    if table is not None:
+        tables = join_tables(tables, table)
+        notes = table_notes(tables[-1], [flight.path for flight in flights])
+    text = save_tables(tables, origin, notes, air_data=air_data)
     with aside(out.parent, place=out, option="-o") as new:
         (new / out.name).write_text(text + "\n", encoding="utf-8")
     for sentence in (f"wrote {out}", *notes):
         note(sentence)
-    show_lines(json.loads(text), summary(table), as_json=options["as_json"])
+    lines = [*([] if table is None else summary(table)), *([] if air_data is None else air_data.lines())]
+    show_lines(json.loads(text), lines, as_json=options["as_json"])

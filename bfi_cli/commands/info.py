@@ -14,7 +14,7 @@ from .output import emit
 
 __all__ = ["command"]
 
-TABLES = ("channels", "derived", "excitation", "windows", "segments")
+TABLES = ("channels", "derived", "phases", "excitation", "windows", "segments")
 
 
 @click.command("info")
@@ -24,12 +24,12 @@ TABLES = ("channels", "derived", "excitation", "windows", "segments")
 @out_options
 @json_option
 def command(log: str, *, from_s: float | None, to_s: float | None, **options: Any) -> None:
-    """Show channels, units, rate, gaps, held samples, excitation of a log, and windows to analyse."""
+    """Show channels, units, rate, gaps, held samples, excitation of a log, its phases and windows to analyse."""
     if options["out"] is not None:
         from ..files import check_folder
         from ..report.files import content_names
 
-        check_folder(options["out"], content_names((), TABLES), inputs=(log,), force=options["force"])
+        check_folder(options["out"], content_names(("phases",), TABLES), inputs=(log,), force=options["force"])
     source = {key: options[key] for key in CHANNELS}
     flight = read_log(log, from_s=from_s, to_s=to_s, **source).window(from_s, to_s)
     origin = provenance(log_sha256=flight.sha256)

@@ -197,6 +197,10 @@ detect_false_alarm  --false-alarm  detect.false_alarm  P  number
     Accepted rate of false alarms per record.  [default: 0.01]
 detect_method  --method  detect.method  auto|exact|parity  text
     Method of detection; exact is for data without any noise.  [default: auto]
+diagnose_false_alarm  --false-alarm  diagnose.false_alarm  P  number
+    Accepted rate of false alarms in a healthy stretch of 120 s.  [default: 0.01]
+diagnose_calibration  --calibration  diagnose.calibration  FILE  text
+    Air data of this aircraft by bfi calibrate: angle of zero lift, thresholds.  [default: the flight, shipped tables]
 turns  --turns/--no-turns  detect.turns  -  choice
     Explain turns by roll and yaw_rate.  [default: turns]
 magnitude  --magnitude  diagnosability.magnitude  Z  number
@@ -375,6 +379,7 @@ def log_of(path: str, config: Config) -> FlightLog:
 def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
     """Return the files that a command reads: `paths` and those that its configuration and dictionary name."""
     named = {*paths, config.path, config.start_time.samples, config.start_time.calibration}
+    named.add(config.diagnose.calibration)
     if dictionary is not None:
         named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
     return tuple(path for path in named if path)

@@ -31,8 +31,8 @@ from ..verdicts import KINDS
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["STRONG_EVIDENCE", "AuditOfDictionary", "Calibrate", "Conditioning", "Config", "Detect", "Diagnosability"]
-__all__ += ["DictionarySource", "Dmae", "Model", "Names", "Natural", "PathText", "Risro", "Selection", "StartTime"]
-__all__ += ["Window", "json_schema", "load_config", "merge"]
+__all__ += ["Diagnose", "DictionarySource", "Dmae", "Model", "Names", "Natural", "PathText", "Risro", "Selection"]
+__all__ += ["StartTime", "Window", "json_schema", "load_config", "merge"]
 
 
 def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -229,6 +229,15 @@ class Detect(Rules):
         return train
 
 
+class Diagnose(Rules):
+    """The diagnosis of a whole flight."""
+
+    false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
+    """Accepted probability of a false alarm in a healthy stretch of 120 s, over windows of every length."""
+    calibration: PathText | None = None
+    """A file of `bfi calibrate` with the air data of the aircraft; default the shipped tables and the flight itself."""
+
+
 class Diagnosability(Rules):
     """How well faults can be seen and told apart: at which magnitudes, and in which flights of a model."""
 
@@ -329,6 +338,7 @@ class Config(Rules):
     start_time: StartTime = StartTime()
     calibrate: Calibrate = Calibrate()
     detect: Detect = Detect()
+    diagnose: Diagnose = Diagnose()
     diagnosability: Diagnosability = Diagnosability()
     audit: AuditOfDictionary = AuditOfDictionary()
     seed: Annotated[Whole, Field(ge=0)] = 0

@@ -9,8 +9,9 @@ from .document import (
     is_shipped,
     json_schema,
     load_dictionary,
+    no_signal,
     signals,
 )
 
 __all__ = ["SHIPPED", "Dictionary", "DictionaryDocument", "dead_reason", "expand", "is_shipped", "json_schema"]
-__all__ += ["load_dictionary", "signals"]
+__all__ += ["load_dictionary", "no_signal", "signals"]

@@ -22,12 +22,12 @@ from ..faults import Fault, shown
 from ..filters import recorded_signal
 from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
-from ..shapes import ADDITIVE, SHAPES
+from ..shapes import IN_DICTIONARY, SHAPES
 from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["MAX_ATOMS", "SHIPPED", "AtomEntry", "Dictionary", "DictionaryDocument", "GridEntry", "Range"]
-__all__ += ["dead_reason", "expand", "is_shipped", "json_schema", "load_dictionary", "signals"]
+__all__ += ["dead_reason", "expand", "is_shipped", "json_schema", "load_dictionary", "no_signal", "signals"]
 
 FloatArray = NDArray[np.float64]
 
@@ -153,8 +153,8 @@ if TYPE_CHECKING:
     AtomEntry = _Entry[Number, Text]
     GridEntry = _Entry[Numbers, Names]
 else:
-    ATOMS = reduce(or_, (_entry_of(name, Number, Text, "") for name in ADDITIVE))
-    GRIDS = reduce(or_, (_entry_of(name, Numbers, Names, "Grid") for name in ADDITIVE))
+    ATOMS = reduce(or_, (_entry_of(name, Number, Text, "") for name in IN_DICTIONARY))
+    GRIDS = reduce(or_, (_entry_of(name, Numbers, Names, "Grid") for name in IN_DICTIONARY))
     AtomEntry = Annotated[ATOMS, Discriminator("shape")]
     GridEntry = Annotated[GRIDS, Discriminator("shape")]
 
@@ -173,15 +173,15 @@ class DictionaryDocument(Rules):
 
     @model_validator(mode="before")
     @classmethod
-    def _is_additive(cls, given: Any) -> Any:
+    def _is_told_by_a_log(cls, given: Any) -> Any:
         for part in ("atoms", "grids"):
             entries = given.get(part) if isinstance(given, Mapping) else None
             for i, entry in enumerate(entries if isinstance(entries, list | tuple) else ()):
                 shape = entry.get("shape") if isinstance(entry, Mapping) else None
-                if isinstance(shape, str) and shape in SHAPES and shape not in ADDITIVE:
+                if isinstance(shape, str) and shape in SHAPES and shape not in IN_DICTIONARY:
                     raise ValueError(
-                        f"{part}[{i}].shape: a dictionary holds shapes that are the same in every flight, got "
-                        f"'{shape}'; bfi inject adds it to a log; known: {', '.join(ADDITIVE)}"
+                        f"{part}[{i}].shape: a dictionary holds shapes whose signal the log tells, got "
+                        f"'{shape}'; bfi inject adds it to a log; known: {', '.join(IN_DICTIONARY)}"
                     )
         return given
 
@@ -385,6 +385,13 @@ def dead_reason(fault: Fault, start_s: float, stop_s: float, *, outputs: Sequenc
         early = f"{name} ends at {fault.offset_s:g} s, before the window starts ({start_s:g} s)"
         return f"{early}; move its offset or widen the window"
     return None
+
+
+def no_signal(fault: Fault) -> str:
+    """Return why an analysis that needs signals, and has no log, leaves out a fault that has none, as a sentence."""
+    if SHAPES[fault.shape].acts_on == "course":
+        return f"'{fault.name or fault.shape}' has no signal of its own; bfi identify estimates its course"
+    return f"'{fault.name or fault.shape}' is a share of what the log shows; give the log"
 
 
 def _not_an_output(fault: Fault, outputs: Sequence[str]) -> str:

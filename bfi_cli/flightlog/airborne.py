@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .record import FlightLog
 
-__all__ = ["airborne_stretches"]
+__all__ = ["BORNE", "GRAVITY", "WALK", "FlightSpeed", "airborne_stretches", "flight_speed"]
 
 # Airspeeds, the ones that bear the aircraft first: true airspeed and Mach number grow with altitude at the same lift.
 AIRSPEEDS = ("cas", "ias", "tas", "mach", "ground_speed")
@@ -30,6 +31,43 @@ MARGIN = 2.0
 WALK = 3.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightSpeed:
+    """The airspeed that says whether an aircraft flies.
+
+    Attributes
+    ----------
+    values : (n_samples,) the median over five seconds, m/s; 0 is put where the channel is not a number.
+    known : (n_samples,) where the channel is a number.
+    cruise : the median of what is not slow, m/s; at walking speed or below it the log is one of the ground.
+    """
+
+    values: NDArray[np.float64]
+    known: NDArray[np.bool_]
+    cruise: float
+
+
+def flight_speed(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightSpeed | None:
+    """Return the airspeed that says whether the aircraft flies; None where the log has none.
+
+    Parameters
+    ----------
+    suspects : channels that may be faulty; another airspeed is taken where the log has one.
+    """
+    names = [name for name in AIRSPEEDS if name in log.channels]
+    if not names or log.n_samples < 2:
+        return None
+    name = next((one for one in names if one not in suspects), names[0])
+    values = log.channels[name].values * METRES_PER_SECOND.get(name, 1.0)
+    known = np.isfinite(values)
+    if not known.any():
+        return None
+    speed = np.abs(_running_median(np.where(known, values, 0.0), round(SMOOTHING_S * log.rate_hz)))
+    fastest = float(np.quantile(speed[known], FASTEST))
+    cruise = float(np.median(speed[known & (speed >= MOVING * fastest)]))
+    return FlightSpeed(values=speed, known=known, cruise=cruise)
+
+
 def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> list[tuple[float, float]]:
     """Return (from_s, to_s) of the stretches in which the aircraft flies; empty where the log has no airspeed.
 
@@ -40,21 +78,11 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
     ----------
     suspects : channels that may be faulty; another airspeed is taken where the log has one.
     """
-    names = [name for name in AIRSPEEDS if name in log.channels]
-    if not names or log.n_samples < 2:
+    speed = flight_speed(log, suspects=suspects)
+    if speed is None or not speed.cruise > WALK:
         return []
-    name = next((one for one in names if one not in suspects), names[0])
-    values = log.channels[name].values * METRES_PER_SECOND.get(name, 1.0)
-    known = np.isfinite(values)
-    if not known.any():
-        return []
-    speed = np.abs(_running_median(np.where(known, values, 0.0), round(SMOOTHING_S * log.rate_hz)))
-    fastest = float(np.quantile(speed[known], FASTEST))
-    cruise = float(np.median(speed[known & (speed >= MOVING * fastest)]))
-    if not cruise > WALK:
-        return []
-    flies = known & (speed >= BORNE * cruise)
-    margin_s, stretches = MARGIN * cruise / GRAVITY, []
+    flies = speed.known & (speed.values >= BORNE * speed.cruise)
+    margin_s, stretches = MARGIN * speed.cruise / GRAVITY, []
     edges = np.flatnonzero(np.diff(flies.astype(np.int8), prepend=0, append=0))
     for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         from_s = float(log.time_s[first]) + (margin_s if first else 0.0)

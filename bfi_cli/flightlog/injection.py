@@ -17,7 +17,7 @@ from ..kernels.low_pass import Response
 from ..shapes import SHAPES
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
-__all__ = ["inject"]
+__all__ = ["added_by", "inject"]
 
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
 
@@ -51,7 +51,7 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None
 
 def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog:
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
-    fault, acts_on = declared, SHAPES[declared.shape].acts_on
+    fault = declared
     if has_channel(declared.shape):
         fault = replace(declared, channel=log.channel(declared.channel).name)
     if fault.phase_reference != "onset" and fault.frequency_hz is not None:
@@ -59,16 +59,7 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
         phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
         fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
     name, active = fault.name or fault.shape, active_samples(fault, log.time_s)
-    added: Mapping[str, FloatArray]
-    if acts_on == "channel":
-        signal = recorded_signal(fault, log.time_s, through, window_start_s=start_s)
-        added = {fault.channel: fault.magnitude * signal}
-    elif not active.any() or not fault.magnitude:
-        added = {}  # and refused below
-    else:
-        part = _around(active, 2 * len(through.taps))
-        amount = fault.magnitude * course(fault, log.time_s[part])
-        added = _stored(log, fault, amount, active, part, through)
+    added = added_by(log, fault, through)
     # NaN is no change: where a channel is missing nothing can be added to it.
     if not any(np.any(np.nan_to_num(change)) for change in added.values()):
         until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
@@ -93,6 +84,34 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
     clean = {channel: log.channels[channel].values for channel in added}
     truth = Truth(faults=(*before.faults, fault), clean={**clean, **before.clean})
     return replace(log, channels={**log.channels, **faulty}, truth=truth, sha256="", notes=notes)
+
+
+def added_by(log: FlightLog, fault: Fault, through: Response) -> Mapping[str, FloatArray]:
+    """Return by channel, (n_samples,), what the log shows of a fault; nothing where it is never active in it.
+
+    Parameters
+    ----------
+    fault : of a channel by its name in the log.
+    through : the filters that it goes through.
+
+    Raises
+    ------
+    LogError, DictionaryError : see `inject`.
+    """
+    acts_on, active = SHAPES[fault.shape].acts_on, active_samples(fault, log.time_s)
+    if acts_on == "course":
+        raise DictionaryError(
+            f"{log.path}: fault '{fault.name or fault.shape}': shape '{fault.shape}' has no course of its own; give "
+            "one that has, as samples"
+        )
+    if acts_on == "channel":
+        signal = recorded_signal(fault, log.time_s, through, window_start_s=float(log.time_s[0]))
+        return {fault.channel: fault.magnitude * signal}
+    if not active.any() or not fault.magnitude:
+        return {}
+    part = _around(active, 2 * len(through.taps))
+    amount = fault.magnitude * course(fault, log.time_s[part])
+    return _stored(log, fault, amount, active, part, through)
 
 
 def _around(active: NDArray[np.bool_], reach: int) -> slice:

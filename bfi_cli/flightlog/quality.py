@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,14 @@ from ..errors import LogError
 from ..filters import Filter
 from .derived import DERIVED, missing_for
 from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
+from .phases import Phase, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST
 from .record import Channel, FlightLog, FloatArray, Segment
 
 __all__ = ["UNEVEN", "ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport"]
-__all__ += ["advice_on_windows", "gap_starts", "held_hz", "hold_of", "inspect_log", "is_uniform", "require_usable"]
-__all__ += ["time_jitter"]
+__all__ += ["advice_on_windows", "gap_starts", "held_hz", "hold_of", "inspect_log", "is_uniform", "ranked_windows"]
+__all__ += ["require_usable", "time_jitter"]
 
 LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
@@ -35,6 +36,9 @@ SEGMENT_S = 60.0  # slower changes are those of the trim
 # Kept before the first and after the last move; two moves further apart than both belong to two windows.
 BEFORE_S, AFTER_S = 5.0, 15.0
 FEWEST_MOVES = 3  # a window with fewer holds a single correction, no manoeuvre
+MOST_WINDOWS = 10  # suggested in all
+# A window of which more than this lies on the ground or in what no linear model follows comes after the others.
+UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola"), 0.05
 SLOWEST_AIRSPEED = 0.3  # of the airspeed in flight: below it the aircraft stands or rolls
 
 
@@ -96,12 +100,13 @@ class Excitation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitedWindow:
-    """A stretch without gaps in which `channel` moves `moves` times."""
+    """A stretch without gaps in which `channel` moves `moves` times; the one of rank 1 is the best to analyse."""
 
     start_s: float
     stop_s: float
     channel: str
     moves: int
+    rank: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +117,7 @@ class LogReport:
     ----------
     jitter : largest deviation of a time step from the median, relative to it, gaps left out.
     gaps : (start_s, stop_s), the last sample before and the first after each gap.
+    phases : of the flight, none where the log has no airspeed.
     filters : the low-pass filters that the log went through, None where nothing is known of them.
     """
 
@@ -127,6 +133,7 @@ class LogReport:
     derived: tuple[DerivableChannel, ...]
     excitation: tuple[Excitation, ...]
     windows: tuple[ExcitedWindow, ...]
+    phases: tuple[Phase, ...]
     segments: tuple[Segment, ...]
     filters: tuple[Filter, ...] | None
     notes: tuple[str, ...]
@@ -166,7 +173,7 @@ def is_uniform(time_s: FloatArray) -> bool:
 
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
-    channels, questions, flying = [], [], _flying(log)
+    channels, questions, flying, phases = [], [], _flying(log), phases_of(log)
     for channel in log.channels.values():
         values = channel.values  # of a large file read here, once
         is_finite = np.isfinite(values)
@@ -208,7 +215,8 @@ def inspect_log(log: FlightLog) -> LogReport:
             if name not in log.channels
         ),
         excitation=tuple(_excitation(log, name, flying) for name in _inputs(log)),
-        windows=_suggested_windows(log, at_most=10),
+        windows=ranked_windows(log, phases),
+        phases=phases,
         segments=log.segments,
         filters=log.filters,
         notes=(*log.notes, *filter(None, questions)),
@@ -349,6 +357,19 @@ def _move_times(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> FloatAr
     starts = np.flatnonzero(np.concatenate([[True], way[1:] != way[:-1]]))
     runs = np.add.reduceat(travel, starts)
     return np.asarray(t[starts[np.abs(runs) > MOVE * _extent(x)] * size])
+
+
+def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWindow, ...]:
+    """Return the windows to suggest in order of time: those in flight rank first, of these the ones with most moves."""
+    unfit = [(one.from_s, one.to_s) for one in phases if one.phase in UNFIT]
+
+    def worth(window: ExcitedWindow) -> tuple[bool, int, float]:
+        inside = sum(max(0.0, min(window.stop_s, to_s) - max(window.start_s, from_s)) for from_s, to_s in unfit)
+        return inside > UNFIT_SHARE * (window.stop_s - window.start_s), -window.moves, window.start_s
+
+    windows = _suggested_windows(log, at_most=MOST_WINDOWS)
+    ranks = {one: rank for rank, one in enumerate(sorted(windows, key=worth), start=1)}
+    return tuple(replace(one, rank=ranks[one]) for one in windows)
 
 
 def _suggested_windows(log: FlightLog, *, at_most: int) -> tuple[ExcitedWindow, ...]:

@@ -7,24 +7,39 @@ from typing import Any
 
 from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit
 from ..provenance import Provenance
-from ..report.content import ReportContent, Table
+from ..report.content import Drawing, Lane, Panel, ReportContent, Table
 from ..serialization import to_plain
 from ..shapes import SHAPES
 from .quality import UNEVEN, LogReport
 from .record import FlightLog
+from .timeline import lanes_of, phase_columns, phase_table, window_table
 
-__all__ = ["describe_injected", "info_content", "info_document", "log_content", "log_document", "log_lines"]
+__all__ = ["describe_injected", "info_content", "info_document", "lane_panel", "log_content", "log_document"]
+__all__ += ["log_lines"]
 
 Plain = Mapping[str, Any]
 
 SCHEMA = 1
+# Heights of a panel of lanes and of each of them, relative to that of a panel of curves.
+LANES_HEIGHT, LANE_HEIGHT = 0.08, 0.085
 MOST_GAPS = 5  # named in a report; the document has all
 
 
 def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi info --json`."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
-    same = ("rate_hz", "uniform", "jitter", "channels", "derived", "excitation", "windows", "segments", "notes")
+    same = (
+        "rate_hz",
+        "uniform",
+        "jitter",
+        "channels",
+        "derived",
+        "excitation",
+        "phases",
+        "windows",
+        "segments",
+        "notes",
+    )
     document: dict[str, Any] = to_plain(
         {
             "kind": "info",
@@ -61,7 +76,33 @@ def info_content(document: Plain) -> ReportContent:
             *_recorder(document.get("recorder")),
         ),
         tables=tuple(_tables(document)),
+        drawings=tuple(_timeline(document)),
         notes=tuple(document["notes"]),
+        data={"phases.csv": phase_columns(phases)} if (phases := document.get("phases", ())) else {},
+    )
+
+
+def _timeline(document: Plain) -> Iterator[Drawing]:
+    """Yield the figure of what happens when in the flight, where anything is known of it."""
+    log = document["log"]
+    limits = (log["start_s"], log["stop_s"])
+    lanes = lanes_of(document.get("phases", ()), document["windows"], document["segments"], (), limits=limits)
+    if lanes:
+        yield Drawing(
+            name="phases",
+            caption=(
+                "Phases of the flight, manoeuvres, windows to analyse (numbered by rank, 1 the best) and the segments "
+                "that the file names."
+            ),
+            panels=(lane_panel(lanes, limits),),
+        )
+
+
+def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:
+    """Return the panel of lanes over the time between `limits`, s."""
+    height = LANES_HEIGHT + LANE_HEIGHT * len(lanes)
+    return Panel(
+        x_label="time [s]", y_label="", curves=(), lanes=tuple(lanes), x_limits=limits, height=height, clock=True
     )
 
 
@@ -96,7 +137,6 @@ def _tables(document: Plain) -> Iterator[Table]:
         for one in document["channels"]
     ]
     inputs = {"name": "channel", "unit": "unit", "range": "range", "moves": "moves", "bandwidth [Hz]": "bandwidth_hz"}
-    windows = {"--from": "start_s", "--to": "stop_s", "input": "channel", "moves": "moves"}
     segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
     yield from _table("channels", "Channels", channels)
     derived = [
@@ -110,11 +150,13 @@ def _tables(document: Plain) -> Iterator[Table]:
     ]
     if any(row["lacks"] == "nothing" for row in derived):
         yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
+    yield from phase_table(document.get("phases", ()))
     for name, title, keys in (
         ("excitation", "Inputs, in flight", inputs),
-        ("windows", "Windows to analyse", windows),
         ("segments", "Segments named in the file", segments),
     ):
+        if name == "segments":
+            yield from window_table(document["windows"])
         yield from _table(name, title, [{head: one[key] for head, key in keys.items()} for one in document[name]])
 
 

@@ -17,7 +17,7 @@ from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 from ..verdicts import Candidate, kind_of, state_of
-from .magnitudes import MethodResult
+from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
 
 __all__ = ["LIMIT", "claims_of"]
@@ -52,8 +52,12 @@ def claims_of(
     known: dict[int, Candidate] = {}
     for entry in window.live:
         known[entry] = _claim(window, regression, outcome, method, tolerances, entry, place[entry])
+    free = {one.entry: one for one in outcome.free}
     candidates = []
     for entry, fault in enumerate(window.faults):
+        if entry in free:
+            candidates.append(_claim_of_course(window, free[entry]))
+            continue
         if entry in known:
             candidates.append(known[entry])
             continue
@@ -75,6 +79,25 @@ def claims_of(
             )
         )
     return tuple(candidates)
+
+
+def _claim_of_course(window: PreparedWindow, one: FreeOutcome) -> Candidate:
+    """Return the candidate of an entry of unknown course: of all that it may do, nothing is excluded."""
+    fault = window.faults[one.entry]
+    unit, at = window.log.channel(fault.channel).unit, one.peak
+    return Candidate(
+        name=window.names[one.entry],
+        shape=fault.shape,
+        channel=fault.channel,
+        kind=kind_of(fault, declared=one.declared),
+        state=state_of(declared=one.declared, suspected=one.suspected, effect=None, tolerance=None),
+        magnitude=float(one.value[at]),
+        unit=unit,
+        sd=float(one.sd[at]),
+        channel_unit=unit,
+        onset_s=fault.onset_s,
+        note=one.note,
+    )
 
 
 def _claim(

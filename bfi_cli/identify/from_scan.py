@@ -52,6 +52,8 @@ def identify_and_scan(
     exact = result.log.rate_hz == result.log.native_rate_hz and all(
         vaf > EXPLAINED for vaf in result.vaf_output.values()
     )
+    if any(SHAPES[one.fault.shape].acts_on == "course" for one in result.faults):
+        return _with_scan(_unchecked(result, config), None, "not scanned beside a fault of unknown shape")
     start_s = float(log.window(config.window.from_s, config.window.to_s).time_s[0])
     faults = dictionary.resolved(start_s)
     scanned = scan_beside(_corrected(log, result, config), config, faults, progress, exact=exact)

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..dictionary import Dictionary
-from ..errors import ConfigError, LogError
+from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import FaultEstimate, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
@@ -22,7 +22,8 @@ from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from ..verdicts import KINDS, decide, summarise, verdicts_of
 from .claims import claims_of
-from .magnitudes import MethodResult
+from .free_shape import identify_with_courses
+from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults
 from .result import IdentifyResult, ScanSummary
@@ -62,7 +63,9 @@ def identify_faults(
     module, _, function = method.function.partition(":")
     config = with_inputs_of(log, config)
     with threadpool_limits(1):
-        window = prepare_window(log, dictionary, config, partial(progress, "the window and the dictionary"))
+        window = prepare_window(
+            log, dictionary, config, partial(progress, "the window and the dictionary"), courses=True
+        )
         if len(config.outputs) > 1 and not method.several_outputs:
             raise ConfigError(
                 f"--method {config.method}: works on one output, got {len(config.outputs)}; give one --output, or "
@@ -79,6 +82,13 @@ def identify_faults(
         identify = getattr(import_module(f".{module}", __package__), function)
         if given:
             identify = partial(identify, given=True)
+        if window.free:
+            if config.method != "ml" or len(config.outputs) > 1:
+                raise DictionaryError(
+                    f"{dictionary.path}: a fault of unknown shape is estimated by --method ml on one output, got "
+                    f"{config.method} on {', '.join(config.outputs)}; leave out shape free"
+                )
+            identify = partial(identify_with_courses, identify=identify)
         outcome = identify(window, regression, config, progress)
         return assemble_result(log, window, regression, config, outcome)
 
@@ -111,6 +121,7 @@ def assemble_result(
             ci95=(z - reach, z + reach),
         )
         faults.append(estimate)
+    faults += [_of_course(window, one, magnitudes.quantile) for one in outcome.free if one.declared]
     tolerances = tolerances_of(log, window.log, config.outputs, config.tolerances)
     candidates = claims_of(window, regression, outcome, config.method, tolerances)
     verdicts = verdicts_of(candidates)
@@ -121,7 +132,7 @@ def assemble_result(
     if not outcome.converged:
         decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
         unanswered.append(f"{NOT_CONVERGED}: {outcome.solver.termination}")
-    elif decision == "inconclusive" and all(hidden):
+    elif decision == "inconclusive" and hidden and all(hidden):
         unanswered.append(UNANSWERABLE)
     helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
     series = output_series(window, outcome, true_faults(window))
@@ -164,4 +175,20 @@ def assemble_result(
         outputs=series,
         residuals=residuals,
         truth=against_truth(window, outcome, series),
+    )
+
+
+def _of_course(window: PreparedWindow, one: FreeOutcome, quantile: float) -> FaultEstimate:
+    """Return the estimate of a fault of unknown course: its magnitude is its largest value."""
+    fault, at = window.faults[one.entry], one.peak
+    unit, largest, sd = window.log.channel(fault.channel).unit, float(one.value[at]), float(one.sd[at])
+    return FaultEstimate(
+        name=window.names[one.entry],
+        fault=fault,
+        magnitude=largest,
+        unit=unit,
+        physical_value=largest,
+        physical_unit=unit,
+        sd=sd,
+        ci95=(largest - quantile * sd, largest + quantile * sd),
     )

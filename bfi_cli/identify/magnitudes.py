@@ -11,9 +11,35 @@ from numpy.typing import NDArray
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from .result import SolverSummary
 
-__all__ = ["MethodResult"]
+__all__ = ["FreeOutcome", "MethodResult"]
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FreeOutcome:
+    """What is said of an entry of unknown course.
+
+    Attributes
+    ----------
+    entry : of the dictionary; output : the index of the output it acts on.
+    declared : it is in the log, and its course can be told; suspected : it is, and its course cannot.
+    value, sd : (n_samples,) of the course at the samples of the window, SI; of one that is not declared as well.
+    note : why it is not declared.
+    """
+
+    entry: int
+    output: int
+    declared: bool
+    suspected: bool
+    value: FloatArray
+    sd: FloatArray
+    note: str | None = None
+
+    @property
+    def peak(self) -> int:
+        """The sample at which it is largest."""
+        return int(np.argmax(np.abs(self.value)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,6 +59,7 @@ class MethodResult:
     declined : of live entries that were favoured and then declined, why.
     needed : (n_live,) statistic, n_rows log of the ratio of determinants, from which on an entry is declared; None
         where the method has no such rule.
+    free : what is said of the entries of unknown course, in the order of `PreparedWindow.free`.
     """
 
     atoms: tuple[int, ...]
@@ -51,3 +78,4 @@ class MethodResult:
     declined: Mapping[int, str] = field(default_factory=dict)
     needed: FloatArray | None = None
     notes: tuple[str, ...] = ()
+    free: tuple[FreeOutcome, ...] = ()

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import active_samples, unit_signal
+from ..faults import Fault, active_samples, unit_signal
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
-from ..shapes import ADDITIVE
+from ..shapes import ADDITIVE, SHAPES
 from ..truth import compare_faults, name_of
 from .magnitudes import MethodResult
 from .result import AgainstTruth, OutputSeries, ResidualSummary
@@ -41,6 +41,10 @@ def output_series(
     theta = window.signals.theta[:, :, [window.live[n] for n in atoms]]
     fault = theta @ outcome.magnitudes.value[atoms]
     variance = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
+    for one in outcome.free:
+        if one.declared:
+            fault[:, one.output] += one.value
+            variance[:, one.output] += one.sd**2
     spread = np.sqrt(np.maximum(variance, 0.0))
     head = np.full((len(y) - len(outcome.error), y.shape[1]), np.nan)
     error, plain = np.vstack([head, outcome.error]), np.vstack([head, outcome.plain_error])
@@ -97,12 +101,17 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     if truth is None:
         return None
     declared = {window.names[window.live[n]]: float(outcome.magnitudes.value[n]) for n in outcome.atoms}
+    courses = [one for one in outcome.free if one.declared]
+    declared |= {window.names[one.entry]: float(one.value[one.peak]) for one in courses}
     wanted: dict[int, float] = {}
     unknown: list[str] = []
     time_s, start_s = window.native.time_s, window.window_start_s
     # No file is opened because a log names it.
     named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
+        if SHAPES[fault.shape].acts_on == "reading" and (entry := _same_entry(window, fault)) is not None:
+            wanted[entry] = wanted.get(entry, 0.0) + fault.magnitude
+            continue
         if fault.shape not in ADDITIVE:  # no entry of a dictionary is such a fault
             unknown += [name_of(fault)] if active_samples(fault, time_s).any() else []
             continue
@@ -114,7 +123,10 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
         if not np.any(signal):
             continue
         entry, z = _entry_of(window, channel, signal)
-        if entry is None:
+        course = next((one for one in courses if _begins_as(window, one.entry, channel, fault.onset_s)), None)
+        if entry is None and course is not None:
+            wanted[course.entry] = float(signal[np.argmax(np.abs(signal))])
+        elif entry is None:
             unknown.append(name_of(fault))
         else:
             wanted[entry] = wanted.get(entry, 0.0) + z
@@ -134,6 +146,24 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
         magnitude_error=comparison.magnitude_error,
         vaf_fault=vaf_fault,
     )
+
+
+def _same_entry(window: PreparedWindow, fault: Fault) -> int | None:
+    """Return the live entry of the same shape, channel and times, None where there is none."""
+    channel = window.log.channel(fault.channel).name
+    for j in window.live:
+        one = window.faults[j]
+        same = (one.shape, window.log.channel(one.channel).name) == (fault.shape, channel)
+        if same and (one.onset_s, one.offset_s) == (fault.onset_s, fault.offset_s):
+            return j
+    return None
+
+
+def _begins_as(window: PreparedWindow, entry: int, channel: str, onset_s: float) -> bool:
+    """Say whether an entry is of a channel and begins at an onset, to a sample of the analysis."""
+    fault = window.faults[entry]
+    near = abs(fault.onset_s - onset_s) * window.signals.rate_hz <= 1.0
+    return near and window.log.channel(fault.channel).name == channel
 
 
 def _entry_of(window: PreparedWindow, channel: str, signal: FloatArray) -> tuple[int | None, float]:

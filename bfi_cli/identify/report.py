@@ -89,7 +89,7 @@ def describe(estimate: FaultEstimate) -> str:
         shape = f"{fault.frequency_hz:.4g} Hz {shape}"
     scale = estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0
     low, high = sorted(scale * bound for bound in estimate.ci95)
-    unit = f" {estimate.physical_unit}".rstrip()
+    unit = "" if estimate.physical_unit == "1" else f" {estimate.physical_unit}".rstrip()
     value = number(estimate.physical_value, spread=0.5 * (high - low))
     within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
     until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)} s"

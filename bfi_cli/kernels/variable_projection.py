@@ -8,8 +8,8 @@ covariance. Golub and Pereyra (1973) for variable projection.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import lapack
@@ -41,6 +41,9 @@ class ProjectedRegression:
     signals : (output, atom) of each signal.
     n_rows : rows the compressed data stand for; n_base : constant and input regressors per output.
     floor : smallest standard deviation a prediction error can have, in the units of y.
+    scaling : by atom whose signal is the output itself from some row on: how many rows that are, and the share of the
+        output that a magnitude of 1 is. The density of the output is that of the corrected one times ``|1 - share z|``
+        a row; without that factor an output that is scaled down to nothing would be the likeliest.
     """
 
     theta: FloatArray
@@ -49,6 +52,7 @@ class ProjectedRegression:
     n_rows: int
     n_base: int
     floor: float
+    scaling: Mapping[int, tuple[int, float]] = field(default_factory=dict)
 
     @property
     def order(self) -> int:
@@ -307,8 +311,17 @@ class _Support:
         Q, coefficients = _regress(corrected[:, 1:].reshape(len(corrected), -1), corrected[:, 0])
         error = corrected[:, 0] - Q @ (Q.T @ corrected[:, 0])
         root, log_det = _covariance_root(error, self.problem)
+        log_det -= self.log_jacobian(z)
         K = coefficients.reshape(self.problem.order, n_y, n_y).transpose(0, 2, 1)
         return _Predictor(Q=Q, K=K, error=error, root=root, log_det=log_det)
+
+    def log_jacobian(self, z: FloatArray) -> float:
+        """Return twice the logarithm of the density's factor per row, see `ProjectedRegression.scaling`."""
+        shares = [
+            (self.problem.scaling[atom], z[j]) for j, atom in enumerate(self.atoms) if atom in self.problem.scaling
+        ]
+        logs = [rows * np.log(max(abs(1.0 - share * size), np.finfo(float).tiny)) for (rows, share), size in shares]
+        return 2.0 * float(sum(logs)) / self.problem.n_rows
 
     def filter(self, K: FloatArray) -> FloatArray:
         """Return (m, n_outputs, n_active) signals filtered by the predictor: theta(k) - sum K_i theta(k - i)."""

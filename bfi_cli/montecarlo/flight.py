@@ -13,8 +13,10 @@ from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from ..faults import Fault
 from ..filters import recorded_signal, response_of
 from ..flightlog import FlightLog, read_log
+from ..flightlog.injection import added_by
 from ..flightlog.record import frozen_array
 from ..flightlog.recorder import recorder_filters
+from ..shapes import SHAPES
 from .definition import FlownModel, RecordedLog
 from .scenarios import Setting
 
@@ -92,6 +94,10 @@ def _recorded(log: FlightLog, setting: Setting, truth: Mapping[str, float]) -> I
     for atom in setting.dictionary.resolved(start_s):
         name = atom.name or atom.shape
         if name in truth:
+            if SHAPES[atom.shape].acts_on == "reading":
+                scaled = replace(atom, magnitude=truth[name], channel=log.channel(atom.channel).name)
+                yield atom, added_by(log, scaled, response).get(scaled.channel, np.zeros(log.n_samples))
+                continue
             yield atom, truth[name] * recorded_signal(atom, log.time_s, response, window_start_s=start_s)
 
 

@@ -195,6 +195,17 @@ def _nearest_rule(
     return _rule(table, source, config, note, matches=False, raised=RAISED)
 
 
+def shipped_rule(record: ScanRecord, config: Config) -> Rule:
+    """Return the rule of the shipped table that fits, of the nearest one with raised thresholds where none does.
+
+    Raises
+    ------
+    ConfigError : no table has these shapes.
+    """
+    with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
+        return _nearest_rule(load_tables(path), "shipped", record, config)
+
+
 def own_table(
     log: FlightLog, record: ScanRecord, config: Config, progress: Progress = unseen
 ) -> tuple[CalibrationTable | None, str]:

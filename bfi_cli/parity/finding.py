@@ -21,7 +21,8 @@ class Finding:
     among : every fault that explains the window about as well, `fault` first; more than one is no isolation.
     channels : the recorded channels that err under `fault`.
     stage : which analysis found it.
-    shape : course of the error over time, by the name of a fault's shape.
+    shape : course of the error over time, by the name of a fault's shape; constant_s : its time constant or duration;
+        frequency_hz : of an oscillation.
     magnitude, sd : of that shape, in `unit`; None where the fault has none.
     effect : largest error in the window by channel, in the channel's unit.
     onset_s, offset_s : on the log's axis; onset_ci95 : interval of the onset. offset_s is None where it lasts.
@@ -34,6 +35,8 @@ class Finding:
     channels: tuple[str, ...]
     stage: Stage
     shape: str
+    constant_s: float | None = None
+    frequency_hz: float | None = None
     magnitude: float | None
     sd: float | None
     unit: str

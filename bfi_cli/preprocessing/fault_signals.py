@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ class FaultSignals:
     outputs : names; time_s : (n_samples,).
     window_start_s : what `phase_reference: window` counts from.
     response : of the filters that the log went through.
+    of_readings : by index, (n_samples,) the signals of entries that are a share of what the log shows.
     resampled : (n_samples, n_outputs, n_faults) where the log was resampled and they with it, else None.
     """
 
@@ -41,6 +42,7 @@ class FaultSignals:
     time_s: FloatArray
     window_start_s: float
     response: Response
+    of_readings: Mapping[int, FloatArray] = field(default_factory=dict)
     resampled: FloatArray | None = None
 
     def between(self, rows: slice) -> FloatArray:
@@ -49,13 +51,16 @@ class FaultSignals:
             return self.resampled[rows]
         time_s = self.time_s[rows]
         theta = np.zeros((len(time_s), len(self.outputs), len(self.faults)))
-        theta[:, :, list(self.seen)] = signals(
-            [self.faults[j] for j in self.seen],
+        stated = [j for j in self.seen if j not in self.of_readings]
+        theta[:, :, stated] = signals(
+            [self.faults[j] for j in stated],
             time_s,
             list(self.outputs),
             window_start_s=self.window_start_s,
             response=self.response,
         )
+        for j, signal in self.of_readings.items():
+            theta[:, self.outputs.index(self.faults[j].channel), j] = signal[rows]
         return theta
 
     def decimated(self, factor: int, lowpass: Lowpass) -> tuple[FloatArray, FloatArray]:
@@ -71,9 +76,13 @@ class FaultSignals:
         theta, largest = np.zeros((n_rows, len(self.outputs), len(self.faults))), np.zeros(len(self.faults))
         for j in self.seen:
             fault = self.faults[j]
-            column, largest[j] = decimated_fault(
-                fault, self.time_s, factor, lowpass, window_start_s=self.window_start_s, response=self.response
-            )
+            if j in self.of_readings:
+                signal = self.of_readings[j]
+                column, largest[j] = decimate(signal, factor, lowpass), np.max(np.abs(signal), initial=0.0)
+            else:
+                column, largest[j] = decimated_fault(
+                    fault, self.time_s, factor, lowpass, window_start_s=self.window_start_s, response=self.response
+                )
             theta[:, self.outputs.index(fault.channel), j] = column
         return theta, largest
 

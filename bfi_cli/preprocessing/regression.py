@@ -47,6 +47,7 @@ class Signals:
     factor : by which they were decimated, 1 at the log's own rate.
     time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
     theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary.
+    scaling : entries whose signal is the output itself.
     """
 
     path: str
@@ -56,6 +57,7 @@ class Signals:
     u: FloatArray
     y: FloatArray
     theta: FloatArray
+    scaling: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,6 +110,7 @@ class NativeSignals:
             u=self.u[rows],
             y=self.y[rows],
             theta=self.faults.between(rows),
+            scaling=tuple(self.faults.of_readings),
         )
 
 
@@ -130,6 +133,7 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
         u=native.u,
         y=native.y,
         theta=np.empty((native.log.n_samples, len(native.outputs), 0)),
+        scaling=tuple(native.faults.of_readings),
     )
     decimated = decimate_signals(bare, factor, lowpass)
     theta, largest = native.faults.decimated(factor, lowpass)
@@ -194,8 +198,19 @@ class RegressionData:
     def problem(self, order: int) -> ProjectedRegression:
         """Return the regression of one order, made at the first call."""
         if order not in self._problems:
-            self._problems[order] = project_inputs(self.at_order(order), order, floor=self.floor)
+            problem = project_inputs(self.at_order(order), order, floor=self.floor)
+            self._problems[order] = replace(problem, scaling=self.scaling)
         return self._problems[order]
+
+    @property
+    def scaling(self) -> dict[int, tuple[int, float]]:
+        """Of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
+        rows = np.count_nonzero(self.layout.theta[self.layout.first :], axis=(0, 1))
+        return {
+            j: (int(rows[j]), float(self.magnitude_unit[j]))
+            for j, entry in enumerate(self.atoms)
+            if entry in self.signals.scaling
+        }
 
     def at_order(self, order: int) -> Compressed:
         """Return the factor of one order."""

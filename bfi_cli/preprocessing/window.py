@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config, merge
-from ..dictionary import Dictionary, dead_reason
+from ..dictionary import Dictionary, dead_reason, no_signal
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.derived import with_derived
+from ..flightlog.injection import added_by
 from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
+from ..shapes import SHAPES
 from .fault_signals import FaultSignals
 from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
@@ -49,7 +51,8 @@ class PreparedWindow:
     ----------
     log : the window, at the rate before decimation.
     faults : every dictionary entry, times on the log's axis; names : their names.
-    reasons : why an entry is left out, by index; live : the indices of the others.
+    reasons : why an entry is left out, by index; live : the indices of the others but for
+    free : the indices of the entries of unknown course, whose signals are zero.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
     largest : (n_faults,) the largest value of every entry's signal at the log's own rate.
     filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
@@ -67,6 +70,7 @@ class PreparedWindow:
     names: tuple[str, ...]
     reasons: Mapping[int, str]
     live: tuple[int, ...]
+    free: tuple[int, ...]
     native: NativeSignals
     signals: Signals
     largest: FloatArray
@@ -91,13 +95,20 @@ class PreparedWindow:
 
 
 def prepare_window(
-    log: FlightLog, dictionary: Dictionary, config: Config, report: Report = silent, *, purpose: Purpose = "estimate"
+    log: FlightLog,
+    dictionary: Dictionary,
+    config: Config,
+    report: Report = silent,
+    *,
+    purpose: Purpose = "estimate",
+    courses: bool = False,
 ) -> PreparedWindow:
     """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` receives the progress.
 
     Parameters
     ----------
     purpose : of the analysis, for which its rate is chosen.
+    courses : it estimates entries of unknown course, which else are left out.
 
     Raises
     ------
@@ -117,28 +128,40 @@ def prepare_window(
     names = tuple(fault.name or fault.shape for fault in faults)
     dead = ((j, dead_reason(fault, start_s, stop_s, outputs=config.outputs)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
-    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons}
+    unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
+    free = tuple(unknown) if courses else ()
+    reasons |= {j: no_signal(faults[j]) for j in unknown if j not in free}
+    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons and j not in free}
 
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
 
-    made = FaultSignals(
-        faults=faults,
-        seen=tuple(seen),
-        outputs=config.outputs,
-        time_s=part.time_s,
-        window_start_s=start_s,
-        response=response,
-    )
+    def made_for(source: FlightLog) -> FaultSignals:
+        return FaultSignals(
+            faults=faults,
+            seen=tuple(seen),
+            outputs=config.outputs,
+            time_s=source.time_s,
+            window_start_s=start_s,
+            response=response,
+            of_readings={
+                j: _of_reading(source, fault, response)
+                for j, fault in seen.items()
+                if SHAPES[fault.shape].acts_on == "reading"
+            },
+        )
+
     if must_resample(part, used, rate_hz):
         assert not isinstance(rate_hz, str)
-        theta = replace(made, time_s=log.time_s).between(slice(None))
-        part, theta = resample_with(log, theta, rate_hz, from_s=from_s, to_s=to_s)
+        made = made_for(log)
+        part, theta = resample_with(log, made.between(slice(None)), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         added = (part.filters or ())[len(log.filters or ()) :]
         filters = (*filters, *added)
         response = response_of(filters, part.rate_hz)
         made = replace(made, time_s=part.time_s, response=response, resampled=theta)
+    else:
+        made = made_for(part)
     _require_movement(part, config)
 
     native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made)
@@ -151,7 +174,7 @@ def prepare_window(
     decimated, largest = decimate_native(native, rate.factor, lowpass)
     reasons |= unusable_atoms(decimated.theta, names, tuple(seen), report)
     live = tuple(j for j in seen if j not in reasons)
-    if not live:
+    if not live and not free:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
     longest = longest_order(len(decimated.time_s), n_inputs=len(config.inputs), n_outputs=len(config.outputs))
@@ -161,6 +184,7 @@ def prepare_window(
         names=names,
         reasons=reasons,
         live=live,
+        free=free,
         native=native,
         signals=decimated,
         largest=largest,
@@ -228,6 +252,13 @@ def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -
     whole = ratio > 1.0 - SAME_RATE and abs(ratio - round(ratio)) < SAME_RATE * ratio
     held = (held_hz(part, part.channel(name)) is not None for name in names)
     return not whole or not is_uniform(part.time_s) or any(held)
+
+
+def _of_reading(log: FlightLog, fault: Fault, response: Response) -> FloatArray:
+    """Return (n_samples,) the signal of a fault that is a share of its channel's reading."""
+    channel = log.channel(fault.channel).name
+    added = added_by(log, replace(fault, magnitude=1.0, channel=channel), response)
+    return added.get(channel, np.zeros(log.n_samples))
 
 
 def _require_movement(log: FlightLog, config: Config) -> None:

@@ -13,7 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Curve", "Drawing", "HeatMap", "Panel", "ReportContent", "Span", "Table", "curve", "thinned"]
+__all__ = ["Block", "Curve", "Drawing", "HeatMap", "Lane", "Panel", "ReportContent", "Shade", "Span", "Table"]
+__all__ += ["curve", "thinned"]
 
 FloatArray = NDArray[np.float64]
 Style = Literal[
@@ -32,6 +33,10 @@ Style = Literal[
     "rows_red",
 ]
 Tone = Literal["fault", "no_fault", "inconclusive"]
+# Light colours of stretches of time; "outline" is an empty frame, "fault" and "suspect" stand out.
+Shade = Literal[
+    "grey", "white", "sky", "green", "yellow", "rose", "violet", "blue", "black", "outline", "fault", "suspect"
+]
 # Labels of an axis and where they stand.
 Ticks = tuple[tuple[str, float], ...]
 
@@ -70,6 +75,24 @@ class Span:
     high: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """A stretch of the x axis with its colour, from `low` to `high` (equal for an instant)."""
+
+    label: str
+    low: float
+    high: float
+    shade: Shade
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lane:
+    """A row of blocks that do not overlap, named at its left."""
+
+    label: str
+    blocks: tuple[Block, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Panel:
     """One pair of axes.
@@ -84,6 +107,9 @@ class Panel:
     x_ticks, y_ticks : (label, place); () for numbers at places that are chosen.
     side_notes : (text, y) of what is written to the right of the axes.
     height : relative to that of the other panels.
+    lanes : rows of blocks from top to bottom, in place of curves and numbers on the y axis; x_limits are needed.
+    bands : blocks behind the curves, over the whole height; instants are upright lines.
+    clock : x is a time in s, shown above the axes in hours, minutes and seconds too.
     """
 
     x_label: str
@@ -102,6 +128,9 @@ class Panel:
     y_ticks: Ticks = ()
     side_notes: Ticks = ()
     height: float = 1.0
+    lanes: tuple[Lane, ...] = ()
+    bands: tuple[Block, ...] = ()
+    clock: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,6 +154,8 @@ class HeatMap:
 class Drawing:
     """One figure: panels below each other (`across` side by side), then heat maps.
 
+    Panels of a `shared_x` have one x axis, numbered below the last of them.
+
     Attributes
     ----------
     name : of its files, lower case with underscores.
@@ -136,6 +167,7 @@ class Drawing:
     panels: tuple[Panel, ...] = ()
     heat_maps: tuple[HeatMap, ...] = ()
     across: int = 1
+    shared_x: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,6 +199,7 @@ class ReportContent:
     lead : how many of the drawings, 0 or 1, a page shows beside the verdict, before everything else.
     facts : (name, value) rows.
     notes : sentences for the reader.
+    zoom : drawings of curves and lanes for the page on which they can be zoomed; with more points than figures.
     data : CSV files at full precision by name, each as lists or arrays by column; they win over a table of that name.
     """
 
@@ -180,6 +213,7 @@ class ReportContent:
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     notes: tuple[str, ...] = ()
+    zoom: tuple[Drawing, ...] = ()
     data: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 

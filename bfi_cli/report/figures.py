@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from itertools import count, cycle
+from collections.abc import Collection
+from itertools import count, cycle, zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..printable import printable
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Look, fix_places, plain, styled
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SHADES, SKY, VERMILLION, Look, fix_places, plain, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .content import Curve, Drawing, HeatMap, Panel
+    from .content import Block, Curve, Drawing, HeatMap, Panel, Shade
 
-__all__ = ["draw"]
+__all__ = ["LOOKS", "draw"]
 
 WIDTH_IN, PANEL_IN, LINE_IN = 6.9, 2.1, 0.16
 CELL_IN, MAP_LABELS_IN, TALLEST_MAP_IN = 0.28, 0.9, 6.0
@@ -34,6 +35,16 @@ MOST_POWERS = 4
 BOX_WIDTH = 0.08
 # Height of a horizontal bar on rows that are 1 apart.
 ROW_WIDTH = 0.55
+# Of the width of the page, what axes with a name and numbers on their left take; and what a letter of 6.5 points takes.
+AXES_IN, LETTER_IN = 6.0, 0.056
+LANE_HEIGHT, BAND_ALPHA = 0.8, 0.45
+# Shades that stand out, whose labels stand beside them, and shades that need no key.
+LOUD, UNKEYED = ("fault", "suspect"), ("outline", "black")
+# Seconds between the times of the upper edge, and how many of them there is room for; they take that much height.
+CLOCK_STEPS, MOST_CLOCK_TICKS = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600), 9
+CLOCK_IN = 0.17
+X_LABEL_IN = 0.3  # what numbers and name below lanes take, which are too low to give it away
+KEY_COLUMNS = 6  # of the key of lanes, whose labels are words
 LOOKS: tuple[Look, ...] = (
     {"color": BLUE, "marker": "o"},
     {"color": VERMILLION, "marker": "s"},
@@ -60,17 +71,25 @@ def draw(drawing: Drawing) -> Figure:
 
     across = max(drawing.across, 1)
     columns = 4 if across == 1 else 2
+    wide = {panel: KEY_COLUMNS if panel.lanes else columns for panel in drawing.panels}
     rows = [drawing.panels[i : i + across] for i in range(0, len(drawing.panels), across)]
-    heights = [max(PANEL_IN * panel.height + _legend_in(panel, columns) for panel in row) for row in rows]
+    heights = [max(PANEL_IN * panel.height + _legend_in(panel, wide[panel]) for panel in row) for row in rows]
+    if not drawing.shared_x:
+        heights = [height + (X_LABEL_IN if row[-1].lanes else 0.0) for height, row in zip(heights, rows, strict=True)]
     heights += [min(CELL_IN * len(one.rows), TALLEST_MAP_IN) + MAP_LABELS_IN for one in drawing.heat_maps]
     figure = Figure(figsize=(WIDTH_IN, sum(heights)))
     figure.set_layout_engine("constrained", w_pad=PAD_IN, h_pad=PAD_IN)
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(len(heights), across, height_ratios=heights)
+    shared: Look = {}
     for i, panel in enumerate(drawing.panels):
-        _draw_panel(
-            figure.add_subplot(grid[i // across, i % across]), panel, columns=columns, room=ROOM_LETTERS // across
-        )
+        axes = figure.add_subplot(grid[i // across, i % across], **shared)
+        _draw_panel(axes, panel, columns=wide[panel], room=ROOM_LETTERS // across)
+        if drawing.shared_x:
+            shared = {"sharex": axes}
+            if i + 1 < len(drawing.panels):
+                axes.tick_params(labelbottom=False)
+                axes.set_xlabel("")
     for i, heat_map in enumerate(drawing.heat_maps):
         _draw_map(figure.add_subplot(grid[len(rows) + i, :]), heat_map)
     figure.align_ylabels()
@@ -78,11 +97,18 @@ def draw(drawing: Drawing) -> Figure:
 
 
 def _legend_in(panel: Panel, columns: int) -> float:
-    return LINE_IN * (-(-len(_labels(panel)) // columns) + bool(panel.title))
+    lines = -(-len(_labels(panel)) // columns) + bool(panel.title)
+    return LINE_IN * lines + (CLOCK_IN if panel.clock else 0.0)
 
 
 def _labels(panel: Panel) -> set[str]:
-    labels = {one.label for one in panel.curves} | {name for name, _ in panel.levels} | {s.label for s in panel.spans}
+    keyed = {label for label, _ in _unwritten(panel, ())} if panel.lanes else set()
+    labels = (
+        keyed
+        | {one.label for one in panel.curves}
+        | {name for name, _ in panel.levels}
+        | {s.label for s in panel.spans}
+    )
     return labels - {""}
 
 
@@ -91,6 +117,9 @@ def _draw_panel(axes: Axes, panel: Panel, *, columns: int, room: int) -> None:
     longest = sorted((len(printable(label)) for label in _labels(panel)), reverse=True)[:columns]
     fits = sum(min(length, LETTERS) + HANDLE_LETTERS for length in longest) <= room
     letters = LETTERS if fits else room // len(longest) - HANDLE_LETTERS
+    _draw_bands(axes, panel)
+    if panel.lanes:
+        _draw_lanes(axes, panel)
     looks = count()
     for one in panel.curves:
         look = OWN_LOOKS[one.style] if one.style in OWN_LOOKS else LOOKS[next(looks) % len(LOOKS)]
@@ -108,12 +137,16 @@ def _draw_panel(axes: Axes, panel: Panel, *, columns: int, room: int) -> None:
             axes.axvspan(span.low, span.high, color=GREY, alpha=0.3, lw=0.0, label=label or None)
         else:
             axes.axvline(span.low, color=GREY, ls=":", lw=1.0, label=label or None)
+    if panel.clock and panel.x_limits is not None and panel.x_limits[1] > panel.x_limits[0]:
+        _add_clock(axes, panel.x_limits)
     _set_axes(axes, panel)
-    _write_legend(axes, plain(panel.title, room), columns)
+    _write_legend(axes, plain(panel.title, room), columns, lift_in=CLOCK_IN if panel.clock else 0.0)
 
 
 def _set_axes(axes: Axes, panel: Panel) -> None:
-    axes.set(xlabel=plain(panel.x_label, LETTERS), ylabel=plain(panel.y_label, AXIS_LETTERS))
+    letters = AXIS_LETTERS if "\n" not in panel.y_label else max(8, int(AXIS_LETTERS * panel.height))
+    y_label = "\n".join(plain(line, letters) for line in panel.y_label.split("\n"))
+    axes.set(xlabel=plain(panel.x_label, LETTERS), ylabel=y_label)
     for name, log, limits, linear, ticks in (
         ("x", panel.log_x, panel.x_limits, panel.linear_x, panel.x_ticks),
         ("y", panel.log_y, panel.y_limits, panel.linear_y, panel.y_ticks),
@@ -131,6 +164,93 @@ def _set_axes(axes: Axes, panel: Panel) -> None:
         axes.text(1.015, y, plain(text, LETTERS), transform=axes.get_yaxis_transform(), va="center", fontsize=7.5)
 
 
+def _draw_bands(axes: Axes, panel: Panel) -> None:
+    for block in panel.bands:
+        face, edge = SHADES[block.shade]
+        if block.high > block.low:
+            axes.axvspan(block.low, block.high, color=face, alpha=BAND_ALPHA, lw=0.0, zorder=0.5)
+        else:
+            axes.axvline(block.low, color=edge, lw=0.9, ls="--", zorder=1.5)
+
+
+def _draw_lanes(axes: Axes, panel: Panel) -> None:
+    """Draw rows of blocks with their labels; the colours of labels that found no room stand in a key above."""
+    left, right = panel.x_limits or (0.0, 1.0)
+    written: set[str] = set()
+    for row, lane in enumerate(reversed(panel.lanes)):
+        blocks = [block for block in lane.blocks if block.low <= right and block.high >= left]
+        for block, following in zip_longest(blocks, blocks[1:]):
+            low, high = max(block.low, left), min(block.high, right)
+            face, edge = SHADES[block.shade]
+            if high > low:
+                axes.barh(row, high - low, left=low, height=LANE_HEIGHT, color=face, ec=edge, lw=0.5)
+            if block.shade in LOUD:
+                axes.vlines(low, row - 0.5 * LANE_HEIGHT, row + 0.5 * LANE_HEIGHT, color=edge, lw=1.6)
+            free_to = right if following is None else min(following.low, right)
+            if _write_block(axes, block, row, (low, high), (left, free_to), (right - left) / AXES_IN):
+                written.add(block.label)
+    names = [plain(lane.label, MAP_LETTERS) for lane in reversed(panel.lanes)]
+    axes.set(ylim=(-0.6, len(names) - 0.4), yticks=range(len(names)), yticklabels=names, xlim=(left, right))
+    axes.tick_params(axis="y", length=0.0)
+    axes.grid(visible=False, axis="y")
+    for label, shade in _unwritten(panel, written):
+        face, edge = SHADES[shade]
+        axes.bar([left], [0.0], color=face, ec=edge, lw=0.5, label=plain(label, LETTERS))
+
+
+def _unwritten(panel: Panel, written: Collection[str]) -> list[tuple[str, Shade]]:
+    blocks = [block for lane in panel.lanes for block in lane.blocks if block.shade not in {*LOUD, *UNKEYED}]
+    left, right = panel.x_limits or (0.0, 1.0)
+    shown = [block for block in blocks if block.low <= right and block.high >= left]
+    return list(dict.fromkeys((one.label, one.shade) for one in shown if one.label and one.label not in written))
+
+
+def _write_block(
+    axes: Axes, block: Block, row: int, ends: tuple[float, float], room: tuple[float, float], scale: float
+) -> bool:
+    """Write the label of a block into it, of frames and what stands out beside it; say whether it found room.
+
+    Parameters
+    ----------
+    ends : of the block, as far as it is shown.
+    room : where nothing else stands, from the left of the axes to the next block.
+    scale : of the x axis, per inch.
+    """
+    text, letter = plain(block.label, LETTERS), LETTER_IN * scale
+    width, (low, high) = (len(text) + 1.5) * letter, ends
+    look: Look = {"va": "center_baseline", "fontsize": 6.5, "clip_on": True}
+    if block.shade not in LOUD and width < high - low:
+        colour = "white" if block.shade in ("blue", "black") else BLACK
+        axes.text(0.5 * (low + high), row, text, ha="center", color=colour, **look)
+        return True
+    if block.shade in {*LOUD, "outline"} and high + width < room[1]:
+        axes.text(high + 0.5 * letter, row, text, ha="left", **look)
+        return True
+    if block.shade in LOUD and low - width > room[0]:
+        axes.text(low - 0.5 * letter, row, text, ha="right", **look)
+        return True
+    return False
+
+
+def _add_clock(axes: Axes, limits: tuple[float, float]) -> None:
+    """Number the upper edge of axes in minutes and seconds too."""
+    upper = axes.secondary_xaxis("top")
+    span = limits[1] - limits[0]
+    step = next((one for one in CLOCK_STEPS if span / one <= MOST_CLOCK_TICKS), CLOCK_STEPS[-1])
+    step *= max(1, math.ceil(span / step / MOST_CLOCK_TICKS))
+    places = [float(step * k) for k in range(math.ceil(limits[0] / step), math.floor(limits[1] / step) + 1)]
+    upper.set_ticks(places, labels=[_clock(place) for place in places])
+    upper.tick_params(labelsize=6.5, length=2.0)
+
+
+def _clock(time_s: float) -> str:
+    """Return a time as h:mm:ss, below an hour as m:ss."""
+    sign, whole = "−" if time_s <= -0.5 else "", round(abs(time_s))
+    minutes, seconds = divmod(whole, 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{sign}{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{sign}{minutes}:{seconds:02d}"
+
+
 def _set_linear_part(axes: Axes, name: str, linear: float) -> None:
     """Make an axis linear up to a size and logarithmic beyond, labelled at 0, that size and powers of ten."""
     axis = getattr(axes, f"{name}axis")
@@ -145,17 +265,20 @@ def _set_linear_part(axes: Axes, name: str, linear: float) -> None:
     getattr(axes, f"set_{name}lim")(low, high)
 
 
-def _write_legend(axes: Axes, title: str, columns: int) -> None:
-    """Put legend and title above the panel, where they hide no data."""
+def _write_legend(axes: Axes, title: str, columns: int, *, lift_in: float = 0.0) -> None:
+    """Put legend and title above the panel, where they hide no data, and above the numbers of its upper edge."""
     handles, _ = axes.get_legend_handles_labels()
     if not handles:
         axes.set_title(title, loc="left")
         return
+    from matplotlib.transforms import ScaledTranslation
+
     legend = axes.legend(
         title=title or None,
         alignment="left",
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
+        bbox_transform=axes.transAxes + ScaledTranslation(0.0, lift_in, axes.figure.dpi_scale_trans),
         ncols=min(columns, len(handles)),
         borderaxespad=0.1,
         handlelength=2.2,

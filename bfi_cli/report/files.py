@@ -19,11 +19,12 @@ DRAWING_COLUMNS = ("panel", "curve", "x", "y", "low", "high")
 
 
 def content_names(
-    drawings: Sequence[str] = (), tables: Sequence[str] = (), *, stored: str = "result.json"
+    drawings: Sequence[str] = (), tables: Sequence[str] = (), *, stored: str = "result.json", zoom: bool = False
 ) -> tuple[str, ...]:
-    """Return the names of the files of a report that has these drawings and tables."""
+    """Return the names of the files of a report that has these drawings and tables, and a page to `zoom` them."""
     figures = (f"{name}{end}" for name in drawings for end in (".svg", ".png", "_figure.csv"))
-    return (*figures, *(f"{name}.csv" for name in tables), "report.html", stored)
+    pages = ("report.html", "zoom.html") if zoom else ("report.html",)
+    return (*figures, *(f"{name}.csv" for name in tables), *pages, stored)
 
 
 def content_files(
@@ -44,6 +45,7 @@ def content_files(
     from .figures import draw
     from .html import render_content
     from .style import to_png, to_svg
+    from .zoom import render_zoom
 
     files: dict[str, bytes] = {}
     vectors: dict[str, bytes] = {}
@@ -57,6 +59,8 @@ def content_files(
         values = (one.tolist() if isinstance(one, np.ndarray) else one for one in columns.values())
         files[name] = to_csv(tuple(columns), zip(*values, strict=True))
     files["report.html"] = render_content(content, origin, vectors).encode("utf-8", SHOWN)
+    if content.zoom:
+        files["zoom.html"] = render_zoom(content).encode("utf-8", SHOWN)
     files[stored] = to_json(document).encode() + b"\n"
     return files
 

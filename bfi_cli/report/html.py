@@ -12,9 +12,10 @@ from ..provenance import Provenance
 from .content import ReportContent
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from markupsafe import Markup
 
-__all__ = ["render_content"]
+__all__ = ["page_environment", "render_content", "resource"]
 
 # A cell up to so many letters stays on one line.
 ONE_LINE_LETTERS = 18
@@ -28,6 +29,29 @@ def render_content(content: ReportContent, provenance: Provenance, figures: Mapp
     provenance : where the numbers come from.
     figures : SVG bytes by the name of the drawing, in the order of the report.
     """
+    captions = {drawing.name: drawing.caption for drawing in content.drawings}
+    return (
+        page_environment()
+        .get_template("report.html.j2")
+        .render(
+            css=resource("report.css"),
+            content=content,
+            provenance=(
+                ("Command", provenance.command),
+                ("Date", provenance.date),
+                ("Program", f"bfi {provenance.version}, numpy {provenance.numpy}, scipy {provenance.scipy}"),
+                ("Seed", str(provenance.seed)),
+                ("Log, sha256", provenance.log_sha256 or "not known"),
+                ("Configuration, sha256", provenance.config_sha256 or "none"),
+                ("Dictionary, sha256", provenance.dictionary_sha256 or "none"),
+            ),
+            figures=[(name, base64.b64encode(svg).decode("ascii"), captions[name]) for name, svg in figures.items()],
+        )
+    )
+
+
+def page_environment() -> Environment:
+    """Return what fills the templates of this package: everything is escaped and made printable."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     environment = Environment(
@@ -36,24 +60,10 @@ def render_content(content: ReportContent, provenance: Provenance, figures: Mapp
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        loader=FunctionLoader(_file),
+        loader=FunctionLoader(resource),
     )
     environment.filters["unbroken"] = _unbroken
-    captions = {drawing.name: drawing.caption for drawing in content.drawings}
-    return environment.get_template("report.html.j2").render(
-        css=_file("report.css"),
-        content=content,
-        provenance=(
-            ("Command", provenance.command),
-            ("Date", provenance.date),
-            ("Program", f"bfi {provenance.version}, numpy {provenance.numpy}, scipy {provenance.scipy}"),
-            ("Seed", str(provenance.seed)),
-            ("Log, sha256", provenance.log_sha256 or "not known"),
-            ("Configuration, sha256", provenance.config_sha256 or "none"),
-            ("Dictionary, sha256", provenance.dictionary_sha256 or "none"),
-        ),
-        figures=[(name, base64.b64encode(svg).decode("ascii"), captions[name]) for name, svg in figures.items()],
-    )
+    return environment
 
 
 def _show(value: object) -> object:
@@ -71,5 +81,6 @@ def _unbroken(text: str) -> Markup:
     return Markup("_<wbr>").join(escape(part) for part in text.split("_"))
 
 
-def _file(name: str) -> str:
+def resource(name: str) -> str:
+    """Return the text of a file beside this module."""
     return resources.files(__package__).joinpath(name).read_text("utf-8")

@@ -22,6 +22,7 @@ __all__ = [
     "GREEN",
     "GREY",
     "ORANGE",
+    "SHADES",
     "SKY",
     "VERMILLION",
     "Look",
@@ -34,6 +35,22 @@ __all__ = [
 
 BLACK, GREY = "#000000", "#8c8c8c"
 BLUE, SKY, GREEN, ORANGE, VERMILLION = "#0072b2", "#56b4e9", "#009e73", "#e69f00", "#d55e00"
+
+# Face and edge of the shades of blocks; light ones carry dark letters.
+SHADES = {
+    "grey": ("#dcdcdc", "#9a9a9a"),
+    "white": ("#fbfbfb", "#b0b0b0"),
+    "sky": ("#cfe6f7", "#7fb4d8"),
+    "green": ("#cfe9dd", "#7dbfa2"),
+    "yellow": ("#fbe7b5", "#d9b04a"),
+    "rose": ("#f6d3c0", "#d99a78"),
+    "violet": ("#ead3e3", "#bd8fae"),
+    "blue": (BLUE, BLUE),
+    "black": ("#4d4d4d", "#4d4d4d"),
+    "outline": ("#ffffff", BLUE),
+    "fault": (VERMILLION, VERMILLION),
+    "suspect": (ORANGE, ORANGE),
+}
 
 PNG_DPI = 150
 SETTINGS = {

@@ -98,6 +98,16 @@ def test_what_the_user_can_mend_is_one_line(bfi, log: Path, argv: list[str], cod
     assert outcome.stderr.count("\n") == 1
 
 
+def test_phases_and_ranked_windows(bfi, log: Path, tmp_path: Path):
+    document = json.loads(bfi("info", log, "--json").stdout)
+    assert document["phases"] == [{"phase": "flight", "from_s": 0.0, "to_s": 60.0}]
+    assert sorted(one["rank"] for one in document["windows"]) == list(range(1, len(document["windows"]) + 1))
+    assert "Phases of the flight" in bfi("info", log, "--out", tmp_path / "out").stdout
+    assert {"phases.png", "phases.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    rows = (tmp_path / "out" / "phases.csv").read_text().splitlines()
+    assert rows[1:] == ["phase,from_s,to_s", "flight,0.0,60.0"]
+
+
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["citation_20180312_f1.h5", "sim_ae4320_de3211_1.h5", "de3211_1.mat"])
 def test_recorded_flights(bfi, flights: Path, name: str):

@@ -1,0 +1,139 @@
+"""What the flight would have shown without its faults, and the course of each fault beside its named shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from ..channels import STANDARD
+from ..kernels.likelihood_ratio import FAST_S
+from ..kernels.random_walk import correlated_noise, smoothed_course
+from ..parity import Record, WindowScan, scan_window
+from ..parity.explain import COURSES
+from ..parity.record import Hypothesis, hypotheses, with_fault, without_fault
+from ..parity.residuals import RESIDUALS
+from ..parity.scan import residual_values
+from .result import Course, Event
+
+__all__ = ["corrected_channels", "course_of"]
+
+FloatArray = NDArray[np.float64]
+
+SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
+FEWEST_S = 10.0  # of a course after its onset
+
+
+def corrected_channels(record: Record, events: Sequence[Event]) -> dict[str, FloatArray]:
+    """Return by channel, (n,), the record without its declared faults, NaN outside of them.
+
+    From the onset to the last window that shows it a fault has the course that its window tells. A line that is held
+    tells nothing of the pressure, and its channels have no correction.
+    """
+    found: dict[str, FloatArray] = {}
+    for event in events:
+        if event.state != "declared" or event.magnitude is None or "parity" not in event.stages[:1]:
+            continue
+        fault, amount = _amount(event, record.time_s)
+        inside = (record.time_s >= event.onset_s) & (record.time_s < event.window_s[1])
+        clean = without_fault(record, fault, np.where(inside, amount, 0.0))
+        for name in SHOWN:
+            if name in record.channels and name in {*event.channels}:
+                values = found.setdefault(name, np.full(record.time_s.shape, np.nan))
+                values[inside] = clean.channels[name][inside]
+    return found
+
+
+def _amount(event: Event, time_s: FloatArray) -> tuple[str, FloatArray]:
+    """Return the hypothesis of an event and its error over time."""
+    assert event.magnitude is not None
+    fault, sign = ("q_impact", -1.0) if event.fault == "pitot_icing" else (event.fault, 1.0)
+    constant = event.constant_s
+    return fault, sign * event.magnitude * COURSES[event.shape, constant](time_s - event.onset_s)
+
+
+def course_of(record: Record, event: Event, index: int, *, zero_lift: float | None) -> Course | None:
+    """Return the course of an event as an integrated random walk, smoothed, None where the residuals do not tell it.
+
+    Residuals that integrate the fault are left out: a course of any shape is told by those that show it at once. It is
+    told about the record without the named shape, since a loss of a tenth of the impact pressure is no small change.
+    """
+    if event.stages[0] != "parity" or event.magnitude is None:
+        return None
+    fault, named = _amount(event, record.between(*event.window_s).time_s)
+    part = record.between(*event.window_s)
+    hypothesis = next((one for one in hypotheses(part) if one.fault == fault), None)
+    scan = scan_window(part, zero_lift=zero_lift)
+    if hypothesis is None or scan is None or event.window_s[1] - event.onset_s < FEWEST_S:
+        return None
+    stacked = _stacked(without_fault(part, fault, named), scan, hypothesis)
+    if stacked is None:
+        return None
+    times, values, gains, nuisances, covariance = stacked
+    try:
+        course = smoothed_course(
+            times,
+            values,
+            onset_s=event.onset_s,
+            covariance=covariance,
+            gain=gains,
+            nuisances=nuisances,
+            at_s=part.time_s,
+        )
+    except ValueError:
+        return None
+    sign = -1.0 if event.fault == "pitot_icing" else 1.0
+    sides = np.sort(np.stack([sign * (named + course.low), sign * (named + course.high)]), axis=0)
+    return Course(
+        event=index,
+        channel=event.fault,
+        unit="1" if fault == "q_impact" else STANDARD[fault].unit,
+        time_s=part.time_s,
+        free=sign * (named + course.value),
+        low=sides[0],
+        high=sides[1],
+        named=sign * named,
+    )
+
+
+def _stacked(
+    part: Record, scan: WindowScan, hypothesis: Hypothesis
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray] | None:
+    """Return times, residuals, what one unit of the fault makes of each, nuisances and covariance, stacked."""
+    other = with_fault(part, hypothesis.fault, np.full(part.time_s.shape, hypothesis.size))
+    times, values, gains, columns, blocks = [], [], [], [], []
+    for kind, residual, known in zip(scan.kinds, scan.residuals, scan.known, strict=True):
+        model = next(one for one in RESIDUALS if one.name == kind.name)
+        if kind.rate is not None and np.any(np.nan_to_num(kind.rate(other) - kind.rate(part))):
+            continue
+        gain = (kind.values(other, scan.constants) - kind.values(part, scan.constants))[known] / hypothesis.size
+        if not np.any(gain):
+            continue
+        t = part.time_s[known]
+        own = np.ones((t.size, 1))
+        if kind.nuisances is not None:
+            more, _ = kind.nuisances(part, scan.constants)
+            own = np.column_stack([own, more[known]])
+        times.append(t)
+        values.append(residual_values(part, part, scan.constants, kind)[known])
+        gains.append(gain)
+        columns.append(_independent(own))
+        slow = model.slow(t - t[0])
+        blocks.append(correlated_noise(t, sd=residual.level, time_constant_s=FAST_S) + slow)
+    if not times:
+        return None
+    return (
+        np.concatenate(times),
+        np.concatenate(values),
+        np.concatenate(gains),
+        np.asarray(block_diag(*columns)),
+        np.asarray(block_diag(*blocks)),
+    )
+
+
+def _independent(columns: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of columns: a straight flight shows the wind along its track only."""
+    u, s, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0).clip(min=1e-300), full_matrices=False)
+    return np.asarray(u[:, s > 1e-3 * s[0]])

@@ -1,0 +1,116 @@
+"""What windows of a flight found, joined into events: one fault is one event, whichever analyses saw it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ..parity import Finding
+
+__all__ = ["Draft", "clusters", "join", "merge_stages", "with_ends"]
+
+Window = tuple[float, float]
+
+# A finding belongs to an event that began at most this long after it: onsets of slow faults are uncertain by as much.
+BEFORE_S = 15.0
+# Relative, of the frequency of an oscillation where it begins and where it ends.
+FREQUENCY_TOLERANCE = 0.05
+# The order of trust: what a line or a relation shows is exact, what windows of a regression show is not.
+STAGES = ("sensors", "static relations", "holds", "parity", "scan")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draft:
+    """A finding with its window, and until when windows show it; `also` what other analyses found of it.
+
+    `n_windows` of its analysis stand out.
+    """
+
+    finding: Finding
+    window: Window
+    until_s: float
+    also: tuple[Finding, ...] = ()
+    n_windows: int = 1
+
+    @property
+    def from_s(self) -> float:
+        return min(self.finding.onset_s, self.finding.onset_ci95[0])
+
+
+def clusters(windows: Sequence[Window]) -> list[list[int]]:
+    """Return the indices of windows that overlap each other, directly or through others, in order of time."""
+    order = sorted(range(len(windows)), key=lambda k: windows[k])
+    found: list[list[int]] = []
+    end = float("-inf")
+    for k in order:
+        if windows[k][0] < end:
+            found[-1].append(k)
+        else:
+            found.append([k])
+        end = max(end, windows[k][1])
+    return found
+
+
+def join(drafts: Sequence[Draft]) -> list[Draft]:
+    """Return the drafts of one analysis with those of overlapping windows joined; the strongest describes them."""
+    found = []
+    for cluster in clusters([one.window for one in drafts]):
+        members = [drafts[k] for k in cluster]
+        best = max(members, key=lambda one: one.finding.statistic / one.finding.threshold)
+        until_s = max(one.until_s for one in members)
+        found.append(replace(best, until_s=until_s, n_windows=len(members)))
+    return found
+
+
+def merge_stages(drafts: Sequence[Draft]) -> list[Draft]:
+    """Return the drafts of all analyses as events: what overlaps in time and in what errs is one fault.
+
+    The most trusted analysis describes it. A scan for steps watches the airspeed alone and is disturbed by whatever is
+    wrong with its inputs, so that it joins any event of its time.
+    """
+    events: list[Draft] = []
+    for one in sorted(drafts, key=lambda draft: (STAGES.index(draft.finding.stage), draft.finding.onset_s)):
+        for k, event in enumerate(events):
+            if _belongs(one, event):
+                events[k] = replace(
+                    event,
+                    until_s=max(event.until_s, one.until_s),
+                    also=(*event.also, one.finding, *one.also),
+                )
+                break
+        else:
+            events.append(one)
+    return sorted(events, key=lambda event: event.finding.onset_s)
+
+
+def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
+    """Return the drafts of the scan with each oscillation and its end as one.
+
+    Inside of an oscillation no window shows a change; where it ends the next one does, of the same frequency.
+    """
+    found: list[Draft] = []
+    for one in sorted(drafts, key=lambda draft: draft.finding.onset_s):
+        last = found[-1] if found else None
+        if last is not None and last.finding.offset_s is None and _same_frequency(last.finding, one.finding):
+            ended = replace(last.finding, offset_s=one.finding.onset_s)
+            found[-1] = replace(last, finding=ended, until_s=one.until_s, also=(*last.also, one.finding))
+        else:
+            found.append(one)
+    return found
+
+
+def _same_frequency(one: Finding, other: Finding) -> bool:
+    if one.frequency_hz is None or other.frequency_hz is None or one.fault != other.fault:
+        return False
+    return abs(one.frequency_hz - other.frequency_hz) <= FREQUENCY_TOLERANCE * one.frequency_hz
+
+
+def _belongs(one: Draft, event: Draft) -> bool:
+    overlaps = one.from_s <= event.until_s and one.until_s >= event.from_s - BEFORE_S
+    if not overlaps:
+        return False
+    # While a line is held, whatever is compared with its pressure disagrees.
+    if one.finding.stage == "scan" or event.finding.stage == "holds":
+        return True
+    alike = {*one.finding.among, *one.finding.channels} & {*event.finding.among, *event.finding.channels}
+    return bool(alike)

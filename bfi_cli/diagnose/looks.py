@@ -1,0 +1,175 @@
+"""The parity scan over a whole flight: every window of every length, its thresholds, and what it excludes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.progress import Report, silent
+from ..parity import (
+    LENGTHS_S,
+    RESIDUALS,
+    ParityTable,
+    Record,
+    Threshold,
+    WindowScan,
+    scan_window,
+    table_for,
+    threshold_of,
+)
+from .result import Look
+
+__all__ = ["Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
+
+FloatArray = NDArray[np.float64]
+
+# Where a flight shows mostly more than the tables, its thresholds rise; fewer windows than this do not say so.
+ENOUGH_WINDOWS = 10
+WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scanned:
+    """One window scanned.
+
+    Attributes
+    ----------
+    statistic, fault, onset_s : the largest ratio, and where it is.
+    magnitude, sd : by fault, (n_onsets,) of ramps from onsets in the first half of the window; cost : of the levels.
+    onsets_s : (n_onsets,) of these.
+    """
+
+    from_s: float
+    to_s: float
+    residuals: tuple[str, ...]
+    lacking: Mapping[str, str]
+    knows_zero_lift: bool
+    statistic: float
+    fault: str
+    onset_s: float
+    onsets_s: FloatArray
+    magnitude: Mapping[str, FloatArray]
+    sd: Mapping[str, FloatArray]
+    cost: float
+
+    @property
+    def length_s(self) -> float:
+        return self.to_s - self.from_s
+
+    def largest_hidden(self, fault: str, level: float) -> tuple[float, float]:
+        """Return the ramp, per second, that may hide under a threshold, and the error that it reaches in the window.
+
+        A ramp is hidden where the scan's ratio, which grows by ((|z| - |z^|) / sd)^2, stays below the threshold; of the
+        onsets in the first half of the window the worst counts, for later ones the next window does.
+        """
+        slope = np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]
+        reached = slope * (self.to_s - self.onsets_s)
+        worst = int(np.argmax(reached))
+        return float(slope[worst]), float(reached[worst])
+
+
+def rates_of(false_alarm: float) -> dict[float, float]:
+    """Return the wanted rate of false alarms of a window of each length.
+
+    It goes with the time that a window covers, and by half since windows overlap by half. Windows of several lengths
+    over one stretch see mostly the same, so that they do not share a rate.
+    """
+    return {length_s: 0.5 * false_alarm * length_s / 120.0 for length_s in LENGTHS_S}
+
+
+def scan_flight(
+    record: Record,
+    windows: Mapping[float, Sequence[tuple[float, float]]],
+    *,
+    zero_lift: float | None,
+    without_lift: Sequence[tuple[float, float]] = (),
+    report: Report = silent,
+) -> list[Scanned]:
+    """Return the scans of all windows, by length and then in time; those without a residual are left out.
+
+    Parameters
+    ----------
+    zero_lift : angle of attack of zero lift, rad, where it is known.
+    without_lift : stretches in which flaps and gear may move, so that the lift says nothing.
+    """
+    every = [one for length_s in windows for one in windows[length_s]]
+    found = []
+    for k, (from_s, to_s) in enumerate(every):
+        report(k / len(every))
+        moving = any(from_s < last and first < to_s for first, last in without_lift)
+        only = WITHOUT_LIFT if moving else None
+        scan = scan_window(record.between(from_s, to_s), zero_lift=zero_lift, only=only)
+        if scan is not None:
+            found.append(_reduced(scan, from_s, to_s))
+    return found
+
+
+def _reduced(scan: WindowScan, from_s: float, to_s: float) -> Scanned:
+    best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
+    early = scan.onsets_s <= max(0.5 * (from_s + to_s), scan.onsets_s[0])
+    return Scanned(
+        from_s=from_s,
+        to_s=to_s,
+        residuals=tuple(kind.name for kind in scan.kinds),
+        lacking=scan.lacking,
+        knows_zero_lift=scan.constants.knows_zero_lift,
+        statistic=scan.statistic,
+        fault=best,
+        onset_s=float(scan.onsets_s[int(np.argmax(scan.ratios[best].ratio))]),
+        onsets_s=scan.onsets_s[early],
+        magnitude={fault: one.magnitude[early] for fault, one in scan.ratios.items()},
+        sd={fault: one.sd[early] for fault, one in scan.ratios.items()},
+        cost=sum(residual.cost for residual in scan.residuals),
+    )
+
+
+def scale_of(scanned: Sequence[Scanned], tables: Sequence[ParityTable]) -> float:
+    """Return by how much this flight shows more than the flights of the tables, at least 1.
+
+    The median over all windows of the statistic over the median of the table: fewer than half of them with a fault do
+    not move it far, and an aircraft or an air that is rougher throughout raises its own thresholds.
+    """
+    shares = []
+    for one in scanned:
+        table = table_for(tables, one.residuals, one.length_s, knows_zero_lift=one.knows_zero_lift)
+        if table is not None:
+            shares.append(one.statistic / max(float(np.median(table.statistics)), 1.0))
+    return max(1.0, float(np.median(shares))) if len(shares) >= ENOUGH_WINDOWS else 1.0
+
+
+def look_at(
+    scanned: Sequence[Scanned], tables: Sequence[ParityTable], *, false_alarm: float, scale: float
+) -> Iterator[tuple[Scanned, Threshold, Look]]:
+    """Yield every window with its threshold and what is reported of it."""
+    rates = rates_of(false_alarm)
+    cache: dict[tuple[Collection[str], float, bool], Threshold] = {}
+    for one in scanned:
+        key = (one.residuals, round(one.length_s), one.knows_zero_lift)
+        if key not in cache:
+            nearest = min(LENGTHS_S, key=lambda length_s: abs(length_s - one.length_s))
+            cache[key] = threshold_of(
+                tables,
+                one.residuals,
+                one.length_s,
+                knows_zero_lift=one.knows_zero_lift,
+                false_alarm=rates[nearest],
+                scale=scale,
+            )
+        threshold = cache[key]
+        yield (
+            one,
+            threshold,
+            Look(
+                from_s=one.from_s,
+                to_s=one.to_s,
+                residuals=one.residuals,
+                statistic=one.statistic,
+                threshold=threshold.level,
+                p_value=threshold.p_value(one.statistic),
+                fault=one.fault,
+                onset_s=one.onset_s,
+            ),
+        )

@@ -1,0 +1,157 @@
+"""From what an analysis found to a named fault: fits of the parity scan, and peaks of the scan for steps."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+from ..airdata import DEPENDS_ON, IMPACT_SOURCES
+from ..faults import Fault, magnitude_unit
+from ..onset.glance import Glance
+from ..parity import Finding, Fit, Record, Threshold, WindowScan, effects
+from ..parity.record import hypotheses
+from ..shapes import SHAPES
+
+__all__ = ["contradicted", "finding_of_fit", "finding_of_glance", "repeat_advice"]
+
+
+def fault_name(fit: Fit) -> str:
+    """Return what a hypothesis of the parity scan is called: a loss of impact pressure is icing of the pitot tube."""
+    if fit.fault.fault == "q_impact" and fit.magnitude < 0.0:
+        return "pitot_icing"
+    return fit.fault.fault
+
+
+def names_of(fits: Sequence[Fit], record: Record) -> tuple[str, ...]:
+    """Return the names of faults that explain a window about as well.
+
+    A log with one airspeed cannot tell a fault of its channel from one of the pitot line: a loss may be icing.
+    """
+    names: list[str] = []
+    alone = not any(one.fault == "q_impact" for one in hypotheses(record))
+    for fit in fits:
+        names.append(fault_name(fit))
+        if alone and fit.fault.fault == record.airspeed and fit.magnitude < 0.0:
+            names.append("pitot_icing")
+    return tuple(dict.fromkeys(names))
+
+
+def channels_of(fault: str, recorded: Collection[str]) -> tuple[str, ...]:
+    """Return the recorded channels that a fault makes wrong."""
+    if fault in ("pitot_icing", "pitot_water", "q_impact"):
+        return tuple(name for name in DEPENDS_ON if name in recorded and "p_total" in DEPENDS_ON[name])
+    if fault == "ground_speed":
+        return tuple(name for name in ("velocity_north", "velocity_east", "latitude", "longitude") if name in recorded)
+    return (fault,)
+
+
+def finding_of_fit(
+    fits: Sequence[Fit], record: Record, threshold: Threshold, recorded: Collection[str], scan: WindowScan
+) -> Finding:
+    """Return the finding of a window that the parity scan declares.
+
+    Parameters
+    ----------
+    fits : from `explain`, the best first.
+    recorded : channels of the log.
+    """
+    fit = fits[0]
+    name = fault_name(fit)
+    sign = -1.0 if name == "pitot_icing" else 1.0
+    unit = magnitude_unit(Fault(shape=fit.shape, channel="any", magnitude=1.0, onset_s=0.0), fit.fault.unit)
+    evidence = {kind: round(part, 2) for kind, part in fit.parts.items()}
+    return Finding(
+        fault=name,
+        among=names_of(fits, record),
+        channels=channels_of(name, recorded),
+        stage="parity",
+        shape=fit.shape,
+        constant_s=fit.constant_s,
+        magnitude=sign * fit.magnitude,
+        sd=fit.sd,
+        unit=unit or "1",
+        effect={channel: size for channel, size in effects(record, fit).items() if channel in recorded},
+        onset_s=fit.onset_s,
+        onset_ci95=fit.onset_ci95,
+        statistic=scan.statistic,
+        threshold=threshold.level,
+        p_value=threshold.p_value(scan.statistic),
+        evidence=evidence,
+    )
+
+
+def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bool, to_s: float, unit: str) -> Finding:
+    """Return the finding of a window in which a step, a drift or an oscillation of the airspeed stands out.
+
+    Parameters
+    ----------
+    relations : whether the airspeed agrees with Mach number or calibrated airspeed in the window, so that what errs is
+        the pressure that all are computed from.
+    """
+    others = [name for name in IMPACT_SOURCES if name in recorded and name != found.channel]
+    line = "pitot_water" if SHAPES[found.shape].kind == "oscillating" else "q_impact"
+    among = (line,) if relations and others else (found.channel, line)
+    seconds = to_s - found.onset_s if found.shape == "drift" else 1.0
+    shape = Fault(shape=found.shape, channel="any", magnitude=1.0, onset_s=0.0, frequency_hz=found.frequency_hz)
+    return Finding(
+        fault=among[0],
+        among=among,
+        channels=channels_of(among[0], recorded),
+        stage="scan",
+        shape=found.shape,
+        frequency_hz=found.frequency_hz,
+        magnitude=found.magnitude,
+        sd=found.sd,
+        unit=magnitude_unit(shape, unit),
+        effect={found.channel: found.magnitude * seconds},
+        onset_s=found.onset_s,
+        onset_ci95=(found.onset_s, found.onset_s),
+        statistic=found.statistic,
+        threshold=found.threshold,
+        p_value=found.p_value,
+        evidence={"steps and oscillations": round(found.statistic, 2)},
+    )
+
+
+def contradicted(relations: Mapping[str, bool]) -> tuple[str, ...]:
+    """Return the faults of single channels that intact static relations contradict.
+
+    Parameters
+    ----------
+    relations : by channel that stands in a static relation, whether all of these are intact.
+    """
+    return tuple(name for name, intact in relations.items() if intact and name in ("tas", "cas", "ias", "mach"))
+
+
+# What a repeated flight should record or fly, where one of each pair cannot be told from the other.
+REPEATS: tuple[tuple[frozenset[str], str], ...] = (
+    (
+        frozenset({"aoa", "normal_acc"}),
+        "a second angle-of-attack vane, or pitch attitude and rate of climb, tells aoa from normal_acc",
+    ),
+    (
+        frozenset({"tas", "pitot_icing"}),
+        "calibrated airspeed or Mach number beside the true airspeed tells its computation from the pitot line",
+    ),
+    (
+        frozenset({"tas", "ground_speed"}),
+        "circles in a constant wind, with angle of attack and accelerations, tell the airspeed from the ground speed",
+    ),
+    (
+        frozenset({"tas", "normal_acc"}),
+        "ground velocity, or calibrated airspeed and Mach number, tell the airspeed from the accelerometer",
+    ),
+    (
+        frozenset({"pitch", "altitude_rate"}),
+        "an inertial rate of climb, or a level acceleration, tells pitch from altitude_rate",
+    ),
+)
+
+
+def repeat_advice(among: Collection[str]) -> str:
+    """Return what a repeated flight should record to tell the faults of a set apart, "" for a set of one."""
+    if len(among) < 2:
+        return ""
+    for pair, words in REPEATS:
+        if pair <= set(among):
+            return words
+    return f"a second, independent sensor of {' or '.join(sorted(among)[:3])} tells them apart"

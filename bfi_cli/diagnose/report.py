@@ -1,0 +1,314 @@
+"""The JSON document of `bfi diagnose`, and what a reader is shown of it: a timeline of the flight, a page per event."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..flightlog.report import lane_panel
+from ..flightlog.timeline import bands_of, lanes_of, phase_table
+from ..provenance import Provenance
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve
+from ..report.text import instant, number, quantity
+from ..serialization import to_plain
+from .result import DiagnoseResult
+
+__all__ = ["SCHEMA", "diagnose_content", "diagnose_document"]
+
+SCHEMA = 2
+Plain = Mapping[str, Any]
+HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
+DEGREES = {"rad": "deg", "rad/s": "deg/s"}
+# On either side of the window that describes an event.
+AROUND_S = 60.0
+MOST_PAGES = 12  # events with a page of their own; the table has all
+EVENT_COLUMNS = (
+    *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
+    *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
+)
+TIMELINE = (
+    "The flight: its phases, what was measured (blue) and what it would have been without the declared faults (red), "
+    "and how near each analysis came to its threshold in every window (1 is the threshold). Dashed lines are onsets of "
+    "declared (red) and suspected (orange) faults."
+)
+
+
+def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
+    body = to_plain(result)
+    series = {key: body.pop(key) for key in ("time_s", "measured", "corrected", "units", "strips", "courses")}
+    last = {key: body.pop(key) for key in ("missing", "notes")}
+    return {
+        "kind": "diagnose",
+        "schema": SCHEMA,
+        **body,
+        "series": series,
+        **last,
+        "provenance": to_plain(provenance),
+    }
+
+
+def diagnose_content(document: Plain) -> ReportContent:
+    """Return what the report of a document of `bfi diagnose` holds."""
+    log, events = document["log"], document["events"]
+    limits = (log["start_s"], log["stop_s"])
+    angle = document["zero_lift_rad"]
+    facts = [
+        ("Flight", f"{instant(limits[0])} to {instant(limits[1])} s"),
+        ("Samples", f"{log['n_samples']} at {number(log['rate_hz'])} Hz"),
+        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of healthy stretches of 120 s wanted"),
+        ("Windows", f"{len(document['windows'])} of the parity scan"),
+    ]
+    if angle is not None:
+        facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {document['zero_lift_from']}"))
+    declared = [_sentence(one) for one in events if one["state"] == "declared"]
+    suspected = [_sentence(one) for one in events if one["state"] == "suspected"]
+    drawings = [_timeline(document)] if document["series"]["time_s"] else []
+    drawings += [_page(document, k) for k in range(min(len(events), MOST_PAGES))]
+    return ReportContent(
+        category="Diagnosis of a flight",
+        title=str(log["path"]),
+        heading=HEADINGS[document["decision"]],
+        verdict=_verdict(document["decision"], declared, suspected, document["summary"]),
+        tone=document["decision"],
+        lead=1 if drawings else 0,
+        facts=tuple(facts),
+        tables=(*_event_tables(events), *_limit_tables(document["limits"]), *phase_table(document["phases"])),
+        drawings=tuple(drawings),
+        notes=(
+            *(f"missing: {sentence}" for sentence in document["missing"]),
+            *(f"{_name(one)}: {one['note']}" for one in events if one["note"]),
+            *(f"{_name(one)}: next time, {one['repeat']}" for one in events if one["repeat"]),
+            *document["notes"],
+        ),
+        data={"events.csv": {key: [_cell(one[key]) for one in events] for key in EVENT_COLUMNS}},
+    )
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return " ".join(f"{name}={size:.6g}" for name, size in value.items())
+    if isinstance(value, list):
+        return " ".join(str(one) for one in value)
+    return value
+
+
+def _verdict(decision: str, declared: Sequence[str], suspected: Sequence[str], summary: str) -> str:
+    said = []
+    if declared:
+        said.append(f"Fault: {declared[0]}" if len(declared) == 1 else f"{len(declared)} faults: {'; '.join(declared)}")
+    elif decision == "no_fault":
+        said.append("No fault")
+    else:
+        said.append("Inconclusive")
+    if suspected:
+        said.append(f"suspected: {'; '.join(suspected)}")
+    if summary:
+        said.append(summary)
+    return ". ".join(f"{one[:1].upper()}{one[1:]}" for one in said) + "."
+
+
+def _name(event: Plain) -> str:
+    return str(event["fault"]).replace("_", " ")
+
+
+def _sentence(event: Plain) -> str:
+    """Return an event in words: "pitot icing from 1432 s, 0.0025 1/s, tas -19 m/s"."""
+    others = [name.replace("_", " ") for name in event["among"][1:]]
+    name = _name(event) + (f" (or {', '.join(others)})" if others else "")
+    if event["shape"] in ("bias", "drift", "sine") and event["fault"] in event["effect"]:
+        name += f" {event['shape']}"
+    size = "" if event["magnitude"] is None else f", {_magnitude(event)}"
+    until = "" if event["offset_s"] is None else f" to {instant(event['offset_s'])}"
+    return f"{name} from {instant(event['onset_s'])}{until} s{size}"
+
+
+def _magnitude(event: Plain) -> str:
+    value, unit, sd = event["magnitude"], event["unit"], event["sd"]
+    if unit in DEGREES:
+        value, unit, sd = np.degrees(value), DEGREES[unit], None if sd is None else np.degrees(sd)
+    elif unit == "rad/s^2":
+        value, unit, sd = np.degrees(value), "deg/s^2", None if sd is None else np.degrees(sd)
+    return f"{number(value, spread=None if sd is None else 1.96 * sd, extra=1)} {unit}"
+
+
+def _size(value: float, unit: str) -> str:
+    return quantity(np.degrees(value), DEGREES[unit]) if unit in DEGREES else quantity(value, unit)
+
+
+def _event_tables(events: Sequence[Plain]) -> tuple[Table, ...]:
+    rows = []
+    for one in events:
+        low, high = one["onset_ci95"]
+        among = ", ".join(one["among"])
+        evidence = ", ".join(f"{name} {value:.3g}" for name, value in one["evidence"].items())
+        effect = ", ".join(f"{name} {value:.3g}" for name, value in list(one["effect"].items())[:3])
+        rows.append(
+            (
+                among,
+                one["state"],
+                f"{instant(one['onset_s'])} ({instant(round(low, 1))} to {instant(round(high, 1))})",
+                "-" if one["offset_s"] is None else instant(one["offset_s"]),
+                f"{one['shape']} {_magnitude(one)}" if one["magnitude"] is not None else one["shape"],
+                effect or "-",
+                "-" if one["p_value"] is None else f"{one['p_value']:.2g}",
+                evidence or "-",
+            )
+        )
+    heads = ("fault (or)", "state", "from [s]", "to [s]", "course", "largest error", "p", "evidence")
+    return (Table(name="events", title="Events", heads=heads, rows=tuple(rows)),) if rows else ()
+
+
+def _limit_tables(limits: Sequence[Plain]) -> tuple[Table, ...]:
+    rows = tuple(
+        (
+            str(one["fault"]),
+            str(one["shape"]),
+            _size(one["excluded_above"], one["unit"]),
+            f"{_size(one['effect'], _unit_of_effect(one))}",
+            "-" if one["tolerance"] is None else _size(one["tolerance"], _unit_of_effect(one)),
+            "yes" if one["within_tolerance"] else "no",
+            f"{instant(one['from_s'])} to {instant(one['to_s'])}",
+        )
+        for one in limits
+    )
+    heads = ("fault", "shape", "excluded above", "could hide", "tolerance", "within", "worst window [s]")
+    title = "What could not have been missed, in the worst stretch of the flight (flaps and gear at rest)"
+    return (Table(name="limits", title=title, heads=heads, rows=rows),) if rows else ()
+
+
+def _unit_of_effect(limit: Plain) -> str:
+    return str(limit["effect_unit"])
+
+
+def _named(events: Sequence[Plain]) -> list[dict[str, Any]]:
+    """Return events as the lanes of a timeline want them."""
+    return [
+        {
+            "name": _name(one),
+            "channels": [],
+            "state": one["state"],
+            "onset_s": one["onset_s"],
+            "offset_s": one["offset_s"] if one["offset_s"] is not None else one["seen_until_s"],
+        }
+        for one in events
+    ]
+
+
+def _lines(events: Sequence[Plain]) -> list[Block]:
+    return [
+        Block(
+            label="",
+            low=one["onset_s"],
+            high=one["onset_s"],
+            shade="fault" if one["state"] == "declared" else "suspect",
+        )
+        for one in events
+    ]
+
+
+def _timeline(document: Plain) -> Drawing:
+    log, series, events = document["log"], document["series"], document["events"]
+    limits = (float(log["start_s"]), float(log["stop_s"]))
+    lanes = lanes_of(document["phases"], (), (), _named(events), limits=limits)
+    bands = (*bands_of(document["phases"]), *_lines(events))
+    panels = [lane_panel(lanes, limits)] if lanes else []
+    wrong = [name for one in events for name in one["channels"]]
+    airspeeds = [name for name in ("tas", "cas", "ias") if name in series["measured"]]
+    shown = [name for name in (*airspeeds[:1], "altitude") if name in series["measured"]]
+    shown += [name for name in dict.fromkeys(wrong) if name in series["measured"] and name not in shown][:3]
+    for name in shown:
+        panels.append(_channel_panel(series, name, limits, bands))
+    groups: dict[str, list[Curve]] = {"parity": [], "relations": []}
+    for strip in series["strips"]:
+        group = "parity" if strip["name"].startswith("parity") else "relations"
+        groups[group].append(curve(strip["name"], strip["time_s"], _floats(strip["share"])))
+    for group, curves in groups.items():
+        if curves:
+            panels.append(
+                Panel(
+                    x_label="time [s]",
+                    y_label=f"{group}\n[of threshold]",
+                    curves=tuple(curves),
+                    levels=(("threshold", 1.0),),
+                    bands=bands,
+                    x_limits=limits,
+                    height=0.6,
+                )
+            )
+    return Drawing(name="timeline", caption=TIMELINE, panels=tuple(panels), shared_x=True)
+
+
+def _floats(values: Sequence[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _channel_panel(
+    series: Plain, name: str, limits: tuple[float, float], bands: tuple[Block, ...], height: float = 0.8
+) -> Panel:
+    time_s, unit = _floats(series["time_s"]), series["units"][name]
+    inside = (time_s >= limits[0]) & (time_s <= limits[1])
+    factor = np.degrees(1.0) if unit in DEGREES else 1.0
+    curves = [curve("measured", time_s[inside], factor * _floats(series["measured"][name])[inside])]
+    if name in series["corrected"]:
+        values = factor * _floats(series["corrected"][name])[inside]
+        if np.isfinite(values).any():
+            curves.append(curve("without the fault", time_s[inside], values))
+    return Panel(
+        x_label="time [s]",
+        y_label=f"{name}\n[{DEGREES.get(unit, unit)}]",
+        curves=tuple(curves),
+        bands=bands,
+        x_limits=limits,
+        height=height,
+    )
+
+
+def _page(document: Plain, k: int) -> Drawing:
+    """Return the figure of an event: its channels, its course beside the named shape, its evidence by residual."""
+    event, series = document["events"][k], document["series"]
+    low = max(float(document["log"]["start_s"]), float(event["window_s"][0]) - AROUND_S)
+    high = min(float(document["log"]["stop_s"]), float(event["window_s"][1]) + AROUND_S)
+    bands = (*bands_of(document["phases"]), *_lines([event]))
+    inside = tuple(one for one in bands if one.high >= low and one.low <= high)
+    names = [name for name in event["channels"] if name in series["measured"]][:3]
+    panels = [_channel_panel(series, name, (low, high), inside) for name in names]
+    for course in series["courses"]:
+        if course["event"] != k:
+            continue
+        unit = course["unit"]
+        factor = np.degrees(1.0) if unit in DEGREES else 1.0
+        time_s = _floats(course["time_s"])
+        panels.append(
+            Panel(
+                x_label="time [s]",
+                y_label=f"error of {course['channel']}\n[{DEGREES.get(unit, unit)}]",
+                curves=(
+                    curve(
+                        "of any shape, 95 % band",
+                        time_s,
+                        factor * _floats(course["free"]),
+                        low=factor * _floats(course["low"]),
+                        high=factor * _floats(course["high"]),
+                    ),
+                    curve(f"as a {event['shape']}", time_s, factor * _floats(course["named"]), style="dashed"),
+                ),
+                bands=inside,
+                x_limits=(low, high),
+            )
+        )
+    if event["evidence"]:
+        sizes = list(event["evidence"].items())
+        panels.append(
+            Panel(
+                x_label="evidence for it [twice the log-likelihood ratio, or the analysis's own statistic]",
+                y_label="",
+                curves=(curve("", [float(value) for _, value in sizes], range(len(sizes)), style="rows_red"),),
+                y_ticks=tuple((name, float(i)) for i, (name, _) in enumerate(sizes)),
+                height=0.25 + 0.15 * len(sizes),
+            )
+        )
+    caption = f"{_sentence(event)}; {event['state']}. Evidence by residual: what each says for it."
+    return Drawing(name=f"event_{k + 1}", caption=caption, panels=tuple(panels))

@@ -1,0 +1,185 @@
+"""The diagnosis of a flight: frozen data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..faults import Decision
+from ..flightlog.phases import Phase
+from ..parity.finding import Stage
+from ..preprocessing.summary import LogSummary
+from ..shapes import Kind
+from ..verdicts import State
+
+__all__ = ["Course", "DiagnoseResult", "Event", "FlightLimit", "Look", "Strip"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """One fault of the flight, from what every analysis says of it.
+
+    Attributes
+    ----------
+    fault : a fault of a pressure line by its shape ("pitot_icing"), or the standard name of the channel that errs.
+    among : every fault that explains the log about as well, `fault` first; one alone is an isolation.
+    channels : that err under `fault`.
+    state : declared, or suspected where something else may imitate it.
+    kind : abrupt, oscillating or slow, by its shape.
+    stages : the analyses that saw it, the one that describes it first.
+    shape, magnitude, unit, sd, ci95 : of its course; None for a line that is held, where no size is known.
+    constant_s, frequency_hz : time constant or duration, and frequency of the course, where it has one.
+    effect : by channel the largest error in the window that describes it, in the channel's unit.
+    onset_s, onset_ci95, offset_s : on the log's axis; offset_s is None where it lasts.
+    seen_until_s : end of the last window that shows it.
+    window_s : the window that describes it.
+    statistic, threshold, p_value : there.
+    evidence : by residual, what it says for the fault.
+    note : what limits the answer, "" for nothing; repeat : what a repeated flight should record, "" for nothing.
+    """
+
+    fault: str
+    among: tuple[str, ...]
+    channels: tuple[str, ...]
+    state: State
+    kind: Kind
+    stages: tuple[Stage, ...]
+    shape: str
+    constant_s: float | None
+    frequency_hz: float | None
+    magnitude: float | None
+    unit: str
+    sd: float | None
+    ci95: tuple[float, float] | None
+    effect: Mapping[str, float]
+    onset_s: float
+    onset_ci95: tuple[float, float]
+    offset_s: float | None
+    seen_until_s: float
+    window_s: tuple[float, float]
+    statistic: float
+    threshold: float
+    p_value: float | None
+    evidence: Mapping[str, float]
+    note: str
+    repeat: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightLimit:
+    """What the worst window of the flight still excludes of a fault and shape: magnitudes above `excluded_above`.
+
+    Attributes
+    ----------
+    effect : the error on `channel` that this magnitude makes in the window, in `effect_unit`.
+    within_tolerance : whether that is no more than the channel's tolerance.
+    from_s, to_s : of the window.
+    """
+
+    fault: str
+    shape: str
+    channel: str
+    excluded_above: float
+    unit: str
+    effect: float
+    effect_unit: str
+    tolerance: float | None
+    within_tolerance: bool
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """One window of the parity scan.
+
+    Attributes
+    ----------
+    residuals : that were used.
+    statistic, threshold, p_value : the largest ratio over faults and onsets.
+    fault, onset_s : where it is largest.
+    """
+
+    from_s: float
+    to_s: float
+    residuals: tuple[str, ...]
+    statistic: float
+    threshold: float
+    p_value: float | None
+    fault: str
+    onset_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Strip:
+    """The evidence of one residual, or of an analysis, over the flight: (n,) share of its threshold."""
+
+    name: str
+    time_s: FloatArray
+    share: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Course:
+    """The course of an event: of its window, what its residual shows beside the named shape, in `unit`.
+
+    Attributes
+    ----------
+    event : its index.
+    time_s, free, low, high : (n,) of a course of any shape with its band; named : (n,) of the named shape.
+    """
+
+    event: int
+    channel: str
+    unit: str
+    time_s: FloatArray
+    free: FloatArray
+    low: FloatArray
+    high: FloatArray
+    named: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DiagnoseResult:
+    """The result of `diagnose_flight`.
+
+    Attributes
+    ----------
+    verdicts : on each kind of fault; decision : on those required.
+    summary : what the log says of the kinds of which no fault is declared.
+    limits : per fault and shape.
+    windows : of the parity scan.
+    missing : what the log lacks, and what that costs.
+    zero_lift_rad : angle of attack of zero lift, None where it is not known; zero_lift_from : where it comes from.
+    time_s : (n,) once a second; measured, corrected : by channel, NaN where corrected says nothing.
+    """
+
+    log: LogSummary
+    decision: Decision
+    verdicts: Mapping[Kind, Decision]
+    summary: str
+    events: tuple[Event, ...]
+    limits: tuple[FlightLimit, ...]
+    phases: tuple[Phase, ...]
+    windows: tuple[Look, ...]
+    missing: tuple[str, ...]
+    false_alarm: float
+    zero_lift_rad: float | None
+    zero_lift_from: str
+    time_s: FloatArray
+    measured: Mapping[str, FloatArray]
+    corrected: Mapping[str, FloatArray]
+    units: Mapping[str, str]
+    strips: tuple[Strip, ...]
+    courses: tuple[Course, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the log could tell."""
+        return self.decision != "inconclusive"

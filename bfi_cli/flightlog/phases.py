@@ -1,0 +1,491 @@
+"""The phases of a flight, from the channels that a log has.
+
+Two kinds, told apart by `PARTS`. The parts of a flight (ground, take-off, climb, cruise, descent, approach, landing)
+follow each other and never overlap; manoeuvres (turn, stall, parabola) lie within them and may overlap each other.
+
+Every speed, height and time is measured in the units that the speed V of the aircraft itself sets, as an aircraft of
+another size flies the same curves in them: V, V^2/g and V/g. So a drone at 10 m/s (11 m, 1 s) and a jet at 100 m/s
+(1000 m, 10 s) are asked the same questions. The names and their limits in feet are those of the Common Taxonomy Team
+of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where they are the lesser ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Generator, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .airborne import BORNE, GRAVITY, WALK, flight_speed
+from .record import FlightLog, FloatArray
+
+__all__ = ["MANOEUVRES", "PARTS", "Phase", "phases_of"]
+
+BoolArray = NDArray[np.bool_]
+Run = tuple[int, int]  # first sample and the one after the last
+
+PARTS = ("ground", "take-off", "climb", "cruise", "descent", "approach", "landing", "flight")
+MANOEUVRES = ("turn", "stall", "parabola")
+
+# Means over this share of V / g are looked at: ten to a manoeuvre's shortest stroke.
+BLOCK = 0.1
+# Of the cruising speed, below which an aircraft taxies; in a stall it flies at a third or a half of it.
+TAXI = 0.3
+# Take-off ends, and landing begins, at the 35 ft of a runway's end, or at this share of V^2 / g.
+SCREEN_M, SCREEN = 10.7, 0.05
+# An approach is what is left of the last descent below 1000 ft above the field, or below V^2 / g.
+APPROACH_M, APPROACH = 305.0, 1.0
+# Flaps or gear out for the landing begin the approach where they are moved below this many of those heights.
+EXTENDED_BELOW = 3.0
+# A pattern that never gets so high is left at this share of its greatest height.
+PATTERN = 0.9
+# A ground has a flight on at least one side that rises above it by this share of V^2 / g; a stall high up has not.
+ABOVE_GROUND = 0.1
+# The period of a phugoid, in V / g (Lanchester: pi sqrt 2): over that long an exchange of height for speed and back
+# is no climb. A steady climb or descent goes by more than this sine of its angle (1.5 degrees) over it ...
+PHUGOID, STEADY = 4.44, 0.026
+# ... and by more than this share of V^2 / g in all, what giving up a fifth of the speed would lift.
+ENOUGH = 0.18
+# A turn: bank begun and ended at these angles, rad, and a change of heading by 30 degrees in all. Two to the same
+# side are one turn where they lie less than this many V / g apart.
+BANKED, LEVEL, TURNED, SAME_TURN = np.radians(15.0), np.radians(7.5), np.radians(30.0), 2.0
+# A parabola: a pitch beyond 30 degrees, or 0 g within 0.3; from the pull-up that leads into it to the end of the
+# pull-out: until pitch and load are back within these.
+STEEP, WEIGHTLESS = np.radians(30.0), 0.3
+FELT = 0.5  # V / g over which the load is averaged: gusts and the noise of a small aircraft's sensor are shorter
+GENTLE, NEARLY_ONE = np.radians(15.0), 0.3
+# A stall: wings of aeroplanes stall at 12 to 18 degrees of incidence; and then the nose falls, by this much within so
+# many V / g. Held at such an angle without that, an aircraft is in slow flight.
+STALLING, NOSE_DROP, WITHIN = np.radians(12.0), np.radians(5.0), 2.0
+# Of the cruising speed: faster than this, or weighing less than this share of its weight, an aircraft does not stall.
+STALL_SPEED, LOADED = 0.85, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phase:
+    """A phase of the flight, times on the log's own axis, the end not within it."""
+
+    phase: str
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Flight:
+    """The signals on a grid of block means, NaN where a block holds none; None for a channel that the log lacks.
+
+    Attributes
+    ----------
+    start_s, step_s : of the grid.
+    cruise, scale_s, scale_m : V, V / g and V^2 / g.
+    speed : of what bears the aircraft; height : pressure altitude, or an integral of its rate.
+    bank : roll, rad; load : in weights, 1 in level flight.
+    configured : more than 0 where flaps or gear are out.
+    """
+
+    start_s: float
+    step_s: float
+    stop_s: float
+    cruise: float
+    speed: FloatArray
+    height: FloatArray | None
+    pitch: FloatArray | None
+    bank: FloatArray | None
+    load: FloatArray | None
+    incidence: FloatArray | None
+    configured: FloatArray | None
+
+    @property
+    def scale_s(self) -> float:
+        return self.cruise / GRAVITY
+
+    @property
+    def scale_m(self) -> float:
+        return self.cruise**2 / GRAVITY
+
+    def samples(self, scales: float) -> int:
+        """Return how many steps of the grid, at least one, so many V / g are."""
+        return max(1, round(scales * self.scale_s / self.step_s))
+
+    def phase(self, name: str, run: Run) -> Phase:
+        """Return a run of the grid as a phase, on the log's own time."""
+        from_s, to_s = (self.start_s + edge * self.step_s for edge in run)
+        to_s = to_s if run[1] < self.speed.size else self.stop_s
+        return Phase(phase=name, from_s=round(from_s, 3), to_s=round(to_s, 3))
+
+
+def phases_of(log: FlightLog, *, suspects: Collection[str] = ()) -> tuple[Phase, ...]:
+    """Return the phases of a flight in order of time, each part before the manoeuvres that begin with it.
+
+    An airspeed (or a ground speed) is needed to tell the ground from flight and to set the scale; a log without one
+    has no phases. The altitude or its rate tells climb, cruise and descent, and where take-off ends and approach and
+    landing begin; without both, a flight is "flight" between take-off and landing. Roll gives turns, pitch and normal
+    acceleration parabolas. A stall needs a pitch and the angle of attack, which without its channel is pitch less
+    flight path angle.
+
+    Parameters
+    ----------
+    suspects : channels that may be faulty: they are not used, an airspeed only where it is the only one.
+    """
+    speed = flight_speed(log, suspects=suspects)
+    if speed is None:
+        return ()
+    known = np.where(speed.known, speed.values, np.nan)
+    if not speed.cruise > WALK:
+        end_s = round(float(log.time_s[-1]) + 1.0 / log.rate_hz, 3)
+        return (Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s),)
+    flight = _on_grid(log, known, speed.cruise, suspects)
+    parts = list(_parts(flight))
+    aloft = [run for name, run in parts if name not in ("ground", "take-off", "landing")]
+    found = [(run, name) for name, run in parts]
+    for first, end in _joined(aloft):
+        found += [(run, "turn") for run in _turns(flight, first, end)]
+        steep = _parabolas(flight, first, end)
+        found += [(run, "parabola") for run in steep]
+        found += [
+            (run, "stall")
+            for run in _stalls(flight, first, end)
+            if not any(run[0] < other[1] and other[0] < run[1] for other in steep)
+        ]
+    order = {name: i for i, name in enumerate((*PARTS, *MANOEUVRES))}
+    found.sort(key=lambda one: (one[0][0], order[one[1]]))
+    return tuple(flight.phase(name, run) for run, name in found)
+
+
+def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collection[str]) -> _Flight:
+    """Return the signals as means of blocks of a tenth of V / g, or as they are where the log is slower."""
+    start_s, step_s = float(log.time_s[0]), max(BLOCK * cruise / GRAVITY, 1.0 / log.rate_hz)
+    block = np.floor((log.time_s - start_s) / step_s + 1e-6).astype(np.intp)
+    n, firsts = int(block[-1]) + 1, np.flatnonzero(np.diff(block, prepend=-1))
+    filled = block[firsts]  # blocks with samples, which lie side by side since time increases
+
+    def mean(values: FloatArray) -> FloatArray:
+        good = np.isfinite(values)
+        total = np.add.reduceat(values if good.all() else np.where(good, values, 0.0), firsts)
+        count = np.add.reduceat(good, firsts, dtype=np.intp)
+        means = np.full(n, np.nan)
+        means[filled[count > 0]] = total[count > 0] / count[count > 0]
+        return _bridged(means, max(1, round(0.5 / BLOCK)))
+
+    def channel(name: str) -> FloatArray | None:
+        if name in suspects or name not in log.channels:
+            return None
+        values = log.channels[name].values
+        return mean(values) if np.isfinite(values).any() else None
+
+    speed = mean(speed)
+    pitch, bank, aoa = channel("pitch"), channel("roll"), channel("aoa")
+    rate, height, load = channel("altitude_rate"), channel("altitude"), channel("normal_acc")
+    if rate is None and height is not None:
+        rate = np.gradient(height, step_s) if n > 1 else np.zeros(n)
+    elif rate is None and pitch is not None and aoa is not None:
+        rate = speed * np.sin(pitch - aoa)  # in straight flight; in turns it is too small
+    if height is None and rate is not None:
+        height = np.where(np.isfinite(rate), np.cumsum(np.nan_to_num(rate)) * step_s, np.nan)
+    if aoa is None and pitch is not None and rate is not None:
+        path = np.arcsin(np.clip(rate / np.maximum(speed, TAXI * cruise), -1.0, 1.0))
+        upright = 1.0 if bank is None else np.maximum(np.cos(bank), 0.5)
+        aoa = (pitch - path) / upright
+    if load is not None:
+        load = _weights(load, speed >= BORNE * cruise)
+    out = [values for name in ("flaps", "gear") if (values := channel(name)) is not None]
+    return _Flight(
+        start_s=start_s,
+        step_s=step_s,
+        stop_s=float(log.time_s[-1]) + 1.0 / log.rate_hz,
+        cruise=cruise,
+        speed=speed,
+        height=height,
+        pitch=pitch,
+        bank=bank,
+        load=load,
+        incidence=aoa,
+        configured=sum(((one > _middle(one)).astype(np.float64) for one in out), np.zeros(n)) if out else None,
+    )
+
+
+def _middle(values: FloatArray) -> float:
+    """Return what parts in from out; above everything where the channel never moves."""
+    low, high = np.nanmin(values), np.nanmax(values)
+    return float(0.5 * (low + high)) if high > low else np.inf
+
+
+def _bridged(values: FloatArray, most: int) -> FloatArray:
+    """Return the values with stretches of NaN of up to `most` samples filled by straight lines."""
+    bad = ~np.isfinite(values)
+    if bad.all() or not bad.any():
+        return values
+    index = np.arange(values.size)
+    filled = np.interp(index, index[~bad], values[~bad])
+    for first, end in _runs(bad):
+        if end - first > most:
+            filled[first:end] = np.nan
+    return filled
+
+
+def _weights(normal_acc: FloatArray, flying: BoolArray) -> FloatArray | None:
+    """Return the load factor, 1 in level flight, whichever way up the recorder counts and with gravity or without."""
+    used = normal_acc[flying & np.isfinite(normal_acc)]
+    if not used.size:
+        return None
+    middle = float(np.median(used))
+    if abs(middle) < 0.5 * GRAVITY:
+        return np.asarray(normal_acc / GRAVITY + 1.0)
+    return np.asarray(normal_acc / np.copysign(GRAVITY, middle))
+
+
+def _runs(mask: BoolArray) -> list[Run]:
+    edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _joined(runs: list[Run]) -> list[Run]:
+    """Return the runs with those that touch made one."""
+    whole: list[Run] = []
+    for first, end in runs:
+        if whole and whole[-1][1] == first:
+            whole[-1] = (whole[-1][0], end)
+        else:
+            whole.append((first, end))
+    return whole
+
+
+def _held(strong: BoolArray, weak: BoolArray) -> list[Run]:
+    """Return the runs of `weak` that hold a sample of `strong`: hysteresis, forwards and backwards."""
+    return [(first, end) for first, end in _runs(strong | weak) if strong[first:end].any()]
+
+
+def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
+    """Yield the parts of the flight in order of time; where the speed is not known there is none."""
+    for first, end in _runs(np.isfinite(flight.speed)):
+        grounds = _grounds(flight, first, end)
+        last = first
+        for i, (down, up) in enumerate(grounds):
+            if last < down:
+                yield from _aloft(flight, last, down, lands=True)
+            last = yield from _on_ground(flight, down, up, lands=down > first, departs=up < end)
+            if i + 1 == len(grounds) and last < end:
+                yield from _aloft(flight, last, end, lands=False)
+        if not grounds:
+            yield from _aloft(flight, first, end, lands=False)
+
+
+def _grounds(flight: _Flight, first: int, end: int) -> list[Run]:
+    """Return the runs on the ground, from screen height at landing to screen height at take-off."""
+    slow = np.zeros(flight.speed.size, dtype=bool)
+    slow[first:end] = flight.speed[first:end] < BORNE * flight.cruise
+    runs = [run for run in _runs(slow) if flight.speed[slice(*run)].min() < TAXI * flight.cruise]
+    kept, height = [], flight.height
+    for i, (low, high) in enumerate(runs):
+        before, after = runs[i - 1][1] if i else first, runs[i + 1][0] if i + 1 < len(runs) else end
+        sides = [slice(before, low), slice(high, after)]
+        if height is not None:
+            field = _field(flight, (low, high), at_end=True)
+            rises = [float(np.nanmax(height[one])) - field for one in sides if np.isfinite(height[one]).any()]
+            # An aircraft that is slow on high, in a stall, has come up there, or goes down from there.
+            if rises and min(rises) < ABOVE_GROUND * flight.scale_m:
+                continue
+        kept.append((low, high))
+    wide: list[Run] = []
+    for i, run in enumerate(kept):
+        after = kept[i + 1][0] if i + 1 < len(kept) else end
+        wide.append(_to_screen(flight, run, wide[-1][1] if wide else first, after))
+    return wide
+
+
+def _field(flight: _Flight, run: Run, *, at_end: bool) -> float:
+    """Return the altitude of the field: the median of the run while slow, next to its end or beginning; NaN if none."""
+    if flight.height is None:
+        return np.nan
+    low, high = run
+    rolls = low + np.flatnonzero(flight.speed[low:high] < TAXI * flight.cruise)
+    near = flight.samples(5.0)
+    used = flight.height[rolls[-near:] if at_end else rolls[:near]]
+    return float(np.median(used[np.isfinite(used)])) if np.isfinite(used).any() else np.nan
+
+
+def _to_screen(flight: _Flight, run: Run, first: int, end: int) -> Run:
+    """Return the run widened by the time below screen height, without an altitude by twice V / g, where there is more.
+
+    The altitude may jump when the aircraft rotates, so the first height that is kept to counts.
+    """
+    low, high = run
+    reach = flight.samples(10.0)
+    screen = min(SCREEN_M, SCREEN * flight.scale_m)
+    margins = []
+    for at_end, side in ((False, slice(max(first, low - reach), low)), (True, slice(high, min(end, high + reach)))):
+        field = _field(flight, run, at_end=at_end)
+        n = side.stop - side.start
+        if flight.height is None or not np.isfinite(field) or not n:
+            margins.append(min(n, flight.samples(2.0)))
+            continue
+        below = flight.height[side] - field < screen
+        if not at_end:
+            below = below[::-1]
+        margins.append(int(np.flatnonzero(below)[-1]) + 1 if below.any() and not below.all() else 0)
+    return max(first, low - margins[0]), min(end, high + margins[1])
+
+
+def _on_ground(
+    flight: _Flight, first: int, end: int, *, lands: bool, departs: bool
+) -> Generator[tuple[str, Run], None, int]:
+    """Yield landing, ground and take-off of a stay on the ground; return where it ends.
+
+    The landing ends, and the take-off begins, where the speed is that of taxiing.
+    """
+    speed = flight.speed[first:end]
+    taxis = np.flatnonzero(speed < max(TAXI * flight.cruise, WALK))
+    stop, start = first, end
+    if taxis.size:
+        stop = first + int(taxis[0]) if lands else first
+        start = first + int(taxis[-1]) + 1 if departs else end
+    elif lands or departs:
+        stop = start = end if lands else first
+    for name, run in (("landing", (first, stop)), ("ground", (stop, start)), ("take-off", (start, end))):
+        if run[1] > run[0]:
+            yield name, run
+    return end
+
+
+def _aloft(flight: _Flight, first: int, end: int, *, lands: bool) -> Iterator[tuple[str, Run]]:
+    """Yield climbs, cruises and descents of a flight, and its approach where it `lands`."""
+    if flight.height is None or not np.isfinite(flight.height[first:end]).any():
+        yield "flight", (first, end)
+        return
+    height = flight.height[first:end]
+    index = np.arange(height.size)
+    good = np.isfinite(height)
+    height = np.interp(index, index[good], height[good])
+    approach = _approach_start(flight, height, first) if lands else height.size
+    way = _ways(flight, height[:approach])
+    edges = [0, *(np.flatnonzero(np.diff(way)) + 1).tolist(), way.size]
+    for low, high in pairwise(edges):
+        if high > low:
+            yield ("descent", "cruise", "climb")[int(way[low]) + 1], (first + low, first + high)
+    if approach < height.size:
+        yield "approach", (first + approach, end)
+
+
+def _approach_start(flight: _Flight, height: FloatArray, first: int) -> int:
+    """Return where the last descent to the landing comes below the height of an approach, or flaps or gear come out."""
+    above = height - height[-1]
+    limit = min(APPROACH_M, APPROACH * flight.scale_m)
+    high = np.flatnonzero(above > min(limit, PATTERN * float(above.max())))
+    start = int(high[-1]) + 1 if high.size else 0
+    if flight.configured is not None:
+        out = flight.configured[first : first + height.size]
+        final = np.flatnonzero(out < out[-1])
+        moved = int(final[-1]) + 1 if final.size else 0
+        if 0 < moved < start and above[moved] < EXTENDED_BELOW * limit and out[-1] > 0.0:
+            start = moved
+    return start
+
+
+def _ways(flight: _Flight, height: FloatArray) -> NDArray[np.int8]:
+    """Return 1 where a height climbs for good, -1 where it descends, 0 where it keeps or swings."""
+    n = height.size
+    way = np.zeros(n, dtype=np.int8)
+    if n < 2:
+        return way
+    half = max(1, flight.samples(PHUGOID) // 2)
+    index = np.arange(n)
+    low, high = np.maximum(index - half, 0), np.minimum(index + half, n - 1)
+    rate = (height[high] - height[low]) / ((high - low) * flight.step_s)
+    steady, least = STEADY * flight.cruise, 2 * half
+    for sign in (1, -1):
+        for first, end in _held(sign * rate > steady, sign * rate > 0.5 * steady):
+            # A mean over a period is at half of its rate where the climb begins and where it ends.
+            strong = first + np.flatnonzero(sign * rate[first:end] > 0.5 * np.median(sign * rate[first:end]))
+            way[strong[0] : strong[-1] + 1] = sign
+    # Short level flight between two climbs belongs to them; short climbs, and low ones, belong to level flight.
+    for first, end in _runs(way == 0):
+        if end - first < least and first > 0 and end < n and way[first - 1] == way[end]:
+            way[first:end] = way[end]
+    for sign in (1, -1):
+        for first, end in _runs(way == sign):
+            if abs(height[end - 1] - height[first]) < ENOUGH * flight.scale_m:
+                way[first:end] = 0
+    # What level flight is left between a climb and a descent, or at an end, is no cruise either.
+    for first, end in _runs(way == 0):
+        if end - first < least and end - first < n:
+            beside = way[end] if end < n and (first == 0 or way[first - 1] == 0) else way[first - 1]
+            way[first:end] = beside
+    return way
+
+
+def _turns(flight: _Flight, first: int, end: int) -> Iterator[Run]:
+    """Yield the turns within a flight: banked to one side until the heading has changed by 30 degrees and more."""
+    if flight.bank is None:
+        return
+    bank = np.nan_to_num(_smoothed(flight.bank[first:end], flight.samples(0.5)))
+    rate = GRAVITY * np.tan(np.clip(bank, -1.4, 1.4)) / np.maximum(flight.speed[first:end], TAXI * flight.cruise)
+    for side in (1.0, -1.0):
+        runs: list[Run] = []
+        for low, high in _held(side * bank > BANKED, side * bank > LEVEL):
+            if runs and low - runs[-1][1] < flight.samples(SAME_TURN):
+                runs[-1] = (runs[-1][0], high)
+            else:
+                runs.append((low, high))
+        for low, high in runs:
+            if side * float(rate[low:high].sum()) * flight.step_s > TURNED:
+                yield first + low, first + high
+
+
+def _parabolas(flight: _Flight, first: int, end: int) -> list[Run]:
+    """Return the parabolas within a flight, pull-up and pull-out included."""
+    n = end - first
+    strong, weak = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    if flight.pitch is not None:
+        pitch = np.abs(np.nan_to_num(flight.pitch[first:end]))
+        strong |= pitch > STEEP
+        weak |= pitch > GENTLE
+    if flight.load is not None:
+        load = np.nan_to_num(_smoothed(flight.load[first:end], flight.samples(FELT)), nan=1.0)
+        strong |= np.abs(load) < WEIGHTLESS
+        weak |= np.abs(load - 1.0) > NEARLY_ONE
+    # The nose passes the horizon in between, in free fall within V / g; from a pull-up to no weight the load passes 1.
+    for mask, most in ((strong, 2.0), (weak, 0.5)):
+        for (_, low), (high, _) in pairwise(_runs(mask)):
+            if high - low < flight.samples(most):
+                weak[low:high] = True
+    return [(first + low, first + high) for low, high in _held(strong, weak)]
+
+
+def _stalls(flight: _Flight, first: int, end: int) -> Iterator[Run]:
+    """Yield the stalls within a flight: from the incidence at which a wing stalls until the nose has fallen."""
+    if flight.incidence is None or flight.pitch is None:
+        return
+    slow = flight.speed[first:end] < STALL_SPEED * flight.cruise
+    loaded = np.ones(end - first, dtype=bool)
+    if flight.load is not None:
+        loaded = ~(flight.load[first:end] < LOADED)
+    incidence = _smoothed(np.nan_to_num(flight.incidence[first:end]), flight.samples(0.2))
+    pitch, reach, last = flight.pitch[first:end], flight.samples(WITHIN), -1
+    runs: list[Run] = []
+    for low, high in _runs(slow & loaded & (incidence > STALLING)):
+        ahead = pitch[low : high + reach]
+        if not np.isfinite(ahead).all():
+            continue
+        # The steepest fall of the nose within reach, from the highest point before it.
+        drop = np.maximum.accumulate(ahead) - ahead
+        bottom = low + int(np.argmax(drop))
+        top = low + int(np.argmax(ahead[: bottom - low + 1]))
+        if drop[bottom - low] < NOSE_DROP or high < top - reach:
+            continue
+        if runs and low - last < reach:
+            runs[-1] = (runs[-1][0], max(bottom + 1, high))
+        else:
+            runs.append((low, max(bottom + 1, high)))
+        last = runs[-1][1]
+    yield from ((first + low, first + high) for low, high in runs)
+
+
+def _smoothed(values: FloatArray, n: int) -> FloatArray:
+    """Return the running mean over `n` samples, odd or made so; NaN stay."""
+    n |= 1
+    if n == 1 or values.size < n:
+        return values
+    padded = np.pad(values, n // 2, mode="edge")
+    return np.asarray(np.convolve(padded, np.full(n, 1.0 / n), mode="valid"))

@@ -1,0 +1,169 @@
+"""Generalised likelihood ratio of faults in residuals whose noise is known up to its level (docs/theory.md, 15.4).
+
+Every residual j has a covariance s_j^2 exp(-|dt| / 1 s) + slow part; its level s_j is found by maximum likelihood on a
+grid, with and without a fault. That is what makes one threshold hold in calm and in rough air.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+__all__ = ["LikelihoodRatio", "NoiseModel", "Residual", "likelihood_ratio", "noise_model", "settle"]
+
+FloatArray = NDArray[np.float64]
+
+FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
+# Of a nuisance column's largest, below which its part off the others is rounding.
+RANK_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoiseModel:
+    """The covariances that the noise of a residual may have.
+
+    Attributes
+    ----------
+    levels : (n_levels,) s_j, in the unit of the residual.
+    whitening : (n_levels, n, n) inverses of the lower Cholesky factors.
+    log_det : (n_levels,) logarithms of the determinants of the covariances.
+    """
+
+    levels: FloatArray
+    whitening: FloatArray
+    log_det: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Residual:
+    """One residual, whitened at the level that a fault in it would leave, off its nuisances.
+
+    Attributes
+    ----------
+    values : (n,) whitened.
+    whitening : (n, n); nuisances : (n + n_prior, m) orthonormal, whitened, their priors below.
+    cost : of two log-likelihoods without a fault: at the level taken less at the best level, 0 or negative.
+    level : taken, in the residual's unit.
+    """
+
+    values: FloatArray
+    whitening: FloatArray
+    nuisances: FloatArray
+    cost: float
+    level: float
+
+    def whitened(self, signatures: FloatArray) -> FloatArray:
+        """Return (n + n_prior, ...) signatures, (n, ...) in the residual's unit, whitened and off the nuisances."""
+        return off(self.nuisances, self.whitening @ signatures)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LikelihoodRatio:
+    """Of one fault, by onset.
+
+    Attributes
+    ----------
+    ratio : (n_onsets,) twice the log-likelihood ratio against no fault.
+    gain : (n_onsets,) the part of it that the fault's own magnitude explains; magnitude, sd : (n_onsets,) estimates.
+    parts : (n_residuals, n_onsets) of `ratio`, what each residual says at the joint magnitude.
+    """
+
+    ratio: FloatArray
+    gain: FloatArray
+    magnitude: FloatArray
+    sd: FloatArray
+    parts: FloatArray
+
+
+def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> NoiseModel:
+    """Return the covariances of samples at times, (n,) s, for levels of the fast part and a slow part (n, n)."""
+    fast = np.exp(-np.abs(time_s[:, None] - time_s[None, :]) / FAST_S)
+    identity = np.eye(len(time_s))
+    factors = [np.linalg.cholesky(level**2 * fast + slow) for level in levels]
+    whitening = np.stack([solve_triangular(factor, identity, lower=True) for factor in factors])
+    log_det = np.array([2.0 * float(np.sum(np.log(np.diag(factor)))) for factor in factors])
+    return NoiseModel(levels=levels, whitening=whitening, log_det=log_det)
+
+
+def off(nuisances: FloatArray, whitened: FloatArray) -> FloatArray:
+    """Return whitened columns, (n, ...), stacked over zeros for the priors, off orthonormal nuisances."""
+    missing = nuisances.shape[0] - whitened.shape[0]
+    rows = np.concatenate([whitened, np.zeros((missing, *whitened.shape[1:]))]) if missing else whitened
+    return np.asarray(rows - nuisances @ (nuisances.T @ rows))
+
+
+def settle(
+    noise: NoiseModel, values: FloatArray, nuisances: FloatArray, prior_sd: FloatArray, own: FloatArray
+) -> Residual:
+    """Return a residual at the level that it has where the best of its own signatures is in it.
+
+    A fault that stands out of the noise is not to raise the noise it is held against; the likelihood that a higher
+    level costs without the fault is kept as `cost`.
+
+    Parameters
+    ----------
+    values : (n,).
+    nuisances : (n, m), added to the residual in unknown amounts; prior_sd : (m,) of these, inf for none.
+    own : (n, n_own) signatures that a fault may have in this residual, in any amount.
+    """
+    priors = np.diag(1.0 / prior_sd)[np.isfinite(prior_sd)]
+    best: tuple[float, int, FloatArray, FloatArray] | None = None
+    without = np.empty(len(noise.levels))
+    for k, whitening in enumerate(noise.whitening):
+        basis = _orthonormal(np.concatenate([whitening @ nuisances, priors]))
+        y = off(basis, whitening @ values)
+        without[k] = -noise.log_det[k] - float(y @ y)
+        columns = off(basis, whitening @ own)
+        power = np.einsum("ij,ij->j", columns, columns)
+        shown = columns.T @ y
+        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), np.finfo(float).tiny)
+        gain = float(np.max(shown[seen] ** 2 / power[seen], initial=0.0))
+        if best is None or without[k] + gain > best[0]:
+            best = (float(without[k] + gain), k, basis, y)
+    assert best is not None
+    _, k, basis, y = best
+    cost = float(without[k] - without.max())
+    return Residual(values=y, whitening=noise.whitening[k], nuisances=basis, cost=cost, level=float(noise.levels[k]))
+
+
+def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatArray | None]) -> LikelihoodRatio:
+    """Return what residuals say of a fault.
+
+    Parameters
+    ----------
+    signatures : of every residual (n, n_onsets), what the fault of magnitude 1 makes of it; None where it makes
+        nothing. At least one is there.
+    """
+    n_onsets = next(one.shape[1] for one in signatures if one is not None)
+    shown, power = np.zeros((len(residuals), n_onsets)), np.zeros((len(residuals), n_onsets))
+    for j, (residual, signature) in enumerate(zip(residuals, signatures, strict=True)):
+        if signature is not None:
+            columns = residual.whitened(signature)
+            shown[j], power[j] = columns.T @ residual.values, np.einsum("ij,ij->j", columns, columns)
+    total = power.sum(axis=0)
+    seen = total > RANK_TOLERANCE * max(float(total.max(initial=0.0)), np.finfo(float).tiny)
+    safe = np.where(seen, total, 1.0)
+    magnitude = np.where(seen, shown.sum(axis=0) / safe, 0.0)
+    costs = np.array([residual.cost for residual in residuals])
+    parts = costs[:, None] + 2.0 * magnitude * shown - magnitude**2 * power
+    gain = np.where(seen, shown.sum(axis=0) ** 2 / safe, 0.0)
+    return LikelihoodRatio(
+        ratio=costs.sum() + gain,
+        gain=gain,
+        magnitude=magnitude,
+        sd=np.where(seen, 1.0 / np.sqrt(safe), np.inf),
+        parts=parts,
+    )
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of what columns span."""
+    if not columns.shape[1]:
+        return columns
+    scale = np.linalg.norm(columns, axis=0)
+    u, s, _ = np.linalg.svd(columns[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
+    return np.asarray(u[:, s > RANK_TOLERANCE * s.max(initial=0.0)])

@@ -1,0 +1,113 @@
+"""What a file of `bfi calibrate` says of the air data of an aircraft: angle of zero lift, and tables of the scan."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration import FEWEST_WINDOWS, MAX_BYTES, null_from
+from ..errors import ConfigError
+from ..flightlog import FlightLog
+from ..flightlog.phases import phases_of
+from ..serialization import from_plain, mapping
+from ..yaml12 import read_text
+from .record import record_of
+from .scan import scan_window
+from .thresholds import ParityTable
+from .windows import LENGTHS_S, configuration_changes, windows_in
+from .zero_lift import zero_lift_of
+
+__all__ = ["AirDataCalibration", "calibrate_air_data", "load_air_data"]
+
+# Windows of a short flight follow each other more closely, so that there are enough for a table.
+CLOSEST_S = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirDataCalibration:
+    """The air data of an aircraft without a fault.
+
+    Attributes
+    ----------
+    zero_lift_rad : angle of attack of zero lift, None where the flights do not tell it.
+    tables : of the parity scan.
+    """
+
+    zero_lift_rad: float | None
+    tables: tuple[ParityTable, ...]
+
+    def lines(self) -> list[str]:
+        """Return what a reader is told of it."""
+        said = []
+        if self.zero_lift_rad is not None:
+            said.append(f"angle of attack of zero lift: {np.degrees(self.zero_lift_rad):.2f} deg")
+        for table in self.tables:
+            level = null_from({"largest": table.statistics}).threshold("largest", 0.01)
+            names = ", ".join(table.residuals)
+            said.append(
+                f"{names}: {len(table.statistics)} windows of {table.length_s:g} s, 1 % false alarms above {level:.4g}"
+            )
+        return said or ["air data: too few windows for thresholds"]
+
+
+def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
+    """Return what healthy flights say, None where they have no air data that residuals could be made of.
+
+    Windows in which flaps and gear move are left out. Of several flights, each is scanned with the angle of zero lift
+    of all; tables with fewer windows than a threshold needs are not kept.
+    """
+    records, phases = [record_of(log) for log in logs], [phases_of(log) for log in logs]
+    angles = [zero_lift_of(record, parts) for record, parts in zip(records, phases, strict=True)]
+    known = [angle for angle in angles if angle is not None]
+    zero_lift = float(np.mean(known)) if known else None
+    found: dict[tuple[tuple[str, ...], float], list[float]] = {}
+    for record, parts in zip(records, phases, strict=True):
+        for length_s in LENGTHS_S:
+            moved = configuration_changes(parts)
+            windows = _quiet(windows_in(parts, length_s), moved)
+            if len(windows) < FEWEST_WINDOWS:
+                windows = _quiet(windows_in(parts, length_s, step_s=CLOSEST_S), moved)
+            for window in windows:
+                scan = scan_window(record.between(*window), zero_lift=zero_lift)
+                if scan is not None:
+                    names = tuple(kind.name for kind in scan.kinds)
+                    found.setdefault((names, length_s), []).append(scan.statistic)
+    tables = tuple(
+        ParityTable(
+            residuals=names,
+            length_s=length_s,
+            knows_zero_lift=zero_lift is not None,
+            statistics=np.sort(values),
+            logs=tuple(Path(log.path).name for log in logs),
+        )
+        for (names, length_s), values in found.items()
+        if len(values) >= FEWEST_WINDOWS
+    )
+    return AirDataCalibration(zero_lift_rad=zero_lift, tables=tables) if found else None
+
+
+def _quiet(windows: Sequence[tuple[float, float]], moved: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    return [one for one in windows if not any(one[0] < last and first < one[1] for first, last in moved)]
+
+
+def load_air_data(path: str | Path) -> AirDataCalibration:
+    """Return the air data of a file made by `bfi calibrate`.
+
+    Raises
+    ------
+    ConfigError : it cannot be read, is something else, or holds none.
+    """
+    where = str(path)
+    try:
+        document = json.loads(read_text(Path(path), error=ConfigError, most_bytes=MAX_BYTES))
+    except json.JSONDecodeError as problem:
+        raise ConfigError(f"{where}: not JSON ({problem.msg.lower()}); give a file of bfi calibrate") from None
+    if (kind := mapping(document, where=where).get("kind")) != "calibration":
+        raise ConfigError(f"{where}: kind is '{kind}', not 'calibration'; give a file of bfi calibrate")
+    if not document.get("air_data"):
+        raise ConfigError(f"{where}: holds no air data; run bfi calibrate again on flights that have them")
+    return from_plain(AirDataCalibration, document["air_data"], where=f"{where}: air_data")

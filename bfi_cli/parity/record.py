@@ -1,0 +1,201 @@
+"""The channels of a log once a second, and the faults that its sensors and pressure lines may have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..airdata import (
+    DEPENDS_ON,
+    IMPACT_SOURCES,
+    STATIC_SOURCES,
+    air_data_of,
+    channels_of,
+    ground_velocity,
+    kinematic_acceleration,
+)
+from ..flightlog import FlightLog
+
+__all__ = ["Hypothesis", "Record", "hypotheses", "record_of", "with_fault", "without_fault"]
+
+FloatArray = NDArray[np.float64]
+
+STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them
+LONGEST_GAP_S = 3.0  # bridged by a straight line before an acceleration is integrated
+USED: tuple[str, ...] = (
+    "tas",
+    "cas",
+    "ias",
+    "mach",
+    "q_impact",
+    "p_total",
+    "p_static",
+    "altitude",
+    "tat",
+    "sat",
+    "aoa",
+    "pitch",
+    "roll",
+)
+USED += ("normal_acc", "longitudinal_acc", "altitude_rate", "velocity_north", "velocity_east", "latitude", "longitude")
+USED += ("flaps", "gear")  # what moves the lift at an angle of attack
+KINEMATICS = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Record:
+    """Samples a second apart.
+
+    Attributes
+    ----------
+    time_s : (n,) middles of the seconds, on the log's axis.
+    channels : (n,) means by standard name, NaN where less than half of a second was recorded.
+    gained : (n,) integral of the kinematic acceleration, m/s, taken at the log's rate; None where the log has none.
+    airspeed : the channel that the true airspeed comes from, itself ("tas") or another; "" where there is none.
+    """
+
+    time_s: FloatArray
+    channels: Mapping[str, FloatArray]
+    gained: FloatArray | None
+    airspeed: str
+
+    def between(self, from_s: float, to_s: float) -> Record:
+        """Return the seconds of a window."""
+        part = slice(*np.searchsorted(self.time_s, (from_s, to_s)).tolist())
+        return replace(
+            self,
+            time_s=self.time_s[part],
+            channels={name: values[part] for name, values in self.channels.items()},
+            gained=None if self.gained is None else self.gained[part],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypothesis:
+    """A fault that may be there.
+
+    Attributes
+    ----------
+    fault : the standard name of the channel that errs; "q_impact" for the line of the pitot tube.
+    unit : of the error that grows.
+    size : of a small error, for differences, in `unit`.
+    """
+
+    fault: str
+    unit: str
+    size: float
+
+
+HYPOTHESES = (
+    Hypothesis(fault="q_impact", unit="1", size=1e-4),
+    Hypothesis(fault="tas", unit="m/s", size=1e-2),
+    Hypothesis(fault="cas", unit="m/s", size=1e-2),
+    Hypothesis(fault="ias", unit="m/s", size=1e-2),
+    Hypothesis(fault="mach", unit="1", size=1e-5),
+    Hypothesis(fault="p_total", unit="Pa", size=1.0),
+    Hypothesis(fault="aoa", unit="rad", size=1e-5),
+    Hypothesis(fault="pitch", unit="rad", size=1e-5),
+    Hypothesis(fault="normal_acc", unit="m/s^2", size=1e-3),
+    Hypothesis(fault="altitude_rate", unit="m/s", size=1e-3),
+    Hypothesis(fault="longitudinal_acc", unit="m/s^2", size=1e-3),
+    Hypothesis(fault="ground_speed", unit="m/s", size=1e-2),
+)
+
+
+def record_of(log: FlightLog) -> Record:
+    """Return the channels of a log that the residuals need, once a second."""
+    # The first second begins half a step before the first sample; in a log slower than a second that is its middle.
+    half = min(0.5 / log.rate_hz, 0.5 * STEP_S)
+    seconds = np.floor((log.time_s - log.time_s[0] + half) / STEP_S).astype(np.intp)
+    n = int(seconds[-1]) + 1
+    expected = log.rate_hz * STEP_S
+    values = {name: log.channels[name].values for name in USED if name in log.channels}
+    if "altitude_rate" not in values and "altitude" in values:
+        values["altitude_rate"] = np.gradient(values["altitude"], log.time_s)
+    if "velocity_north" not in values and {"latitude", "longitude"} <= values.keys():
+        north, east = ground_velocity(log.time_s, values["latitude"], values["longitude"])
+        values |= {"velocity_north": north, "velocity_east": east}
+    channels = {name: _means(one, seconds, n, expected) for name, one in values.items()}
+    gained = None
+    if set(KINEMATICS) <= values.keys():
+        rate = kinematic_acceleration(*(values[name] for name in KINEMATICS))
+        gained = _means(_integral(rate, log.time_s), seconds, n, expected)
+    airspeed = "tas" if "tas" in channels else ""
+    if not airspeed and set(STATIC_SOURCES) & channels.keys() and set(IMPACT_SOURCES) & channels.keys():
+        airspeed = next(name for name in IMPACT_SOURCES if name in channels)
+        channels["tas"] = _true_airspeed(channels)
+    time_s = float(log.time_s[0]) - half + STEP_S * (np.arange(n, dtype=np.float64) + 0.5)
+    return Record(time_s=time_s, channels=channels, gained=gained, airspeed=airspeed)
+
+
+def _true_airspeed(channels: Mapping[str, FloatArray]) -> FloatArray:
+    air = air_data_of(channels)
+    return channels_of(air.p_static, air.q_impact, air.tat)["tas"]
+
+
+def _means(values: FloatArray, seconds: NDArray[np.intp], n: int, expected: float) -> FloatArray:
+    known = np.isfinite(values)
+    count = np.bincount(seconds[known], minlength=n)
+    total = np.bincount(seconds[known], weights=values[known], minlength=n)
+    return np.where(count >= 0.5 * expected, total / np.maximum(count, 1), np.nan)
+
+
+def _integral(rate: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return the integral of a rate; NaN in gaps that are too long to bridge."""
+    known = np.isfinite(rate)
+    if not known.any():
+        return np.full(rate.shape, np.nan)
+    bridged = np.interp(time_s, time_s[known], rate[known])
+    steps = 0.5 * (bridged[1:] + bridged[:-1]) * np.diff(time_s)
+    integral = np.concatenate([[0.0], np.cumsum(steps)])
+    before = np.maximum.accumulate(np.where(known, time_s, -np.inf))
+    after = np.minimum.accumulate(np.where(known, time_s, np.inf)[::-1])[::-1]
+    return np.where(after - before <= LONGEST_GAP_S, integral, np.nan)
+
+
+def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
+    """Return a record with a fault of `amount`, (n,), in the unit of its hypothesis.
+
+    A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it.
+    """
+    channels = dict(record.channels)
+    if fault == "q_impact":
+        air = air_data_of(channels)
+        old = channels_of(air.p_static, air.q_impact, air.tat)
+        new = channels_of(air.p_static, air.q_impact * np.maximum(1.0 + amount, 0.0), air.tat)
+        for name, depends in DEPENDS_ON.items():
+            if name in channels and name in new and "p_total" in depends:
+                channels[name] = channels[name] + new[name] - old[name]
+    elif fault == "ground_speed":
+        north, east = channels["velocity_north"], channels["velocity_east"]
+        speed = np.hypot(north, east)
+        share = 1.0 + amount / np.where(speed > 0.0, speed, np.nan)
+        channels |= {"velocity_north": north * share, "velocity_east": east * share}
+    else:
+        channels[fault] = channels[fault] + amount
+        if record.airspeed == fault != "tas":
+            channels["tas"] = _true_airspeed({name: one for name, one in channels.items() if name != "tas"})
+    return replace(record, channels=channels)
+
+
+def without_fault(record: Record, fault: str, amount: FloatArray) -> Record:
+    """Return a record as it was before a fault of `amount`, (n,), the inverse of `with_fault`."""
+    return with_fault(record, fault, 1.0 / (1.0 + amount) - 1.0 if fault == "q_impact" else -amount)
+
+
+def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
+    """Return the faults that a record could show.
+
+    With a single channel of airspeed, a fault of the pitot line and one of the channel are the same: the channel's.
+    """
+    recorded = {name for name in record.channels if name != "tas" or record.airspeed == "tas"}
+    airspeeds = recorded & set(IMPACT_SOURCES)
+    possible = set(recorded)
+    if len(airspeeds) > 1:
+        possible |= {"q_impact"}
+    if {"velocity_north", "velocity_east"} <= recorded:
+        possible |= {"ground_speed"}
+    return tuple(one for one in HYPOTHESES if one.fault in possible)

@@ -1,0 +1,75 @@
+"""Channels of a log averaged over short blocks in flight, and the steps in which they were recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..channels import STANDARD
+from ..flightlog import FlightLog
+from ..flightlog.airborne import airborne_stretches
+from ..flightlog.holds import find_quantum
+from ..kernels.quantisation import quantum_of_plateaus
+
+__all__ = ["Blocks", "airborne", "quanta_of", "unit_of"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Blocks:
+    """Which samples of a log each block averages.
+
+    Attributes
+    ----------
+    block : (n_samples,) number of the block of every sample.
+    count : (n_blocks,) samples in each.
+    time_s : (n_blocks,) their mean time.
+    """
+
+    block: NDArray[np.intp]
+    count: FloatArray
+    time_s: FloatArray
+
+    @classmethod
+    def of(cls, time_s: FloatArray, block_s: float) -> Blocks:
+        """Return blocks of a length, those without samples left out."""
+        number = np.floor((time_s - time_s[0]) / block_s + 1e-6).astype(np.intp)
+        block = np.concatenate([[0], np.cumsum(np.diff(number) > 0)]).astype(np.intp)
+        count = np.bincount(block).astype(np.float64)
+        return cls(block=block, count=count, time_s=np.bincount(block, time_s - time_s[0]) / count + time_s[0])
+
+    def mean(self, x: FloatArray) -> FloatArray:
+        """Return (n_blocks,) means of x (n_samples,); NaN where a sample is."""
+        middle = float(np.nanmean(x)) if np.isfinite(x).any() else 0.0
+        return np.asarray(np.bincount(self.block, x - middle) / self.count + middle)
+
+
+def airborne(log: FlightLog, time_s: FloatArray) -> NDArray[np.bool_]:
+    """Mark the times at which the aircraft flies."""
+    flies = np.zeros(len(time_s), dtype=bool)
+    for start_s, end_s in airborne_stretches(log):
+        flies |= (time_s >= start_s) & (time_s <= end_s)
+    return flies
+
+
+def quanta_of(log: FlightLog, names: Collection[str]) -> Mapping[str, float]:
+    """Return the steps in which channels were recorded, in their units, where the log shows them."""
+    quanta = {}
+    for name in names:
+        values = log.channels[name].values
+        finite = values[np.isfinite(values)]
+        quantum = find_quantum(finite)
+        if quantum is None:
+            quantum = quantum_of_plateaus(finite, log.rate_hz)
+        if quantum is not None:
+            quanta[name] = quantum
+    return quanta
+
+
+def unit_of(log: FlightLog, name: str) -> str:
+    """Return the unit of a channel, the standard one where the log states none."""
+    return log.channels[name].unit or (STANDARD[name].unit if name in STANDARD else "")

@@ -1,0 +1,207 @@
+"""The scan of one window for a fault that grows, in any sensor or pressure line that the residuals involve."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model, settle
+from .record import STEP_S, Hypothesis, Record, hypotheses, with_fault
+from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of
+
+__all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window"]
+
+FloatArray = NDArray[np.float64]
+
+ONSET_STEP_S = 3.0
+FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0  # after the window's start and before its end
+# Of a deflection in rad, and of a gear that is down at 1: more is no play of a sensor.
+MOVED = {"flaps": 0.02, "gear": 0.2}
+FEWEST = 0.7  # of the seconds of a window that the log samples, in which a residual must be known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WindowScan:
+    """What the residuals of a window say of every fault that grows from an onset on.
+
+    Attributes
+    ----------
+    onsets_s : (n_onsets,) on the log's axis.
+    ratios : by fault.
+    kinds : the residuals used; residuals : of each the whitened one, at the seconds where it is known.
+    lacking : what the others lacked, by name.
+    """
+
+    onsets_s: FloatArray
+    ratios: Mapping[str, LikelihoodRatio]
+    kinds: tuple[ResidualKind, ...]
+    residuals: tuple[Residual, ...]
+    known: tuple[NDArray[np.bool_], ...]
+    constants: Constants
+    lacking: Mapping[str, str]
+
+    @property
+    def statistic(self) -> float:
+        """The largest ratio over faults and onsets."""
+        return max(float(one.ratio.max()) for one in self.ratios.values())
+
+
+def ramps(time_s: FloatArray, onsets_s: FloatArray) -> FloatArray:
+    """Return (n, n_onsets) of ramps of one a second."""
+    return np.maximum(time_s[:, None] - onsets_s[None, :], 0.0)
+
+
+@lru_cache(maxsize=16)  # 6 MB each at 240 s
+def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> NoiseModel:
+    known = ~np.frombuffer(missing, dtype=bool)
+    model = next(one for one in RESIDUALS if one.name == kind)
+    time_s = STEP_S * np.arange(n, dtype=np.float64)
+    return noise_model(time_s[known], np.array(levels), model.slow(time_s)[np.ix_(known, known)])
+
+
+def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str] | None = None) -> WindowScan | None:
+    """Return the scan of a window; None where the log allows no residual.
+
+    Parameters
+    ----------
+    record : the seconds of the window.
+    zero_lift : angle of attack of zero lift, rad, where it is known.
+    only : names of the residuals to use; None for all that the log allows.
+    """
+    kinds, lacking = available(record.channels)
+    kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
+    if not kinds or not np.isfinite(record.channels["tas"]).any():
+        return None
+    reason = _reconfigured(record)
+    if reason and "lift" not in lacking:
+        kinds = tuple(kind for kind in kinds if kind.name != "lift")
+        lacking["lift"] = reason
+    constants = constants_of(record, zero_lift=zero_lift)
+    first, last = record.time_s[0] - 0.5 * STEP_S, record.time_s[-1] + 0.5 * STEP_S
+    onsets_s = np.arange(first + FIRST_ONSET_S, last - LAST_ONSET_S + 1e-6, ONSET_STEP_S)
+    if not len(onsets_s):
+        return None
+    courses = ramps(record.time_s, onsets_s)
+    n, fewest = len(record.time_s), FEWEST * _samples(record)
+    used: list[ResidualKind] = []
+    residuals: list[Residual] = []
+    masks: list[NDArray[np.bool_]] = []
+    for kind in kinds:
+        values = residual_values(record, record, constants, kind)
+        columns, prior_sd = np.ones((n, 1)), np.array([np.inf])
+        if kind.nuisances is not None:
+            more, sd = kind.nuisances(record, constants)
+            columns, prior_sd = np.column_stack([columns, more]), np.append(prior_sd, sd)
+        known = np.isfinite(values) & np.isfinite(columns).all(axis=1)
+        if np.count_nonzero(known) < fewest:
+            lacking[kind.name] = _gaps(record, kind, fewest)
+            continue
+        noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
+        used.append(kind)
+        masks.append(known)
+        residuals.append(settle(noise, values[known], columns[known], prior_sd, courses[known]))
+    if not used:
+        return None
+    scan = WindowScan(
+        onsets_s=onsets_s,
+        ratios={},
+        kinds=tuple(used),
+        residuals=tuple(residuals),
+        known=tuple(masks),
+        constants=constants,
+        lacking=lacking,
+    )
+    ratios = {}
+    for hypothesis in hypotheses(record):
+        signatures = fault_signatures(scan, record, hypothesis, courses)
+        if any(one is not None for one in signatures):
+            ratios[hypothesis.fault] = likelihood_ratio(residuals, signatures)
+    return replace(scan, ratios=ratios) if ratios else None
+
+
+def _samples(record: Record) -> float:
+    """Return how many samples a window has where there are no gaps: fewer than seconds in a slower log."""
+    n = len(record.time_s)
+    sampled = np.flatnonzero(np.any([np.isfinite(values) for values in record.channels.values()], axis=0))
+    return n / float(np.median(np.diff(sampled))) if len(sampled) > 1 else float(n)
+
+
+def _gaps(record: Record, kind: ResidualKind, fewest: float) -> str:
+    """Return which channels a residual that has too few values lacks."""
+    channels = record.channels
+    short = [
+        " or ".join(group)
+        for group in kind.needs
+        if not any(name in channels and np.isfinite(channels[name]).sum() >= fewest for name in group)
+    ]
+    return ", ".join(f"{names} without gaps" for names in short) or "flight with lift and airspeed"
+
+
+def _reconfigured(record: Record) -> str:
+    """Return what moves that changes the lift at an angle of attack, "" for nothing."""
+    for name in ("flaps", "gear"):
+        values = record.channels.get(name)
+        if values is not None and np.isfinite(values).any() and np.nanmax(values) - np.nanmin(values) > MOVED[name]:
+            return f"{name} that stay where they are" if name == "flaps" else f"a {name} that stays where it is"
+    return ""
+
+
+def residual_values(record: Record, original: Record, constants: Constants, kind: ResidualKind) -> FloatArray:
+    """Return (n,) of a residual.
+
+    Parameters
+    ----------
+    original : the record as it was recorded, where `record` is a corrected one; the integral of the kinematic
+        acceleration at the log's rate belongs to it.
+    """
+    values = kind.values(record, constants)
+    if kind.rate is None:
+        return values
+    assert original.gained is not None
+    gained = original.gained
+    if np.isfinite(gained).any():
+        gained = gained - np.nanmean(gained)
+    values = values - gained
+    if record is not original:
+        values = values - _integral(_bridged(kind.rate(record) - kind.rate(original)))
+    return values
+
+
+def _bridged(values: FloatArray) -> FloatArray:
+    """Return values with straight lines over what is not known."""
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return np.nan_to_num(values)
+    at = np.arange(len(values))
+    return np.asarray(np.interp(at, at[known], values[known]))
+
+
+def _integral(rates: FloatArray) -> FloatArray:
+    """Return the integral, by the trapezoidal rule as the acceleration itself is integrated, at the seconds."""
+    return np.asarray(STEP_S * (np.cumsum(rates, axis=0) - 0.5 * rates))
+
+
+def fault_signatures(
+    scan: WindowScan, record: Record, hypothesis: Hypothesis, courses: FloatArray
+) -> list[FloatArray | None]:
+    """Return what a fault of these courses, (n, n_courses), makes of every residual; None for one it leaves alone.
+
+    Parameters
+    ----------
+    record : where it is linearised.
+    """
+    found: list[FloatArray | None] = []
+    other = with_fault(record, hypothesis.fault, np.full(record.time_s.shape, hypothesis.size))
+    for kind, known in zip(scan.kinds, scan.known, strict=True):
+        moved = (kind.values(other, scan.constants) - kind.values(record, scan.constants)) / hypothesis.size
+        signature = moved[:, None] * courses
+        if kind.rate is not None:
+            rates = _bridged(kind.rate(other) - kind.rate(record)) / hypothesis.size
+            signature = signature - _integral(rates[:, None] * courses)
+        signature = np.nan_to_num(signature[known])
+        found.append(signature if signature.any() else None)
+    return found

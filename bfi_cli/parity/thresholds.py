@@ -1,0 +1,113 @@
+"""Tables of the parity scan's statistic on healthy windows, and the thresholds and p-values that follow.
+
+One table for every set of residuals, window length, and whether the angle of zero lift is known; the statistic is the
+largest over all faults and onsets. The shipped tables are counted on two flights of one aircraft: on another, whose own
+windows mostly show more, the thresholds rise with them (`scaled`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calibration import Null, null_from
+from ..serialization import from_plain
+
+__all__ = ["SHIPPED", "ParityTable", "Threshold", "shipped_tables", "table_for", "threshold_of"]
+
+FloatArray = NDArray[np.float64]
+
+SHIPPED = Path(__file__).parent / "shipped.json"
+LENGTH_TOLERANCE = 0.1
+# Where no table fits, the threshold of the nearest is raised by this, as in `start-time`.
+UNFIT = 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ParityTable:
+    """The statistic on windows without a fault, (n_windows,), by what it depends on."""
+
+    residuals: tuple[str, ...]
+    length_s: float
+    knows_zero_lift: bool
+    statistics: FloatArray
+    logs: tuple[str, ...]
+
+    def fits(self, residuals: Sequence[str], length_s: float, *, knows_zero_lift: bool) -> bool:
+        alike = set(self.residuals) == set(residuals)
+        known = self.knows_zero_lift == knows_zero_lift or "lift" not in residuals
+        return alike and known and abs(self.length_s - length_s) <= LENGTH_TOLERANCE * length_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Threshold:
+    """What a window's statistic is held against.
+
+    Attributes
+    ----------
+    level : above which a fault is declared.
+    null : the distribution without one, None where no table fits; scale : by which the table's statistics were raised.
+    """
+
+    level: float
+    null: Null | None
+    scale: float = 1.0
+
+    def p_value(self, statistic: float) -> float | None:
+        """Return the probability of a healthy window to show as much, None where none is known."""
+        if self.null is None:
+            return None
+        return self.null.p_value(self.null.standardised("largest", statistic / self.scale))
+
+
+@cache
+def shipped_tables() -> tuple[ParityTable, ...]:
+    """Return the tables that come with the program."""
+    document = json.loads(SHIPPED.read_text(encoding="utf-8"))
+    return from_plain(tuple[ParityTable, ...], document["tables"], where=str(SHIPPED))
+
+
+def table_for(
+    tables: Sequence[ParityTable], residuals: Sequence[str], length_s: float, *, knows_zero_lift: bool
+) -> ParityTable | None:
+    """Return the table that fits, None where none does."""
+    fitting = (one for one in tables if one.fits(residuals, length_s, knows_zero_lift=knows_zero_lift))
+    return next(fitting, None)
+
+
+def threshold_of(
+    tables: Sequence[ParityTable],
+    residuals: Sequence[str],
+    length_s: float,
+    *,
+    knows_zero_lift: bool,
+    false_alarm: float,
+    scale: float = 1.0,
+) -> Threshold:
+    """Return the threshold for a window.
+
+    Parameters
+    ----------
+    false_alarm : wanted probability of an alarm in a healthy window.
+    scale : of the statistics of this flight against those of the tables.
+    """
+    table = table_for(tables, residuals, length_s, knows_zero_lift=knows_zero_lift)
+    if table is not None:
+        null = null_from({"largest": table.statistics})
+        return Threshold(level=scale * null.threshold("largest", false_alarm), null=null, scale=scale)
+    nearest = min(
+        tables,
+        key=lambda one: (
+            len(set(one.residuals) ^ set(residuals)),
+            abs(np.log(one.length_s / length_s)),
+            one.knows_zero_lift != knows_zero_lift,
+        ),
+    )
+    null = null_from({"largest": nearest.statistics})
+    return Threshold(level=UNFIT * scale * null.threshold("largest", false_alarm), null=None, scale=scale)

@@ -1,0 +1,72 @@
+"""The parts of a flight in which lift, attitude and wind bound the air data, and the windows cut from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..flightlog.phases import Phase
+
+__all__ = ["LENGTHS_S", "OVERLAP", "configuration_changes", "windows_in"]
+
+# Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.4).
+LENGTHS_S = (60.0, 120.0, 240.0)
+OVERLAP = 0.5
+# Flaps and gear move after take-off, and from the last descent on.
+CLEAN_UP_S = 120.0
+# To both sides of a parabola: pull-up and pull-out are flown at the limits of the wing.
+RECOVERY_S = 30.0
+APART_S = 1.0  # of two parts that follow each other
+ROUNDING = 1e-9  # of a length, of times that are computed
+
+
+def judged(phases: Sequence[Phase]) -> list[tuple[float, float]]:
+    """Return the stretches of flight without take-off, approach, landing and parabolas."""
+    parts = [one for one in phases if one.phase in ("climb", "cruise", "descent", "flight")]
+    steep = [one for one in phases if one.phase == "parabola"]
+    found: list[tuple[float, float]] = []
+    for part in sorted(parts, key=lambda one: one.from_s):
+        if found and part.from_s - found[-1][1] <= APART_S:
+            found[-1] = (found[-1][0], part.to_s)
+        else:
+            found.append((part.from_s, part.to_s))
+    for one in steep:
+        pieces = []
+        for first, last in found:
+            pieces += [(first, min(last, one.from_s - RECOVERY_S)), (max(first, one.to_s + RECOVERY_S), last)]
+        found = [(first, last) for first, last in pieces if last > first]
+    return found
+
+
+def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None = None) -> list[tuple[float, float]]:
+    """Return overlapping windows; the last of a stretch ends where that ends.
+
+    Parameters
+    ----------
+    step_s : from one to the next; None for half a length.
+    """
+    step_s = (1.0 - OVERLAP) * length_s if step_s is None else step_s
+    windows = []
+    for first, last in judged(phases):
+        spare = last - first - length_s
+        if spare < -ROUNDING * length_s:
+            continue
+        n = int(spare / step_s + ROUNDING) + 1
+        starts = [first + step_s * k for k in range(n)]
+        if last - length_s - starts[-1] > 0.25 * step_s:
+            starts.append(last - length_s)
+        windows += [(start, start + length_s) for start in starts]
+    return windows
+
+
+def configuration_changes(phases: Sequence[Phase]) -> list[tuple[float, float]]:
+    """Return the stretches in which flaps and gear are moved: after take-off, and from the last descent on."""
+    parts = [one for one in phases if one.phase not in ("turn", "stall", "parabola")]
+    found = []
+    for k, part in enumerate(parts):
+        if part.phase == "take-off":
+            found.append((part.from_s, part.to_s + CLEAN_UP_S))
+        elif part.phase in ("approach", "landing"):
+            before = [one for one in parts[:k] if one.phase in ("descent", "take-off", "ground")]
+            first = before[-1].from_s if before and before[-1].phase == "descent" else part.from_s
+            found.append((first, part.to_s))
+    return found

@@ -1,0 +1,46 @@
+"""The angle of attack of zero lift, from the flight itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..airdata import IMPACT_SOURCES, STATIC_SOURCES, air_data_of, zero_lift_angle
+from ..flightlog.phases import Phase
+from .record import Record
+from .windows import configuration_changes, judged
+
+__all__ = ["LEAST_S", "zero_lift_of"]
+
+# Seconds of flight that tell it: shorter ones hold too few angles of attack.
+LEAST_S = 300.0
+
+
+def zero_lift_of(
+    record: Record, phases: Sequence[Phase], *, without: Sequence[tuple[float, float]] = ()
+) -> float | None:
+    """Return it in rad, None where the channels or the flight do not tell it.
+
+    Parameters
+    ----------
+    without : stretches that are left out beside take-off, approach, landing and parabolas, such as a fault's.
+    """
+    channels = record.channels
+    if not ({"aoa", "normal_acc"} <= channels.keys() and channels.keys() & set(STATIC_SOURCES)):
+        return None
+    if not channels.keys() & set(IMPACT_SOURCES):
+        return None
+    used = np.zeros(record.time_s.shape, dtype=bool)
+    for first, last in judged(phases):
+        used |= (record.time_s >= first) & (record.time_s < last)
+    for first, last in (*configuration_changes(phases), *without):
+        used &= (record.time_s < first) | (record.time_s >= last)
+    if np.count_nonzero(used) < LEAST_S:
+        return None
+    try:
+        return zero_lift_angle(
+            channels["normal_acc"][used], channels["aoa"][used], air_data_of(channels).q_impact[used]
+        )
+    except ValueError:
+        return None

@@ -1,0 +1,100 @@
+"""The page on which a drawing can be zoomed: one file with its data and a short script, nothing fetched."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..printable import printable
+from ..serialization import to_json
+from .content import Block, Panel, ReportContent
+from .figures import LOOKS
+from .html import page_environment, resource
+from .style import SHADES
+
+__all__ = ["render_zoom"]
+
+# Height of a panel of relative height 1, pixels.
+PANEL_PIXELS = 240
+# Of a number on the page: finer than any sensor, and a third of the letters of all digits.
+VALUE_DIGITS, TIME_DECIMALS = 7, 4
+
+
+def render_zoom(content: ReportContent) -> str:
+    """Return the HTML page of the drawings in `content.zoom`, one below the other on one axis of time.
+
+    Everything from a log, a name or a result stands in a block of JSON, in which no tag can begin or end, and is put on
+    the page as text; the page forbids the browser to fetch anything.
+    """
+    panels = [panel for drawing in content.zoom for panel in drawing.panels]
+    limits = _limits(panels)
+    data = {
+        "limits": limits,
+        "step": _step(panels, limits),
+        "shades": SHADES,
+        "panels": [_panel(panel) for panel in panels],
+    }
+    text = to_json(data, indent=None, ascii_only=True)
+    for letter in "<>&":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    labels = dict.fromkeys(one.label for panel in panels for one in panel.curves if one.label)
+    blocks = dict.fromkeys((one.label, one.shade) for panel in panels for one in panel.bands if one.label)
+    return (
+        page_environment()
+        .get_template("zoom.html.j2")
+        .render(
+            css=resource("report.css"),
+            script=resource("zoom.js"),
+            content=content,
+            caption=content.zoom[0].caption if content.zoom else "",
+            curves=[(label, _colour(i)) for i, label in enumerate(labels)],
+            blocks=[(label, *SHADES[shade]) for label, shade in blocks],
+            data=text,
+        )
+    )
+
+
+def _colour(i: int) -> str:
+    return str(LOOKS[i % len(LOOKS)]["color"])
+
+
+def _limits(panels: list[Panel]) -> tuple[float, float]:
+    given = [panel.x_limits for panel in panels if panel.x_limits is not None]
+    low, high = min(ends[0] for ends in given), max(ends[1] for ends in given)
+    return (low, high) if high > low else (low, low + 1.0)
+
+
+def _step(panels: list[Panel], limits: tuple[float, float]) -> float:
+    """Return the smallest median time step of the curves: less than a few of them is not worth a look."""
+    steps = [float(np.median(np.diff(one.x))) for panel in panels for one in panel.curves if one.x.size > 1]
+    return min((one for one in steps if one > 0.0), default=0.01 * (limits[1] - limits[0]))
+
+
+def _panel(panel: Panel) -> dict[str, Any]:
+    """Return what the script draws of a panel; labels are made printable here, since nothing is escaped there."""
+    label = [printable(line) for line in panel.y_label.split("\n")]
+    return {
+        "label": [*label, ""][:2],
+        "height": round(PANEL_PIXELS * panel.height),
+        "lanes": [
+            {"label": printable(lane.label), "blocks": [_block(one) for one in lane.blocks]} for lane in panel.lanes
+        ],
+        "bands": [_block(one) for one in panel.bands],
+        "curves": [
+            {"x": np.round(one.x, TIME_DECIMALS), "y": _rounded(one.y), "colour": _colour(i)}
+            for i, one in enumerate(panel.curves)
+        ],
+    }
+
+
+def _block(block: Block) -> tuple[str, float, float, str]:
+    return printable(block.label), block.low, block.high, block.shade
+
+
+def _rounded(values: np.ndarray[Any, np.dtype[np.float64]]) -> list[float | None]:
+    """Return the values to seven digits of the largest of them; None for what is no number."""
+    largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+    decimals = VALUE_DIGITS - int(np.ceil(np.log10(largest))) if largest > 0.0 else 0
+    kept = values if decimals > 15 else np.round(values, decimals)
+    return [value if np.isfinite(value) else None for value in kept.tolist()]

@@ -1,0 +1,173 @@
+"""Which fault explains a window: exact without noise, and a set where two faults look alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_flight import ZERO_LIFT, log_of, made_log, made_record
+
+from bfi_cli.parity import corrected, effects, explain, record_of, scan_window
+from bfi_cli.parity.explain import COURSES
+from bfi_cli.parity.record import Record, with_fault
+
+RECORD = made_record(start_s=1000.5)
+T = RECORD.time_s
+ONSET_S = 1046.0  # one of the scan's
+ALONE = made_record(start_s=1000.5, without=("cas", "ias", "mach", "q_impact", "p_total", "sat"))
+
+
+def explained(record: Record, **options):
+    """Return the scan of a record, and what explains it."""
+    scan = scan_window(record, zero_lift=ZERO_LIFT)
+    assert scan is not None
+    return scan, explain(scan, record, **options)
+
+
+@pytest.mark.parametrize("rate", [-0.008, -0.003, -0.0005, 0.002])
+def test_an_icing_of_any_size_is_exact(rate):
+    """The linear look is off by a third where 60 % of the impact pressure are lost; Gauss-Newton steps are not."""
+    amount = rate * np.maximum(T - ONSET_S, 0.0)
+    scan, fits = explained(with_fault(RECORD, "q_impact", amount))
+    fit = fits[0]
+    assert fit.fault.fault == "q_impact"
+    assert len(fits) == 1 or rate == -0.0005  # as small a loss may be an error of the vane
+    assert fit.shape == "drift"
+    assert fit.onset_s == ONSET_S
+    assert fit.magnitude == pytest.approx(rate, rel=1e-3)
+    assert fit.onset_ci95[0] <= ONSET_S <= fit.onset_ci95[1]
+    assert abs(fit.magnitude - rate) < 0.1 * fit.sd
+    np.testing.assert_allclose(fit.amount(T), amount, rtol=1e-3, atol=1e-12)
+    if rate == -0.008:
+        linear = scan.ratios["q_impact"]
+        assert abs(linear.magnitude[int(np.argmax(linear.ratio))] / rate - 1.0) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("fault", "rate"), [("tas", -0.5), ("tas", 0.3), ("altitude_rate", 0.05), ("ground_speed", 0.2)]
+)
+def test_a_drift_of_one_channel_is_exact_and_named(fault, rate):
+    amount = rate * np.maximum(T - ONSET_S, 0.0)
+    faulty = with_fault(ALONE, fault, amount)
+    _, fits = explained(faulty)
+    assert fits[0].fault.fault == fault
+    assert fits[0].onset_s == ONSET_S
+    # The wind is the faulty window's, found once.
+    assert fits[0].magnitude == pytest.approx(rate, rel=1e-2 if fault == "ground_speed" else 1e-3)
+    clean = corrected(faulty, fits[0])
+    for name, values in ALONE.channels.items():
+        np.testing.assert_allclose(clean.channels[name], values, rtol=1e-2, atol=abs(rate) * 0.2)
+
+
+@pytest.mark.parametrize(("fault", "rate"), [("aoa", np.radians(0.05)), ("pitch", np.radians(-0.1))])
+def test_a_drift_of_an_angle_is_followed_into_the_integral(fault, rate):
+    """Of a log at 10 Hz: the integral at its rate and the correction at seconds agree."""
+    log = made_log(121.0, start_s=1000.0)
+    values = {name: one.values for name, one in log.channels.items()}
+    values[fault] = values[fault] + rate * np.maximum(log.time_s - ONSET_S, 0.0)
+    _, fits = explained(record_of(log_of(log.time_s, values)))
+    assert fits[0].fault.fault == fault
+    assert fits[0].magnitude == pytest.approx(rate, rel=0.01)
+    assert abs(fits[0].onset_s - ONSET_S) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("shape", "constant", "size"),
+    [("bias", None, 6.0), ("ramp_hold", 20.0, 8.0), ("lagged_bias", 12.0, 8.0), ("drift", None, 0.3)],
+)
+def test_a_course_is_named(shape, constant, size):
+    amount = size * COURSES[shape, constant](T - ONSET_S)
+    _, fits = explained(with_fault(ALONE, "tas", amount))
+    assert fits[0].fault.fault == "tas"
+    assert (fits[0].shape, fits[0].constant_s) == (shape, constant)
+    assert fits[0].magnitude == pytest.approx(size, rel=0.01)
+    assert abs(fits[0].onset_s - ONSET_S) <= 1.0
+
+
+@pytest.mark.parametrize("key", COURSES, ids=str)
+def test_a_course_is_nothing_before_its_onset_and_never_falls(key):
+    t = np.linspace(-50.0, 300.0, 3501)
+    values = COURSES[key](t)
+    assert np.all(values[t <= -0.5] == 0.0)
+    assert np.all(np.diff(values) >= 0.0)
+    if key[0] != "drift":
+        assert values[-1] == pytest.approx(1.0, abs=1e-5)
+
+
+def test_faults_that_show_in_one_residual_alike_are_a_set():
+    """With nothing but lift, an error of the vane and one of the accelerometer explain it about as well."""
+    scan = scan_window(RECORD, zero_lift=ZERO_LIFT, only=["lift"])
+    assert scan is not None
+    faulty = with_fault(RECORD, "normal_acc", 0.02 * np.maximum(T - ONSET_S, 0.0))
+    rng = np.random.default_rng(4)
+    faulty = replace(
+        faulty, channels={**faulty.channels, "aoa": faulty.channels["aoa"] + 2e-3 * rng.standard_normal(len(T))}
+    )
+    scan = scan_window(faulty, zero_lift=ZERO_LIFT, only=["lift"])
+    assert scan is not None
+    fits = explain(scan, faulty)
+    assert {"aoa", "normal_acc"} <= {fit.fault.fault for fit in fits}
+    ratios = [fit.ratio for fit in fits]
+    assert ratios == sorted(ratios, reverse=True)
+
+
+def test_what_other_relations_rule_out_is_not_named_unless_it_is_all_there_is():
+    faulty = with_fault(RECORD, "q_impact", -0.003 * np.maximum(T - ONSET_S, 0.0))
+    _, every = explained(faulty)
+    _, others = explained(faulty, ruled_out=("cas", "mach", "tas"))
+    assert every[0].fault.fault == others[0].fault.fault == "q_impact"
+    assert not {"cas", "mach", "tas"} & {fit.fault.fault for fit in others}
+    everything = {fit.fault.fault for fit in every}
+    _, kept = explained(faulty, ruled_out=everything | set(RECORD.channels) | {"ground_speed"})
+    assert kept[0].fault.fault == "q_impact"
+
+
+def test_the_effects_are_those_of_the_channels_that_err():
+    faulty = with_fault(RECORD, "q_impact", -0.003 * np.maximum(T - ONSET_S, 0.0))
+    _, fits = explained(faulty)
+    found = effects(faulty, fits[0])
+    assert found.keys() == {"tas", "cas", "ias", "mach", "q_impact", "p_total", "sat"}
+    for name, size in found.items():
+        error = faulty.channels[name] - RECORD.channels[name]
+        assert size == pytest.approx(error[np.argmax(np.abs(error))], rel=0.01)
+
+
+def test_the_parts_add_up_to_the_ratio():
+    rng = np.random.default_rng(5)
+    faulty = with_fault(ALONE, "tas", 0.2 * np.maximum(T - ONSET_S, 0.0) + 0.3 * rng.standard_normal(len(T)))
+    scan, fits = explained(faulty)
+    for fit in fits:
+        assert fit.parts.keys() == {kind.name for kind in scan.kinds}
+        assert sum(fit.parts.values()) == pytest.approx(fit.ratio, rel=1e-9)
+
+
+def test_the_onset_interval_narrows_as_a_fault_grows():
+    rng = np.random.default_rng(6)
+    noise = 0.4 * rng.standard_normal(len(T))
+    widths = []
+    for rate in (0.1, 0.4, 1.6):
+        _, fits = explained(with_fault(ALONE, "tas", rate * np.maximum(T - ONSET_S, 0.0) + noise))
+        assert fits[0].onset_ci95[0] <= ONSET_S <= fits[0].onset_ci95[1]
+        widths.append(np.ptp(fits[0].onset_ci95))
+    assert widths[0] > widths[1] >= widths[2] >= 1.0
+
+
+def test_more_than_all_of_a_pressure_is_not_taken():
+    """A linear look at a loss of almost everything asks for more than there is."""
+    amount = -np.minimum(0.04 * np.maximum(T - 1091.0, 0.0), 0.85)
+    _, fits = explained(with_fault(RECORD, "q_impact", amount))
+    for fit in fits:
+        clean = corrected(with_fault(RECORD, "q_impact", amount), fit)
+        assert np.isfinite(clean.channels["tas"]).all()
+
+
+def test_a_correction_that_takes_all_airspeed_away_explains_nothing():
+    """In level flight an error of the climb rate hardly shows; the linear look asks for more than the airspeed."""
+    level = {"altitude_rate": np.full(len(T), 1e-3), "tas": np.full(len(T), 110.0)}
+    level |= {"velocity_north": 110.0 * np.cos(0.03 * T), "velocity_east": 110.0 * np.sin(0.03 * T)}
+    record = Record(time_s=T, channels=level, gained=None, airspeed="tas")
+    _, fits = explained(with_fault(record, "tas", 0.2 * np.maximum(T - ONSET_S, 0.0)))
+    assert {fit.fault.fault for fit in fits} == {"tas", "ground_speed"}
+    for fit in fits:
+        assert abs(fit.magnitude) == pytest.approx(0.2, rel=0.1)

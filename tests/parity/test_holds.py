@@ -1,0 +1,171 @@
+"""Holds and leaks of pressure lines: named where the line shows them, and not where the air is calm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_flights import made_flight
+from made_logs import made_log
+
+from bfi_cli.airdata import channels_of, impact_pressure_of_cas, pressure_at, total_temperature
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.parity.holds import find_holds, lines_of
+
+FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
+BLOCKED = {"pitot_blocked": "p_total", "static_blocked": "p_static"}
+STEPS = {"altitude": 0.3048, "cas": 0.0322}
+
+
+def trapped(shape: str, *, noise_pa: float, steps: dict[str, float] | None = None) -> FlightLog:
+    """Return a flight whose line is trapped before its transducer adds noise and the record its steps."""
+    log = made_flight(names=("p_static", "q_impact", "tat"))
+    static, impact, tat = (np.array(log.channels[name].values) for name in ("p_static", "q_impact", "tat"))
+    total, on, rng = static + impact, log.time_s >= ONSET_S, np.random.default_rng(1)
+    held = static if shape == "static_blocked" else total
+    held[on] = held[on][0]
+    static = static + noise_pa * rng.standard_normal(on.size)
+    total = total + noise_pa * rng.standard_normal(on.size)
+    made = channels_of(static, np.maximum(total - static, 0.0), tat)
+    values = {name: made[name] for name in ("altitude", "cas")}
+    for name, step in (steps or {}).items():
+        values[name] = np.round(values[name] / step) * step
+    return made_log(log.time_s, {"altitude": "m"}, **values)
+
+
+@pytest.mark.parametrize("shape", BLOCKED)
+@pytest.mark.parametrize("window", [(FROM_S, TO_S), (0.0, 600.0)], ids=["window", "whole log"])
+def test_without_noise_a_trapped_line_is_named(shape: str, window: tuple[float, float]):
+    fault = Fault(shape=shape, onset_s=ONSET_S, offset_s=430.0)
+    (found,) = find_holds(inject(made_flight(), [fault]), *window).findings
+    assert (found.fault, found.among, found.stage) == (shape, (shape,), "holds")
+    assert found.magnitude is None
+    assert found.onset_s == pytest.approx(ONSET_S, abs=1.5)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    if window == (FROM_S, TO_S):
+        assert found.offset_s is None
+    else:
+        assert found.offset_s == pytest.approx(430.0, abs=1.5)
+    follows = {"cas", "mach", "tas", "sat"} | ({"altitude"} if shape == "static_blocked" else set())
+    assert set(found.channels) == follows
+
+
+@pytest.mark.parametrize("shape", BLOCKED)
+@pytest.mark.parametrize(("noise_pa", "steps"), [(0.0, STEPS), (2.0, STEPS), (8.0, None)])
+def test_a_transducer_and_a_record_make_it_less_still(shape: str, noise_pa: float, steps: dict[str, float] | None):
+    (found,) = find_holds(trapped(shape, noise_pa=noise_pa, steps=steps), FROM_S, TO_S).findings
+    assert found.fault == shape
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+
+
+@pytest.mark.parametrize("time_constant_s", [2.0, 10.0])
+def test_a_leak_is_named_with_its_time_constant(time_constant_s: float):
+    fault = Fault(shape="pitot_leak", onset_s=ONSET_S, time_constant_s=time_constant_s)
+    (found,) = find_holds(inject(made_flight(), [fault]), FROM_S, TO_S).findings
+    assert found.fault == "pitot_leak"
+    assert found.evidence["time_constant_s"] == pytest.approx(time_constant_s, rel=0.15)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    assert found.statistic > found.threshold
+
+
+@pytest.mark.parametrize("steps", [None, STEPS])
+def test_without_a_fault_nothing_is_found(steps: dict[str, float] | None):
+    log = made_flight(steps=steps, noise_pa=1.0)
+    answer = find_holds(log, 0.0, 600.0)
+    assert answer.findings == ()
+    assert all(one.watched_s == pytest.approx(600.0, abs=1.0) for one in answer.lines)
+
+
+def test_a_flight_in_which_nothing_moves_tells_nothing():
+    answer = find_holds(made_flight(climbs_m=0.0, air_pa=0.0, speed=100.0, names=("altitude", "cas")), 0.0, 20.0)
+    assert answer.findings == ()
+    time_s = np.arange(3000) / 10.0
+    trimmed = made_log(time_s, {"altitude": "m"}, altitude=np.full(3000, 3000.0), cas=np.full(3000, 90.0))
+    answer = find_holds(trimmed, 0.0, 300.0)
+    assert answer.findings == ()
+    assert all("nothing moves" in one.untold[0][2] for one in answer.lines)
+
+
+@pytest.mark.parametrize("climb_s", [0.0, 200.0])
+def test_an_altitude_that_is_held_within_a_step_is_no_blocked_port(climb_s: float):
+    """A climb that levels off at 0.1 g into a flight without a movement of one foot, through a record of one foot."""
+    flight = made_flight(climbs_m=0.0, air_pa=15.0, names=("altitude", "cas"))
+    time_s = flight.time_s
+    rate = np.clip(0.1 * 9.8 * (climb_s - time_s), 0.0, 6.0)
+    altitude = 1000.0 + np.concatenate([[0.0], np.cumsum(rate[1:]) / 10.0])
+    log = made_log(
+        time_s, {"altitude": "m"}, altitude=np.round(altitude / 0.3048) * 0.3048, cas=flight.channels["cas"].values
+    )
+    answer = find_holds(log, 0.0, 600.0)
+    assert answer.findings == ()
+    assert "too little flight that moves" in answer.lines[-1].untold[0][2]
+
+
+def test_a_climb_that_stops_at_once_is_a_blocked_port():
+    flight = made_flight(climbs_m=0.0, air_pa=15.0, names=("altitude", "cas"))
+    altitude = 1000.0 + 6.0 * np.minimum(flight.time_s, ONSET_S)
+    log = made_log(flight.time_s, {"altitude": "m"}, altitude=altitude, cas=flight.channels["cas"].values)
+    (found,) = find_holds(log, 0.0, 600.0).findings
+    assert found.fault == "static_blocked"
+
+
+def test_a_landing_is_neither_leak_nor_hold():
+    time_s = np.arange(8000) / 10.0
+    left = np.maximum(600.0 - time_s, 0.0)
+    altitude = 150.0 + 4.0 * left + 3.0 * np.sin(time_s / 4.0) * (left > 0.0)
+    speed = 55.0 + 35.0 * np.clip(left / 200.0, 0.0, 1.0) + 1.5 * np.sin(time_s / 7.0) * (left > 0.0)
+    cas = np.where(left > 0.0, speed, np.maximum(55.0 - 3.0 * (time_s - 600.0), 0.0))
+    log = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas)
+    answer = find_holds(log, 0.0, 800.0)
+    assert answer.findings == ()
+    assert any("landing" in why for *_, why in answer.lines[0].untold)
+    # The same loss of airspeed with a ground speed that goes on.
+    ground = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas, ground_speed=np.full(8000, 90.0))
+    (found,) = [one for one in find_holds(ground, 0.0, 800.0).findings if one.fault == "pitot_leak"]
+    assert found.onset_s == pytest.approx(603.0, abs=5.0)
+
+
+def test_a_log_with_tas_alone_finds_a_blocked_tube_and_says_what_it_costs():
+    fault = Fault(shape="pitot_blocked", onset_s=ONSET_S, offset_s=430.0)
+    log = inject(made_flight(), [fault])
+    log = replace(log, channels={name: log.channels[name] for name in ("altitude", "tas", "tat")})
+    answer = find_holds(log, FROM_S, TO_S)
+    assert [one.fault for one in answer.findings] == ["pitot_blocked"]
+    assert any("less often than with cas or mach" in why for why in answer.missing)
+
+
+def test_what_the_log_lacks_is_said():
+    flight = made_flight()
+    without = replace(flight, channels={name: one for name, one in flight.channels.items() if name != "altitude"})
+    assert "lacks altitude or p_static" in find_holds(without, FROM_S, TO_S).missing[0]
+    rest = made_log(flight.time_s, {}, altitude=np.zeros(flight.n_samples), cas=np.zeros(flight.n_samples))
+    assert "shows no flight" in find_holds(rest, FROM_S, TO_S).missing[0]
+
+
+def test_gaps_and_missing_samples_are_no_holds():
+    log = made_flight()
+    values = np.array(log.channels["cas"].values)
+    values[2500:2900] = np.nan
+    broken = replace(log, channels={**log.channels, "cas": replace(log.channels["cas"], values=frozen_array(values))})
+    assert find_holds(broken, 0.0, 600.0).findings == ()
+    gap = log.take((log.time_s < 250.0) | (log.time_s > 320.0))
+    assert find_holds(gap, 0.0, 600.0).findings == ()
+
+
+def test_windows_of_one_log_share_its_lines():
+    log = inject(made_flight(), [Fault(shape="pitot_blocked", onset_s=ONSET_S, offset_s=430.0)])
+    lines = lines_of(log)
+    assert find_holds(log, FROM_S, TO_S, lines=lines) == find_holds(log, FROM_S, TO_S)
+    assert find_holds(log, 0.0, ONSET_S, lines=lines).findings == ()
+
+
+def test_slow_flight_at_the_level_of_the_sea_has_its_pressures():
+    """What the tests above take for granted: the made flight's channels are those of its pressures."""
+    log = made_flight(names=("altitude", "cas", "p_static", "q_impact", "tat", "sat", "mach"))
+    value = {name: one.values for name, one in log.channels.items()}
+    np.testing.assert_allclose(pressure_at(value["altitude"]), value["p_static"], rtol=1e-12)
+    np.testing.assert_allclose(impact_pressure_of_cas(value["cas"]), value["q_impact"], rtol=1e-10)
+    np.testing.assert_allclose(total_temperature(value["sat"], value["mach"]), value["tat"], rtol=1e-12)

@@ -1,0 +1,106 @@
+"""Residuals are constant where nothing errs, whatever the log records of the system."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_flight import WIND, ZERO_LIFT, made_record
+
+from bfi_cli.parity.record import with_fault
+from bfi_cli.parity.residuals import RESIDUALS, available, constants_of
+from bfi_cli.parity.scan import residual_values
+
+RECORD = made_record()
+T = RECORD.time_s
+CONSTANTS = constants_of(RECORD, zero_lift=ZERO_LIFT)
+KINDS = {kind.name: kind for kind in RESIDUALS}
+AIRSPEEDS = {"tas", "cas", "ias", "mach", "q_impact", "p_total"}
+
+
+def spread(record, name, constants=CONSTANTS):
+    """Return the range of a residual."""
+    return float(np.ptp(residual_values(record, record, constants, KINDS[name])))
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_flight_without_a_fault_keeps_them_constant(name):
+    # A constant wind is fitted with a prior of 50 m/s, which moves it by a part in 1e5.
+    assert spread(RECORD, name) < (1e-3 if name == "ground_speed" else 1e-9)
+
+
+@pytest.mark.parametrize("source", ["q_impact", "p_total", "cas", "mach", "tas", "ias"])
+@pytest.mark.parametrize("static", ["p_static", "altitude"])
+@pytest.mark.parametrize("temperature", ["tat", "sat"])
+def test_lift_is_the_same_from_whatever_the_pressures_are_taken(source, static, temperature):
+    record = made_record(
+        without=(AIRSPEEDS - {source, "tas"}) | ({"p_static", "altitude", "tat", "sat"} - {static, temperature})
+    )
+    assert spread(record, "lift") < 1e-8
+
+
+def test_without_a_temperature_the_climb_is_off_by_the_warmth_of_the_air_alone():
+    record = made_record(without=("tat", "sat"))
+    expected = np.degrees(RECORD.channels["altitude_rate"] / RECORD.channels["tas"]) * 0.03
+    climb = residual_values(record, record, CONSTANTS, KINDS["climb"])
+    np.testing.assert_allclose(climb, -expected, atol=1e-9)
+
+
+def test_the_wind_is_found():
+    assert CONSTANTS.wind == pytest.approx(WIND, abs=1e-2)
+    assert CONSTANTS.speed == pytest.approx(RECORD.channels["tas"].mean())
+
+
+def test_an_error_of_the_angle_of_zero_lift_is_a_nuisance_of_lift():
+    """To first order: what is left of a tenth of a degree is of second order."""
+    unknown = constants_of(RECORD, zero_lift=None)
+    assert not unknown.knows_zero_lift
+    off = constants_of(RECORD, zero_lift=ZERO_LIFT + np.radians(0.1))
+    values = residual_values(RECORD, RECORD, off, KINDS["lift"])
+    column = 0.5 * off.speed / (RECORD.channels["aoa"] - ZERO_LIFT)
+    left = values + np.radians(0.1) * column
+    assert np.ptp(values) > 20.0 * np.ptp(left)
+    columns, prior_sd = KINDS["lift"].nuisances(RECORD, unknown)
+    assert columns.shape == (len(T), 1)
+    assert np.isinf(prior_sd).all()
+
+
+def test_a_step_of_the_airspeed_is_a_step_of_lift_ground_speed_and_kinematics():
+    step = np.where(T > 60.0, 0.5, 0.0)
+    faulty = with_fault(RECORD, "tas", step)
+    for name, size in (("kinematics", 0.5), ("ground_speed", 0.5)):
+        values = residual_values(faulty, faulty, CONSTANTS, KINDS[name])
+        assert values[-1] - values[0] == pytest.approx(size, rel=0.03)
+    alone = made_record(without=AIRSPEEDS - {"tas"})
+    values = residual_values(with_fault(alone, "tas", step), RECORD, CONSTANTS, KINDS["lift"])
+    assert values[-1] - values[0] == pytest.approx(0.5, rel=0.15)
+
+
+def test_what_a_log_lacks_is_named():
+    kinds, lacking = available({"tas": 0, "altitude": 0, "aoa": 0})
+    assert kinds == ()
+    assert lacking == {
+        "lift": "normal_acc",
+        "climb": "pitch, roll, altitude_rate",
+        "kinematics": "longitudinal_acc, normal_acc, pitch, roll",
+        "ground_speed": "altitude_rate, velocity_north, velocity_east",
+    }
+    assert available({"aoa": 0})[1]["lift"].startswith("p_static or altitude, q_impact or p_total or cas")
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_what_no_flight_has_is_not_known_and_stops_nothing(name):
+    """No airspeed, an angle of attack below that of zero lift, a pressure below none, a wind that carries all."""
+    channels = {one: values.copy() for one, values in RECORD.channels.items()}
+    channels["tas"][:5] = 0.0
+    channels["q_impact"][5:10] = -500.0
+    channels["aoa"][10:15] = ZERO_LIFT - 0.1
+    channels["normal_acc"][15:20] = -12.0
+    channels["velocity_north"][20:25], channels["velocity_east"][20:25] = CONSTANTS.wind
+    record = made_record()
+    record = type(record)(time_s=T, channels=channels, gained=record.gained, airspeed="tas")
+    values = residual_values(record, record, CONSTANTS, KINDS[name])
+    np.testing.assert_allclose(values[30:], values[30], atol=1e-3)
+    assert not np.isinf(values).any()
+    if KINDS[name].nuisances is not None:
+        columns, _ = KINDS[name].nuisances(record, constants_of(record, zero_lift=None))
+        assert not np.isinf(columns).any()

@@ -1,0 +1,249 @@
+"""The scan of a window: what it finds without noise, and what it makes of what a log lacks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_flight import ZERO_LIFT, log_of, made_log, made_record
+
+from bfi_cli.parity import record_of, scan_window
+from bfi_cli.parity.record import HYPOTHESES, KINEMATICS, Record, with_fault
+from bfi_cli.parity.residuals import RESIDUALS
+
+RECORD = made_record()
+T = RECORD.time_s
+NAMES = [kind.name for kind in RESIDUALS]
+PRESSURES = ("cas", "ias", "mach", "q_impact", "p_total", "sat")
+# Small against what it errs in, so that the linear scan is exact to a part in a hundred.
+SMALL = {"1": 1e-5, "m/s": 5e-3, "Pa": 0.5, "rad": 5e-6, "m/s^2": 5e-4}
+
+
+def changed(record: Record, **channels: np.ndarray) -> Record:
+    return replace(record, channels={**record.channels, **channels})
+
+
+def test_a_flight_without_noise_and_fault_shows_nothing():
+    scan = scan_window(RECORD, zero_lift=ZERO_LIFT)
+    assert scan is not None
+    assert [kind.name for kind in scan.kinds] == NAMES
+    assert scan.lacking == {}
+    assert scan.statistic < 1e-3
+
+
+@pytest.mark.parametrize("zero_lift", [ZERO_LIFT, None])
+@pytest.mark.parametrize("hypothesis", HYPOTHESES, ids=lambda one: one.fault)
+def test_a_small_fault_has_its_magnitude_and_its_onset(hypothesis, zero_lift):
+    """In whatever residuals it shows, and together."""
+    record = (
+        made_record()
+        if hypothesis.fault in ("cas", "ias", "mach", "q_impact", "p_total")
+        else made_record(without=PRESSURES)
+    )
+    if hypothesis.fault in ("cas", "ias", "mach", "p_total"):
+        others = [name for name in (*PRESSURES, "tas") if name != hypothesis.fault]
+        record = replace(made_record(without=others), airspeed=hypothesis.fault)
+        record = changed(record, tas=RECORD.channels["tas"])
+    clean = scan_window(record, zero_lift=zero_lift)
+    assert clean is not None
+    onset_s = float(clean.onsets_s[12])
+    rate = SMALL[hypothesis.unit]
+    faulty = with_fault(record, hypothesis.fault, rate * np.maximum(T - onset_s, 0.0))
+    alone = [name for name in NAMES if _shows(record, hypothesis.fault, name, zero_lift)]
+    if hypothesis.fault in KINEMATICS:
+        alone.remove("kinematics")  # their integral at the log's rate is another test's
+    assert alone or hypothesis.fault == "longitudinal_acc"
+    for only in ([name] for name in alone):
+        scan = scan_window(faulty, zero_lift=zero_lift, only=only)
+        assert scan is not None
+        answer = scan.ratios[hypothesis.fault]
+        # What a free angle of zero lift leaves over, of second order, is there without the fault as well; and 0.3
+        # degrees of it, off as it is, are 6 % of the angle that lifts.
+        before = scan_window(record, zero_lift=zero_lift, only=only)
+        assert before is not None
+        left = before.ratios[hypothesis.fault].magnitude[12]
+        assert answer.magnitude[12] - left == pytest.approx(rate, rel=0.05 if zero_lift else 0.06), only
+
+
+def _shows(record: Record, fault: str, name: str, zero_lift: float | None) -> bool:
+    scan = scan_window(record, zero_lift=zero_lift, only=[name])
+    return scan is not None and fault in scan.ratios
+
+
+def test_kinematics_sees_the_fault_of_an_attitude_in_its_integral():
+    """At the log's rate, through the record: a drift of the pitch is an acceleration that grows."""
+    log = made_log(121.0)
+    values = {name: one.values for name, one in log.channels.items()}
+    rate = np.radians(0.02)
+    values["pitch"] = values["pitch"] + rate * np.maximum(log.time_s - 46.0, 0.0)
+    scan = scan_window(
+        record_of(log_of(log.time_s, values)).between(0.0, 120.0), zero_lift=ZERO_LIFT, only=["kinematics"]
+    )
+    assert scan is not None
+    answer = scan.ratios["pitch"]
+    k = int(np.argmax(answer.ratio))
+    assert abs(scan.onsets_s[k] - 46.0) <= 3.0
+    assert answer.magnitude[k] == pytest.approx(rate, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", RESIDUALS, ids=lambda kind: kind.name)
+def test_a_constant_error_of_a_residual_changes_nothing(kind):
+    """A wrong wind, a bias of what is divided by the speed, an airspeed integrated from another start."""
+    rng = np.random.default_rng(1)
+    noisy = changed(RECORD, tas=RECORD.channels["tas"] + 0.3 * rng.standard_normal(len(T)))
+    plain = scan_window(noisy, zero_lift=ZERO_LIFT, only=[kind.name])
+    other = replace(noisy, gained=noisy.gained + 1234.5)
+    if kind.name == "lift":
+        # Lift in other units of force.
+        other = changed(other, q_impact=1.1 * other.channels["q_impact"])
+    moved = scan_window(other, zero_lift=ZERO_LIFT, only=[kind.name])
+    for fault in ("aoa", "tas"):
+        if fault in plain.ratios:
+            np.testing.assert_allclose(moved.ratios[fault].ratio, plain.ratios[fault].ratio, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("start_s", [1234.25, -500.0, 1.7e9])
+def test_the_time_axis_may_begin_anywhere(start_s):
+    rng = np.random.default_rng(2)
+    noise = 0.3 * rng.standard_normal(len(T))
+    scans = [
+        scan_window(
+            changed(made_record(start_s=one), tas=RECORD.channels["tas"] + noise),
+            zero_lift=ZERO_LIFT,
+            only=["kinematics"],
+        )
+        for one in (0.5,)
+    ]
+    moved = replace(changed(RECORD, tas=RECORD.channels["tas"] + noise), time_s=T + start_s - 0.5)
+    scans.append(scan_window(moved, zero_lift=ZERO_LIFT, only=["kinematics"]))
+    np.testing.assert_allclose(scans[1].onsets_s - start_s, scans[0].onsets_s - 0.5, atol=1e-6)
+    assert scans[1].statistic == pytest.approx(scans[0].statistic, rel=1e-5)
+
+
+LACKS = {
+    "aoa": {"lift", "climb", "kinematics"},
+    "normal_acc": {"lift", "kinematics"},
+    "longitudinal_acc": {"kinematics"},
+    "pitch": {"climb", "kinematics"},
+    "roll": {"climb", "kinematics"},
+    "altitude_rate": {"climb", "ground_speed"},
+    "velocity_north": {"ground_speed"},
+    "velocity_east": {"ground_speed"},
+}
+
+
+@pytest.mark.parametrize("missing", [*sorted(RECORD.channels)])
+def test_each_channel_may_be_missing(missing):
+    scan = scan_window(made_record(without=(missing,)), zero_lift=ZERO_LIFT)
+    if missing == "tas":
+        assert scan is None
+        return
+    assert scan is not None
+    assert scan.lacking.keys() == LACKS.get(missing, set())
+    assert all(missing in text for text in scan.lacking.values())
+    assert {kind.name for kind in scan.kinds} == set(NAMES) - scan.lacking.keys()
+    assert missing not in scan.ratios or missing == "q_impact"  # the name of the line, too
+    assert ("ground_speed" in scan.ratios) == (not missing.startswith("velocity") and missing != "altitude_rate")
+    assert scan.statistic >= 0.0
+
+
+@pytest.mark.parametrize("missing", sorted(LACKS))
+def test_each_channel_may_be_known_nowhere(missing):
+    record = changed(RECORD, **{missing: np.full(len(T), np.nan)})
+    if missing in KINEMATICS:
+        record = replace(record, gained=np.full(len(T), np.nan))
+    scan = scan_window(record, zero_lift=ZERO_LIFT)
+    assert scan is not None
+    assert LACKS[missing] == scan.lacking.keys()
+    for text in scan.lacking.values():
+        assert text == f"{missing} without gaps"
+
+
+@pytest.mark.parametrize("airspeed", ["cas", "mach", "q_impact", "p_total", "ias"])
+def test_one_airspeed_of_any_kind_is_enough(airspeed):
+    log = made_log(121.0)
+    left = {"tas", "cas", "ias", "mach", "q_impact", "p_total"} - {airspeed}
+    record = record_of(replace(log, channels={n: c for n, c in log.channels.items() if n not in left}))
+    assert record.airspeed == airspeed
+    scan = scan_window(record, zero_lift=ZERO_LIFT)
+    assert scan is not None
+    assert [kind.name for kind in scan.kinds] == NAMES
+    assert airspeed in scan.ratios
+    assert "tas" not in scan.ratios
+
+
+def test_gaps_are_left_out_and_the_rest_says_the_same():
+    """Without noise the magnitude is exact over gaps of the ground velocity and of the angle of attack."""
+    clean = scan_window(RECORD, zero_lift=ZERO_LIFT)
+    onset_s = float(clean.onsets_s[10])
+    faulty = with_fault(RECORD, "tas", 5e-3 * np.maximum(T - onset_s, 0.0))
+    north, aoa = faulty.channels["velocity_north"].copy(), faulty.channels["aoa"].copy()
+    north[60:80] = np.nan
+    aoa[[3, 17, 64, 65]] = np.nan
+    scan = scan_window(changed(faulty, velocity_north=north, aoa=aoa), zero_lift=ZERO_LIFT)
+    assert [kind.name for kind in scan.kinds] == NAMES
+    assert scan.known[3].sum() == len(T) - 20
+    assert scan.ratios["tas"].magnitude[10] == pytest.approx(5e-3, rel=0.02)
+
+
+def test_too_many_gaps_leave_a_residual_out_and_say_so():
+    north = RECORD.channels["velocity_north"].copy()
+    north[20:70] = np.nan
+    scan = scan_window(changed(RECORD, velocity_north=north), zero_lift=ZERO_LIFT)
+    assert scan.lacking == {"ground_speed": "velocity_north without gaps"}
+
+
+def test_nothing_known_at_all_is_no_scan():
+    nothing = {name: np.full(len(T), np.nan) for name in RECORD.channels}
+    assert scan_window(replace(RECORD, channels=nothing), zero_lift=ZERO_LIFT) is None
+    assert scan_window(RECORD.between(5000.0, 5100.0), zero_lift=ZERO_LIFT) is None
+
+
+@pytest.mark.parametrize("seconds", [1, 2, 5, 29, 31, 40])
+def test_a_window_may_be_too_short_for_an_onset(seconds):
+    scan = scan_window(RECORD.between(0.0, float(seconds)), zero_lift=ZERO_LIFT)
+    assert (scan is None) == (seconds < 30)
+
+
+@pytest.mark.parametrize(("name", "moved", "still"), [("flaps", 0.1, 0.01), ("gear", 1.0, 0.1)])
+def test_flaps_and_gear_that_move_leave_lift_out(name, moved, still):
+    log = made_log(121.0)
+    values = {one: channel.values for one, channel in log.channels.items()}
+    for size, lacking in ((moved, {"lift"}), (still, set())):
+        made = record_of(log_of(log.time_s, values | {name: np.where(log.time_s > 60.0, size, 0.0)}))
+        scan = scan_window(made, zero_lift=ZERO_LIFT)
+        assert scan is not None
+        assert scan.lacking.keys() == lacking
+        assert all(name in text for text in scan.lacking.values())
+
+
+def test_a_log_of_a_sample_in_two_seconds_is_scanned():
+    log = made_log(240.0, rate_hz=0.5)
+    values = {name: one.values for name, one in log.channels.items()}
+    values["tas"] = values["tas"] + 0.2 * np.maximum(log.time_s - 100.0, 0.0)
+    record = record_of(log_of(log.time_s, {n: v for n, v in values.items() if n not in PRESSURES}))
+    scan = scan_window(record, zero_lift=ZERO_LIFT)
+    assert scan is not None
+    assert [kind.name for kind in scan.kinds] == NAMES
+    k = int(np.argmax(scan.ratios["tas"].ratio))
+    assert abs(scan.onsets_s[k] - 100.0) <= 3.0
+    assert scan.ratios["tas"].magnitude[k] == pytest.approx(0.2, rel=0.1)
+
+
+def test_half_of_a_window_recorded_is_not_enough():
+    channels = {name: np.where(np.arange(len(T)) < 60, values, np.nan) for name, values in RECORD.channels.items()}
+    assert scan_window(replace(RECORD, channels=channels), zero_lift=ZERO_LIFT) is None
+
+
+def test_residuals_may_be_chosen():
+    scan = scan_window(RECORD, zero_lift=ZERO_LIFT, only=["climb", "lift"])
+    assert {kind.name for kind in scan.kinds} == {"climb", "lift"}
+    assert scan_window(RECORD, zero_lift=ZERO_LIFT, only=[]) is None
+
+
+def test_the_record_is_left_as_it_is():
+    copies = {name: values.copy() for name, values in RECORD.channels.items()}
+    scan_window(RECORD, zero_lift=ZERO_LIFT)
+    for name, values in copies.items():
+        np.testing.assert_array_equal(RECORD.channels[name], values)

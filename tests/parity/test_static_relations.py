@@ -1,0 +1,156 @@
+"""Static relations: the channel that errs is named, and nothing else is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_flights import RECORDED, made_flight
+from made_logs import made_log
+
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog.record import Channel, frozen_array
+from bfi_cli.parity.static_relations import find_static, relation_series
+
+FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
+STEPS = {"altitude": 0.3048, "cas": 0.0322, "tas": 0.0322, "mach": 1e-4, "tat": 0.25, "sat": 0.25}
+
+
+def with_error(log: FlightLog, channel: str, size: float, shape: str = "bias") -> FlightLog:
+    return inject(log, [Fault(shape=shape, channel=channel, magnitude=size, onset_s=ONSET_S)])
+
+
+def with_channel(log: FlightLog, name: str, values: np.ndarray, unit: str = "m/s") -> FlightLog:
+    channel = Channel(name=name, values=frozen_array(values), unit=unit, source=name)
+    return replace(log, channels={**log.channels, name: channel})
+
+
+@pytest.mark.parametrize(
+    ("channel", "size", "among"),
+    [
+        ("tas", 0.01, {"tas"}),
+        ("tat", 0.1, {"tat"}),
+        ("sat", -0.1, {"sat"}),
+        ("mach", 1e-4, {"mach"}),
+        ("cas", 0.05, {"cas", "altitude"}),
+        ("altitude", 5.0, {"cas", "altitude"}),
+    ],
+)
+def test_without_noise_an_error_is_named_exactly(channel: str, size: float, among: set[str]):
+    answer = find_static(with_error(made_flight(), channel, size), FROM_S, TO_S)
+    (found,) = answer.findings
+    assert set(found.among) == among
+    assert found.stage == "static relations"
+    assert found.shape == "bias"
+    assert found.onset_s == pytest.approx(ONSET_S, abs=1.0)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    if len(among) == 1:
+        assert found.magnitude == pytest.approx(size, rel=5e-3)
+        assert found.effect[channel] == pytest.approx(abs(size), rel=5e-3)
+
+
+def test_a_drift_is_a_drift():
+    (found,) = find_static(with_error(made_flight(), "tas", 0.002, "drift"), FROM_S, TO_S).findings
+    assert (found.fault, found.shape, found.unit) == ("tas", "drift", "m/s^2")
+    assert found.magnitude == pytest.approx(0.002, rel=0.01)
+    assert found.effect["tas"] == pytest.approx(0.002 * (TO_S - ONSET_S), rel=0.05)
+
+
+@pytest.mark.parametrize("steps", [None, STEPS], ids=["exact", "recorded in steps"])
+def test_without_a_fault_nothing_is_found(steps: Mapping[str, float] | None):
+    log = made_flight(steps=steps)
+    series = relation_series(log)
+    for from_s in range(0, 480, 30):
+        assert find_static(log, from_s, from_s + 120.0, series=series).findings == ()
+
+
+@pytest.mark.parametrize("channel", ["tas", "tat", "mach", "altitude"])
+def test_an_error_from_the_start_is_none_of_the_window(channel: str):
+    """A constant is a nuisance: every channel has an offset of its own."""
+    size = 1e-3 if channel == "mach" else 0.4
+    log = inject(made_flight(steps=STEPS), [Fault(shape="bias", channel=channel, magnitude=size, onset_s=-1.0)])
+    assert find_static(log, FROM_S, TO_S).findings == ()
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault(shape="pitot_icing", magnitude=0.002, onset_s=ONSET_S),
+        Fault(shape="pitot_blocked", onset_s=ONSET_S),
+        Fault(shape="static_blocked", onset_s=ONSET_S),
+        Fault(shape="static_leak", onset_s=ONSET_S, time_constant_s=20.0, cabin_altitude_m=1500.0),
+    ],
+    ids=lambda fault: fault.shape,
+)
+def test_a_wrong_pressure_breaks_no_relation(fault: Fault):
+    assert find_static(inject(made_flight(), [fault]), FROM_S, TO_S).findings == ()
+
+
+def test_an_error_of_a_tenth_of_a_metre_per_second_is_found_in_recorded_steps():
+    log = made_flight(steps=STEPS)
+    (found,) = find_static(with_error(log, "tas", 0.1), FROM_S, TO_S).findings
+    assert found.among == ("tas",)
+    assert abs((found.magnitude or 0.0) - 0.1) < 4.0 * (found.sd or 0.0)
+
+
+def test_a_second_sensor_shows_which_of_two_errs_where_a_third_does():
+    flight = made_flight(names=("altitude", "tas"))
+    two = with_channel(flight, "tas_2", flight.channels["tas"].values + 0.3)
+    (found,) = find_static(with_error(two, "tas_2", 0.5), FROM_S, TO_S).findings
+    assert set(found.among) == {"tas", "tas_2"}
+    three = with_channel(two, "tas_3", flight.channels["tas"].values - 0.1)
+    (found,) = find_static(with_error(three, "tas_2", 0.5), FROM_S, TO_S).findings
+    assert found.among == ("tas_2",)
+    assert found.magnitude == pytest.approx(0.5, rel=1e-3)
+
+
+def test_numbered_sensors_without_a_plain_name_are_a_pair():
+    flight = made_flight(names=("cas", "altitude"))
+    values = flight.channels["cas"].values
+    pair = with_channel(with_channel(made_flight(names=("tas", "altitude")), "cas_1", values), "cas_2", values + 0.01)
+    assert [one.name for one in relation_series(pair)[0]] == ["cas_1 - cas_2"]
+    (found,) = find_static(with_error(pair, "cas_1", 1.0), FROM_S, TO_S).findings
+    assert set(found.among) == {"cas_1", "cas_2"}
+
+
+def test_what_the_log_lacks_is_said():
+    answer = find_static(made_flight(names=("altitude", "tas")), FROM_S, TO_S)
+    assert answer.findings == answer.relations == answer.limits == ()
+    assert any("lacks tat or sat, mach, or cas and altitude" in why for why in answer.missing)
+    assert any("lacks mach, cas" in why for why in answer.missing)
+
+
+def test_a_short_window_and_a_log_on_the_ground_say_so():
+    answer = find_static(made_flight(), 100.0, 120.0)
+    assert answer.findings == ()
+    assert all("at least 40 are needed" in why for why in answer.missing)
+    rest = made_flight()
+    still = made_log(rest.time_s, {}, **{name: np.zeros(rest.n_samples) for name in ("tas", "mach", "tat")})
+    assert find_static(still, FROM_S, TO_S).missing == ("no relation is checked: the log shows no flight",)
+
+
+def test_samples_that_are_missing_are_left_out():
+    log = with_error(made_flight(), "tas", 0.05)
+    values = np.array(log.channels["mach"].values)
+    values[2500:2600] = np.nan
+    (found,) = find_static(with_channel(log, "mach", values, "1"), FROM_S, TO_S).findings
+    assert found.among == ("tas",)
+
+
+def test_a_limit_holds():
+    """An error of three times what a window excludes is found there, one of a tenth is not."""
+    log = made_flight(steps=STEPS)
+    limits = {(one.channel, one.shape): one for one in find_static(log, FROM_S, TO_S).limits}
+    assert {channel for channel, _ in limits} == set(RECORDED)
+    for channel in ("tas", "tat", "mach"):
+        size = limits[channel, "bias"].excluded_above
+        assert find_static(with_error(log, channel, 3.0 * size), FROM_S, TO_S).findings
+        assert not find_static(with_error(log, channel, 0.1 * size), FROM_S, TO_S).findings
+
+
+def test_the_same_comes_of_series_made_before():
+    log = with_error(made_flight(steps=STEPS), "tas", 0.2)
+    assert find_static(log, FROM_S, TO_S, series=relation_series(log)) == find_static(log, FROM_S, TO_S)

@@ -39,7 +39,7 @@ from ..parity import (
 from ..parity.calibration import load_air_data
 from ..parity.holds import Holds, find_holds
 from ..parity.static_relations import RelationAnswer, RelationSeries, StaticRelations, find_static, relation_series
-from ..parity.windows import judged
+from ..parity.windows import clean_up_time, judged
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerance_of
 from ..shapes import SHAPES, Kind
@@ -249,7 +249,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
         zero_lift_from=origin,
         tables=tables,
         false_alarm=config.diagnose.false_alarm,
-        moved=configuration_changes(phases),
+        moved=configuration_changes(phases, clean_up_s=clean_up_time(phases, record)),
         held=held,
         tolerances=config.tolerances,
     )

@@ -18,13 +18,13 @@ from ..yaml12 import read_text
 from .record import record_of
 from .scan import scan_window
 from .thresholds import ParityTable
-from .windows import LENGTHS_S, configuration_changes, windows_in
+from .windows import LENGTHS_S, clean_up_time, configuration_changes, windows_in
 from .zero_lift import zero_lift_of
 
 __all__ = ["AirDataCalibration", "calibrate_air_data", "load_air_data"]
 
 # Windows of a short flight follow each other more closely, so that there are enough for a table.
-CLOSEST_S = 10.0
+CLOSEST_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +67,7 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
     found: dict[tuple[tuple[str, ...], float], list[float]] = {}
     for record, parts in zip(records, phases, strict=True):
         for length_s in LENGTHS_S:
-            moved = configuration_changes(parts)
+            moved = configuration_changes(parts, clean_up_s=clean_up_time(parts, record))
             windows = _quiet(windows_in(parts, length_s), moved)
             if len(windows) < FEWEST_WINDOWS:
                 windows = _quiet(windows_in(parts, length_s, step_s=CLOSEST_S), moved)

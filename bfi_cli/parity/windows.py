@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..flightlog.phases import Phase
+import numpy as np
 
-__all__ = ["LENGTHS_S", "OVERLAP", "configuration_changes", "windows_in"]
+from ..flightlog.phases import Phase
+from .record import Record
+
+__all__ = ["LENGTHS_S", "OVERLAP", "clean_up_time", "configuration_changes", "judged", "windows_in"]
 
 # Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.4).
 LENGTHS_S = (60.0, 120.0, 240.0)
 OVERLAP = 0.5
-# Flaps and gear move after take-off, and from the last descent on.
-CLEAN_UP_S = 120.0
+# Flaps and gear move after take-off, for so many V / g or seconds, and from the last descent on.
+CLEAN_UP, CLEAN_UP_S, GRAVITY = 10.0, 120.0, 9.8
 # To both sides of a parabola: pull-up and pull-out are flown at the limits of the wing.
 RECOVERY_S = 30.0
 APART_S = 1.0  # of two parts that follow each other
@@ -58,13 +61,32 @@ def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None
     return windows
 
 
-def configuration_changes(phases: Sequence[Phase]) -> list[tuple[float, float]]:
-    """Return the stretches in which flaps and gear are moved: after take-off, and from the last descent on."""
+def clean_up_time(phases: Sequence[Phase], record: Record) -> float:
+    """Return the seconds after take-off in which flaps and gear are moved: 10 V / g, two minutes at most.
+
+    V / g is the time in which an aircraft can gain the better part of its speed: 12 s of a jet, 1 s of a drone.
+    """
+    flown = np.zeros(record.time_s.shape, dtype=bool)
+    for first, last in judged(phases):
+        flown |= (record.time_s >= first) & (record.time_s < last)
+    speeds = record.channels["tas"][flown] if "tas" in record.channels else np.empty(0)
+    known = speeds[np.isfinite(speeds)]
+    return min(CLEAN_UP * float(np.median(known)) / GRAVITY, CLEAN_UP_S) if known.size else CLEAN_UP_S
+
+
+def configuration_changes(phases: Sequence[Phase], *, clean_up_s: float | None = None) -> list[tuple[float, float]]:
+    """Return the stretches in which flaps and gear are moved: after take-off, and from the last descent on.
+
+    Parameters
+    ----------
+    clean_up_s : after take-off, see `clean_up_time`; None for two minutes.
+    """
+    clean_up_s = CLEAN_UP_S if clean_up_s is None else clean_up_s
     parts = [one for one in phases if one.phase not in ("turn", "stall", "parabola")]
     found = []
     for k, part in enumerate(parts):
         if part.phase == "take-off":
-            found.append((part.from_s, part.to_s + CLEAN_UP_S))
+            found.append((part.from_s, part.to_s + clean_up_s))
         elif part.phase in ("approach", "landing"):
             before = [one for one in parts[:k] if one.phase in ("descent", "take-off", "ground")]
             first = before[-1].from_s if before and before[-1].phase == "descent" else part.from_s

@@ -9,7 +9,7 @@ import numpy as np
 from ..airdata import IMPACT_SOURCES, STATIC_SOURCES, air_data_of, zero_lift_angle
 from ..flightlog.phases import Phase
 from .record import Record
-from .windows import configuration_changes, judged
+from .windows import clean_up_time, configuration_changes, judged
 
 __all__ = ["LEAST_S", "zero_lift_of"]
 
@@ -34,7 +34,8 @@ def zero_lift_of(
     used = np.zeros(record.time_s.shape, dtype=bool)
     for first, last in judged(phases):
         used |= (record.time_s >= first) & (record.time_s < last)
-    for first, last in (*configuration_changes(phases), *without):
+    moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, record))
+    for first, last in (*moved, *without):
         used &= (record.time_s < first) | (record.time_s >= last)
     if np.count_nonzero(used) < LEAST_S:
         return None

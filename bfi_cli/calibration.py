@@ -1,9 +1,9 @@
 """Tables of the onset scan's statistic on fault-free records, and the thresholds and p-values they give.
 
 On real flights the statistic of a fault-free window is far larger than white noise would make it, so its distribution
-is counted, not derived (docs/theory.md, 10.2 and 10.3). Shapes differ in it: each is standardised by its own median and
-95 % quantile, the largest of them is the statistic of the window, and above the 85 % quantile of that its distribution
-is taken to fall exponentially, at a rate that few windows tell only roughly.
+is counted, not derived (docs/theory.md, 10.2 and 10.3). Shapes differ in it: each is divided by the mean of its own
+largest 15 %, the largest of the quotients is the statistic of the window, and above the 85 % quantile of that its
+distribution is taken to fall exponentially, at a rate that few windows tell only roughly.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ SCHEMA = 1
 MAX_BYTES = 64_000_000
 # With fewer there is at most a handful of windows above the quantile from which the tail is estimated.
 FEWEST_WINDOWS = 20
-# Quantiles that standardise a shape and begin the tail, and the share of one window of all down to which it is followed
-# (docs/theory.md, 10.3): of a hundred windows fifteen lie in the tail.
-HIGH, TAIL, FURTHEST = 0.95, 0.85, 0.01
+# Quantile at which the tail begins, and the share of one window of all down to which it is followed (docs/theory.md,
+# 10.3): of a hundred windows fifteen lie in the tail.
+TAIL, FURTHEST = 0.85, 0.01
 # A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
 # Chosen without a tuning record; only a note on the table depends on it.
 FAR_OUT, RARE = 2.0, 0.001
@@ -130,7 +130,9 @@ class Null:
 
     Attributes
     ----------
-    median, scale : by shape; scale is the 95 % quantile less the median.
+    median, scale : by shape; scale is the mean of what lies above its 85 % quantile. A scale from the body of the
+        distribution, as the median and a quantile give it, lets the tail of the shape with the heaviest one set the
+        thresholds of all.
     maxima : (n_windows,) the largest over shapes, increasing.
     start : their 85 % quantile; excess : the mean of what lies above it, less it; n_above : how many lie there.
     """
@@ -144,7 +146,7 @@ class Null:
 
     def standardised(self, shape: str, statistic: float) -> float:
         """Return the statistic of a shape in units common to all shapes."""
-        return (statistic - self.median[shape]) / self.scale[shape]
+        return statistic / self.scale[shape]
 
     def p_value(self, standardised: float) -> float:
         """Return the probability that a window without a fault reaches this largest standardised statistic.
@@ -175,7 +177,7 @@ class Null:
             level = self.start + k * self.excess * float(np.expm1(np.log((1.0 - TAIL) / false_alarm) / k))
         else:
             level = float(np.quantile(self.maxima, 1.0 - false_alarm))
-        return self.median[shape] + self.scale[shape] * level
+        return self.scale[shape] * level
 
 
 def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
@@ -200,9 +202,10 @@ def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
 def null_from(statistics: Mapping[str, FloatArray]) -> Null:
     """Return the distribution of statistics, (n_windows,) by shape, of windows without a fault."""
     shapes, values = tuple(statistics), np.stack(list(statistics.values()))
-    median, high = np.quantile(values, [0.5, HIGH], axis=1)
-    scale = np.maximum(high - median, np.finfo(float).eps * np.maximum(high, 1.0))
-    maxima = np.sort(((values - median[:, None]) / scale[:, None]).max(axis=0))
+    median, high = np.quantile(values, [0.5, TAIL], axis=1)
+    scale = np.array([np.mean(own[own >= start]) for own, start in zip(values, high, strict=True)])
+    scale = np.maximum(scale, np.finfo(float).eps)
+    maxima = np.sort((values / scale[:, None]).max(axis=0))
     start = float(np.quantile(maxima, TAIL))
     above = maxima[maxima > start] - start
     excess = float(np.mean(above)) if above.size else np.finfo(float).eps

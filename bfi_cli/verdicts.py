@@ -26,10 +26,9 @@ __all__ += ["verdicts_of"]
 
 State = Literal["declared", "suspected", "excluded", "not_seen"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
-# The memory of the models that recorded flights are analysed with (`preprocessing.sampling_rate.MEMORY_S`): what
-# builds up within it stands out of the prediction error at once, like a step, what takes longer is followed by the
-# model. So a claim that there is no step covers lags and ramps up to this; slower ones belong to the slow faults.
-BUILD_UP_S = 2.6
+# A lag of 5 s reaches nine tenths of its size in 11.5 s, a ramp over 10 s in 9 s: those that a claim about steps covers
+# (`onset.claims.BUILT_UP`). What takes longer cannot be told from a drift in a window of a minute or two.
+BUILD_UP_S = 12.0
 NOUNS: Mapping[Kind, tuple[str, str]] = {
     "abrupt": ("step", "a step"),
     "oscillating": ("oscillation", "an oscillation"),
@@ -76,7 +75,7 @@ class Candidate:
 def kind_of(fault: Fault, *, declared: bool) -> Kind:
     """Return the kind of a fault: of a declared one that of its shape, else that of the claim which excludes it.
 
-    A lag or a ramp that takes longer than the model's memory is excluded by what excludes slow faults.
+    A lag or a ramp that builds up too slowly for a claim about steps is excluded by what excludes slow faults.
     """
     kind, seconds = SHAPES[fault.shape].kind, build_up_s(fault)
     if kind == "abrupt" and not declared and (seconds is None or seconds > BUILD_UP_S):

@@ -70,8 +70,8 @@ def test_a_fault_is_excluded_within_the_tolerance_only(effect, tolerance, state)
 
 
 def test_lags_and_ramps_are_abrupt_where_declared_and_excluded_with_what_is_as_slow():
-    fast = Fault(shape="lagged_bias", time_constant_s=1.0)
-    slow = Fault(shape="ramp_hold", duration_s=10.0)
+    fast = Fault(shape="lagged_bias", time_constant_s=5.0)
+    slow = Fault(shape="ramp_hold", duration_s=20.0)
     assert [kind_of(one, declared=True) for one in (fast, slow)] == ["abrupt", "abrupt"]
     assert [kind_of(one, declared=False) for one in (fast, slow)] == ["abrupt", "slow"]
     edge = Fault(shape="ramp_hold", duration_s=BUILD_UP_S / 0.9)

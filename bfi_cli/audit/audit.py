@@ -10,8 +10,8 @@ from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
 from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
-from ..onset import detectable_magnitudes
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
+from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
 from ..shapes import SHAPES
@@ -182,7 +182,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     theta = given.theta[:, :, live]
     left = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1))
     raw_norm = fitted.unfolded.raw_norm
-    detectable, exactly = detectable_magnitudes(clean, window, config)
+    detectable, exactly = fault_free_limits(window, config)
     limits = Limits(
         minimal_detectable=np.where(np.isfinite(detectable), detectable, np.nan),
         peak=np.max(np.abs(theta), axis=(0, 1)),

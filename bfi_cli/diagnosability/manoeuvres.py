@@ -124,7 +124,7 @@ def assess_manoeuvres(
     for n, name in enumerate(flights.manoeuvres):
         try:
             for draw in range(flights.draws):
-                record = signatures(flights.record(name, draw), dictionary, config, scan=False)
+                record = signatures(flights.record(name, draw), dictionary, config, tolerant=False)
                 flown.setdefault(name, []).append(record)
                 report(n * flights.draws + draw + 1, len(flights.manoeuvres) * flights.draws)
         except LogError as problem:

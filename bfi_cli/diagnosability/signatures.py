@@ -15,7 +15,6 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.coherence import mutual_coherence, whiten
 from ..kernels.divergence import Distinguishability, distinguishability, sample_bits, window_bits
-from ..onset import detectable_magnitudes
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.summary import LogSummary, ModelSummary
@@ -63,13 +62,12 @@ class FaultSignatures:
     notes: tuple[str, ...]
 
 
-def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, scan: bool = True) -> FaultSignatures:
+def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolerant: bool = True) -> FaultSignatures:
     """Fit the record without fault terms and filter each fault through that fit.
 
     Parameters
     ----------
-    scan : what can be detected holds for onsets as well as they are known, and counts the scan over all of them, as in
-        `identify`; else for the exact onsets.
+    tolerant : what can be detected holds for onsets as well as they are known, as in `identify`; else for exact ones.
 
     Raises
     ------
@@ -83,10 +81,9 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, scan: 
     n, live = len(window.faults), list(window.live)
     sd, limits, coherence = np.full(n, np.inf), np.full(n, np.inf), np.full((n, n), np.nan)
     visible = np.isfinite(fitted.sd)
-    if scan:
-        detectable, exactly = detectable_magnitudes(clean, window, config)
-    else:
-        detectable = exactly = fault_free_limits(window, config)
+    detectable, exactly = fault_free_limits(window, config)
+    if not tolerant:
+        detectable = exactly
     sd[live] = np.where(visible & np.isfinite(exactly), exactly / fitted.deviations, np.inf)
     limits[live] = np.where(visible & np.isfinite(detectable), detectable, np.inf)
     coherence[np.ix_(live, live)] = mutual_coherence(whiten(fitted.unfolded.signatures, fit.sigma) * visible)

@@ -44,6 +44,7 @@ from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerance_of
 from ..shapes import SHAPES, Kind
 from ..verdicts import KINDS, State, decide
+from .conventions import without_other_conventions
 from .corrected import corrected_channels, course_of
 from .events import Draft, clusters, join, merge_stages, with_ends
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
@@ -118,8 +119,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     """
     progress("phases of the flight", 0.0)
     frozen, log = _without_frozen(log)
-    flight = _prepared(log, config)
-    notes = [*log.notes]
+    flight, unlike = _prepared(log, config)
+    log, notes = flight.log, [*log.notes]
     with threadpool_limits(1):
         series = relation_series(log)
         drafts = _holds(flight)
@@ -152,6 +153,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     lengths = {one.length_s for one in scanned}
     missing = (
         *frozen,
+        *unlike,
         *missing_sentences(log, scanned, limits),
         *glances_missing,
         *dict.fromkeys(sentence for one in static for sentence in one[1].missing if "s of flight" not in sentence),
@@ -200,7 +202,8 @@ def _never_moves(values: FloatArray) -> bool:
     return known.size == 0 or float(known.min()) == float(known.max())
 
 
-def _prepared(log: FlightLog, config: Config) -> Flight:
+def _prepared(log: FlightLog, config: Config) -> tuple[Flight, tuple[str, ...]]:
+    """Return what every step needs, and what is not used of the log."""
     log = with_seen_recorder(log)
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
     from_s = start_s if config.window.from_s is None else config.window.from_s
@@ -220,6 +223,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
             "map its airspeed with --channel"
         )
+    log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
     trapped = [
         (one.onset_ci95[0] - BRIDGE_S, stop_s if one.offset_s is None else one.offset_s + BRIDGE_S)
@@ -239,7 +243,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
             zero_lift, origin = zero_lift_of(record, phases, without=trapped), "the whole flight"
     if zero_lift is None:
         origin = "free in every window"
-    return Flight(
+    flight = Flight(
         log=log,
         record=record,
         phases=tuple(one for one in phases if one.to_s > from_s and one.from_s < to_s),
@@ -253,6 +257,7 @@ def _prepared(log: FlightLog, config: Config) -> Flight:
         held=held,
         tolerances=config.tolerances,
     )
+    return flight, unlike
 
 
 def _windows(

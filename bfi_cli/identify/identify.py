@@ -100,8 +100,11 @@ def assemble_result(
 
     Parameters
     ----------
-    log : as it was read; window, regression : of it; outcome : of the method on them.
+    log : as it was read; window, regression : of it, with the onsets of the dictionary; outcome : of the method on
+        them.
     """
+    stated = window
+    window, regression = outcome.analysed or (window, regression)
     magnitudes, estimates_all = outcome.magnitudes, METHODS[config.method].candidates
     hidden = hidden_atoms(window, magnitudes) if estimates_all else (False,) * len(window.live)
     sd = np.sqrt(magnitudes.variance) if outcome.converged else np.full(len(window.live), np.nan)
@@ -174,7 +177,7 @@ def assemble_result(
         input_units={name: window.log.channel(name).unit for name in config.inputs},
         outputs=series,
         residuals=residuals,
-        truth=against_truth(window, outcome, series),
+        truth=against_truth(stated, outcome, series),
     )
 
 

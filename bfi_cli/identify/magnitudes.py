@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..preprocessing.magnitudes import MagnitudeEstimates
+from ..preprocessing.regression import RegressionData
+from ..preprocessing.window import PreparedWindow
 from .result import SolverSummary
 
 __all__ = ["FreeOutcome", "MethodResult"]
@@ -60,6 +62,8 @@ class MethodResult:
     needed : (n_live,) statistic, n_rows log of the ratio of determinants, from which on an entry is declared; None
         where the method has no such rule.
     free : what is said of the entries of unknown course, in the order of `PreparedWindow.free`.
+    analysed : window and regression with the entries that begin otherwise than the dictionary states moved to where
+        they were found; None where there are none.
     """
 
     atoms: tuple[int, ...]
@@ -77,5 +81,6 @@ class MethodResult:
     fires: bool = False
     declined: Mapping[int, str] = field(default_factory=dict)
     needed: FloatArray | None = None
+    analysed: tuple[PreparedWindow, RegressionData] | None = None
     notes: tuple[str, ...] = ()
     free: tuple[FreeOutcome, ...] = ()

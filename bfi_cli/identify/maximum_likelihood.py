@@ -7,8 +7,8 @@ rate of the model by as much as its size).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..config import STRONG_EVIDENCE, Config
 from ..errors import LogError
-from ..kernels.covariance import FitRows, unfold
+from ..kernels.covariance import unfold
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     OrderSearch,
@@ -35,6 +35,7 @@ from ..preprocessing.magnitudes import (
     MagnitudeEstimates,
     at_half_rate,
     estimate_magnitudes,
+    limits_within_tolerance,
     profiled_limits,
     statistic_needed,
 )
@@ -42,32 +43,14 @@ from ..preprocessing.overdispersion import overdispersion
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
+from .onset_search import Moved, move_onsets
 from .result import SolverSummary
+from .selection import Selection
 from .supports import propose_supports
 
 __all__ = ["Selection", "best_of", "identify_by_likelihood", "select"]
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Selection:
-    """The selected support: its fit at every order, and everything else that was visited.
-
-    Attributes
-    ----------
-    best : the fit at the best order.
-    fits : of the same support at each order, with their criteria.
-    searches : what was visited, by order.
-    penalty : the criterion.
-    unfolded : `best` over the rows.
-    """
-
-    best: ScoredFit
-    fits: tuple[ScoredFit, ...]
-    searches: tuple[OrderSearch, ...]
-    penalty: Penalty
-    unfolded: FitRows
 
 
 def identify_by_likelihood(
@@ -80,6 +63,8 @@ def identify_by_likelihood(
 ) -> MethodResult:
     """Select order and support by EBIC, then drop atoms that fail the overdispersion or the robustness test.
 
+    Where onsets are known to a tolerance only, entries are moved within it to where their fault begins.
+
     Parameters
     ----------
     given : every live entry is taken to be present, and only the order is selected.
@@ -88,25 +73,25 @@ def identify_by_likelihood(
     ------
     LogError : a threshold is asked for, and the window is too short to estimate all magnitudes at once.
     """
-    coarse = at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
     names = [window.names[j] for j in window.live]
-    rules = config.selection
-    selection = select(
-        regression,
-        evidence=rules.evidence,
-        extended=rules.criterion == "ebic",
-        max_active=rules.max_active,
-        report=partial(progress, "search for the faults"),
-    )
-    if given or rules.threshold is not None:
+    rules, searching = config.selection, partial(progress, "search for the faults")
+    choose = partial(select, evidence=rules.evidence, extended=rules.criterion == "ebic", max_active=rules.max_active)
+    selection = choose(regression, report=searching)
+    moved = Moved(window=window, regression=regression, selection=selection, shifts_s={}, prices={})
+    stated = given or rules.threshold is not None
+    if stated:
         selection = _by_threshold(regression, selection, 0.0 if given else rules.threshold or 0.0)
+    elif rules.max_active != 0:
+        moved = move_onsets(window, regression, selection, config, choose)
+        window, regression, selection = moved.window, moved.regression, moved.selection
+    coarse = at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
     elsewhere = partial(progress, "the same shapes elsewhere")
     dispersion = overdispersion(window, regression, selection.best.fit, elsewhere)
     penalty, sizing = selection.penalty, partial(progress, "magnitudes")
     estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
     notes, declined = list[str](), dict[int, str]()
-    while rules.threshold is None and not given:
-        failed = _failed_test(regression, selection, estimates, dispersion)
+    while not stated:
+        failed = _failed_test(regression, selection, estimates, dispersion, moved.prices)
         if failed is None:
             break
         atom, reason = failed
@@ -118,7 +103,14 @@ def identify_by_likelihood(
     several, fit = len(selection.searches) > 1, selection.best.fit
     needed = statistic_needed(penalty, dispersion)
     limits = profiled_limits(regression, fit, estimates, penalty, dispersion)
+    if not stated:
+        limits = limits_within_tolerance(window, regression, config, selection.fits, limits, penalty, dispersion)
     estimates = replace(estimates, minimal_detectable=limits)
+    shifts_s = {n: shift_s for n, shift_s in moved.shifts_s.items() if n in fit.atoms}
+    notes += [
+        f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated"
+        for n, s in shifts_s.items()
+    ]
     plain = [search.of(()) for search in selection.searches]
     lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
     return MethodResult(
@@ -141,6 +133,7 @@ def identify_by_likelihood(
         converged=fit.termination is Termination.CONVERGED,
         declined=declined,
         needed=needed,
+        analysed=(window, regression) if moved.shifts_s else None,
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
 
@@ -235,9 +228,16 @@ def _refit(regression: RegressionData, search: OrderSearch, fit: Fit, penalty: P
 
 
 def _failed_test(
-    regression: RegressionData, selection: Selection, estimates: MagnitudeEstimates, dispersion: FloatArray
+    regression: RegressionData,
+    selection: Selection,
+    estimates: MagnitudeEstimates,
+    dispersion: FloatArray,
+    prices: Mapping[int, float],
 ) -> tuple[int, str] | None:
-    """Return the least certain active atom that fails a test, and which; None where none does."""
+    """Return the least certain active atom that fails a test, and which; None where none does.
+
+    `prices` are what atoms whose onset was chosen need beside the others.
+    """
     best, penalty = selection.best.fit, selection.penalty
     atoms = list(best.atoms)
     if not atoms:
@@ -249,7 +249,7 @@ def _failed_test(
         kept = [n for n, other in enumerate(atoms) if other != atom]
         smaller = replace(best, atoms=tuple(atoms[n] for n in kept), z=best.z[kept])
         fall = _refit(regression, search, smaller, penalty).fit.log_det - best.log_det
-        margins.append(penalty.n_effective * fall / (needed * dispersion[atom]))
+        margins.append(penalty.n_effective * fall / ((needed + prices.get(atom, 0.0)) * dispersion[atom]))
     if min(margins) < 1.0:
         atom = atoms[int(np.argmin(margins))]
         return atom, (

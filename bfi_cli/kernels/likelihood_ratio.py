@@ -1,4 +1,4 @@
-"""Generalised likelihood ratio of faults in residuals whose noise is known up to its level (docs/theory.md, 15.4).
+"""Generalised likelihood ratio of faults in residuals whose noise is known up to its level (docs/theory.md, 15.7).
 
 Every residual j has a covariance s_j^2 exp(-|dt| / 1 s) + slow part; its level s_j is found by maximum likelihood on a
 grid, with and without a fault. That is what makes one threshold hold in calm and in rough air.

@@ -1,32 +1,26 @@
 """The scan over all onsets beside an analysis that states them: what it sees there, and the limits that it lends.
 
 An entry of a dictionary that begins a second before or after the fault has little in common with it: the signature of a
-step is a few samples long. In recorded flights faults of twice the magnitude that is detected at the exact onset were
-declared in 0 to 44 % of windows where the onset was off by a second (docs/theory.md, 8). So where onsets are known to a
-tolerance only, what could have been missed is told by the scan.
+step is a few samples long. Where onsets are known to a tolerance only, the identification tries each entry within it,
+and what could have been missed is told by the scan, which looks at all of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-
-import numpy as np
 
 from ..config import Config, merge
 from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
-from ..kernels import FloatArray
 from ..kernels.progress import Progress, unseen
-from ..preprocessing.magnitudes import fault_free_limits
-from ..preprocessing.window import PreparedWindow, must_resample
+from ..preprocessing.window import must_resample
 from ..verdicts import Candidate, state_of
 from .detection import find_onset
 from .result import OnsetResult, ScanLimit
 
-__all__ = ["detectable_magnitudes", "scan_beside", "with_limit_of_scan"]
+__all__ = ["scan_beside", "with_limit_of_scan"]
 
 # A longer record, counted at the rate that is asked for or at 10 Hz, would take minutes.
 MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
@@ -66,36 +60,10 @@ def scan_beside(
         return f"not scanned for other onsets: {problem}"
 
 
-def detectable_magnitudes(
-    log: FlightLog, window: PreparedWindow, config: Config, progress: Progress = unseen
-) -> tuple[FloatArray, FloatArray]:
-    """Return (n_live,) the minimal detectable magnitudes of a window without a fault, for onsets as well as they are
-    known and for the exact ones; infinite where none is detected.
-
-    `bfi identify` states the same numbers where it declares nothing.
-
-    Parameters
-    ----------
-    log : without faults; window : of it, with the dictionary.
-    """
-    exactly = fault_free_limits(window, config, partial(progress, "what could be detected"))
-    if config.onset_tolerance_s == 0.0 or (window.exact and window.rate.factor == 1):
-        return exactly, exactly
-    part = log.window(config.window.from_s, config.window.to_s)
-    faults = [window.faults[entry] for entry in window.live]
-    scanned = scan_beside(part, config, faults, progress, exact=False)
-    limits = np.full(len(faults), np.inf)
-    if not isinstance(scanned, str):
-        for n, one in enumerate(scanned.of_dictionary):
-            if one is not None and one.minimal_detectable is not None:
-                limits[n] = one.minimal_detectable
-    return limits, exactly
-
-
 def with_limit_of_scan(
     candidate: Candidate, limit: ScanLimit | None, covered_s: tuple[float, float] | None
 ) -> Candidate:
-    """Return a candidate whose onset is known to a tolerance only: with the limits of the scan in place of its own.
+    """Return a candidate whose onset is known to a tolerance only, excluded by what the scan excludes.
 
     Parameters
     ----------
@@ -104,9 +72,8 @@ def with_limit_of_scan(
     """
     if candidate.state is None:
         return candidate
-    detectable = None if limit is None else limit.minimal_detectable
     if candidate.state not in ("excluded", "not_seen"):
-        return replace(candidate, minimal_detectable=detectable)
+        return candidate
     excluded = effect = note = None
     if limit is not None:
         excluded, effect = limit.excluded_above, limit.effect
@@ -119,6 +86,4 @@ def with_limit_of_scan(
     state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
     if candidate.magnitude is None:  # left out as the same signal as another entry, which the note says
         note = candidate.note
-    return replace(
-        candidate, minimal_detectable=detectable, effect=effect, excluded_above=excluded, state=state, note=note
-    )
+    return replace(candidate, effect=effect, excluded_above=excluded, state=state, note=note)

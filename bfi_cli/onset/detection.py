@@ -101,7 +101,9 @@ def find_onset(
         tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
         limits = partial(progress, "what could not have been seen")
         candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
-        of_dictionary = limits_near_onsets(record, estimates, rule, faults, config.onset_tolerance_s, order=order)
+        of_dictionary = limits_near_onsets(
+            record, estimates, rule, faults, config.onset_tolerance_s, tolerances, order=order
+        )
     by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]

@@ -106,7 +106,6 @@ class ScanLimit:
     Magnitudes and effect in SI, see `bfi_cli.verdicts.Candidate`.
     """
 
-    minimal_detectable: float | None
     excluded_above: float | None
     effect: float | None
 

@@ -19,20 +19,23 @@ Course = Callable[[FloatArray], FloatArray]
 
 # Standard deviation of what healthy windows of 120 s show of a ramp in each residual, in those of its noise model, and
 # how it grows with the length: gusts, turns and changes of trim are no stationary noise. Root mean squares over 190
-# windows of 60 to 240 s of two flights of a Cessna Citation, which agree within a fifth (docs/theory.md, 15.5).
+# windows of 60 to 240 s of two flights of a Cessna Citation, which agree within a fifth (docs/theory.md, 15.7).
 DISPERSION, DISPERSION_GROWTH = {"lift": 1.9, "climb": 2.1, "kinematics": 1.3, "ground_speed": 2.8}, 0.3
 # Twice a log-likelihood ratio, so dispersed, by which a fault may explain a window worse and still be the one: so much,
 # or that share of the best; but none that explains less than half. Tried on those flights with a drift of the airspeed
 # where nothing but `tas` tells it: it keeps the truth in 95 % of the sets; 10 makes half of them sets of three.
 CLOSE, CLOSE_SHARE = 5.0, 0.03
 FITTED_WITHIN = 5.0  # times that, by the linear look, of the best: what is fitted again
-REFINED_S = 20.0  # to both sides of the onset that a linear look finds, in steps of a second
+REFINED = 0.25  # of the window, to both sides of the onset that a linear look finds, in steps of a second
 # Of Gauss-Newton, which end where one moves the magnitude by less than this part of its standard deviation: a loss of a
 # tenth of the impact pressure takes three, one of six tenths six.
 STEPS, CONVERGED = 12, 0.02
 # What another course than a ramp must gain: it was chosen from several.
 PRICE = 3.0
 CHI_SQUARE_95 = 3.84
+# Of the standard deviations of magnitude and onset: 95 % of the magnitudes of twelve trials on those flights lie within
+# 1.9 to 3.2 of them, in the median 2.6, where a normal distribution has 1.96.
+TAILS = 1.3
 
 
 def _lag(seconds: float) -> Course:
@@ -91,12 +94,12 @@ class Fit:
 
     @property
     def sd(self) -> float:
-        return float(self.sds[self.best])
+        return TAILS * float(self.sds[self.best])
 
     @property
     def onset_ci95(self) -> tuple[float, float]:
         """The onsets that explain the window about as well, half a step wider."""
-        near = self.onsets_s[self.ratios >= self.ratio - CHI_SQUARE_95]
+        near = self.onsets_s[self.ratios >= self.ratio - CHI_SQUARE_95 * TAILS**2]
         step = float(self.onsets_s[1] - self.onsets_s[0]) if len(self.onsets_s) > 1 else 1.0
         return float(near.min()) - 0.5 * step, float(near.max()) + 0.5 * step
 
@@ -149,9 +152,12 @@ def effects(record: Record, fit: Fit) -> dict[str, float]:
 
 def _weights(scan: WindowScan) -> FloatArray:
     """Return by residual what a log-likelihood is worth of what its noise model says."""
-    length_s = FIRST_ONSET_S + float(scan.onsets_s[-1] - scan.onsets_s[0]) + LAST_ONSET_S
-    growth = (length_s / 120.0) ** DISPERSION_GROWTH
+    growth = (_length_s(scan) / 120.0) ** DISPERSION_GROWTH
     return np.array([(growth * DISPERSION[kind.name]) ** -2.0 for kind in scan.kinds])
+
+
+def _length_s(scan: WindowScan) -> float:
+    return FIRST_ONSET_S + float(scan.onsets_s[-1] - scan.onsets_s[0]) + LAST_ONSET_S
 
 
 def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis) -> Fit:
@@ -167,7 +173,10 @@ def fit_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, shape: 
     linear = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, coarse))
     weights = _weights(scan)
     near_s = float(scan.onsets_s[int(np.argmax(weights @ linear.parts))])
-    onsets_s = np.arange(max(first, near_s - REFINED_S), min(last, near_s + REFINED_S) + 1e-6, 1.0)
+    # Whole seconds from there, also where the window ends the stretch.
+    reach_s = np.floor(REFINED * _length_s(scan))
+    before_s, after_s = min(reach_s, np.floor(near_s - first)), min(reach_s, np.floor(last - near_s))
+    onsets_s = near_s + np.arange(-before_s, after_s + 1.0)
     courses = COURSES[shape, constant](record.time_s[:, None] - onsets_s[None, :])
     before = np.array([float(one.values @ one.values) for one in scan.residuals])
     costs = np.array([one.cost for one in scan.residuals])

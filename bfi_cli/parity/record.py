@@ -194,7 +194,7 @@ def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
     recorded = {name for name in record.channels if name != "tas" or record.airspeed == "tas"}
     airspeeds = recorded & set(IMPACT_SOURCES)
     possible = set(recorded)
-    if len(airspeeds) > 1:
+    if len(airspeeds) > 1 and recorded & set(STATIC_SOURCES):
         possible |= {"q_impact"}
     if {"velocity_north", "velocity_east"} <= recorded:
         possible |= {"ground_speed"}

@@ -1,4 +1,4 @@
-"""Residuals that a healthy log keeps at a constant: lift, climb, kinematics and ground speed (docs/theory.md, 15.4)."""
+"""Residuals that a healthy log keeps at a constant: lift, climb, kinematics and ground speed (docs/theory.md, 15.7)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ResidualKind:
     needs : groups of channels, of each group one is enough.
     nuisances : (n, m) columns beside the constant, and the prior standard deviation of each.
     levels : of the fast noise, from which one is chosen; slow : from times, (n, n) covariance of the slow noise.
-        The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.4).
+        The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.7).
     """
 
     name: str
@@ -109,6 +109,14 @@ def _climb(record: Record, constants: Constants) -> FloatArray:
 
 def _airspeed(record: Record, constants: Constants) -> FloatArray:
     return record.channels["tas"]
+
+
+# m/s^2, of a longitudinal accelerometer's bias, or of gravity along it by 0.3 degrees of attitude.
+BIAS_SD = 0.05
+
+
+def _bias_column(record: Record, constants: Constants) -> tuple[FloatArray, FloatArray]:
+    return (record.time_s - record.time_s[0])[:, None], np.array([BIAS_SD])
 
 
 def _kinematic_rate(record: Record) -> FloatArray:
@@ -175,7 +183,7 @@ RESIDUALS = (
         needs=(("tas",), *((name,) for name in KINEMATICS)),
         values=_airspeed,
         rate=_kinematic_rate,
-        nuisances=None,
+        nuisances=_bias_column,
         levels=np.geomspace(0.1, 2.0, 8),
         slow=_random_walk(0.3),
     ),

@@ -11,7 +11,7 @@ from .record import Record
 
 __all__ = ["LENGTHS_S", "OVERLAP", "clean_up_time", "configuration_changes", "judged", "windows_in"]
 
-# Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.4).
+# Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.7).
 LENGTHS_S = (60.0, 120.0, 240.0)
 OVERLAP = 0.5
 # Flaps and gear move after take-off, for so many V / g or seconds, and from the last descent on.

@@ -11,14 +11,15 @@ from ..config import Config
 from ..flightlog import FlightLog
 from ..kernels.coherence import detectable_deviations
 from ..kernels.covariance import FitRows, single_additions, unfold
-from ..kernels.model_selection import Penalty
+from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows, exceedances
 from .regression import RegressionData, build_regression
 from .summary import ModelSummary, model_summary
 from .window import PreparedWindow
 
-__all__ = ["FaultFreeModel", "about_the_log", "detectable_at", "fit_fault_free", "without_injected_faults"]
+__all__ = ["FaultFreeModel", "about_the_log", "detectable_at", "fault_free_fits", "fit_fault_free"]
+__all__ += ["without_injected_faults"]
 
 FloatArray = NDArray[np.float64]
 
@@ -77,18 +78,8 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
     LogError : the window has no rows for any order.
     """
     regression = build_regression(window.signals, (), config, orders=window.orders)
-    penalty = Penalty(
-        n_rows=regression.n_rows,
-        n_effective=float(regression.n_rows),
-        n_candidates=len(window.live),
-        evidence=config.selection.evidence,
-        extended=config.selection.criterion == "ebic",
-    )
-    fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
-    best = min(fits, key=penalty.criterion)
-    effective = effective_rows(unfold(regression.layout, best).weighted_error)
-    penalty = replace(penalty, n_effective=min(penalty.n_effective, max(effective, 2.0 * best.n_parameters)))
-    best = min(fits, key=penalty.criterion)
+    fits, penalty = fault_free_fits(regression, config, len(window.live))
+    best = min(fits, key=lambda one: one.criterion).fit
     theta = window.signals.theta[:, :, list(window.live)] / regression.unit[:, None]
     unfolded = unfold(replace(regression.layout, theta=theta), best)
     return FaultFreeModel(
@@ -106,6 +97,30 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
             outputs=config.outputs,
         ),
     )
+
+
+def fault_free_fits(regression: RegressionData, config: Config, n_candidates: int) -> tuple[list[ScoredFit], Penalty]:
+    """Return the fits without fault terms at every order, scored, and the penalty with the effective rows of the best.
+
+    Parameters
+    ----------
+    n_candidates : entries of the dictionary that could be declared.
+    """
+    penalty = Penalty(
+        n_rows=regression.n_rows,
+        n_effective=float(regression.n_rows),
+        n_candidates=n_candidates,
+        evidence=config.selection.evidence,
+        extended=config.selection.criterion == "ebic",
+    )
+    fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
+    best = min(fits, key=penalty.criterion)
+    effective = max(
+        effective_rows(unfold(regression.layout, best).weighted_error),
+        2.0 * best.n_parameters / regression.layout.y.shape[1],
+    )
+    penalty = replace(penalty, n_effective=min(penalty.n_effective, effective))
+    return [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits], penalty
 
 
 def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel) -> list[str]:

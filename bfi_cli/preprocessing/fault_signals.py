@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,26 @@ class FaultSignals:
         for j, signal in self.of_readings.items():
             theta[:, self.outputs.index(self.faults[j].channel), j] = signal[rows]
         return theta
+
+    def with_others(self, faults: Mapping[int, Fault], of_readings: Mapping[int, FloatArray]) -> FaultSignals:
+        """Return the signals with other faults in place of some entries.
+
+        Parameters
+        ----------
+        faults : by index; of_readings : (n_samples,) the signals of those that are a share of what the log shows.
+        """
+        entries = list(faults)
+        made = replace(
+            self,
+            faults=tuple(faults.get(j, fault) for j, fault in enumerate(self.faults)),
+            of_readings={**self.of_readings, **of_readings},
+        )
+        if self.resampled is None:
+            return made
+        own = replace(made, seen=tuple(entries), of_readings=of_readings, resampled=None).between(slice(None))
+        resampled = self.resampled.copy()
+        resampled[:, :, entries] = own[:, :, entries]
+        return replace(made, resampled=resampled)
 
     def decimated(self, factor: int, lowpass: Lowpass) -> tuple[FloatArray, FloatArray]:
         """Return (n_rows, n_outputs, n_faults), filtered and decimated, and (n_faults,) the largest native values.

@@ -13,15 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault
-from ..flightlog.injection import added_by
 from ..kernels.covariance import single_additions, unfold
-from ..kernels.decimation import decimate
 from ..kernels.progress import Report, parts, silent
 from ..kernels.variable_projection import Fit
-from ..shapes import SHAPES
-from .fault_signals import decimated_fault
 from .regression import RegressionData
-from .window import PreparedWindow
+from .window import PreparedWindow, decimated_signal
 
 __all__ = ["overdispersion"]
 
@@ -61,20 +57,7 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
                 theta = np.zeros((len(regression.layout.y), len(channels), len(some)))
                 for i, onset in enumerate(some.tolist()):
                     shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
-                    if SHAPES[fault.shape].acts_on == "reading":
-                        changes = added_by(window.log, replace(shifted, channel=channels[output]), window.response)
-                        raw = changes.get(channels[output], np.zeros(len(time_s)))
-                        filtered = decimate(raw, window.rate.factor, window.lowpass)
-                    else:
-                        filtered, _ = decimated_fault(
-                            shifted,
-                            time_s,
-                            window.rate.factor,
-                            window.lowpass,
-                            window_start_s=window.window_start_s,
-                            response=window.response,
-                        )
-                    theta[:, output, i] = filtered / regression.unit[output]
+                    theta[:, output, i] = decimated_signal(window, shifted)[0] / regression.unit[output]
                 # Each shifted signal is added alone to the fit.
                 layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
                 added = single_additions(same, unfold(layout, same))

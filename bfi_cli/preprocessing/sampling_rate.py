@@ -85,12 +85,11 @@ def choose_rate(
     rate = float(np.clip(SAMPLES_WANTED / duration, SLOWEST_HZ, fastest_hz))
     reason = f"{rate:.3g} Hz suits rigid-body dynamics in a window of {duration:.3g} s"
     factor = int(np.floor(signals.rate_hz / rate + TIE))
-    empty = _empty_from(signals)
     wanted = SAMPLES_PER_EDGE[purpose] * (recorder_hz or np.inf)
     if wanted < signals.rate_hz:
         factor = max(1, round(signals.rate_hz / wanted))
         reason = f"the recorder's low-pass leaves little above {signals.rate_hz / factor / 2.0:.3g} Hz"
-    elif empty is not None and empty < rate:
+    elif (empty := _empty_from(signals)) is not None and empty < rate:
         reason = f"the log carries next to nothing above {empty:.2g} Hz, as if low-passed by its recorder"
         factor = int(np.ceil(signals.rate_hz / empty - TIE))
     fastest = _fastest(faults)

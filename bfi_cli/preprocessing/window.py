@@ -18,16 +18,17 @@ from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by
 from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
-from ..kernels.decimation import WHITE, Lowpass
+from ..kernels.decimation import WHITE, Lowpass, decimate
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
-from .fault_signals import FaultSignals
+from .fault_signals import FaultSignals, decimated_fault
 from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
-__all__ = ["PreparedWindow", "must_resample", "prepare_window", "regression_of", "unusable_atoms", "with_inputs_of"]
+__all__ = ["PreparedWindow", "decimated_signal", "must_resample", "prepare_window", "regression_of", "shifted_signals"]
+__all__ += ["shifts_within", "unusable_atoms", "with_inputs_of", "with_onsets"]
 
 FloatArray = NDArray[np.float64]
 
@@ -39,6 +40,9 @@ STILL_ANGLE = 5e-4  # rad: a control surface that moves by less than 0.03 degree
 STILL_RELATIVE = 1e-6  # of the largest value: a constant stored in single precision moves by less
 SMALLEST = 1e-30  # the travel of a signal that is zero
 SAME_RATE = 1e-3  # relative error of a clock, within which a rate is a whole part of the log's
+# Conditioned samples between the onsets that are tried where they are known to a tolerance only: the low-pass leaves a
+# step a sample wide, so that the nearest of them misses the true onset by a quarter.
+ONSET_STEP = 0.5
 CONSTANT = 1e-9  # of an atom's largest value: a travel this small is round-off
 DEPENDENT = 1e-7  # of an atom's norm: a part this small that earlier atoms do not explain is round-off
 
@@ -229,6 +233,92 @@ def regression_of(window: PreparedWindow, config: Config, report: Report = silen
     LogError : the window has no rows for any order.
     """
     return build_regression(window.signals, window.live, config, orders=window.orders, report=report)
+
+
+def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> FloatArray:
+    """Return the times by which an entry may begin later than the dictionary states, half a sample apart, s.
+
+    0 is not among them, nor what would begin outside the window. None where it begins before the window, or where a
+    model explains the window to round-off: what differs from it by round-off says nothing about onsets.
+    """
+    start_s, stop_s = float(window.native.time_s[0]), float(window.native.time_s[-1])
+    onset_s = window.faults[entry].onset_s
+    if tolerance_s <= 0.0 or (window.exact and window.rate.factor == 1) or not start_s < onset_s < stop_s:
+        return np.zeros(0)
+    own_s = 1.0 / window.native.rate_hz
+    step_s = own_s * max(1, round(ONSET_STEP / window.signals.rate_hz / own_s))
+    far = int(np.floor(tolerance_s / step_s * (1.0 + SAME_RATE)))
+    shifts = step_s * np.concatenate([np.arange(-far, 0), np.arange(1, far + 1)])
+    return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
+
+
+def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Return the signal of an entry that begins and ends later by some times.
+
+    Parameters
+    ----------
+    shifts_s : seconds.
+
+    Returns
+    -------
+    (n_samples, n_outputs, n_shifts) filtered and decimated as the window is, and (n_shifts,) the largest native values.
+    """
+    fault = window.faults[entry]
+    output = [window.log.channel(name).name for name in window.outputs].index(window.log.channel(fault.channel).name)
+    theta = np.zeros((*window.signals.theta.shape[:2], len(shifts_s)))
+    largest = np.zeros(len(shifts_s))
+    for i, shift_s in enumerate(shifts_s):
+        theta[:, output, i], largest[i] = decimated_signal(window, _later(fault, shift_s))
+    return theta, largest
+
+
+def decimated_signal(window: PreparedWindow, fault: Fault) -> tuple[FloatArray, float]:
+    """Return (n_samples,) the signal of a fault, decimated as the window is, and its largest value before that."""
+    factor, lowpass = window.rate.factor, window.lowpass
+    if SHAPES[fault.shape].acts_on == "reading":
+        native = _of_reading(window.log, fault, window.response)
+        return decimate(native, factor, lowpass), float(np.max(np.abs(native)))
+    return decimated_fault(
+        fault,
+        window.native.time_s,
+        factor,
+        lowpass,
+        window_start_s=window.window_start_s,
+        response=window.response,
+    )
+
+
+def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
+    """Return the window with entries that begin and end later by some seconds.
+
+    Parameters
+    ----------
+    shifts_s : seconds by entry.
+    """
+    if not shifts_s:
+        return window
+    moved = {entry: _later(window.faults[entry], shift_s) for entry, shift_s in shifts_s.items()}
+    theta, largest = window.signals.theta.copy(), window.largest.copy()
+    for entry, shift_s in shifts_s.items():
+        own, greatest = shifted_signals(window, entry, [shift_s])
+        theta[:, :, entry], largest[entry] = own[:, :, 0], greatest[0]
+    of_readings = {
+        entry: _of_reading(window.log, fault, window.response)
+        for entry, fault in moved.items()
+        if SHAPES[fault.shape].acts_on == "reading"
+    }
+    return replace(
+        window,
+        faults=tuple(moved.get(entry, fault) for entry, fault in enumerate(window.faults)),
+        native=replace(window.native, faults=window.native.faults.with_others(moved, of_readings)),
+        signals=replace(window.signals, theta=theta),
+        largest=largest,
+    )
+
+
+def _later(fault: Fault, shift_s: float) -> Fault:
+    offset_s = None if fault.offset_s is None else fault.offset_s + shift_s
+    return replace(fault, onset_s=fault.onset_s + shift_s, offset_s=offset_s)
 
 
 def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -> bool:

@@ -69,7 +69,7 @@ def test_the_document(bfi, calibrated: Path):
 def test_the_files(bfi, calibrated: Path, tmp_path: Path):
     outcome = bfi("start-time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "deep" / "out", "--json")
     files = {path.name: path.read_bytes() for path in (tmp_path / "deep" / "out").iterdir()}
-    figures = {f"{name}{end}" for name in ("profile", "outputs") for end in (".svg", ".png", "_figure.csv")}
+    figures = {f"{name}{end}" for name in ("profile", "outputs", "hidden") for end in (".svg", ".png", "_figure.csv")}
     tables = {f"{name}.csv" for name in ("faults", "candidates", "profile", "shapes")}
     assert set(files) == {*figures, *tables, "report.html", "result.json"}
     assert b"a bias of 4.0" in files["report.html"]

@@ -67,7 +67,7 @@ def recorded(flown: Callable[..., FlightLog], kind: str) -> FlightLog:
 
 
 def test_identify_names_and_measures_it(recorded: FlightLog, kind: str):
-    config = merge(Config(), {"recorder.edge_hz": EDGES_HZ[kind], "recorder.kind": kind})
+    config = merge(Config(), {"recorder.edge_hz": EDGES_HZ[kind], "recorder.kind": kind, "onset_tolerance_s": 0.0})
     atoms = [
         {"name": "step", "shape": "bias", "channel": "tas", "onset_s": 15.0},
         {"name": "ramp", "shape": "drift", "channel": "tas", "onset_s": 15.0},

@@ -9,8 +9,8 @@ import pytest
 from made_flight import ZERO_LIFT, log_of, made_log, made_record
 
 from bfi_cli.parity import corrected, effects, explain, record_of, scan_window
-from bfi_cli.parity.explain import COURSES
-from bfi_cli.parity.record import Record, with_fault
+from bfi_cli.parity.explain import COURSES, fit_course
+from bfi_cli.parity.record import Record, hypotheses, with_fault
 
 RECORD = made_record(start_s=1000.5)
 T = RECORD.time_s
@@ -167,7 +167,11 @@ def test_a_correction_that_takes_all_airspeed_away_explains_nothing():
     level = {"altitude_rate": np.full(len(T), 1e-3), "tas": np.full(len(T), 110.0)}
     level |= {"velocity_north": 110.0 * np.cos(0.03 * T), "velocity_east": 110.0 * np.sin(0.03 * T)}
     record = Record(time_s=T, channels=level, gained=None, airspeed="tas")
-    _, fits = explained(with_fault(record, "tas", 0.2 * np.maximum(T - ONSET_S, 0.0)))
+    faulty = with_fault(record, "tas", 0.2 * np.maximum(T - ONSET_S, 0.0))
+    scan, fits = explained(faulty)
     assert {fit.fault.fault for fit in fits} == {"tas", "ground_speed"}
     for fit in fits:
         assert abs(fit.magnitude) == pytest.approx(0.2, rel=0.1)
+    climb = next(one for one in hypotheses(faulty) if one.fault == "altitude_rate")
+    fit = fit_course(scan, faulty, climb, "drift", None)
+    assert (fit.magnitude, fit.ratio) == (0.0, pytest.approx(0.0, abs=1e-6))

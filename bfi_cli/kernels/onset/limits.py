@@ -15,12 +15,16 @@ from .profile import ProfilePolynomial, log_ratio
 from .scan import CACHE_DOUBLES, Profile, Scan, magnitude_bound, stack_onsets, tabulate
 from .waveform import Waveform
 
-__all__ = ["deviances", "undeclared_magnitudes"]
+__all__ = ["SPAN", "deviances", "excluded_error", "likelihood_ratios", "mean_ratios", "undeclared_magnitudes"]
 
 # Magnitudes tried, relative to the one that a parabola through the minimum gives; between them the root of the
 # deviance, which is nearly linear in the magnitude, is interpolated.
 GRID = np.array([0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.2, 3.5, 6.0, 12.0, 30.0, 100.0])
 BESIDE = np.array([0.0, 0.5, 1.0, 1.5, 2.5])
+# Faults larger than an error are counted up to so many times as large: what hides a larger one hides these as well.
+SPAN = 10.0
+# Logarithm of the largest likelihood ratio that is told from larger ones.
+LARGEST_EXPONENT = 500.0
 
 
 def deviances(
@@ -93,3 +97,59 @@ def _from_there_on(m: FloatArray, deviance: FloatArray, needed: float) -> FloatA
     # Below the smallest magnitude tried the root falls in proportion.
     small = m[0] * np.divide(wanted, root[0], out=np.ones_like(root[0]), where=root[0] > 0.0)
     return np.where(all_, np.inf, np.where(none, small, found))
+
+
+def likelihood_ratios(
+    scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: FloatArray, *, dispersion: float
+) -> FloatArray:
+    """Return (n_magnitudes, n_onsets) how much likelier a record is with a fault than without, the mean of both signs.
+
+    Parameters
+    ----------
+    onsets, magnitudes : see `deviances`.
+    dispersion : by which deviances are divided, 1 for white errors.
+    """
+    both = deviances(scan, waveform, onsets, magnitudes)
+    exponents = (np.clip(-0.5 * one / dispersion, -LARGEST_EXPONENT, LARGEST_EXPONENT) for one in both)
+    return np.asarray(0.5 * sum(np.exp(one) for one in exponents))
+
+
+def mean_ratios(errors: FloatArray, ratios: FloatArray) -> FloatArray:
+    """Return the mean likelihood ratio of the faults of each size up to `SPAN` times as large, at an unknown onset.
+
+    It is the Bayes factor of such a fault against none where onsets are equally likely, and so are equal ratios of
+    sizes.
+
+    Parameters
+    ----------
+    errors : (n_errors,) sizes at equal ratios.
+    ratios : (n_errors, n_onsets).
+
+    Returns
+    -------
+    (n_kept,) of the first errors, those whose `SPAN` is within `errors`.
+    """
+    log_error = np.log(errors)
+    width = int(np.ceil(np.log(SPAN) / (log_error[1] - log_error[0]) - 1e-9))
+    mean = ratios.mean(axis=1)
+    weights = np.ones(width + 1)
+    weights[[0, -1]] = 0.5  # the trapezoidal rule
+    return np.convolve(mean, weights / width, mode="valid")
+
+
+def excluded_error(errors: FloatArray, means: FloatArray, most: float) -> float:
+    """Return the least error from which on the mean likelihood ratio is at most `most`, infinite where there is none.
+
+    Parameters
+    ----------
+    errors : (n_errors,); means : (n_kept,) of the first of them, see `mean_ratios`.
+    """
+    above = np.flatnonzero(means > most)
+    if above.size == 0:
+        return float(errors[0])
+    last = int(above[-1])
+    if last == len(means) - 1:
+        return float("inf")
+    high, low = np.log(means[last]), np.log(max(float(means[last + 1]), np.finfo(float).tiny))
+    part = (high - np.log(most)) / (high - low)
+    return float(errors[last] * (errors[last + 1] / errors[last]) ** part)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from plain_onset import plain_rss, record, signal, waveforms
 
-from bfi_cli.kernels.onset.limits import deviances, undeclared_magnitudes
+from bfi_cli.kernels.onset.limits import (
+    deviances,
+    excluded_error,
+    likelihood_ratios,
+    mean_ratios,
+    undeclared_magnitudes,
+)
 from bfi_cli.kernels.onset.scan import prepare_scan, scan_shape
 
 N, ORDER = 300, 4
@@ -69,3 +75,32 @@ def test_limits_scale_with_the_record_and_not_with_its_level():
         limits.append(np.array(undeclared_magnitudes(scan, waveform, profile, power=40.0, doubt=5.4)))
     np.testing.assert_allclose(limits[1], 10.0 * limits[0], rtol=1e-5)
     np.testing.assert_allclose(limits[2], limits[0], rtol=1e-5)
+
+
+def test_a_likelihood_ratio_is_that_of_plain_least_squares_in_the_mean_of_both_signs():
+    u, y = record(N)
+    waveform, scan = waveforms(N)["lagged bias"], prepare_scan(*record(N), order=ORDER)
+    m = np.array([[0.05, 0.1, 0.2]])
+    found = likelihood_ratios(scan, waveform, ONSETS, m, dispersion=3.0)
+    for j, onset in enumerate(ONSETS):
+        rss = [plain_rss(u, y, signal(waveform, onset), z=z, order=ORDER) for z in (0.0, m[0, j], -m[0, j])]
+        ratios = [np.exp(-0.5 * scan.n_rows * np.log(one / rss[0]) / 3.0) for one in rss[1:]]
+        assert found[0, j] == pytest.approx(np.mean(ratios), rel=1e-5)
+
+
+def test_the_mean_over_sizes_is_that_of_a_decade():
+    """Of a likelihood ratio that is a power of the size the mean over a decade has a closed form."""
+    errors = np.geomspace(0.1, 100.0, 301)
+    found = mean_ratios(errors, np.stack([errors**-2.0, 3.0 * errors**-2.0], axis=1))
+    kept = errors[: len(found)]
+    assert kept[-1] == pytest.approx(10.0)
+    expected = 2.0 * (kept**-2.0 - (10.0 * kept) ** -2.0) / (2.0 * np.log(10.0))
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+def test_an_error_is_excluded_where_all_larger_ones_are():
+    errors = np.geomspace(0.1, 10.0, 5)
+    assert excluded_error(errors, np.array([1.0, 0.01, 0.5, 0.01, 0.01]), 0.05) > errors[2]
+    assert excluded_error(errors, np.array([1.0, 0.1, 0.1, 0.1, 0.05]), 0.05) == pytest.approx(errors[4])
+    assert excluded_error(errors, np.full(5, 0.01), 0.05) == errors[0]
+    assert excluded_error(errors, np.full(5, 0.06), 0.05) == np.inf

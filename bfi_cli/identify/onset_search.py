@@ -1,0 +1,160 @@
+"""Entries of a dictionary that begin up to a tolerance before or after the onset that it states.
+
+The signature of a step is a few samples long, so an entry that begins a second beside the fault has little in common
+with it. Where onsets are known to a tolerance only, each entry is tried at the onsets within it, half a sample apart,
+and moved to another one where this lowers the criterion by more than the price of the choice (docs/theory.md, 5.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..config import Config
+from ..kernels import FloatArray
+from ..kernels.covariance import single_additions, unfold
+from ..kernels.lagged import compress, restrict
+from ..kernels.model_selection import Penalty
+from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
+from ..preprocessing.magnitudes import searched
+from ..preprocessing.regression import RegressionData
+from ..preprocessing.window import PreparedWindow, regression_of, shifted_signals, shifts_within, with_onsets
+from .selection import Selection
+
+__all__ = ["Moved", "move_onsets"]
+
+# Onsets of an entry that are fitted: the best to first order, which may rank neighbours wrongly.
+FITTED = 3
+# They are not where the best gains less than this share of what it needs: first order sees less of a large fault.
+HOPEFUL = 0.3
+# Entries that are moved at most; more faults than that near their onsets, none at it, have not been met.
+MOST_MOVED = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Moved:
+    """A window whose entries begin where they were found, its regression and the selection on it.
+
+    Attributes
+    ----------
+    shifts_s : by live entry of the selection, how much later it begins than the dictionary states.
+    prices : by live entry, what the choice of its onset costs, on the scale of the criterion.
+    """
+
+    window: PreparedWindow
+    regression: RegressionData
+    selection: Selection
+    shifts_s: Mapping[int, float]
+    prices: Mapping[int, float]
+
+
+def move_onsets(
+    window: PreparedWindow,
+    regression: RegressionData,
+    selection: Selection,
+    config: Config,
+    select: Callable[[RegressionData], Selection],
+) -> Moved:
+    """Move the entries whose fault begins beside their onset, the one that gains most first, until none gains.
+
+    Parameters
+    ----------
+    window, regression, selection : with the onsets of the dictionary.
+    select : returns the selection on another regression.
+    """
+    now = Moved(window=window, regression=regression, selection=selection, shifts_s={}, prices={})
+    for _ in range(MOST_MOVED):
+        found = _best_move(now, window, config)
+        if found is None:
+            break
+        n, shift_s, price = found
+        shifts_s, prices = {**now.shifts_s, n: shift_s}, {**now.prices, n: price}
+        moved = _at(window, config, shifts_s, prices, select)
+        chosen = moved.selection.best.fit.atoms
+        left = {one: shift for one, shift in shifts_s.items() if one in chosen}
+        if len(left) < len(shifts_s):  # one that is not declared stays where the dictionary states it
+            moved = _at(window, config, left, {one: prices[one] for one in left}, select)
+        penalty = now.selection.penalty
+        if n not in moved.selection.best.fit.atoms or _cost(moved, penalty) >= _cost(now, penalty):
+            break
+        now = moved
+    return now
+
+
+def _at(
+    window: PreparedWindow,
+    config: Config,
+    shifts_s: Mapping[int, float],
+    prices: Mapping[int, float],
+    select: Callable[[RegressionData], Selection],
+) -> Moved:
+    moved = with_onsets(window, {window.live[n]: shift for n, shift in shifts_s.items()})
+    regression = regression_of(moved, config)
+    return Moved(window=moved, regression=regression, selection=select(regression), shifts_s=shifts_s, prices=prices)
+
+
+def _cost(moved: Moved, penalty: Penalty) -> float:
+    """Return the criterion with the prices, by one penalty: the effective rows of two selections may differ."""
+    return penalty.criterion(moved.selection.best.fit) + sum(moved.prices.values())
+
+
+def _best_move(now: Moved, window: PreparedWindow, config: Config) -> tuple[int, float, float] | None:
+    """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does."""
+    best, penalty = now.selection.best, now.selection.penalty
+    lowest, found = best.criterion, None
+    for n, entry in enumerate(window.live):
+        shifts = shifts_within(window, entry, config.onset_tolerance_s)
+        if n in now.shifts_s or not shifts.size:
+            continue
+        price = searched(penalty, shifts.size).evidence - penalty.evidence
+        theta = shifted_signals(window, entry, shifts.tolist())[0]
+        theta = theta / now.regression.unit[:, None] * now.regression.magnitude_unit[n]
+        atoms = best.fit.atoms
+        # An entry that is declared moves; another is added, or takes the place of a declared one.
+        bases = [tuple(a for a in atoms if a != n)]
+        bases += [tuple(a for a in atoms if a != m) for m in atoms if n not in atoms]
+        for base in bases:
+            for k, fit in _hopeful_fits(now.regression, best.fit, base, theta, penalty, price):
+                if (criterion := penalty.criterion(fit) + price) < lowest:
+                    lowest, found = criterion, (n, float(shifts[k]), price)
+    return found
+
+
+def _hopeful_fits(
+    regression: RegressionData, fit: Fit, base: tuple[int, ...], theta: FloatArray, penalty: Penalty, price: float
+) -> list[tuple[int, Fit]]:
+    """Return the most hopeful of some signals that are added to a support, and the fit with each.
+
+    Parameters
+    ----------
+    fit : the best one, at whose order this is done; base : the support.
+    theta : (n_samples, n_outputs, n_signals), scaled.
+    price : of the choice among them.
+    """
+    known = dict(zip(fit.atoms, fit.z, strict=True))
+    without = fit_magnitudes(regression.problem(fit.order), base, np.array([known.get(atom, 0.0) for atom in base]))
+    own = regression.layout.theta[:, :, list(base)]
+    layout = replace(regression.layout, theta=np.concatenate([own, theta], axis=2))
+    same = replace(without, atoms=tuple(range(len(base))))
+    added = single_additions(same, unfold(layout, same))
+    gains = np.nan_to_num((added.magnitude**2 / added.variance)[len(base) :])
+    needed = penalty.per_parameter + penalty.per_atom + price
+    if float(gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows < HOPEFUL * needed:
+        return []
+    fits = []
+    for k in np.argsort(-gains)[:FITTED].tolist():
+        data = compress(
+            layout.u,
+            layout.y,
+            np.concatenate([own, theta[:, :, [k]]], axis=2),
+            order=layout.first,
+            feedthrough=layout.feedthrough,
+            weights=layout.weights,
+        )
+        if fit.order < layout.first:
+            data = restrict(data, order=fit.order)
+        problem = project_inputs(data, fit.order, floor=regression.floor)
+        fits.append((k, fit_magnitudes(problem, range(len(base) + 1), np.append(without.z, 0.0))))
+    return fits

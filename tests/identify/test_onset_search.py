@@ -1,0 +1,69 @@
+"""Faults that begin within the tolerance of the dictionary's onset: found where they begin, and not at any price."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.config import Config, merge
+from bfi_cli.flightlog import inject
+from bfi_cli.identify import identify_faults
+from bfi_cli.preprocessing.window import prepare_window, shifted_signals, shifts_within, with_onsets
+
+EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
+
+
+def late(log, thesis, name, magnitude, shift_s):
+    """Return the log with an entry of the dictionary that begins later."""
+    atom = next(one for one in thesis.resolved(float(log.time_s[0])) if one.name == name)
+    return inject(log, [replace(atom, magnitude=magnitude, onset_s=atom.onset_s + shift_s)])
+
+
+@pytest.mark.parametrize("shift_s", [-1.0, -0.43, 0.3, 0.9])
+def test_a_step_beside_its_onset_is_found_where_it_begins(flight, thesis, shift_s):
+    log = late(flight(3), thesis, "bias_13.8", 2.0, shift_s)
+    (fault,) = identify_faults(log, thesis, Config()).faults
+    assert fault.name == "bias_13.8"
+    assert fault.fault.onset_s == pytest.approx(13.8 + shift_s, abs=0.06)
+    assert abs(fault.magnitude - 2.0) < 4.0 * fault.sd
+
+
+def test_a_step_at_its_onset_stays_there(flight, thesis):
+    log = late(flight(3), thesis, "bias_13.8", 2.0, 0.0)
+    moving, exact = (identify_faults(log, thesis, config) for config in (Config(), EXACT))
+    assert [one.fault for one in moving.faults] == [one.fault for one in exact.faults]
+    assert [one.magnitude for one in moving.faults] == [one.magnitude for one in exact.faults]
+
+
+def test_a_record_without_a_fault_is_answered_as_with_exact_onsets(flight, thesis):
+    moving, exact = (identify_faults(flight(1), thesis, config) for config in (Config(), EXACT))
+    assert moving.faults == exact.faults == ()
+    for one, other in zip(moving.candidates, exact.candidates, strict=True):
+        assert one.magnitude == other.magnitude
+        assert one.minimal_detectable >= other.minimal_detectable
+
+
+def test_onsets_lie_within_the_tolerance_and_the_window(flight, thesis):
+    window = prepare_window(flight(1), thesis, Config())
+    for entry in window.live:
+        shifts = shifts_within(window, entry, 1.0)
+        assert np.all(np.abs(shifts) <= 1.0 + 1e-9)
+        assert np.all(shifts != 0.0)
+        assert np.all(np.abs(np.round(shifts * window.native.rate_hz) - shifts * window.native.rate_hz) < 1e-6)
+        assert shifts_within(window, entry, 0.0).size == 0
+
+
+def test_a_shifted_entry_has_the_signal_of_its_fault(flight, thesis):
+    window = prepare_window(flight(1), thesis, Config())
+    entry = window.names.index("bias_13.8")
+    theta, largest = shifted_signals(window, entry, [0.0, 0.5])
+    np.testing.assert_array_equal(theta[:, :, 0], window.signals.theta[:, :, entry])
+    moved = with_onsets(window, {entry: 0.5})
+    np.testing.assert_array_equal(theta[:, :, 1], moved.signals.theta[:, :, entry])
+    assert moved.faults[entry].onset_s == pytest.approx(14.3)
+    native = moved.native.between(slice(None)).theta[:, 0, entry]
+    assert largest[1] == moved.largest[entry] == np.abs(native).max()
+    first = int(np.flatnonzero(native)[0])
+    assert window.native.time_s[first] == pytest.approx(14.3)

@@ -17,13 +17,12 @@ from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from .phases import Phase, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST
-from .record import Channel, FlightLog, FloatArray, Segment
+from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 
 __all__ = ["UNEVEN", "ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport"]
 __all__ += ["advice_on_windows", "gap_starts", "held_hz", "hold_of", "inspect_log", "is_uniform", "ranked_windows"]
 __all__ += ["require_usable", "time_jitter"]
 
-LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
 GAP = 1.75  # median time steps, between one and two: a sample is missing from here on
 # Seconds. In a longer record the dynamics change and a scan takes minutes, so windows are suggested, this many.

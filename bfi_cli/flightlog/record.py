@@ -15,13 +15,14 @@ from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
 
-__all__ = ["CLEAN", "Channel", "FlightLog", "Segment", "StoredChannel", "Truth", "faults_from_json", "faults_to_json"]
-__all__ += ["frozen_array", "nothing_between", "segments_from_json", "segments_to_json"]
+__all__ = ["CLEAN", "LARGEST_VALUE", "Channel", "FlightLog", "Segment", "StoredChannel", "Truth", "faults_from_json"]
+__all__ += ["faults_to_json", "frozen_array", "nothing_between", "segments_from_json", "segments_to_json"]
 
 FloatArray = NDArray[np.float64]
 
 # Ends the name, in a file, of the clean signal of a channel with an injected fault.
 CLEAN = "_clean"
+LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
 
 
 def frozen_array(values: object) -> FloatArray:

@@ -48,7 +48,7 @@ from .conventions import without_other_conventions
 from .corrected import corrected_channels, course_of
 from .events import Draft, clusters, join, merge_stages, with_ends
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
-from .looks import WITHOUT_LIFT, Scanned, look_at, scale_of, scan_flight
+from .looks import SCALE_S, WITHOUT_LIFT, Scanned, look_at, scale_of, scan_flight
 from .missing import missing_sentences
 from .naming import contradicted, finding_of_fit, finding_of_glance, repeat_advice
 from .result import Course, DiagnoseResult, Event, FlightLimit, Look, Strip
@@ -81,6 +81,7 @@ class Flight:
     log: FlightLog
     record: Record
     phases: tuple[Phase, ...]
+    whole: Sequence[Phase] | None  # of the whole flight, where a part of it is asked for
     from_s: float
     to_s: float
     zero_lift: float | None
@@ -94,6 +95,11 @@ class Flight:
     @property
     def recorded(self) -> Collection[str]:
         return self.log.channels.keys()
+
+    @property
+    def without_lift(self) -> Sequence[Window]:
+        """Stretches in which flaps may move and none are recorded."""
+        return () if "flaps" in self.recorded else self.moved
 
 
 def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progress: Progress = unseen) -> DiagnoseResult:
@@ -131,10 +137,10 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
             flight.record,
             _windows(flight),
             zero_lift=flight.zero_lift,
-            without_lift=() if "flaps" in flight.recorded else flight.moved,
+            without_lift=flight.without_lift,
             report=partial(progress, "lift and inertia"),
         )
-        scale = scale_of(scanned, flight.tables)
+        scale = scale_of(_scanned_throughout(flight, scanned), flight.tables)
         judgements = list(look_at(scanned, flight.tables, false_alarm=flight.false_alarm, scale=scale))
         drafts += _of_parity(flight, judgements, drafts, static)
     if "flaps" not in flight.recorded and flight.moved:
@@ -247,6 +253,7 @@ def _prepared(log: FlightLog, config: Config) -> tuple[Flight, tuple[str, ...]]:
         log=log,
         record=record,
         phases=tuple(one for one in phases if one.to_s > from_s and one.from_s < to_s),
+        whole=phases if outside else None,
         from_s=from_s,
         to_s=to_s,
         zero_lift=zero_lift,
@@ -268,6 +275,14 @@ def _windows(
         replace(one, from_s=max(one.from_s, flight.from_s), to_s=min(one.to_s, flight.to_s)) for one in flight.phases
     )
     return {length_s: windows_in(cut, length_s, step_s=step_s) for length_s in lengths}
+
+
+def _scanned_throughout(flight: Flight, scanned: Sequence[Scanned]) -> Sequence[Scanned]:
+    """Return windows of the whole flight scanned, whatever part of it is asked for."""
+    if flight.whole is None:
+        return scanned
+    windows = {SCALE_S: windows_in(flight.whole, SCALE_S, step_s=SCALE_S)}
+    return scan_flight(flight.record, windows, zero_lift=flight.zero_lift, without_lift=flight.without_lift)
 
 
 def _bridged(log: FlightLog, held: Sequence[Finding]) -> FlightLog:
@@ -354,9 +369,7 @@ def _of_parity(
 
 def _scan(flight: Flight, window: Window) -> WindowScan | None:
     """Return the scan of a window, without the lift where flaps may move."""
-    moving = "flaps" not in flight.recorded and any(
-        window[0] < last and first < window[1] for first, last in flight.moved
-    )
+    moving = any(window[0] < last and first < window[1] for first, last in flight.without_lift)
     only = WITHOUT_LIFT if moving else None
     return scan_window(flight.record.between(*window), zero_lift=flight.zero_lift, only=only)
 

@@ -22,12 +22,13 @@ from ..parity import (
 )
 from .result import Look
 
-__all__ = ["Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
+__all__ = ["SCALE_S", "Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
 
 FloatArray = NDArray[np.float64]
 
-# Where a flight shows mostly more than the tables, its thresholds rise; fewer windows than this do not say so.
-ENOUGH_WINDOWS = 10
+# Where a flight shows mostly more than the tables, its thresholds rise. Fewer windows of this length do not say so: a
+# fault fills them.
+SCALE_S, ENOUGH_WINDOWS = 120.0, 10
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 
 
@@ -129,11 +130,17 @@ def _reduced(scan: WindowScan, from_s: float, to_s: float) -> Scanned:
 def scale_of(scanned: Sequence[Scanned], tables: Sequence[ParityTable]) -> float:
     """Return by how much this flight shows more than the flights of the tables, at least 1.
 
-    The median over all windows of the statistic over the median of the table: fewer than half of them with a fault do
-    not move it far, and an aircraft or an air that is rougher throughout raises its own thresholds.
+    The median over windows of 120 s of the statistic over the median of the table: fewer than half of them with a fault
+    do not move it far, and an aircraft or an air that is rougher throughout raises its own thresholds.
+
+    Parameters
+    ----------
+    scanned : windows of the whole flight, also where a part of it is diagnosed.
     """
     shares = []
     for one in scanned:
+        if round(one.length_s) != SCALE_S:
+            continue
         table = table_for(tables, one.residuals, one.length_s, knows_zero_lift=one.knows_zero_lift)
         if table is not None:
             shares.append(one.statistic / max(float(np.median(table.statistics)), 1.0))

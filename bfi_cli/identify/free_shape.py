@@ -115,6 +115,14 @@ def identify_with_courses(
     if not kept[best][0].named:
         config = config.model_copy(update={"selection": config.selection.model_copy(update={"max_active": 0})})
     rest = identify(corrected, regression_of(corrected, config), config, progress)
+    if rest.analysed is not None:  # with onsets moved; what was measured has the course in it
+        moved, data = rest.analysed
+        moved = replace(
+            moved,
+            signals=replace(moved.signals, y=window.signals.y),
+            native=replace(moved.native, log=window.native.log),
+        )
+        rest = replace(rest, analysed=(moved, data))
     return replace(rest, free=tuple(outcomes), plain_error=plain.plain_error)
 
 

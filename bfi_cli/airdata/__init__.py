@@ -23,12 +23,21 @@ from .airspeed import (
     total_temperature,
     true_airspeed,
 )
-from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G, altitude_of, isa_temperature, pressure_at
+from .atmosphere import (
+    HIGHEST,
+    LOWEST,
+    SEA_LEVEL_PRESSURE,
+    SEA_LEVEL_TEMPERATURE,
+    G,
+    altitude_of,
+    isa_temperature,
+    pressure_at,
+)
 from .distribution import fault_distribution
 from .motion import climb_angle, constant_wind, ground_velocity, kinematic_acceleration, lift_speed, zero_lift_angle
 from .system import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
 
-__all__ = ["DEPENDS_ON", "IMPACT_SOURCES", "SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "G"]
+__all__ = ["DEPENDS_ON", "HIGHEST", "IMPACT_SOURCES", "LOWEST", "SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "G"]
 __all__ += ["SEA_LEVEL_TEMPERATURE", "STATIC_SOURCES", "AirData", "Impossible", "air_data_of", "altitude_of"]
 __all__ += ["calibrated_airspeed", "channels_of", "climb_angle", "constant_wind", "fault_distribution"]
 __all__ += ["ground_velocity", "impact_pressure_of_cas", "impact_pressure_of_mach", "isa_temperature"]

@@ -35,20 +35,21 @@ def command(context: click.Context, /, log: str, config_path: str | None, worker
     Pressures that must agree, lines that must not hold still, and lift, climb, inertial acceleration and ground speed,
     which bound the air data without a model of the aircraft; steps and oscillations by the scan over all onsets.
     """
-    from ..config import merge
-    from ..diagnose import diagnose_content, diagnose_document, diagnose_flight
-    from ..files import check_folder
-    from ..provenance import provenance
-    from ..report.files import content_names
-
     config = config_of(config_path, options)
     inputs = inputs_of(config, log)
-    if options["out"] is not None:
-        names = content_names(("timeline",), ("events", "limits", "phases"))
-        check_folder(options["out"], names, inputs=inputs, force=options["force"])
-    # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
-    flight = log_of(log, merge(config, {"window": {"from_s": None, "to_s": None}}))
     with stages(wanted=options["progress"]) as progress:
+        progress("reading the log", 0.0)  # before what takes a second to import
+        from ..config import merge
+        from ..diagnose import diagnose_content, diagnose_document, diagnose_flight
+        from ..files import check_folder
+        from ..provenance import provenance
+        from ..report.files import content_names
+
+        if options["out"] is not None:
+            names = content_names(("timeline",), ("events", "limits", "phases"))
+            check_folder(options["out"], names, inputs=inputs, force=options["force"])
+        # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
+        flight = log_of(log, merge(config, {"window": {"from_s": None, "to_s": None}}))
         result = diagnose_flight(flight, config, workers=workers or os.cpu_count() or 1, progress=progress)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = diagnose_document(result, origin)

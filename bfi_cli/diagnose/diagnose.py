@@ -38,6 +38,7 @@ from ..parity import (
 )
 from ..parity.calibration import load_air_data
 from ..parity.holds import Holds, find_holds
+from ..parity.record import USED
 from ..parity.static_relations import RelationAnswer, RelationSeries, StaticRelations, find_static, relation_series
 from ..parity.windows import clean_up_time, judged
 from ..preprocessing.summary import log_summary
@@ -47,7 +48,7 @@ from ..verdicts import KINDS, State, decide
 from .conventions import without_other_conventions
 from .corrected import corrected_channels, course_of
 from .events import Draft, clusters, join, merge_stages, with_ends
-from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
+from .glances import GLANCE_S, INPUTS, STEP_S, glance_at_flight, inputs_for, summary_of
 from .looks import SCALE_S, WITHOUT_LIFT, Scanned, look_at, scale_of, scan_flight
 from .missing import missing_sentences
 from .naming import contradicted, finding_of_fit, finding_of_glance, repeat_advice
@@ -69,6 +70,7 @@ BRIDGE_S, AROUND_HOLD_S, AFTER_HOLD_S = 10.0, 60.0, 20.0
 # A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
 NEAR = 1.2
 STEPS: Mapping[Kind, str] = {"abrupt": "a step", "oscillating": "an oscillation"}
+AIRSPEEDS = ("tas", "cas", "ias", "mach")
 # Limits are compared over stretches of this length.
 BIN_S = 30.0
 QUANTILE_95 = 1.959963984540054
@@ -133,9 +135,10 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         notes += flight.held.missing
         static = _static(flight, series, partial(progress, "static relations"))
         drafts += _of_static(static)
+        windows = _windows(flight)
         scanned = scan_flight(
             flight.record,
-            _windows(flight),
+            windows,
             zero_lift=flight.zero_lift,
             without_lift=flight.without_lift,
             report=partial(progress, "lift and inertia"),
@@ -147,28 +150,25 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         notes.append(
             "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not used"
         )
-    if scale > 1.0:
+    if scale >= 1.005:
         notes.append(
-            f"this flight shows {scale:.2g} times what the flights of the tables do: thresholds are raised by that"
+            f"this flight shows {scale:.3g} times what the flights of the tables do: thresholds are raised by that"
         )
     glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
     drafts += glanced
     events = tuple(_event(flight, draft) for draft in merge_stages(drafts))
-    limits = _limits(flight, judgements, static)
+    limits = _limits(flight, judgements, static, events)
     verdicts = _verdicts(events, limits)
-    lengths = {one.length_s for one in scanned}
     missing = (
         *frozen,
         *unlike,
-        *missing_sentences(log, scanned, limits),
+        *missing_sentences(flight.record, scanned, limits, n_windows=sum(map(len, windows.values()))),
         *glances_missing,
         *dict.fromkeys(sentence for one in static for sentence in one[1].missing if "s of flight" not in sentence),
     )
     corrected = corrected_channels(flight.record, events)
     inside = log.window(flight.from_s, flight.to_s)
     courses = _courses(flight, events)
-    if not lengths:
-        notes.append("no window of the flight could be scanned for slow faults")
     return DiagnoseResult(
         log=log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz),
         decision=_decision(verdicts, events, config.require),
@@ -193,13 +193,13 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
 
 
 def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
-    """Return the log without channels that hold one value, and a sentence on each."""
-    frozen = [
-        name
-        for name, channel in log.channels.items()
-        if name in STANDARD and name not in ("flaps", "gear", "valid_airspeed") and _never_moves(channel.values)
-    ]
-    said = [f"'{name}' holds one value through the whole log: it was not used" for name in frozen]
+    """Return the log without the channels that hold one value although they are looked at, and a sentence on each."""
+    frozen = [name for name in (*USED, *INPUTS) if name in log.channels and _never_moves(log.channels[name].values)]
+    frozen = list(dict.fromkeys(frozen))
+    said = []
+    for name in frozen:
+        held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
+        said.append(f"'{name}' {held} through the whole log: it was not used")
     return said, replace(log, channels={name: one for name, one in log.channels.items() if name not in frozen})
 
 
@@ -217,7 +217,9 @@ def _prepared(log: FlightLog, config: Config) -> tuple[Flight, tuple[str, ...]]:
     log.window(from_s, to_s)  # refuses one without samples
     if not {"tas", *IMPACT_SOURCES} & log.channels.keys():
         has = ", ".join(sorted(log.channels))
-        raise LogError(f"{log.path}: no airspeed and no impact pressure; the log has: {has}; map one with --channel")
+        raise LogError(
+            f"{log.path}: no airspeed and no impact pressure that changes; the log has: {has}; map one with --channel"
+        )
     for name in config.tolerances:
         if name not in log.channels:
             has = ", ".join(sorted(log.channels))
@@ -380,10 +382,13 @@ def _described(
     until_s: float,
     static: Sequence[tuple[Window, StaticRelations]],
 ) -> Draft | None:
-    """Return what the windows of a run say, in the window in which their fault begins well inside."""
+    """Return what the windows of a run say, in the window in which their fault begins well inside.
+
+    It is the one with the most evidence: a long window may be nearer its threshold and tell more.
+    """
     first_s = min(one.from_s for one, _ in members)
     early = [pair for pair in members if pair[0].from_s <= first_s + max(LENGTHS_S)]
-    one, threshold = max(early, key=lambda pair: pair[0].statistic / pair[1].level)
+    one, threshold = max(early, key=lambda pair: pair[0].statistic)
     window, level, onset_s = (one.from_s, one.to_s), threshold, one.onset_s
     stretch = next((s for s in judged(flight.phases) if s[0] <= onset_s < s[1]), window)
     low, high = max(stretch[0], flight.from_s), min(stretch[1], flight.to_s)
@@ -498,11 +503,18 @@ def _limits(
     flight: Flight,
     judgements: Sequence[tuple[Scanned, Threshold, Look]],
     static: Sequence[tuple[Window, StaticRelations]],
+    events: Sequence[Event],
 ) -> tuple[FlightLimit, ...]:
     """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts.
 
-    Stretches in which flaps and gear are moved are left out, since nothing is declared there.
+    Stretches in which flaps and gear are moved are left out, since nothing is declared there, and windows with a
+    declared fault, which exclude no other of its size.
     """
+    left_out = [
+        (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
+        for one in events
+        if one.state == "declared"
+    ]
     bins = np.arange(flight.from_s, flight.to_s, BIN_S) + 0.5 * BIN_S
     best: dict[tuple[str, str], list[FlightLimit | None]] = {}
 
@@ -514,12 +526,19 @@ def _limits(
                 kept[k] = limit
 
     for one, threshold, _ in judgements:
-        moving = any(one.from_s < last and first < one.to_s for first, last in flight.moved)
-        for fault in () if moving else one.magnitude:
+        told = not any(one.from_s < last and first < one.to_s for first, last in (*flight.moved, *left_out))
+        for fault in one.magnitude if told else ():
             slope, reached = one.largest_hidden(fault, threshold.level)
             offer(_flight_limit(flight, fault, slope, reached, (one.from_s, one.to_s)))
+            if fault in AIRSPEEDS and fault == flight.record.airspeed and "q_impact" not in one.magnitude:
+                # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
+                window = (one.from_s, one.to_s)
+                limit = _flight_limit(flight, fault, slope, reached, window)
+                relative = 2.0 * slope / _speed(flight, window, fault)
+                offer(replace(limit, fault="pitot_icing", excluded_above=relative, unit="1/s"))
     for window, answer in static:
-        for of_relation in answer.limits:
+        told = not any(window[0] < last and first < window[1] for first, last in left_out)
+        for of_relation in answer.limits if told else ():
             offer(_of_limit(flight, of_relation, window))
     worst = (max((one for one in kept if one is not None), key=lambda one: one.effect) for kept in best.values())
     return tuple(sorted(worst, key=lambda one: (one.shape, one.fault)))
@@ -528,10 +547,7 @@ def _limits(
 def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, window: Window) -> FlightLimit:
     name, channel, unit, effect = fault, fault, STANDARD["tas"].unit, reached
     if fault == "q_impact":
-        # A relative loss of impact pressure is half as large, relative, in airspeed.
-        part = flight.record.between(*window)
-        speed = float(np.nanmean(part.channels["tas"]))
-        name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * speed
+        name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * _speed(flight, window)
     elif fault == "ground_speed":
         channel = "ground_speed"
     else:
@@ -551,6 +567,10 @@ def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, wind
         from_s=window[0],
         to_s=window[1],
     )
+
+
+def _speed(flight: Flight, window: Window, channel: str = "tas") -> float:
+    return float(np.nanmean(flight.record.between(*window).channels[channel]))
 
 
 def _of_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
@@ -586,17 +606,22 @@ def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
 def _verdicts(events: Sequence[Event], limits: Sequence[FlightLimit]) -> dict[Kind, Decision]:
     """Return the verdict on every kind: a slow fault is excluded where its limits on all airspeeds are tolerable.
 
+    Relations between airspeeds say nothing of the line that all are made of, so that its own limit is needed.
     How small a step or an oscillation could hide is told by `start-time` on a window: here they are only found.
     """
     verdicts: dict[Kind, Decision] = dict.fromkeys(KINDS, "inconclusive")
     suspected = {one.kind for one in events if one.state == "suspected"}
-    slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias", "mach")]
-    if slow and all(one.within_tolerance for one in slow) and "slow" not in suspected:
+    slow = [one for one in limits if one.shape == "drift" and one.channel in AIRSPEEDS]
+    if _bounds_line(slow) and all(one.within_tolerance for one in slow) and "slow" not in suspected:
         verdicts["slow"] = "no_fault"
     for one in events:
         if one.state == "declared":
             verdicts[one.kind] = "fault"
     return verdicts
+
+
+def _bounds_line(limits: Sequence[FlightLimit]) -> bool:
+    return any(one.fault == "pitot_icing" for one in limits)
 
 
 def _decision(verdicts: Mapping[Kind, Decision], events: Sequence[Event], required: Sequence[Kind]) -> Decision:
@@ -608,7 +633,7 @@ def _decision(verdicts: Mapping[Kind, Decision], events: Sequence[Event], requir
 def _summary(verdicts: Mapping[Kind, Decision], limits: Sequence[FlightLimit], *, looked_for_steps: bool) -> str:
     slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
     said = []
-    if verdicts["slow"] != "fault" and slow:
+    if verdicts["slow"] != "fault" and _bounds_line(slow):
         worst = max(slow, key=lambda one: one.effect)
         verb = "no slow fault above" if verdicts["slow"] == "no_fault" else "a slow fault could reach"
         end = "" if verdicts["slow"] == "no_fault" else " unseen"

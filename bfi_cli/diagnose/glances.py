@@ -16,7 +16,7 @@ from ..flightlog import FlightLog
 from ..kernels.progress import Report, silent
 from ..onset.glance import Glance, glance
 
-__all__ = ["GLANCE_S", "glance_at_flight", "inputs_for"]
+__all__ = ["GLANCE_S", "INPUTS", "STEP_S", "glance_at_flight", "inputs_for", "summary_of"]
 
 Window = tuple[float, float]
 

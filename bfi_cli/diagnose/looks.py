@@ -29,6 +29,8 @@ FloatArray = NDArray[np.float64]
 # Where a flight shows mostly more than the tables, its thresholds rise. Fewer windows of this length do not say so: a
 # fault fills them.
 SCALE_S, ENOUGH_WINDOWS = 120.0, 10
+# The share of windows that say so: a fault that lasts to the end of a short log is in more than half of them.
+CALM = 0.25
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 
 
@@ -130,8 +132,9 @@ def _reduced(scan: WindowScan, from_s: float, to_s: float) -> Scanned:
 def scale_of(scanned: Sequence[Scanned], tables: Sequence[ParityTable]) -> float:
     """Return by how much this flight shows more than the flights of the tables, at least 1.
 
-    The median over windows of 120 s of the statistic over the median of the table: fewer than half of them with a fault
-    do not move it far, and an aircraft or an air that is rougher throughout raises its own thresholds.
+    The lower quartile over windows of 120 s of the statistic over the lower quartile of their table. A fault in half of
+    the windows does not move it far, so that it does not hide by raising its own threshold; an aircraft or an air that
+    is rougher throughout raises them.
 
     Parameters
     ----------
@@ -143,8 +146,8 @@ def scale_of(scanned: Sequence[Scanned], tables: Sequence[ParityTable]) -> float
             continue
         table = table_for(tables, one.residuals, one.length_s, knows_zero_lift=one.knows_zero_lift)
         if table is not None:
-            shares.append(one.statistic / max(float(np.median(table.statistics)), 1.0))
-    return max(1.0, float(np.median(shares))) if len(shares) >= ENOUGH_WINDOWS else 1.0
+            shares.append(one.statistic / max(float(np.quantile(table.statistics, CALM)), 1.0))
+    return max(1.0, float(np.quantile(shares, CALM))) if len(shares) >= ENOUGH_WINDOWS else 1.0
 
 
 def look_at(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..flightlog import FlightLog
+from ..parity import LENGTHS_S, Record, available
 from .looks import Scanned
 from .result import FlightLimit
 
@@ -19,24 +19,34 @@ BOUNDS = {
 }
 
 
-def missing_sentences(log: FlightLog, scanned: Sequence[Scanned], limits: Sequence[FlightLimit]) -> tuple[str, ...]:
-    """Return a sentence for each residual that the log does not allow, with what is seen without it."""
-    lacking: dict[str, str] = {}
+def missing_sentences(
+    record: Record, scanned: Sequence[Scanned], limits: Sequence[FlightLimit], *, n_windows: int
+) -> tuple[str, ...]:
+    """Return a sentence for each residual that the log does not allow, with what is seen without it.
+
+    Parameters
+    ----------
+    n_windows : that the flight has; `scanned` are those of them in which a residual is known.
+    """
+    kinds, lacking = available(record.channels)
     for one in scanned:
         lacking.update(one.lacking)
     used = {name for one in scanned for name in one.residuals}
     seen = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
     cost = ""
-    if seen:
+    if any(one.fault == "pitot_icing" for one in seen):
         worst = max(seen, key=lambda one: one.effect)
-        amount = f"{worst.excluded_above:.2g} {worst.unit}"
-        cost = f"; a slow loss of airspeed below {amount} ({worst.effect:.2g} m/s in the window) would not be seen"
+        within = f"{worst.effect:.2g} m/s in {worst.to_s - worst.from_s:.0f} s"
+        cost = f"; a slow fault of the airspeed of less than {within} would not be seen"
     said = []
     for name, channels in lacking.items():
         if name not in used:
             said.append(f"no {channels}: {BOUNDS[name]}{cost}")
             cost = ""
-    if not scanned:
-        has = ", ".join(sorted(log.channels))
-        said.append(f"no slow fault was looked for: no residual can be made of {has}")
+    if not n_windows:
+        said.append(f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and approach")
+    elif not kinds:
+        said.append("no slow fault was looked for: nothing bounds the airspeed")
+    elif not scanned:
+        said.append("no slow fault was looked for: in every window most samples are no numbers")
     return tuple(said)

@@ -3,12 +3,21 @@
 from .explain import Fit, corrected, effects, explain
 from .finding import Finding, Limit
 from .record import Record, record_of
-from .residuals import RESIDUALS
+from .residuals import RESIDUALS, available
 from .scan import WindowScan, scan_window
 from .thresholds import ParityTable, Threshold, shipped_tables, table_for, threshold_of
 from .windows import LENGTHS_S, configuration_changes, windows_in
 from .zero_lift import zero_lift_of
 
 __all__ = ["LENGTHS_S", "RESIDUALS", "Finding", "Fit", "Limit", "ParityTable", "Record", "Threshold", "WindowScan"]
-__all__ += ["configuration_changes", "corrected", "effects", "explain", "record_of", "scan_window", "shipped_tables"]
+__all__ += [
+    "available",
+    "configuration_changes",
+    "corrected",
+    "effects",
+    "explain",
+    "record_of",
+    "scan_window",
+    "shipped_tables",
+]
 __all__ += ["table_for", "threshold_of", "windows_in", "zero_lift_of"]

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ..airdata import (
     DEPENDS_ON,
+    HIGHEST,
     IMPACT_SOURCES,
+    LOWEST,
     STATIC_SOURCES,
     air_data_of,
     channels_of,
@@ -113,6 +115,9 @@ def record_of(log: FlightLog) -> Record:
     n = int(seconds[-1]) + 1
     expected = log.rate_hz * STEP_S
     values = {name: log.channels[name].values for name in USED if name in log.channels}
+    if "altitude" in values:
+        altitude = values["altitude"]
+        values["altitude"] = np.where((altitude >= LOWEST) & (altitude <= HIGHEST), altitude, np.nan)
     if "altitude_rate" not in values and "altitude" in values:
         values["altitude_rate"] = np.gradient(values["altitude"], log.time_s)
     if "velocity_north" not in values and {"latitude", "longitude"} <= values.keys():
@@ -190,6 +195,7 @@ def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
     """Return the faults that a record could show.
 
     With a single channel of airspeed, a fault of the pitot line and one of the channel are the same: the channel's.
+    Without a static pressure what a fault of the line makes of each channel is not known.
     """
     recorded = {name for name in record.channels if name != "tas" or record.airspeed == "tas"}
     airspeeds = recorded & set(IMPACT_SOURCES)

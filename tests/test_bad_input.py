@@ -323,6 +323,23 @@ COMMANDS = {
     "plot good.csv --json --events damaged.json": (2, "damaged.json: no key 'provenance'; the file is damaged or of"),
     "plot good.csv --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out, or"),
     "plot good.csv --out new --series": (2, "bfi plot: --series is about --json; add --json"),
+    "diagnose": (2, "bfi diagnose: LOG is missing; see bfi diagnose --help"),
+    "diagnose absent.csv": (3, "absent.csv: no such file; give the path of a log"),
+    "diagnose unflown.csv": (
+        3,
+        "unflown.csv: no airspeed and no impact pressure that changes; the log has: aoa, elevator",
+    ),
+    "diagnose still_output.csv": (3, "still_output.csv: no airspeed and no impact pressure that changes; the log has"),
+    "diagnose taxiing.csv": (3, "taxiing.csv: no part of the log is in flight between take-off and approach; give a"),
+    "diagnose good.csv --from 100": (3, "good.csv: no samples between 100 s"),
+    "diagnose good.csv --from 20 --to 5": (2, "--from/--to: to_s must be after from_s (20 s), got 5 s"),
+    "diagnose good.csv --tolerance aoa=0.1": (2, "--tolerance: 'aoa' is no channel, the log has: elevator, tas; leave"),
+    "diagnose good.csv --false-alarm 2": (2, "--false-alarm: must be less than 1, got 2"),
+    "diagnose good.csv --calibration absent.json": (2, "absent.json: cannot be read, no such file or directory; check"),
+    "diagnose good.csv --calibration good.csv": (2, "good.csv: not JSON (expecting value); give a file of bfi calib"),
+    "diagnose good.csv --calibration other.json": (2, "other.json: kind is 'None', not 'calibration'; give a file of"),
+    "diagnose good.csv --out in_the_way": (2, "in_the_way: cannot be written, not a directory; give another --out"),
+    "diagnose good.csv --workerz 2": (2, "bfi diagnose: unknown option '--workerz'; did you mean '--workers'?"),
     "convert good.csv": (2, "bfi convert: --output is missing; give --output OUT"),
     "convert good.csv -o new.h5 --rate 100": (3, "recorded at 10 Hz, it cannot be resampled to 100 Hz; give --rate 10"),
     "convert good.csv -o new.h5 --rate -1": (2, "--rate: must be a positive number, got -1 Hz; give one like 10"),
@@ -457,6 +474,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         rows = zip(T.tolist(), ELEVATOR.tolist(), *(one.tolist() for one in column), strict=True)
         text = "".join(",".join(map(repr, row)) + "\n" for row in rows)
         (folder / name).write_text(f"time [s],elevator [rad],{head}\n{text}")
+    (folder / "unflown.csv").write_text(csv().replace("tas [m/s]", "aoa [rad]"))
+    (folder / "taxiing.csv").write_text(csv(tas=0.02 * TAS))
     (folder / "in_the_way").write_text("a file")
     (folder.parent / "x.csv").write_text("0,0\n1,1\n")
     (folder / "link.csv").symlink_to("../x.csv")

@@ -151,7 +151,7 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ),
     ("seed", "seed: 7", "provenance.seed", 7),
 )
-OF_OTHERS = ("start_time.", "detect.", "diagnosability.", "calibrate.", "audit.")
+OF_OTHERS = ("start_time.", "detect.", "diagnosability.", "diagnose.", "calibrate.", "audit.")
 DMAE = (
     "reference: start",
     "process_variance: 1e-3",

@@ -30,6 +30,10 @@ REFINED = 0.25  # of the window, to both sides of the onset that a linear look f
 # Of Gauss-Newton, which end where one moves the magnitude by less than this part of its standard deviation: a loss of a
 # tenth of the impact pressure takes three, one of six tenths six.
 STEPS, CONVERGED = 12, 0.02
+# Of faults that explain a window as well, one of a probe in the air comes before one of an inertial sensor or of the
+# satellite receiver: probes ice, block and leak. Only the order follows, by odds of ten to one, not what is in the set.
+INERTIAL = ("pitch", "normal_acc", "longitudinal_acc", "altitude_rate", "ground_speed")
+RARER = 4.6
 # What another course than a ramp must gain: it was chosen from several.
 PRICE = 3.0
 CHI_SQUARE_95 = 3.84
@@ -109,7 +113,7 @@ class Fit:
 
 
 def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()) -> tuple[Fit, ...]:
-    """Return the faults that explain a window about as well as the best of them, that one first.
+    """Return the faults that explain a window about as well as the best of them, the likeliest first.
 
     Every fault is fitted again about the record that is corrected for it, since a loss of a tenth of the impact
     pressure is no small change. Each has the course that suits it best.
@@ -131,7 +135,8 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
         fits = [_best_course(scan, record, one) for one in contenders]
     fits.sort(key=lambda fit: -fit.ratio)
     close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), 0.5 * fits[0].ratio)
-    return tuple(fit for fit in fits if fit.ratio >= fits[0].ratio - close)
+    kept = [fit for fit in fits if fit.ratio >= fits[0].ratio - close]
+    return tuple(sorted(kept, key=lambda fit: RARER * (fit.fault.fault in INERTIAL) - fit.ratio))
 
 
 def corrected(record: Record, fit: Fit) -> Record:

@@ -29,6 +29,8 @@ COMMON_KEYS = ("shape", "name", "channel", "magnitude", "onset_s", "offset_s")
 TEXT_KEYS = ("shape", "name", "channel", *(key for key, rule in KEY_RULES.items() if rule in ("reference", "file")))
 # Of a sample: what an onset computed from a sample's number and the rate may differ from that sample's time.
 ONSET_TOLERANCE_SAMPLES = 1e-6
+# Samples whose steps tell that of a log, here where a millionth of it counts.
+STEPS_SEEN = 1001
 # Of a value that a message quotes: with where and what to do it fills three rows of a terminal of 80 columns.
 SHOWN_LETTERS = 120
 _ABRIDGED = reprlib.Repr()
@@ -95,7 +97,7 @@ def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:
     """
     if time_s.size == 0:
         return np.zeros(0, dtype=bool)
-    step = float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+    step = float(np.median(np.diff(time_s[:STEPS_SEEN]))) if time_s.size > 1 else 0.0
     tolerance = max(ONSET_TOLERANCE_SAMPLES * step, 4.0 * float(np.spacing(np.abs(time_s).max())))
     stop = math.inf if fault.offset_s is None else fault.offset_s
     active: NDArray[np.bool_] = (time_s >= fault.onset_s - tolerance) & (time_s < stop - tolerance)

@@ -22,6 +22,8 @@ outputs: [tas]
 channels: {}
 units: {}
 group: null
+sample_rate_hz: null
+fill_s: null
 window: {from_s: null, to_s: null}
 tolerances: {}
 onset_tolerance_s: 1.0

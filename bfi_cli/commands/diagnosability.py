@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import ConfigError
-from .options import MODEL, OPTIONS, SIGNALS, config_of, inputs_of, log_of, with_options
+from .options import MODEL, OPTIONS, SIGNALS, config_of, inputs_of, log_of, settled, with_options
 from .output import emit
 from .progress import progress
 
@@ -45,7 +46,7 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     _check_flight(log, config, options)
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     if dictionary is None:
-        raise ConfigError("--dictionary: no dictionary given; name one, such as configs/thesis_dictionary.yaml")
+        raise ConfigError("--dictionary: no dictionary given; name one, such as airdata or a YAML file")
     inputs = inputs_of(config, log, dictionary=dictionary)
     if options["out"] is not None:
         names = content_names(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
@@ -54,7 +55,10 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     with threadpool_limits(1):
         if log is not None:
             flight = log_of(log, config)
+            config, notes = settled(flight, config)
+            dictionary = config.load_dictionary(allow_outside=options["allow_outside"]) or dictionary
             result = diagnosability.assess(flight, dictionary, config, magnitudes=magnitudes)
+            result = replace(result, notes=(*notes, *result.notes))
             log_sha256 = flight.sha256
         else:
             flights = diagnosability.flights_of(config)

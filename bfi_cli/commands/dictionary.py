@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import CHANNELS, config_of, inputs_of, log_of, with_options
+from .options import CHANNELS, config_of, inputs_of, log_of, settled, with_options
 from .output import emit
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ OF_A_LOG = {
     "channel_map": "--channel",
     "unit_map": "--unit",
     "group": "--group",
+    "sample_rate_hz": "--sample-rate",
+    "fill_s": "--fill",
 }
 
 
@@ -41,11 +44,11 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
     from ..report.files import content_names
 
     config = _config(config_path, log, options)
-    dictionary = load_dictionary(file, allow_outside=options["allow_outside"])
+    dictionary = load_dictionary(file, allow_outside=options["allow_outside"], channel=config.default_channel)
     inputs = inputs_of(config, file, log, dictionary=dictionary)
     if options["out"] is not None:
         check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
-    audit, log_sha256 = _audited(dictionary, log, config, options)
+    audit, log_sha256 = _audited(dictionary, log, config, options["allow_outside"])
     origin = provenance(
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
@@ -53,16 +56,20 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
     emit(audit_content(document), document, options, origin=origin, inputs=inputs)
 
 
-def _audited(dictionary: Dictionary, log: str | None, config: Config, options: dict[str, Any]) -> tuple[Audit, str]:
+def _audited(dictionary: Dictionary, log: str | None, config: Config, allow_outside: bool) -> tuple[Audit, str]:
     from ..audit import audit_dictionary, audit_on_log
+    from ..dictionary import load_dictionary
 
     if log is None:
         return audit_dictionary(dictionary, config, duration_s=config.audit.duration_s), ""
     from threadpoolctl import threadpool_limits
 
     flight = log_of(log, config)
+    config, notes = settled(flight, config)
+    dictionary = load_dictionary(dictionary.path, allow_outside=allow_outside, channel=config.default_channel)
     with threadpool_limits(1):
-        return audit_on_log(flight, dictionary, config), flight.sha256
+        audit = audit_on_log(flight, dictionary, config)
+    return replace(audit, notes=(*notes, *audit.notes)), flight.sha256
 
 
 def _config(path: str | None, log: str | None, options: dict[str, Any]) -> Config:

@@ -11,12 +11,12 @@ from .options import (
     MODEL,
     SIGNALS,
     VERDICT,
-    advise,
     config_of,
     exit_code,
     inputs_of,
     log_argument,
     log_of,
+    settled,
     with_options,
 )
 from .output import emit
@@ -61,7 +61,9 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     if options["out"] is not None:
         check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
     flight = log_of(log, config)
-    notes = advise(flight, config)
+    config, notes = settled(flight, config)
+    if dictionary is not None:  # its entries may act on the output, which is known now
+        dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     with stages(wanted=options["progress"]) as progress:
         if dictionary is None:
             result, dictionary = identify_from_scan(flight, config, progress)

@@ -9,7 +9,7 @@ import click
 from ..flightlog import inspect_log, read_log
 from ..flightlog.report import info_content, info_document
 from ..provenance import provenance
-from .options import channel_options, json_option, log_argument, out_options, window_options
+from .options import CHANNELS, channel_options, json_option, log_argument, out_options, window_options
 from .output import emit
 
 __all__ = ["command"]
@@ -30,7 +30,7 @@ def command(log: str, *, from_s: float | None, to_s: float | None, **options: An
         from ..report.files import content_names
 
         check_folder(options["out"], content_names(("phases",), TABLES), inputs=(log,), force=options["force"])
-    source = {key: options[key] for key in ("group", "channel_map", "unit_map")}
+    source = {key: options[key] for key in CHANNELS}
     flight = read_log(log, from_s=from_s, to_s=to_s, **source).window(from_s, to_s)
     origin = provenance(log_sha256=flight.sha256)
     document = info_document(inspect_log(flight), origin)

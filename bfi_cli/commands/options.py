@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ..dictionary import Dictionary
     from ..flightlog import FlightLog
 
-__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "advise", "channel_options", "config_of", "exit_code"]
+__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
-__all__ += ["outside_option", "pairs", "progress_option", "series_option", "window_options", "with_options"]
+__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "window_options", "with_options"]
 
 Command = Callable[..., Any]
 Callback = Callable[[click.Context, click.Parameter, Any], Any]
@@ -147,6 +147,10 @@ unit_map  --unit  units  NAME=UNIT  units
     The unit of a channel that states none, such as tas=kt; repeatable.
 group  --group  group  NAME  text
     HDF5 group or MATLAB struct that holds the channels.
+sample_rate_hz  --sample-rate  sample_rate_hz  HZ  positive
+    Samples per second of a log that has no time axis.
+fill_s  --fill  fill_s  S  positive
+    Interpolate stretches of missing samples (NaN) up to this long.  [default: none]
 rate  --rate  conditioning.rate_hz  HZ|none|auto  number_or_word
     Rate of the analysis; none is the log's own.  [default: auto]
 order  --order  model.order  N|auto  number_or_word
@@ -265,7 +269,7 @@ def _rows() -> dict[str, Option]:
 OPTIONS = _rows()
 # The long flag of every key, for messages.
 FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if row.key}
-CHANNELS = ("channel_map", "unit_map", "group")
+CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "fill_s")
 SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
@@ -360,8 +364,16 @@ def log_of(path: str, config: Config) -> FlightLog:
     if config.detect.train is not None and from_s is not None:
         from_s = min(from_s, config.detect.train[0])
     from_s, to_s = with_reach(rate if isinstance(rate, float) else None, from_s, to_s)
-    names = {"channel_map": dict(config.channels), "unit_map": dict(config.units)}
-    return read_log(path, group=config.group, from_s=from_s, to_s=to_s, **names)
+    return read_log(
+        path,
+        group=config.group,
+        channel_map=dict(config.channels),
+        unit_map=dict(config.units),
+        from_s=from_s,
+        to_s=to_s,
+        sample_rate_hz=config.sample_rate_hz,
+        fill_s=config.fill_s,
+    )
 
 
 def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
@@ -373,15 +385,25 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
     return tuple(path for path in named if path)
 
 
-def advise(flight: FlightLog, config: Config) -> tuple[str, ...]:
-    """Return as a note which windows a long log has, and tell it, unless one was asked for."""
-    from ..flightlog.quality import advice_on_windows
+def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
+    """Return the configuration with what the log has in place of defaults that it lacks, and notes.
 
-    advice = advice_on_windows(flight) if (config.window.from_s, config.window.to_s) == (None, None) else None
-    if advice is None:
-        return ()
-    note(advice)
-    return (advice,)
+    They say what was taken, which windows a long log has unless one was asked for, and ask about values that cannot be
+    and units that nobody has stated; the terminal is told too.
+    """
+    from ..flightlog.plausible import doubts_about
+    from ..flightlog.quality import advice_on_windows
+    from ..preprocessing.defaults import with_defaults_of
+
+    asked = (config.window.from_s, config.window.to_s) != (None, None)
+    config, notes = with_defaults_of(flight, config)
+    whole = (config.window.from_s, config.window.to_s) == (None, None)
+    if not asked and (advice := advice_on_windows(flight, whole=whole)) is not None:
+        notes = (advice, *notes)
+    notes = (*notes, *doubts_about(flight, (*config.outputs, *config.inputs)))
+    for sentence in notes:
+        note(sentence)
+    return config, notes
 
 
 class Answer(Protocol):

@@ -8,12 +8,13 @@ from typing import Any
 import click
 
 from ..errors import ConfigError
-from .options import pairs, window_options, with_options
+from .options import CHANNELS, pairs, window_options, with_options
 from .output import emit
 
 __all__ = ["command"]
 
 MAPPED = pairs("tas=my_airspeed")
+OF_THE_FILE = tuple(key for key in CHANNELS if key != "channel_map")  # that one shares --channel with what to draw
 
 
 def _channels(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> Any:
@@ -36,7 +37,7 @@ def _channels(context: click.Context, option: click.Parameter, texts: tuple[str,
     help="Draw this channel; repeatable. STD=NAME takes the channel NAME of the file as STD.  [default: airspeed, "
     "altitude, attitude, angle of attack, normal acceleration, elevator, throttle]",
 )
-@with_options("unit_map", "group")
+@with_options(*OF_THE_FILE)
 @window_options
 @click.option(
     "--events",
@@ -82,7 +83,7 @@ def command(
         )
         check_folder(options["out"], files, inputs=(*logs, *results), force=options["force"])
     found = [(path, *read_events(path)) for path in results]
-    source = {"group": options["group"], "channel_map": channel_map, "unit_map": options["unit_map"]}
+    source = {"channel_map": channel_map, **{key: options[key] for key in OF_THE_FILE}}
     flights = [read_log(log, from_s=from_s, to_s=to_s, **source) for log in logs]
     known = {flight.sha256 for flight in flights}
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights))

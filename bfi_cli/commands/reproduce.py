@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import BfiError, ConfigError
-from .options import channel_options, out_options, progress_option, series_option, window_options
+from .options import CHANNELS, OPTIONS, channel_options, out_options, progress_option, series_option, window_options
 from .output import emit, note
 from .progress import progress
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-OF_A_LOG = {"from_s": "--from", "to_s": "--to", "channel_map": "--channel", "unit_map": "--unit", "group": "--group"}
+OF_A_LOG = {name: OPTIONS[name].flags[0] for name in ("from_s", "to_s", *CHANNELS)}
 
 
 @click.command("reproduce")
@@ -83,11 +83,7 @@ def _log(options: dict[str, Any]) -> FlightLog | None:
 
     log = read_log(
         options["log_path"],
-        group=options["group"],
-        channel_map=options["channel_map"],
-        unit_map=options["unit_map"],
-        from_s=options["from_s"],
-        to_s=options["to_s"],
+        **{name: options[name] for name in ("from_s", "to_s", *CHANNELS)},
     )
     return log.window(options["from_s"], options["to_s"])
 

@@ -11,12 +11,12 @@ from .options import (
     MODEL,
     SIGNALS,
     VERDICT,
-    advise,
     config_of,
     exit_code,
     inputs_of,
     log_argument,
     log_of,
+    settled,
     with_options,
 )
 from .output import emit
@@ -47,7 +47,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     if options["out"] is not None:
         check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
     flight = log_of(log, config)
-    notes = advise(flight, config)
+    config, notes = settled(flight, config)
     with stages(wanted=options["progress"]) as progress:
         result = find_onset(flight, config, progress)
     result = replace(result, notes=(*notes, *result.notes))

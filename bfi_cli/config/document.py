@@ -21,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from ..dictionary import Dictionary, DictionaryDocument, expand, load_dictionary
+from ..dictionary import Dictionary, DictionaryDocument, expand, is_shipped, load_dictionary
 from ..errors import ConfigError
 from ..faults import did_you_mean, shown
 from ..identify.methods import METHODS
@@ -44,6 +44,12 @@ def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
 def _beside_config(path: str, info: ValidationInfo) -> str:
     """Return a path relative to the file it stands in as one relative to the working directory."""
     return str(Path((info.context or {}).get("folder", "")) / path)
+
+
+def _dictionary_of_config(path: str, info: ValidationInfo) -> str:
+    """Return the path of a dictionary, as `_beside_config`, or the name of a shipped one as it is."""
+    beside = _beside_config(path, info)
+    return path if is_shipped(path) and not Path(beside).is_file() else beside
 
 
 def _path(value: object, read: ValidatorFunctionWrapHandler) -> str:
@@ -289,7 +295,7 @@ def _registered(name: str) -> str:
 
 
 DictionarySource = Annotated[
-    Annotated[PathText, AfterValidator(_beside_config), Tag("<path>")]
+    Annotated[PathText, AfterValidator(_dictionary_of_config), Tag("<path>")]
     | Annotated[DictionaryDocument, AfterValidator(_expandable), Tag("<document>")],
     Discriminator(lambda value: "<path>" if isinstance(value, str | Path) else "<document>"),
 ]
@@ -308,6 +314,10 @@ class Config(Rules):
     """Name in the log: the unit it does not state."""
     group: Text | None = None
     """HDF5 group or MATLAB struct that holds the channels."""
+    sample_rate_hz: Positive | None = None
+    """Samples per second of a log that has no time axis."""
+    fill_s: Positive | None = None
+    """Stretches of missing samples (NaN) up to this long, s, are interpolated; default none."""
     window: Window = Window()
     tolerances: Mapping[Text, Positive] = Field(default_factory=dict)
     """Output: the largest error that may stay unseen, SI; default by the channel, see docs/formats.md."""
@@ -353,6 +363,11 @@ class Config(Rules):
         return METHODS[self.method].feedthrough if self.model.feedthrough is None else self.model.feedthrough
 
     @property
+    def default_channel(self) -> str:
+        """What entries of a dictionary act on that names no channel: tas, or the first output where that is none."""
+        return "tas" if "tas" in self.outputs else self.outputs[0]
+
+    @property
     def path(self) -> str | None:
         """The file it was read from, None for the defaults."""
         return self._path
@@ -365,6 +380,8 @@ class Config(Rules):
     def load_dictionary(self, *, allow_outside: bool = False) -> Dictionary | None:
         """Return the dictionary the configuration names or holds, None where there is none.
 
+        Its entries without a channel act on the `default_channel`, unless it names another.
+
         Parameters
         ----------
         allow_outside : the sample files of a dictionary may lie outside its folder.
@@ -375,9 +392,10 @@ class Config(Rules):
         """
         if self.dictionary is None:
             return None
+        channel = self.default_channel
         if isinstance(self.dictionary, str):
-            return load_dictionary(self.dictionary, allow_outside=allow_outside)
-        return load_dictionary(self.dictionary, where=f"{self.path or 'configuration'}: dictionary")
+            return load_dictionary(self.dictionary, allow_outside=allow_outside, channel=channel)
+        return load_dictionary(self.dictionary, where=f"{self.path or 'configuration'}: dictionary", channel=channel)
 
 
 def load_config(path: str | Path, *, allow_outside: bool = False) -> Config:

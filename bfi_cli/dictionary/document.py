@@ -26,13 +26,17 @@ from ..shapes import IN_DICTIONARY, SHAPES
 from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
-__all__ = ["MAX_ATOMS", "AtomEntry", "Dictionary", "DictionaryDocument", "GridEntry", "Range", "dead_reason", "expand"]
-__all__ += ["json_schema", "load_dictionary", "no_signal", "signals"]
+__all__ = ["MAX_ATOMS", "SHIPPED", "AtomEntry", "Dictionary", "DictionaryDocument", "GridEntry", "Range"]
+__all__ += ["dead_reason", "expand", "is_shipped", "json_schema", "load_dictionary", "no_signal", "signals"]
 
 FloatArray = NDArray[np.float64]
 
 # More faults than any published dictionary has by a factor of a hundred; their YAML still fits the limits of `yaml12`.
 MAX_ATOMS = 10_000
+# Dictionaries that come with the program, by the name that stands for their file.
+SHIPPED = {name: Path(__file__).parent / f"{name}.yaml" for name in ("airdata", "thesis")}
+# What entries act on where neither they nor their dictionary say it, and the analysis does not either.
+CHANNEL = "tas"
 
 
 class Range(Rules):
@@ -182,11 +186,20 @@ class DictionaryDocument(Rules):
         return given
 
 
-def expand(document: DictionaryDocument) -> tuple[Fault, ...]:
+def is_shipped(name: str) -> bool:
+    """Say whether a name stands for a dictionary of `SHIPPED`: a file of that name is rather meant."""
+    return name in SHIPPED and not Path(name).is_file()
+
+
+def expand(document: DictionaryDocument, channel: str = CHANNEL) -> tuple[Fault, ...]:
     """Return one fault per atom and per combination of a grid, in the order of the document.
 
     Combinations that would end before they start are left out. Faults without a name are called shape_channel_onset,
     with the other keys a grid runs over appended, and a number where that is still not unique.
+
+    Parameters
+    ----------
+    channel : of the entries that name none in a document that names none.
 
     Raises
     ------
@@ -202,9 +215,10 @@ def expand(document: DictionaryDocument) -> tuple[Fault, ...]:
     if total > MAX_ATOMS:
         raise ValueError(f"{total} faults are more than {MAX_ATOMS}; give larger steps")
     names = set(taken)
-    faults = [fault for atom in document.atoms for fault in _faults(atom, document.channel, names, is_grid=False)]
+    channel = document.channel if "channel" in document.model_fields_set else channel
+    faults = [fault for atom in document.atoms for fault in _faults(atom, channel, names, is_grid=False)]
     for i, grid in enumerate(document.grids):
-        combinations = list(_faults(grid, document.channel, names, is_grid=True))
+        combinations = list(_faults(grid, channel, names, is_grid=True))
         if not combinations:
             raise ValueError(f"grids[{i}]: every offset_s is before every onset_s; swap them")
         faults += combinations
@@ -273,17 +287,19 @@ def load_dictionary(
     where: str | None = None,
     folder: Path | None = None,
     allow_outside: bool = False,
+    channel: str = CHANNEL,
 ) -> Dictionary:
     """Return the dictionary of a YAML file, of a mapping, or of a document validated already.
 
     Parameters
     ----------
-    source : a `str` is a path.
+    source : a `str` is a path, or the name of a dictionary of `SHIPPED`.
     where : what messages call it; default the path, or "dictionary".
     folder : what the sample files of a mapping are relative to, default the working directory; those of a file are
         relative to the file.
     allow_outside : sample files may lie outside that folder. They may for a mapping without a folder: its sample files
         are named by the caller.
+    channel : of the entries that name none in a dictionary that names none.
 
     Raises
     ------
@@ -292,6 +308,12 @@ def load_dictionary(
     sha256 = None
     if isinstance(source, str | Path):
         path = Path(source)
+        if isinstance(source, str) and is_shipped(source):
+            where, path = where or source, SHIPPED[source]
+        elif path.name == str(source) and not path.suffix and not path.exists():
+            raise DictionaryError(
+                f"{source}: no such file or shipped dictionary; the shipped ones are {', '.join(SHIPPED)}"
+            )
         text = read_text(path, error=DictionaryError)
         where, folder, sha256 = where or str(path), path.parent, hashlib.sha256(path.read_bytes()).hexdigest()
         source = load_yaml(text, where=where, error=DictionaryError)
@@ -301,7 +323,7 @@ def load_dictionary(
         context = {} if folder is None else {"folder": folder, "allow_outside": allow_outside}
         document = validate(DictionaryDocument, source, where=where, error=DictionaryError, context=context)
     try:
-        atoms = expand(document)
+        atoms = expand(document, channel)
     except ValueError as problem:
         raise DictionaryError(f"{where}: {shortened(str(problem), SENTENCE_LETTERS)}") from None
     canonical = document.model_dump_json(exclude_unset=True).encode()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .record import FlightLog
+from .record import LARGEST_VALUE, FlightLog
 
 __all__ = ["BORNE", "GRAVITY", "WALK", "FlightSpeed", "airborne_stretches", "flight_speed"]
 
@@ -58,11 +58,15 @@ def flight_speed(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightSpe
     if not names or log.n_samples < 2:
         return None
     name = next((one for one in names if one not in suspects), names[0])
-    values = log.channels[name].values * METRES_PER_SECOND.get(name, 1.0)
-    known = np.isfinite(values)
+    values = log.channels[name].values
+    known = np.abs(values) <= LARGEST_VALUE
     if not known.any():
         return None
-    speed = np.abs(_running_median(np.where(known, values, 0.0), round(SMOOTHING_S * log.rate_hz)))
+    speed = np.abs(
+        _running_median(
+            np.where(known, values, 0.0) * METRES_PER_SECOND.get(name, 1.0), round(SMOOTHING_S * log.rate_hz)
+        )
+    )
     fastest = float(np.quantile(speed[known], FASTEST))
     cruise = float(np.median(speed[known & (speed >= MOVING * fastest)]))
     return FlightSpeed(values=speed, known=known, cruise=cruise)

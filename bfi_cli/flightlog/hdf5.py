@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +43,8 @@ LONGEST_UNIT = 80  # characters of MATLAB's text, which is an array of numbers l
 # Bytes up to which a log is read whole although a window would do: filters and clocks of held channels then see what
 # lies around it. A day at 100 Hz in 14 channels.
 WHOLE = 10**9
+# Bytes up to which all channels are read at once; of a larger log each is read when an analysis names it.
+READ_AT_ONCE = 2 * 10**8
 MOST_LINKS = 100  # followed for one name; a log needs one or two, a loop never ends
 MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at most as many bytes into one
 LARGEST_CHUNK = 2**28  # bytes; a chunk is unpacked whole, and is below 1 MiB where h5py or MATLAB choose its size
@@ -61,18 +63,35 @@ class _Signal:
     def values(self, rows: slice) -> NDArray[np.float64]:
         """Return the samples of these rows, whichever axis they lie along."""
         place = tuple(rows if n > 1 else 0 for n in self.data.shape)
-        return np.ravel(self.data[place]).astype(np.float64)
+        return np.ravel(self.data[place]).astype(np.float64, copy=False)
 
     def column(self, rows: slice) -> RawColumn:
         return RawColumn(source=self.name, values=self.values(rows), unit=self.unit)
 
+    def column_in_file(self, path: str, rows: slice) -> RawColumn:
+        """Return the column of these rows, not read before they are asked for."""
+        place, signal = self.data.name, self
 
-def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
+        def read(rows: slice) -> NDArray[np.float64]:
+            import h5py
+
+            try:
+                with h5py.File(path, "r") as file:
+                    return replace(signal, data=file[place]).values(rows)
+            except Exception as error:  # as in `read_hdf5`; the file may also have changed since
+                raise _damaged(path, error) from None
+
+        rows = slice(rows.start, min(rows.stop, self.data.size))
+        return RawColumn(source=self.name, values=np.empty(0), unit=self.unit, read=read, rows=rows)
+
+
+def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf, rate_hz: float | None = None) -> RawLog:
     """Read an HDF5 or MATLAB v7.3 log; a large one only between the times of `span`, in seconds.
 
     Parameters
     ----------
     time_of : returns the column that is the time axis, with its unit, None where there is none.
+    rate_hz : of a log without one, in place of what the file states.
 
     Raises
     ------
@@ -82,16 +101,18 @@ def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf) -> R
 
     try:
         with h5py.File(path, "r") as file:
-            return _read(path, file, group, span, time_of)
+            return _read(path, file, group, span, time_of, rate_hz)
     except (LogError, MemoryError):
         raise
     except Exception as error:  # a damaged file can make the HDF5 library raise anything
-        raise LogError(
-            f"{path}: damaged or truncated HDF5 file, {first_line(error)}; copy or export it again"
-        ) from None
+        raise _damaged(path, error) from None
 
 
-def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: TimeOf) -> RawLog:
+def _damaged(path: str, error: Exception) -> LogError:
+    return LogError(f"{path}: damaged or truncated HDF5 file, {first_line(error)}; copy or export it again")
+
+
+def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: TimeOf, rate_hz: float | None) -> RawLog:
     import h5py
 
     root = dict(_members(path, file))
@@ -111,9 +132,14 @@ def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: Ti
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
         clean = {name.removesuffix(CLEAN): signal for name, signal in injected.items() if name.endswith(CLEAN)}
     stated = next((one for one in (node, file) if "sample_rate_hz" in one.attrs), None)
-    rate = None if stated is None else rate_of(path, _attribute(stated, "sample_rate_hz"))
+    rate = rate_hz
+    if rate is None and stated is not None:
+        rate = rate_of(path, _attribute(stated, "sample_rate_hz"))
     rows, notes = _rows(path, signals, list(clean.values()), rate, span, time_of)
-    columns = [signal.column(rows) for signal in signals.values()]
+    if 8 * sum(signal.data.size for signal in signals.values()) > READ_AT_ONCE:
+        columns = [signal.column_in_file(path, rows) for signal in signals.values()]
+    else:
+        columns = [signal.column(rows) for signal in signals.values()]
     texts = (_text(_attribute(one, "segments")) or "[]" for one in (node, file))
     segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
     filtered = next((one for one in (node, file) if "filters" in one.attrs), None)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Hold", "find_hold", "find_quantum", "repeat_fraction"]
+__all__ = ["Hold", "find_hold", "find_quantum", "may_be_held", "repeat_fraction"]
 
 FloatArray = NDArray[np.float64]
 
@@ -23,6 +23,8 @@ QUIET_PERIODS, LEAST_COVERAGE = 20.0, 0.5
 LEAST_COHERENCE = 0.6
 # Share of single quanta among the steps: nearly all of those of a coarsely quantised slow signal are.
 MOST_UNIT_STEPS = 0.9
+# Samples of a long signal that are looked at for its levels, for time: its steps are multiples of the quantum too.
+MOST_LEVELS = 10**6
 # Relative, of values that were stored as float32.
 ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
 
@@ -40,6 +42,12 @@ def repeat_fraction(x: FloatArray) -> float:
     return float(np.mean(x[1:] == x[:-1])) if x.size > 1 else 0.0
 
 
+def may_be_held(x: FloatArray) -> bool:
+    """Say whether a signal changes often enough to show a clock, and seldom enough to be held."""
+    n_changes = int(np.count_nonzero(x[1:] != x[:-1]))
+    return n_changes >= FEWEST_CHANGES and 3 * n_changes <= 2 * x.size
+
+
 def find_hold(x: FloatArray, position: FloatArray) -> Hold | None:
     """Return the clock of a held signal, None where it is not held.
 
@@ -48,9 +56,9 @@ def find_hold(x: FloatArray, position: FloatArray) -> Hold | None:
     x : (n_samples,) values.
     position : (n_samples,) time in samples, (t - t[0]) * rate.
     """
-    change = np.flatnonzero(x[1:] != x[:-1]) + 1
-    if change.size < FEWEST_CHANGES or 3 * change.size > 2 * x.size:
+    if not may_be_held(x):
         return None
+    change = np.flatnonzero(x[1:] != x[:-1]) + 1
     # Values and steps must differ as a sensor's do, unlike the strokes of a control or single quanta.
     at, values, size = position[change], x[change], np.abs(np.diff(x)[change - 1])
     smallest = float(np.quantile(size, 0.05))
@@ -93,7 +101,7 @@ def find_quantum(x: FloatArray) -> float | None:
     x : (n_samples,) finite values.
     """
     tolerance = ROUNDING * float(np.max(np.abs(x), initial=0.0))
-    levels = np.unique(x)
+    levels = np.unique(x[:: max(1, x.size // MOST_LEVELS)])
     levels = levels[np.diff(levels, prepend=-np.inf) > tolerance]
     if levels.size < 4:
         return None

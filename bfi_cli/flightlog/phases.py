@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .airborne import BORNE, GRAVITY, WALK, flight_speed
-from .record import FlightLog, FloatArray
+from .record import LARGEST_VALUE, FlightLog, FloatArray
 
 __all__ = ["MANOEUVRES", "PARTS", "Phase", "phases_of"]
 
@@ -173,7 +173,8 @@ def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collect
         if name in suspects or name not in log.channels:
             return None
         values = log.channels[name].values
-        return mean(values) if np.isfinite(values).any() else None
+        measured = np.abs(values) <= LARGEST_VALUE
+        return mean(values if measured.all() else np.where(measured, values, np.nan)) if measured.any() else None
 
     speed = mean(speed)
     pitch, bank, aoa = channel("pitch"), channel("roll"), channel("aoa")

@@ -13,14 +13,16 @@ from ..channels import INPUTS, STANDARD
 from ..errors import LogError
 from ..filters import Filter
 from .derived import DERIVED, missing_for
-from .holds import Hold, find_hold, find_quantum, repeat_fraction
+from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from .phases import Phase, phases_of
-from .record import FlightLog, FloatArray, Segment
+from .plausible import doubt_about
+from .rates import AS_FAST
+from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 
-__all__ = ["ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport", "advice_on_windows"]
-__all__ += ["gap_starts", "hold_of", "inspect_log", "is_uniform", "ranked_windows", "require_usable", "time_jitter"]
+__all__ = ["UNEVEN", "ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport"]
+__all__ += ["advice_on_windows", "gap_starts", "held_hz", "hold_of", "inspect_log", "is_uniform", "ranked_windows"]
+__all__ += ["require_usable", "time_jitter"]
 
-LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
 GAP = 1.75  # median time steps, between one and two: a sample is missing from here on
 # Seconds. In a longer record the dynamics change and a scan takes minutes, so windows are suggested, this many.
@@ -170,24 +172,27 @@ def is_uniform(time_s: FloatArray) -> bool:
 
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
-    channels, flying, phases = [], _flying(log), phases_of(log)
+    channels, questions, flying, phases = [], [], _flying(log), phases_of(log)
     for channel in log.channels.values():
-        finite = channel.values[np.isfinite(channel.values)]
-        hold = hold_of(log, channel.values)
+        values = channel.values  # of a large file read here, once
+        is_finite = np.isfinite(values)
+        finite = values if is_finite.all() else values[is_finite]
+        held = held_hz(log, channel)
         report = ChannelReport(
             name=channel.name,
             unit=channel.unit,
             source=channel.source,
             own_rate_hz=None if channel.own_rate_hz is None else float(f"{channel.own_rate_hz:.6g}"),
-            n_nan=channel.values.size - finite.size,
-            held_fraction=0.0 if hold is None else repeat_fraction(finite),
-            hold_period_s=None if hold is None else hold.period / log.rate_hz,
+            n_nan=values.size - finite.size,
+            held_fraction=0.0 if held is None else repeat_fraction(finite),
+            hold_period_s=None if held is None else 1.0 / held,
             quantum=find_quantum(finite),
             min=float(finite.min()) if finite.size else None,
             max=float(finite.max()) if finite.size else None,
             pressures=_pressures(channel.name, log),
         )
         channels.append(report)
+        questions.append(doubt_about(channel))
     return LogReport(
         path=log.path,
         n_samples=log.n_samples,
@@ -213,7 +218,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         phases=phases,
         segments=log.segments,
         filters=log.filters,
-        notes=log.notes,
+        notes=(*log.notes, *filter(None, questions)),
     )
 
 
@@ -222,23 +227,40 @@ def _pressures(name: str, log: FlightLog) -> tuple[str, ...]:
     return () if name == "sat" and "tat" not in log.channels else DEPENDS_ON.get(name, ())
 
 
-def advice_on_windows(log: FlightLog) -> str | None:
-    """Return a sentence that names the windows with the most moves; None where the log is not long."""
+def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:
+    """Return a sentence that names the windows with the most moves; None where the log is not long.
+
+    Parameters
+    ----------
+    whole : the whole log is analysed, which the sentence says.
+    """
     duration_s = float(log.time_s[-1] - log.time_s[0])
     if duration_s <= LONG_S:
         return None
     windows = _suggested_windows(log, at_most=MOST_NAMED)
     named = [f"--from {w.start_s:.10g} --to {w.stop_s:.10g} ({w.channel})" for w in windows]
     return (
-        f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}; "
-        "the whole record is analysed"
+        f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}"
+        f"{'; the whole record is analysed' * whole}"
     )
 
 
 def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
     """Return the clock of a held signal (n_samples,) of the log, NaN left out; None where it is not held."""
     finite = np.isfinite(values)
-    return find_hold(values[finite], _position(log.time_s)[finite])
+    known = values if finite.all() else values[finite]
+    return find_hold(known, _position(log.time_s)[finite]) if may_be_held(known) else None
+
+
+def held_hz(log: FlightLog, channel: Channel) -> float | None:
+    """Return the rate of a channel that is held between values of its own, None for one that is not.
+
+    The file tells it where its signals have clocks of their own, else the values do.
+    """
+    if channel.own_rate_hz is not None and channel.own_rate_hz < AS_FAST * log.rate_hz:
+        return channel.own_rate_hz
+    hold = hold_of(log, channel.values)
+    return None if hold is None else log.rate_hz / hold.period
 
 
 def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = False) -> None:
@@ -277,8 +299,8 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
             "give --rate to resample, or cut the window with --from/--to"
         )
     for channel in channels:
-        if (hold := hold_of(log, channel.values)) is not None:
-            rate, repeated = f"{log.rate_hz / hold.period:.3g}", 100.0 * repeat_fraction(channel.values)
+        if (held := held_hz(log, channel)) is not None:
+            rate, repeated = f"{held:.3g}", 100.0 * repeat_fraction(channel.values)
             raise LogError(
                 f"{log.path}: '{channel.name}' repeats its value {repeated:.0f} % of the time (held samples, about "
                 f"{rate} Hz); give --rate {rate} to decimate"
@@ -352,12 +374,14 @@ def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWind
 def _suggested_windows(log: FlightLog, *, at_most: int) -> tuple[ExcitedWindow, ...]:
     """Return the stretches without gaps in which the first input that moves at all does so, in order of time.
 
+    In a log without inputs the pitch attitude, which they move, takes their place.
+
     Parameters
     ----------
     at_most : the stretches with the most moves are kept.
     """
     gaps, flying = _gaps(log), _flying(log)
-    for name in _inputs(log):
+    for name in _inputs(log) or [name for name in ("pitch",) if name in log.channels]:
         times = _move_times(log, name, flying)
         # Moves are apart where the input rests for longer than the margins, or the log has a gap.
         rests = np.diff(times) > BEFORE_S + AFTER_S

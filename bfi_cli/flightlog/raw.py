@@ -30,6 +30,7 @@ class RawColumn:
     ----------
     channel : the standard name that the format gives it, None where its own name tells.
     rate_hz : of the signal where the file has it at a rate of its own, None otherwise.
+    read : of a column that is left in its file, whose `values` are empty: the values of rows; rows : those that it has.
     """
 
     source: str
@@ -37,6 +38,8 @@ class RawColumn:
     unit: str | None = None
     channel: str | None = None
     rate_hz: float | None = None
+    read: Callable[[slice], NDArray[np.float64]] | None = None
+    rows: slice | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

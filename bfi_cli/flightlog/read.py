@@ -15,9 +15,10 @@ import numpy as np
 from ..channels import STANDARD, NameMatch, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
+from .filling import with_filled
 from .quality import is_uniform
 from .raw import RawColumn, RawLog, Span, TimeOf, different_length
-from .record import Channel, FlightLog, FloatArray, Truth, frozen_array
+from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .tlog import is_tlog
 
@@ -47,6 +48,8 @@ def read_log(
     unit_map: Mapping[str, str] | None = None,
     from_s: float | None = None,
     to_s: float | None = None,
+    sample_rate_hz: float | None = None,
+    fill_s: float | None = None,
 ) -> FlightLog:
     """Read a flight log; the content of the file, not its name, decides the format.
 
@@ -63,6 +66,8 @@ def read_log(
     unit_map : name in the file, or standard name -> its unit, for channels that state none or a wrong one.
     from_s, to_s : the window that is wanted, on the log's time axis. The log may come back longer, so cut it with
         `FlightLog.window`: samples outside are left unread only in a large HDF5 log.
+    sample_rate_hz : from which time is counted in a log without a time axis, in place of the rate that its file states.
+    fill_s : stretches of NaN of up to this length are interpolated; by default none is.
 
     Returns
     -------
@@ -73,7 +78,8 @@ def read_log(
     ------
     ConfigError : a unit of `unit_map` that is unknown or of another quantity.
     LogError : the file cannot be read, or has no usable time axis, channels of different length, an unknown unit, or
-        data in other files; or it needs more memory than a log should; or `channel_map` names no column of it.
+        data in other files; or it needs more memory than a log should; or `channel_map` names no column of it; or it
+        has a time axis beside `sample_rate_hz`.
     """
     name, channel_map, unit_map = str(path), channel_map or {}, unit_map or {}
     if os.path.exists(name) and not os.path.isfile(name) and not os.path.isdir(name):
@@ -82,7 +88,8 @@ def read_log(
         from .ulog2csv import folder_digest, read_folder
 
         folder = read_folder(name, group=group, channel_map=channel_map, unit_map=unit_map)
-        return _assemble(folder, name, folder_digest(name), channel_map, unit_map)
+        log = _assemble(folder, name, folder_digest(name), channel_map, unit_map, sample_rate_hz)
+        return log if fill_s is None else with_filled(log, fill_s)
     try:
         with open(name, "rb") as file:
             head = file.read(4096)
@@ -92,10 +99,11 @@ def read_log(
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"{name!r}: cannot be read, {reason.lower()}; give the path of a log") from None
     time_of = partial(_time_column, channel_map=channel_map, unit_map=unit_map)
-    raw = _read(name, head, group, (from_s, to_s), time_of, channel_map, unit_map)
+    raw = _read(name, head, group, (from_s, to_s), time_of, channel_map, unit_map, sample_rate_hz)
     with open(name, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    return with_seen_recorder(_assemble(raw, name, sha256, channel_map, unit_map))
+    log = with_seen_recorder(_assemble(raw, name, sha256, channel_map, unit_map, sample_rate_hz))
+    return log if fill_s is None else with_filled(log, fill_s)
 
 
 def _read(
@@ -106,6 +114,7 @@ def _read(
     time_of: TimeOf,
     channel_map: Mapping[str, str],
     unit_map: Mapping[str, str],
+    sample_rate_hz: float | None,
 ) -> RawLog:
     """Return the columns of a file, in the format that its first bytes show."""
     if not head:
@@ -113,7 +122,7 @@ def _read(
     if any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)):
         from .hdf5 import read_hdf5
 
-        return read_hdf5(path, group=group, span=span, time_of=time_of)
+        return read_hdf5(path, group=group, span=span, time_of=time_of, rate_hz=sample_rate_hz)
     if head.startswith(MATLAB):
         from .matlab import read_matlab
 
@@ -144,9 +153,14 @@ def _read(
 
 
 def _assemble(
-    raw: RawLog, path: str, sha256: str, channel_map: Mapping[str, str], unit_map: Mapping[str, str]
+    raw: RawLog,
+    path: str,
+    sha256: str,
+    channel_map: Mapping[str, str],
+    unit_map: Mapping[str, str],
+    sample_rate_hz: float | None,
 ) -> FlightLog:
-    """Name the columns, convert them to SI and check the time axis."""
+    """Name the columns, convert them to SI and check the time axis, or count it from the rate that is given."""
     columns = {column.source: column for column in raw.columns}
     _check_maps(path, columns, channel_map, unit_map)
     taken: dict[str, Channel] = {}
@@ -166,34 +180,34 @@ def _assemble(
         if name == "time" and stated is None:
             stated, assumed = _unit_of_time(path, column)
             notes += assumed
+        known = stated
         if stated is not None and si_unit(stated) is None and name not in STANDARD:
             notes.append(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
-            values, unit = column.values, ""
-        else:
-            values, unit = to_si(column.values, stated or "", where=f"{path}: '{column.source}'")
-        values = frozen_array(values)
-        taken[name] = Channel(
-            name=name,
-            values=values,
-            unit=unit,
-            source=column.source,
-            source_unit=stated,
-            own_rate_hz=column.rate_hz,
-        )
+            known = None
+        if column.read is not None and column.rows is not None and name == "time":
+            column = replace(column, values=column.read(column.rows), read=None)
+        taken[name] = _channel(path, name, column, known, stated)
     if not taken.keys() - {"time"}:
         raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
     time = taken.pop("time", None)
+    if time is not None and sample_rate_hz is not None:
+        raise LogError(
+            f"{path}: --sample-rate {sample_rate_hz:g}: it is for logs without a time axis, and the log has "
+            f"'{time.source}'; leave it out"
+        )
     if time is not None:
         time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
         notes += rounded
     else:
-        time_s = _counted_time(path, taken, raw)
-        notes.append(f"time is counted from sample_rate_hz = {raw.sample_rate_hz:g} Hz")
+        rate_hz = raw.sample_rate_hz if sample_rate_hz is None else sample_rate_hz
+        time_s = _counted_time(path, taken, raw, rate_hz)
+        source = "sample_rate_hz =" if sample_rate_hz is None else "--sample-rate"
+        notes.append(f"time is counted from {source} {rate_hz:g} Hz")
     order = [column.source for column in raw.columns]
     channels = dict(sorted(taken.items(), key=lambda item: order.index(item[1].source)))
     for channel in channels.values():
-        if channel.values.size != time_s.size:
-            raise different_length(path, channel.source, channel.values.size, time_s.size)
+        if channel.n_samples != time_s.size:
+            raise different_length(path, channel.source, channel.n_samples, time_s.size)
     bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
     units = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
     if units:
@@ -217,6 +231,30 @@ def _assemble(
         sha256=sha256,
         notes=tuple(notes),
     )
+
+
+def _channel(path: str, name: str, column: RawColumn, unit: str | None, stated: str | None) -> Channel:
+    """Return a column as a channel in SI units, read-only; one that is left in its file stays there."""
+    where, read = f"{path}: '{column.source}'", column.read
+    values, si = to_si(column.values, unit or "", where=where)
+    values.setflags(write=False)
+    if read is None or column.rows is None:
+        return Channel(
+            name=name,
+            values=values,
+            unit=si,
+            source=column.source,
+            source_unit=stated,
+            own_rate_hz=column.rate_hz,
+        )
+
+    def in_si(rows: slice) -> FloatArray:
+        part = read(rows)
+        part = to_si(part, unit, where=where)[0] if unit and si_unit(unit) != unit else part
+        part.setflags(write=False)
+        return part
+
+    return StoredChannel(name=name, read=in_si, rows=column.rows, unit=si, source=column.source, source_unit=stated)
 
 
 def _time_column(
@@ -352,14 +390,13 @@ def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tupl
     return frozen_array(time_s[0] + line), (note,)
 
 
-def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog) -> FloatArray:
-    rate_hz = raw.sample_rate_hz
+def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog, rate_hz: float | None) -> FloatArray:
     if rate_hz is None:
         raise LogError(
             f"{path}: no time axis, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: "
-            f"{', '.join(sorted(channels))}; map one with --channel time=NAME"
+            f"{', '.join(sorted(channels))}; map one with --channel time=NAME, or give --sample-rate HZ"
         )
-    samples = raw.first_sample + np.arange(next(iter(channels.values())).values.size)
+    samples = raw.first_sample + np.arange(next(iter(channels.values())).n_samples)
     if not (0.0 < rate_hz <= FASTEST) or samples[-1] / rate_hz > LATEST:
         raise LogError(f"{path}: sample_rate_hz is no rate of a recorder, got {rate_hz:g} Hz; mend it")
     return frozen_array(samples / rate_hz)

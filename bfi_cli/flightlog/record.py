@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import weakref
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,13 +15,14 @@ from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
 
-__all__ = ["CLEAN", "Channel", "FlightLog", "Segment", "Truth", "faults_from_json", "faults_to_json", "frozen_array"]
-__all__ += ["nothing_between", "segments_from_json", "segments_to_json"]
+__all__ = ["CLEAN", "LARGEST_VALUE", "Channel", "FlightLog", "Segment", "StoredChannel", "Truth", "faults_from_json"]
+__all__ += ["faults_to_json", "frozen_array", "nothing_between", "segments_from_json", "segments_to_json"]
 
 FloatArray = NDArray[np.float64]
 
 # Ends the name, in a file, of the clean signal of a channel with an injected fault.
 CLEAN = "_clean"
+LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
 
 
 def frozen_array(values: object) -> FloatArray:
@@ -58,6 +60,82 @@ class Channel:
     source: str
     source_unit: str | None = None
     own_rate_hz: float | None = None
+
+    @property
+    def n_samples(self) -> int:
+        """Number of values."""
+        return int(self.values.size)
+
+    def between(self, rows: slice) -> FloatArray:
+        """Return the values of these rows."""
+        return self.values[rows]
+
+    def taken(self, keep: slice | NDArray[np.bool_]) -> Channel:
+        """Return the channel restricted to the samples of a slice, or where `keep` is true."""
+        return replace(self, values=frozen_array(self.values[keep]))
+
+
+class StoredChannel(Channel):
+    """A channel of a large file, read when its values are asked for and kept in memory no longer than they are in use.
+
+    Parameters
+    ----------
+    read : returns the values of rows of the file, in `unit`, read-only.
+    rows : of the file that are the channel.
+    values : in place of both, for a channel that was made of one.
+    """
+
+    __slots__ = ("_held", "_in_use", "_read", "_rows")
+    _held: FloatArray | None
+    _in_use: Callable[[], FloatArray | None] | None
+    _read: Callable[[slice], FloatArray]
+    _rows: slice
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        unit: str,
+        source: str,
+        source_unit: str | None = None,
+        own_rate_hz: float | None = None,
+        read: Callable[[slice], FloatArray] | None = None,
+        rows: slice = slice(0, 0),
+        values: FloatArray | None = None,
+    ) -> None:
+        stated = {"name": name, "unit": unit, "source": source, "source_unit": source_unit, "own_rate_hz": own_rate_hz}
+        for key, value in {**stated, "_held": values, "_in_use": None, "_read": read, "_rows": rows}.items():
+            object.__setattr__(self, key, value)
+
+    @property
+    def values(self) -> FloatArray:
+        """(n_samples,) read from the file unless somebody still has them."""
+        values: FloatArray | None = self._held if self._in_use is None else self._in_use()
+        if values is None:
+            values = self._read(self._rows)
+            object.__setattr__(self, "_in_use", weakref.ref(values))
+        return values
+
+    @property
+    def n_samples(self) -> int:
+        """Number of values."""
+        return int(self._rows.stop - self._rows.start) if self._held is None else int(self._held.size)
+
+    def between(self, rows: slice) -> FloatArray:
+        """Return the values of these rows, without reading the others."""
+        if self._held is not None:
+            return self.values[rows]
+        start, stop, _ = rows.indices(self.n_samples)
+        return self._read(slice(self._rows.start + start, self._rows.start + stop))
+
+    def taken(self, keep: slice | NDArray[np.bool_]) -> Channel:
+        """Return the channel restricted to the samples of a slice, still unread, or where `keep` is true."""
+        if not isinstance(keep, slice) or self._held is not None:
+            return replace(self, values=frozen_array(self.values[keep]))
+        start, stop, _ = keep.indices(self.n_samples)
+        stated = {key: getattr(self, key) for key in ("name", "unit", "source", "source_unit", "own_rate_hz")}
+        rows = slice(self._rows.start + start, self._rows.start + stop)
+        return StoredChannel(**stated, read=self._read, rows=rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +180,7 @@ class FlightLog:
     filters: tuple[Filter, ...] | None = None
     sha256: str = ""
     notes: tuple[str, ...] = ()
+    _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # once it is known
 
     @property
     def n_samples(self) -> int:
@@ -110,7 +189,9 @@ class FlightLog:
     @property
     def rate_hz(self) -> float:
         """Sampling rate from the median time step, free of the time axis's rounding."""
-        return float(f"{1.0 / float(np.median(np.diff(self.time_s))):.10g}")
+        if not self._rate_hz:
+            self._rate_hz.append(float(f"{1.0 / float(np.median(np.diff(self.time_s))):.10g}"))
+        return self._rate_hz[0]
 
     def channel(self, name: str) -> Channel:
         """Return a channel by its standard name, or by its name in the file.
@@ -131,7 +212,9 @@ class FlightLog:
         raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; map one with --channel {name}=NAME")
 
     def signals(self, names: Sequence[str]) -> FloatArray:
-        """Return (n_samples, len(names)) of channel values."""
+        """Return (n_samples, len(names)) of channel values, of one channel those themselves."""
+        if len(names) == 1:
+            return self.channel(names[0]).values[:, None]
         return np.column_stack([self.channel(name).values for name in names])
 
     def window(self, from_s: float | None, to_s: float | None) -> FlightLog:
@@ -148,11 +231,15 @@ class FlightLog:
 
     def take(self, keep: NDArray[np.bool_]) -> FlightLog:
         """Return the log restricted to the samples where `keep` is true."""
-        channels = {name: replace(c, values=frozen_array(c.values[keep])) for name, c in self.channels.items()}
+        kept = np.flatnonzero(keep)
+        rows: slice | NDArray[np.bool_] = keep
+        if kept.size and kept[-1] - kept[0] + 1 == kept.size:
+            rows = slice(int(kept[0]), int(kept[-1]) + 1)
+        channels = {name: channel.taken(rows) for name, channel in self.channels.items()}
         truth = self.truth
         if truth is not None:
-            truth = replace(truth, clean={name: frozen_array(values[keep]) for name, values in truth.clean.items()})
-        return replace(self, time_s=frozen_array(self.time_s[keep]), channels=channels, truth=truth)
+            truth = replace(truth, clean={name: frozen_array(values[rows]) for name, values in truth.clean.items()})
+        return replace(self, time_s=frozen_array(self.time_s[rows]), channels=channels, truth=truth)
 
 
 def segments_to_json(segments: Sequence[Segment]) -> str:

@@ -35,7 +35,7 @@ def with_seen_recorder(log: FlightLog) -> FlightLog:
     """
     if log.filters is not None or not is_uniform(log.time_s):
         return log
-    values = [channel.values[:MOST_SAMPLES] for channel in log.channels.values()]
+    values = [channel.between(slice(0, MOST_SAMPLES)) for channel in log.channels.values()]
     seen = recorder_from_jumps(values, log.rate_hz)
     if seen is None:
         return _with_recorder_of_spectra(log, values)

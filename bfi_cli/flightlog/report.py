@@ -10,7 +10,7 @@ from ..provenance import Provenance
 from ..report.content import Drawing, Lane, Panel, ReportContent, Table
 from ..serialization import to_plain
 from ..shapes import SHAPES
-from .quality import LogReport
+from .quality import UNEVEN, LogReport
 from .record import FlightLog
 from .timeline import lanes_of, phase_columns, phase_table, window_table
 
@@ -57,7 +57,13 @@ def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
 def info_content(document: Plain) -> ReportContent:
     """Return what the report of a document of `bfi info` holds."""
     log = document["log"]
-    step = "uniform" if document["uniform"] else f"not uniform, off by up to {100 * document['jitter']:.3g} %"
+    count = len(document["gaps"])
+    if document["uniform"]:
+        step = "uniform"
+    elif document["jitter"] <= UNEVEN:
+        step = f"uniform but for {count} gap{'s' * (count > 1)}"
+    else:
+        step = f"not uniform, off by up to {100 * document['jitter']:.3g} %"
     size = f"{log['n_samples']} samples at {log['rate_hz']:.4g} Hz, {log['start_s']:g} s to {log['stop_s']:g} s"
     gaps = [(gap["start_s"], gap["stop_s"]) for gap in document["gaps"]]
     return ReportContent(

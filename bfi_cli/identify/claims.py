@@ -122,7 +122,7 @@ def _claim(
         if limit is None:
             note = "the inputs and lags of the model can explain a fault of any size"
         else:
-            effect = limit * float(np.abs(window.native.theta[:, :, entry]).max())
+            effect = limit * float(window.largest[entry])
         if not _onset_is_covered(window, outcome.order, fault.onset_s):
             limit = effect = None
             note = "too near an end of the window"

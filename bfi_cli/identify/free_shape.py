@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..faults import Fault, active_samples
+from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.decimation import decimate
 from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn
@@ -114,6 +115,14 @@ def identify_with_courses(
     if not kept[best][0].named:
         config = config.model_copy(update={"selection": config.selection.model_copy(update={"max_active": 0})})
     rest = identify(corrected, regression_of(corrected, config), config, progress)
+    if rest.analysed is not None:  # with onsets moved; what was measured has the course in it
+        moved, data = rest.analysed
+        moved = replace(
+            moved,
+            signals=replace(moved.signals, y=window.signals.y),
+            native=replace(moved.native, log=window.native.log),
+        )
+        rest = replace(rest, analysed=(moved, data))
     return replace(rest, free=tuple(outcomes), plain_error=plain.plain_error)
 
 
@@ -270,10 +279,11 @@ def _errors_when_redrawn(
 
 def _without_course(window: PreparedWindow, course: FreeOutcome) -> PreparedWindow:
     """Return the window less a course, which between the samples of the analysis is a straight line."""
-    signals, native = window.signals, window.native
-    between = np.interp(native.time_s, signals.time_s, course.value)
+    signals, log = window.signals, window.native.log
+    between, channel = np.interp(log.time_s, signals.time_s, course.value), log.channel(window.outputs[0])
+    corrected = replace(channel, values=frozen_array(channel.values - between))
     return replace(
         window,
         signals=replace(signals, y=signals.y - course.value[:, None]),
-        native=replace(native, y=native.y - between[:, None]),
+        native=replace(window.native, log=replace(log, channels={**log.channels, channel.name: corrected})),
     )

@@ -109,7 +109,7 @@ def _best_move(now: Moved, window: PreparedWindow, config: Config) -> tuple[int,
         if n in now.shifts_s or not shifts.size:
             continue
         price = searched(penalty, shifts.size).evidence - penalty.evidence
-        theta = shifted_signals(window, entry, shifts.tolist())[1]
+        theta = shifted_signals(window, entry, shifts.tolist())[0]
         theta = theta / now.regression.unit[:, None] * now.regression.magnitude_unit[n]
         atoms = best.fit.atoms
         # An entry that is declared moves; another is added, or takes the place of a declared one.

@@ -80,7 +80,10 @@ def unfold(layout: Layout, fit: Fit) -> FitRows:
     X *= weights[:, None]
     scale = np.linalg.norm(X, axis=0)
     scale[scale == 0.0] = 1.0
-    U, s, Vt = np.linalg.svd(X / scale, full_matrices=False)
+    n_regressors = X.shape[1]
+    X /= scale
+    U, s, Vt = np.linalg.svd(X, full_matrices=False)
+    del X, past_inputs, past_outputs  # of a long record each takes as much as the dictionary
     keep = s > RANK_TOLERANCE * s[0]
     Q, now = U[:, keep], corrected[first:] * weights[:, None]
     g = layout.theta[first:].copy()
@@ -89,14 +92,16 @@ def unfold(layout: Layout, fit: Fit) -> FitRows:
     g *= weights[:, None, None]
     flat = g.reshape(n - first, -1)
     weighted_error = now - Q @ (Q.T @ now)
+    raw_norm = np.sqrt(np.einsum("koj,koj->j", g, g))
+    flat -= Q @ (Q.T @ flat)
     return FitRows(
         error=weighted_error / weights[:, None],
         weighted_error=weighted_error,
-        signatures=(flat - Q @ (Q.T @ flat)).reshape(n - first, n_y, -1),
-        raw_norm=np.sqrt(np.einsum("koj,koj->j", g, g)),
+        signatures=flat.reshape(n - first, n_y, -1),
+        raw_norm=raw_norm,
         coefficients=(Vt[keep].T @ ((Q.T @ now) / s[keep, None])) / scale[:, None],
         condition_number=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
-        n_regressors=X.shape[1],
+        n_regressors=n_regressors,
     )
 
 

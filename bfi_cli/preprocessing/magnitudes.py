@@ -21,7 +21,7 @@ from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
 from .overdispersion import overdispersion
-from .regression import RegressionData, build_regression, decimate_signals
+from .regression import RegressionData, build_regression, decimate_native
 from .window import PreparedWindow, regression_of, shifts_within, with_onsets
 
 __all__ = ["MagnitudeEstimates", "at_half_rate", "averaged_magnitudes", "estimate_magnitudes", "fault_free_limits"]
@@ -341,7 +341,7 @@ def at_half_rate(
     if window.exact and window.rate.factor == 1:
         return None
     try:
-        signals = decimate_signals(window.native, 2 * window.rate.factor, window.lowpass)
+        signals, _ = decimate_native(window.native, 2 * window.rate.factor, window.lowpass)
         return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
     except LogError:
         return None

@@ -13,15 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault
-from ..filters import recorded_signal
-from ..flightlog.injection import added_by
 from ..kernels.covariance import single_additions, unfold
-from ..kernels.decimation import decimate
 from ..kernels.progress import Report, parts, silent
 from ..kernels.variable_projection import Fit
-from ..shapes import SHAPES
 from .regression import RegressionData
-from .window import PreparedWindow
+from .window import PreparedWindow, decimated_signal
 
 __all__ = ["overdispersion"]
 
@@ -31,6 +27,8 @@ FloatArray = NDArray[np.float64]
 # last tenth are left out, where a fault acts on the lags alone or on too few samples.
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
+# Of the signals that are added at once, for memory: of a day at 2 Hz those of a third of the onsets.
+MOST_VALUES = 2 * 10**6
 
 
 def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit, report: Report = silent) -> FloatArray:
@@ -53,23 +51,17 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
         lasting = None if fault.offset_s is None else fault.offset_s - fault.onset_s
         family = replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
         if family not in known:
-            raw = np.empty((len(time_s), N_ONSETS))
-            for i, onset in enumerate(onsets.tolist()):
-                shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
-                if SHAPES[fault.shape].acts_on == "reading":
-                    channel = window.log.channel(fault.channel).name
-                    changes = added_by(window.log, replace(shifted, channel=channel), window.response)
-                    raw[:, i] = changes.get(channel, 0.0)
-                else:
-                    raw[:, i] = recorded_signal(shifted, time_s, window.response, window_start_s=window.window_start_s)
-            filtered = decimate(raw, window.rate.factor, window.lowpass)
             output = channels.index(window.log.channel(fault.channel).name)
-            theta = np.zeros((len(filtered), len(channels), N_ONSETS))
-            theta[:, output] = filtered / regression.unit[output]
-            # Each shifted signal is added alone to the fit.
-            layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
-            added = single_additions(same, unfold(layout, same))
-            squares = (added.magnitude**2 / added.variance)[len(fit.atoms) :]
+            squares = np.empty(0)
+            for some in np.array_split(onsets, -(-N_ONSETS * len(regression.layout.y) // MOST_VALUES)):
+                theta = np.zeros((len(regression.layout.y), len(channels), len(some)))
+                for i, onset in enumerate(some.tolist()):
+                    shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
+                    theta[:, output, i] = decimated_signal(window, shifted)[0] / regression.unit[output]
+                # Each shifted signal is added alone to the fit.
+                layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
+                added = single_additions(same, unfold(layout, same))
+                squares = np.append(squares, (added.magnitude**2 / added.variance)[len(fit.atoms) :])
             seen = squares[np.isfinite(squares)]
             known[family] = max(1.0, float(np.mean(seen))) if seen.size else 1.0
         factors[n] = known[family]

@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import LogError
+from ..flightlog import FlightLog
 from ..kernels.covariance import Layout, unfold
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, compress, restrict, with_fault, with_scaled_outputs
 from ..kernels.progress import Report, silent
 from ..kernels.running_weights import running_weights
 from ..kernels.variable_projection import ProjectedRegression, fit_magnitudes, project_inputs
+from .fault_signals import FaultSignals
 
-__all__ = ["RegressionData", "Signals", "build_regression", "decimate_signals", "feasible_orders"]
+__all__ = ["NativeSignals", "RegressionData", "Signals", "build_regression", "decimate_native", "decimate_signals"]
+__all__ += ["feasible_orders", "longest_order"]
 
 FloatArray = NDArray[np.float64]
 
@@ -55,6 +58,86 @@ class Signals:
     y: FloatArray
     theta: FloatArray
     scaling: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NativeSignals:
+    """The window of a log, as `Signals` of its own rate are made of it: of a large log only when they are asked for.
+
+    Attributes
+    ----------
+    log : the window; inputs, outputs : names of its channels.
+    faults : what makes the signals of the dictionary.
+    """
+
+    log: FlightLog
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    faults: FaultSignals
+
+    @property
+    def path(self) -> str:
+        """Of the log, for messages."""
+        return self.log.path
+
+    @property
+    def rate_hz(self) -> float:
+        """Of the log."""
+        return self.log.rate_hz
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n_samples,)."""
+        return self.log.time_s
+
+    @property
+    def u(self) -> FloatArray:
+        """(n_samples, n_inputs)."""
+        return self.log.signals(self.inputs)
+
+    @property
+    def y(self) -> FloatArray:
+        """(n_samples, n_outputs)."""
+        return self.log.signals(self.outputs)
+
+    def between(self, rows: slice) -> Signals:
+        """Return the signals of these samples."""
+        return Signals(
+            path=self.path,
+            rate_hz=self.rate_hz,
+            factor=1,
+            time_s=self.time_s[rows],
+            u=self.u[rows],
+            y=self.y[rows],
+            theta=self.faults.between(rows),
+            scaling=tuple(self.faults.of_readings),
+        )
+
+
+def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE) -> tuple[Signals, FloatArray]:
+    """Filter and decimate all signals alike, those of the dictionary one by one.
+
+    Returns
+    -------
+    The signals, and (n_faults,) the largest value of each entry's at the log's own rate.
+
+    Raises
+    ------
+    LogError : the window is shorter than the filter.
+    """
+    bare = Signals(
+        path=native.path,
+        rate_hz=native.rate_hz,
+        factor=1,
+        time_s=native.time_s,
+        u=native.u,
+        y=native.y,
+        theta=np.empty((native.log.n_samples, len(native.outputs), 0)),
+        scaling=tuple(native.faults.of_readings),
+    )
+    decimated = decimate_signals(bare, factor, lowpass)
+    theta, largest = native.faults.decimated(factor, lowpass)
+    return replace(decimated, theta=theta), largest
 
 
 def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) -> Signals:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..faults import Fault
 from ..kernels.lagged import compress
-from .regression import EXACT, Signals
+from .regression import EXACT, NativeSignals, Signals
 
 __all__ = ["SAMPLES_PER_CYCLE", "Purpose", "RateChoice", "candidate_orders", "choose_rate", "is_exact"]
 
@@ -40,6 +40,7 @@ EMPTY_BAND = 1e-3
 TIE = 1e-6
 EXACT_ORDER = 4  # states of the longitudinal motion
 EXACT_SAMPLES = 5000  # more tell no more and take time
+SEGMENTS = 1000  # of a spectrum, transformed at once, for memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +52,7 @@ class RateChoice:
 
 
 def choose_rate(
-    signals: Signals,
+    signals: Signals | NativeSignals,
     faults: Sequence[Fault],
     *,
     exact: bool,
@@ -119,8 +120,10 @@ def _fastest(faults: Iterable[Fault]) -> float:
     return max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
 
 
-def is_exact(signals: Signals) -> bool:
+def is_exact(signals: Signals | NativeSignals) -> bool:
     """Say whether a low-order VARX with free fault terms leaves nothing but round-off at the log's own rate."""
+    if isinstance(signals, NativeSignals):
+        signals = signals.between(slice(0, EXACT_SAMPLES))
     part = slice(0, EXACT_SAMPLES)
     y, u, theta = signals.y[part], signals.u[part], signals.theta[part]
     if len(y) < 20 * EXACT_ORDER or np.any(np.ptp(y, axis=0) == 0.0):
@@ -139,7 +142,7 @@ def is_exact(signals: Signals) -> bool:
     return bool(np.all(left < EXACT)) and data.R.shape[0] > outputs.start
 
 
-def _empty_from(signals: Signals) -> float | None:
+def _empty_from(signals: Signals | NativeSignals) -> float | None:
     """Return the frequency above which the inputs carry next to nothing, None where they do up to Nyquist.
 
     The spectrum of a differenced signal (Welch's averaged periodograms of half-overlapping Hann segments) falls by
@@ -151,8 +154,12 @@ def _empty_from(signals: Signals) -> float | None:
     f = np.fft.rfftfreq(n, 1.0 / signals.rate_hz)
     for values in signals.u.T:
         segments = np.lib.stride_tricks.sliding_window_view(np.diff(values), n)[:: max(1, n // 2)]
-        centred = segments - segments.mean(axis=1, keepdims=True)
-        power = np.mean(np.abs(np.fft.rfft(centred * np.hanning(n), axis=1)) ** 2, axis=0)
+        total = np.zeros(len(f))
+        for start in range(0, len(segments), SEGMENTS):
+            part = segments[start : start + SEGMENTS]
+            centred = part - part.mean(axis=1, keepdims=True)
+            total += np.sum(np.abs(np.fft.rfft(centred * np.hanning(n), axis=1)) ** 2, axis=0)
+        power = total / len(segments)
         above = np.maximum.accumulate(power[::-1])[::-1]
         reference = [np.median(power[(f >= edge / 4) & (f <= edge / 2)]) if edge > 8 * f[1] else 0.0 for edge in f]
         empty = np.flatnonzero(above < EMPTY_BAND * np.array(reference))

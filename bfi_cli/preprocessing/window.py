@@ -9,25 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config, merge
-from ..dictionary import Dictionary, dead_reason, no_signal, signals
+from ..dictionary import Dictionary, dead_reason, no_signal
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
-from ..filters import Filter, recorded_signal, response_of
+from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by
-from ..flightlog.quality import hold_of, is_uniform
+from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass, decimate
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
-from .regression import RegressionData, Signals, build_regression, decimate_signals, longest_order
+from .fault_signals import FaultSignals, decimated_fault
+from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
-__all__ = ["PreparedWindow", "must_resample", "prepare_window", "regression_of", "shifted_signals", "shifts_within"]
-__all__ += ["unusable_atoms", "with_inputs_of", "with_onsets"]
+__all__ = ["PreparedWindow", "decimated_signal", "must_resample", "prepare_window", "regression_of", "shifted_signals"]
+__all__ += ["shifts_within", "unusable_atoms", "with_inputs_of", "with_onsets"]
 
 FloatArray = NDArray[np.float64]
 
@@ -57,6 +58,7 @@ class PreparedWindow:
     reasons : why an entry is left out, by index; live : the indices of the others but for
     free : the indices of the entries of unknown course, whose signals are zero.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
+    largest : (n_faults,) the largest value of every entry's signal at the log's own rate.
     filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
     recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
         is none or none is known.
@@ -73,8 +75,9 @@ class PreparedWindow:
     reasons: Mapping[int, str]
     live: tuple[int, ...]
     free: tuple[int, ...]
-    native: Signals
+    native: NativeSignals
     signals: Signals
+    largest: FloatArray
     rate: RateChoice
     filters: tuple[Filter, ...]
     response: Response
@@ -137,42 +140,42 @@ def prepare_window(
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
 
-    read = [j for j, fault in seen.items() if SHAPES[fault.shape].acts_on == "reading"]
-    stated = [j for j in seen if j not in read]
-
-    def dictionary_signals(source: FlightLog) -> FloatArray:
-        theta = np.zeros((source.n_samples, len(config.outputs), len(faults)))
-        theta[:, :, stated] = signals(
-            [seen[j] for j in stated], source.time_s, list(config.outputs), window_start_s=start_s, response=response
+    def made_for(source: FlightLog) -> FaultSignals:
+        return FaultSignals(
+            faults=faults,
+            seen=tuple(seen),
+            outputs=config.outputs,
+            time_s=source.time_s,
+            window_start_s=start_s,
+            response=response,
+            of_readings={
+                j: _of_reading(source, fault, response)
+                for j, fault in seen.items()
+                if SHAPES[fault.shape].acts_on == "reading"
+            },
         )
-        for j in read:
-            fault = replace(seen[j], magnitude=1.0, channel=source.channel(seen[j].channel).name)
-            added = added_by(source, fault, response)
-            theta[:, config.outputs.index(seen[j].channel), j] = added.get(fault.channel, 0.0)
-        return theta
 
     if must_resample(part, used, rate_hz):
         assert not isinstance(rate_hz, str)
-        part, theta = resample_with(log, dictionary_signals(log), rate_hz, from_s=from_s, to_s=to_s)
+        made = made_for(log)
+        part, theta = resample_with(log, made.between(slice(None)), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         added = (part.filters or ())[len(log.filters or ()) :]
         filters = (*filters, *added)
         response = response_of(filters, part.rate_hz)
+        made = replace(made, time_s=part.time_s, response=response, resampled=theta)
     else:
-        theta = dictionary_signals(part)
+        made = made_for(part)
     _require_movement(part, config)
 
-    u, y = part.signals(config.inputs), part.signals(config.outputs)
-    native = Signals(
-        path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s, u=u, y=y, theta=theta, scaling=tuple(read)
-    )
+    native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made)
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
     rate = choose_rate(
         native, list(seen.values()), exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose
     )
-    decimated = decimate_signals(native, rate.factor, lowpass)
+    decimated, largest = decimate_native(native, rate.factor, lowpass)
     reasons |= unusable_atoms(decimated.theta, names, tuple(seen), report)
     live = tuple(j for j in seen if j not in reasons)
     if not live and not free:
@@ -188,6 +191,7 @@ def prepare_window(
         free=free,
         native=native,
         signals=decimated,
+        largest=largest,
         rate=rate,
         filters=filters,
         response=response,
@@ -257,15 +261,31 @@ def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float
 
     Returns
     -------
-    (n_samples, n_outputs, n_shifts) at the log's own rate, and filtered and decimated as the window is.
+    (n_samples, n_outputs, n_shifts) filtered and decimated as the window is, and (n_shifts,) the largest native values.
     """
-    time_s, fault = window.native.time_s, window.faults[entry]
+    fault = window.faults[entry]
     output = [window.log.channel(name).name for name in window.outputs].index(window.log.channel(fault.channel).name)
-    native = np.zeros((len(time_s), len(window.outputs), len(shifts_s)))
+    theta = np.zeros((*window.signals.theta.shape[:2], len(shifts_s)))
+    largest = np.zeros(len(shifts_s))
     for i, shift_s in enumerate(shifts_s):
-        moved = _later(fault, shift_s)
-        native[:, output, i] = recorded_signal(moved, time_s, window.response, window_start_s=window.window_start_s)
-    return native, decimate(native, window.rate.factor, window.lowpass)
+        theta[:, output, i], largest[i] = decimated_signal(window, _later(fault, shift_s))
+    return theta, largest
+
+
+def decimated_signal(window: PreparedWindow, fault: Fault) -> tuple[FloatArray, float]:
+    """Return (n_samples,) the signal of a fault, decimated as the window is, and its largest value before that."""
+    factor, lowpass = window.rate.factor, window.lowpass
+    if SHAPES[fault.shape].acts_on == "reading":
+        native = _of_reading(window.log, fault, window.response)
+        return decimate(native, factor, lowpass), float(np.max(np.abs(native)))
+    return decimated_fault(
+        fault,
+        window.native.time_s,
+        factor,
+        lowpass,
+        window_start_s=window.window_start_s,
+        response=window.response,
+    )
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -277,16 +297,22 @@ def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> Prepar
     """
     if not shifts_s:
         return window
-    faults, native, theta = list(window.faults), window.native.theta.copy(), window.signals.theta.copy()
+    moved = {entry: _later(window.faults[entry], shift_s) for entry, shift_s in shifts_s.items()}
+    theta, largest = window.signals.theta.copy(), window.largest.copy()
     for entry, shift_s in shifts_s.items():
-        faults[entry] = _later(window.faults[entry], shift_s)
-        own, decimated = shifted_signals(window, entry, [shift_s])
-        native[:, :, entry], theta[:, :, entry] = own[:, :, 0], decimated[:, :, 0]
+        own, greatest = shifted_signals(window, entry, [shift_s])
+        theta[:, :, entry], largest[entry] = own[:, :, 0], greatest[0]
+    of_readings = {
+        entry: _of_reading(window.log, fault, window.response)
+        for entry, fault in moved.items()
+        if SHAPES[fault.shape].acts_on == "reading"
+    }
     return replace(
         window,
-        faults=tuple(faults),
-        native=replace(window.native, theta=native),
+        faults=tuple(moved.get(entry, fault) for entry, fault in enumerate(window.faults)),
+        native=replace(window.native, faults=window.native.faults.with_others(moved, of_readings)),
         signals=replace(window.signals, theta=theta),
+        largest=largest,
     )
 
 
@@ -314,8 +340,15 @@ def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -
         return False
     ratio = part.rate_hz / rate_hz
     whole = ratio > 1.0 - SAME_RATE and abs(ratio - round(ratio)) < SAME_RATE * ratio
-    held = (hold_of(part, part.channel(name).values) for name in names)
+    held = (held_hz(part, part.channel(name)) is not None for name in names)
     return not whole or not is_uniform(part.time_s) or any(held)
+
+
+def _of_reading(log: FlightLog, fault: Fault, response: Response) -> FloatArray:
+    """Return (n_samples,) the signal of a fault that is a share of its channel's reading."""
+    channel = log.channel(fault.channel).name
+    added = added_by(log, replace(fault, magnitude=1.0, channel=channel), response)
+    return added.get(channel, np.zeros(log.n_samples))
 
 
 def _require_movement(log: FlightLog, config: Config) -> None:
@@ -355,7 +388,8 @@ def unusable_atoms(
     reasons: dict[int, str] = {}
     n, n_y, _ = theta.shape
     flat = theta.reshape(n * n_y, theta.shape[2])
-    basis = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
+    bases = np.empty((n * n_y, n_y + len(indices)), order="F")
+    bases[:, :n_y] = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
     kept: list[int] = []
     for j, _ in parts(report, indices):
         signal, name = flat[:, j], names[j]
@@ -368,10 +402,11 @@ def unusable_atoms(
                 f"'{name}' does not change in the window, so the model's constant explains it; move its onset inside"
             )
             continue
+        basis = bases[:, : n_y + len(kept)]
         rest = signal - basis @ (basis.T @ signal)
         rest -= basis @ (basis.T @ rest)
         if np.linalg.norm(rest) > DEPENDENT * size:
-            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+            bases[:, n_y + len(kept)] = rest / np.linalg.norm(rest)
             kept.append(j)
             continue
         likeness = [abs(float(signal @ flat[:, i])) / float(np.linalg.norm(flat[:, i])) for i in kept]

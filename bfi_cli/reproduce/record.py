@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..aircraft import find_model, manoeuvre, simulate, time_axis
-from ..dictionary import Dictionary, load_dictionary
+from ..dictionary import SHIPPED, Dictionary, load_dictionary
 from ..errors import LogError
 from ..faults import Fault
 from ..flightlog import FlightLog, inject
 from ..flightlog.record import frozen_array
 from ..report.content import Panel, Span, curve
-from .page import FOLDER, load
+from .page import load
 
 __all__ = ["NOISE_M_S", "Settings", "airspeed_panel", "fault_starts", "records_of", "stand_in", "thesis_dictionary"]
 __all__ += ["thesis_record", "true_fault", "with_fault", "with_noise"]
@@ -76,7 +76,7 @@ def thesis_record(settings: Settings) -> FlightLog:
 
 def thesis_dictionary() -> Dictionary:
     """Return the seven signals of table 5-2."""
-    return load_dictionary(FOLDER / "thesis_dictionary.yaml")
+    return load_dictionary(SHIPPED["thesis"])
 
 
 def stand_in(settings: Settings) -> tuple[str, ...]:

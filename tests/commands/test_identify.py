@@ -151,7 +151,7 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ),
     ("seed", "seed: 7", "provenance.seed", 7),
 )
-OF_OTHERS = ("start_time.", "detect.", "diagnosability.", "calibrate.", "audit.")
+OF_OTHERS = ("start_time.", "detect.", "diagnosability.", "diagnose.", "calibrate.", "audit.")
 DMAE = (
     "reference: start",
     "process_variance: 1e-3",
@@ -248,7 +248,8 @@ def test_no_key_of_the_example_is_forgotten():
     here = {effect[0] for effect in EFFECTS} | {f"risro.{text.partition(':')[0]}" for text in SPARSITY}
     here |= {f"dmae.{text.partition(':')[0]}" for text in DMAE}
     others = {key for key in keys(load_yaml(CONFIGS / "example.yaml")) if not key.startswith(OF_OTHERS)}
-    assert others <= here | {"strict", "fail_on", "group"}
+    # Those of reading are in tests/flightlog/test_filling.py.
+    assert others <= here | {"strict", "fail_on", "group", "sample_rate_hz", "fill_s"}
 
 
 def test_the_example_runs_as_it_stands(identify: Callable, tmp_path: Path):

@@ -114,3 +114,19 @@ def test_recorded_flights(bfi, flights: Path, name: str):
     document = json.loads(bfi("info", flights / name, "--json").stdout)
     assert document["windows"]
     assert document["uniform"]
+
+
+@pytest.mark.parametrize(
+    ("time_s", "words"),
+    [
+        (T, "time step uniform"),
+        (T[np.abs(T - 20.0) > 1.0], "time step uniform but for 1 gap"),
+        (T[(np.abs(T - 20.0) > 1.0) & (np.abs(T - 40.0) > 0.5)], "time step uniform but for 2 gaps"),
+        (T + 0.01 * np.pi * (np.arange(T.size) % 5 == 0), "time step not uniform, off by up to 31.4 %"),
+    ],
+)
+def test_the_time_step_is_described_as_it_is(bfi, tmp_path: Path, time_s: np.ndarray, words: str):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"], file["tas"] = time_s, 90.0 + np.sin(time_s)
+    first = " ".join(bfi("info", tmp_path / "a.h5").stdout.split("Channels")[0].split())
+    assert first.endswith(words)

@@ -262,3 +262,14 @@ def test_recorded_flights(bfi: Callable, flights: Path, tmp_path: Path) -> None:
         document = json.loads((out / "result.json").read_text())
         assert document["phases"]
         assert len(document["channels"]) >= 5
+
+
+def test_a_log_without_time_or_with_missing_samples_is_drawn_as_asked(bfi: Callable, log: Path, tmp_path: Path) -> None:
+    path = write_flight(tmp_path / "bare.h5")
+    with h5py.File(path, "a") as file:
+        del file["time"]
+        file["pitch"][1000:1003] = np.nan
+    document = document_of(bfi, path, "--sample-rate", RATE_HZ, "--fill", 1)
+    assert [note for note in document["notes"] if "--sample-rate 5 Hz" in note]
+    assert [note for note in document["notes"] if "'pitch'" in note and "interpolated" in note]
+    assert document["phases"] == document_of(bfi, log)["phases"]

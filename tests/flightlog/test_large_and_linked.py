@@ -142,3 +142,68 @@ def test_attributes_of_any_type_do_not_stop_the_reader(odd, tmp_path: Path):
         for name in ("units", "MATLAB_class"):
             file["remark"].attrs.create(name, value, dtype=dtype)
     np.testing.assert_array_equal(read_log(path).channels["remark"].values, TAS)
+
+
+@pytest.fixture
+def left_in_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every log be one whose channels are read on demand."""
+    monkeypatch.setattr(hdf5, "READ_AT_ONCE", 0)
+
+
+@pytest.mark.parametrize("options", [{}, {"compression": "gzip", "chunks": True}], ids=["plain", "packed"])
+def test_channels_read_on_demand_are_those_read_at_once(tmp_path: Path, monkeypatch, options: dict):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name, unit in (("tas", "kt"), ("oat", "degC"), ("pitch", "rad"), ("other", "quux")):
+            file.create_dataset(name, data=TAS[None, :].astype(np.float32), **options)
+            file[name].attrs["units"] = unit
+        file["time"] = TIME
+    at_once = read_log(path)
+    monkeypatch.setattr(hdf5, "READ_AT_ONCE", 0)
+    log = read_log(path)
+    assert log.notes == at_once.notes
+    assert list(log.channels) == list(at_once.channels)
+    keep = np.abs(np.arange(N) - 900) > 3
+    for part, whole in (
+        (log, at_once),
+        (log.window(150.0, 200.0), at_once.window(150.0, 200.0)),
+        (log.window(150.0, 200.0).window(160.0, 170.0), at_once.window(160.0, 170.0)),
+        (log.take(keep), at_once.take(keep)),
+    ):
+        for name, channel in whole.channels.items():
+            own = part.channels[name]
+            assert (own.unit, own.source, own.source_unit) == (channel.unit, channel.source, channel.source_unit)
+            assert own.n_samples == channel.n_samples
+            np.testing.assert_array_equal(own.between(slice(3, 40)), channel.values[3:40])
+            np.testing.assert_array_equal(own.values, channel.values)
+            assert not own.values.flags.writeable
+
+
+@pytest.mark.usefixtures("left_in_file")
+def test_only_the_channels_that_are_asked_for_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = write_hdf5(tmp_path / "a.h5", time=TIME, tas=TAS, pitch=TAS, roll=TAS)
+    log, whole = read_log(path), 0
+    opened = h5py.File
+
+    def counted(*args: object, **options: object) -> h5py.File:
+        nonlocal whole
+        whole += 1
+        return opened(*args, **options)
+
+    monkeypatch.setattr(h5py, "File", counted)
+    first = log.channels["tas"].values
+    assert log.channels["tas"].values is first
+    log.window(120.0, 180.0)
+    assert whole == 1
+    del first
+    assert log.channels["tas"].values.size == N
+    assert whole == 2
+
+
+@pytest.mark.usefixtures("left_in_file")
+def test_a_file_that_is_damaged_after_it_was_opened_is_an_error_line(tmp_path: Path):
+    path = write_hdf5(tmp_path / "a.h5", time=TIME, tas=TAS)
+    log = read_log(path)
+    path.write_bytes(b"gone")
+    with pytest.raises(LogError, match="damaged or truncated HDF5 file"):
+        _ = log.channels["tas"].values

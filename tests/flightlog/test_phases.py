@@ -331,3 +331,14 @@ def test_the_flight_of_a_drone(flights: Path) -> None:
     names = [one.phase for one in found if one.phase in PARTS]
     assert (names[:3], names[-3:]) == (["ground", "take-off", "climb"], ["approach", "landing", "ground"])
     assert named(found, "take-off")[0][1] == pytest.approx(1118.5, abs=2.0)
+
+
+@pytest.mark.parametrize("value", [1e31, 1e200, np.finfo(float).max, np.inf])
+def test_what_no_instrument_shows_is_as_good_as_missing(value: float) -> None:
+    signals = flight(50.0)
+    time_s = signals.pop("time")
+    for name in signals:
+        damaged = {**signals, name: np.where(time_s == time_s[700], value, signals[name])}
+        missing = {**signals, name: np.where(time_s == time_s[700], np.nan, signals[name])}
+        assert phases_of(log_of(time_s, damaged)) == phases_of(log_of(time_s, missing))
+        assert isinstance(phases_of(log_of(time_s, {**signals, name: np.full(time_s.shape, value)})), tuple)

@@ -99,6 +99,15 @@ def test_a_named_fault_elsewhere_stays_beside_it() -> None:
     assert np.sum((result.outputs[0].fault - 2.0 * BUMP - early) ** 2) <= 0.1 * np.sum((2.0 * BUMP) ** 2)
 
 
+def test_beside_a_named_fault_that_begins_late_the_output_is_drawn_as_measured() -> None:
+    log = flown(4, 2.0 * BUMP + 0.3 * (TIME_S >= 8.5))
+    early = {"name": "early", "shape": "bias", "onset_s": 8.0}
+    result = identified(log, early, config=merge(CONFIG, {"onset_tolerance_s": 1.0}))
+    assert states(result) == {"course": "declared", "early": "declared"}
+    assert {one.name: one.fault.onset_s for one in result.faults}["early"] == pytest.approx(8.5, abs=0.11)
+    np.testing.assert_array_equal(result.outputs[0].measured, log.channel("tas").values)
+
+
 def test_fault_free_records_are_given_no_course() -> None:
     declared = [states(identified(flown(seed)))["course"] == "declared" for seed in range(100, 130)]
     assert np.mean(declared) <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / len(declared))

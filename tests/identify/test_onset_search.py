@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from bfi_cli.config import Config, merge
+from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
+from bfi_cli.preprocessing.regression import decimate_native
 from bfi_cli.preprocessing.window import prepare_window, shifted_signals, shifts_within, with_onsets
 
 EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
@@ -58,10 +60,29 @@ def test_onsets_lie_within_the_tolerance_and_the_window(flight, thesis):
 def test_a_shifted_entry_has_the_signal_of_its_fault(flight, thesis):
     window = prepare_window(flight(1), thesis, Config())
     entry = window.names.index("bias_13.8")
-    native, _ = shifted_signals(window, entry, [0.0, 0.5])
-    np.testing.assert_array_equal(native[:, :, 0], window.native.theta[:, :, entry])
+    theta, largest = shifted_signals(window, entry, [0.0, 0.5])
+    np.testing.assert_array_equal(theta[:, :, 0], window.signals.theta[:, :, entry])
     moved = with_onsets(window, {entry: 0.5})
-    np.testing.assert_array_equal(native[:, :, 1], moved.native.theta[:, :, entry])
+    np.testing.assert_array_equal(theta[:, :, 1], moved.signals.theta[:, :, entry])
     assert moved.faults[entry].onset_s == pytest.approx(14.3)
-    first = int(np.flatnonzero(native[:, 0, 1])[0])
+    native = moved.native.between(slice(None)).theta[:, 0, entry]
+    assert largest[1] == moved.largest[entry] == np.abs(native).max()
+    first = int(np.flatnonzero(native)[0])
     assert window.native.time_s[first] == pytest.approx(14.3)
+
+
+@pytest.mark.parametrize(("shift_s", "rate"), [(0.5, "none"), (-0.7, 5.0), (0.5, 7.0)])
+def test_a_share_of_the_reading_stays_one_when_it_begins_later(flight, shift_s, rate):
+    """Also where the window is resampled, by which a rate that is no part of the log's own is reached."""
+    entries = load_dictionary({"relative_to": "window", "atoms": [{"shape": "scale", "onset_s": 12.0}]})
+    config = merge(Config(), {"conditioning.rate_hz": rate})
+    window = prepare_window(flight(1), entries, config)
+    moved = with_onsets(window, {0: shift_s})
+    native = moved.native.between(slice(None)).theta[:, 0, 0]
+    since_s = moved.native.time_s - moved.faults[0].onset_s + 1e-9
+    wanted = np.where(since_s >= 0.0, window.log.channel("tas").values, 0.0)
+    clear = np.abs(since_s) > (0.0 if rate != 7.0 else 2.0)  # of the filter that resampling needs
+    np.testing.assert_allclose(native[clear], wanted[clear], rtol=1e-9)
+    again, largest = decimate_native(moved.native, moved.rate.factor, moved.lowpass)
+    np.testing.assert_allclose(again.theta, moved.signals.theta, rtol=1e-9)
+    np.testing.assert_allclose(largest, moved.largest, rtol=1e-9)

@@ -12,8 +12,8 @@ from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
-from bfi_cli.identify import identify_faults
-from bfi_cli.identify.document import identify_document
+from bfi_cli.identify import document, identify_faults
+from bfi_cli.identify.document import identify_document, identify_from_document
 from bfi_cli.kernels.termination import Termination
 from bfi_cli.provenance import provenance
 
@@ -92,6 +92,22 @@ def test_residual_summary(result):
     assert summary.band == pytest.approx(1.96 / np.sqrt(result.log.n_samples - 12))
     assert 0 <= summary.ljung_box_p <= 1
     assert any(abs(time - 13.8) < 0.3 for time in summary.plain_alarms_s)
+
+
+@pytest.mark.parametrize("most", [10_000, 317, 100])
+def test_the_series_of_a_long_record_are_thinned_in_the_document_only(result, monkeypatch, most):
+    monkeypatch.setattr(document, "MOST_SAMPLES", most)
+    made = identify_document(result, provenance(log_sha256=""))
+    series, k = made["series"], -(-result.log.n_samples // most)
+    assert series["time_s"] == result.time_s[::k].tolist()
+    assert len(series["time_s"]) <= most
+    assert series["inputs"]["elevator"] == result.inputs["elevator"][::k].tolist()
+    assert series["outputs"][0]["measured"] == result.outputs[0].measured[::k].tolist()
+    said = [note for note in made["notes"] if note.startswith("the series of this document hold")]
+    assert len(said) == (k > 1)
+    again, _ = identify_from_document(made)
+    assert again.faults == result.faults
+    assert again.log.n_samples == result.log.n_samples == len(result.time_s)
 
 
 def test_arrays_are_read_only(result):

@@ -1,0 +1,168 @@
+"""What an analysis takes of a log where it is not told: output, inputs and window.
+
+The defaults of the configuration (output tas, input elevator, the whole log) suit the logs of most aircraft, and stand
+wherever the log has them. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
+elevator, what comes nearest is taken; whatever was taken is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..channels import INPUTS
+from ..config import Config, merge
+from ..flightlog import Channel, FlightLog
+from ..flightlog.airborne import airborne_stretches
+from ..flightlog.quality import gap_starts, held_hz
+
+__all__ = ["with_defaults_of"]
+
+OTHER_AIRSPEEDS = ("cas", "ias")
+# What moves an aircraft lengthwise, and what shows that it does: one of each group, the first that moves.
+SURFACES = tuple(name for name in INPUTS if name.startswith("elevator"))
+IN_PLACE_OF_ELEVATOR = (SURFACES, ("throttle", "n1_left", "n1_right"), ("pitch",), ("longitudinal_acc",))
+# An aircraft that stands or rolls is lower than the lowest hundredth of its flight by less than this part of what it
+# flew above it: an airport may lie above another. Chosen without a tuning record.
+LOW = 0.2
+# A cut of less is none, s: an airspeed wavers at the ends of a log.
+LEAST_CUT_S = 1.0
+
+
+def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
+    """Return the configuration with what a log has in place of defaults that it lacks, and sentences on what was taken.
+
+    1. Output: tas; in a log without it the airspeed with the highest rate of its own, of equal ones cas before ias.
+    2. Inputs: elevator; where the log has none, or one that never moves, another elevator surface, throttle or N1,
+       pitch and longitudinal acceleration, those that are there and move.
+    3. Window, where neither end is given: from take-off to landing, if the log shows a ground speed or an altitude
+       that tells them; an airspeed alone may be the faulty channel. Of a log whose messages have clocks of their own,
+       the longest stretch therein without a gap.
+
+    What was asked for, on the command line or in a file, is left as it is.
+    """
+    chosen, notes = config.model_fields_set, []
+    if "outputs" not in chosen and (output := _output(log, config.inputs)) is not None:
+        notes.append(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is")
+        config = merge(config, {"outputs": [output]})
+    if "inputs" not in chosen and (inputs := _inputs(log, config)):
+        why = "does not move" if "elevator" in log.channels else "is not in the log"
+        notes.append(f"'elevator' {why}: the inputs are {', '.join(inputs)}")
+        config = merge(config, {"inputs": list(inputs)})
+    if (config.window.from_s, config.window.to_s) == (None, None):
+        config, about = _with_window(log, config)
+        notes += about
+    return config, tuple(notes)
+
+
+def _output(log: FlightLog, inputs: Sequence[str]) -> str | None:
+    """Return the airspeed to take in place of tas, None where tas is there or no airspeed is."""
+    if "tas" in log.channels:
+        return None
+    others = [log.channels[name] for name in OTHER_AIRSPEEDS if name in log.channels and name not in inputs]
+    return max(others, key=lambda channel: _own_rate(log, channel)).name if others else None
+
+
+def _own_rate(log: FlightLog, channel: Channel) -> float:
+    return log.rate_hz if channel.own_rate_hz is None else channel.own_rate_hz
+
+
+def _inputs(log: FlightLog, config: Config) -> tuple[str, ...]:
+    """Return the inputs to take in place of the elevator; none where it moves, or nothing else does."""
+    if "elevator" in log.channels and np.ptp(_finite(log.channels["elevator"])) > 0.0:
+        return ()
+    found = []
+    for group in IN_PLACE_OF_ELEVATOR:
+        names = (name for name in group if name in log.channels and name not in config.outputs)
+        found += [name for name in names if _moves(log, log.channels[name])][:1]
+    return tuple(found)
+
+
+def _moves(log: FlightLog, channel: Channel) -> bool:
+    """Say whether a channel moves, and is not held between values of a lower rate."""
+    return bool(np.ptp(_finite(channel)) > 0.0) and held_hz(log, channel) is None
+
+
+def _finite(channel: Channel) -> NDArray[np.float64]:
+    """Return the samples of a channel that are numbers, or a zero where none is."""
+    finite = channel.values[np.isfinite(channel.values)]
+    return finite if finite.size else np.zeros(1)
+
+
+def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[str]]:
+    """Return the configuration with the window from take-off to landing, without gaps where clocks are the log's."""
+    notes = []
+    first, stop = _flight(log)  # samples
+    if (first, stop) != (0, log.n_samples):
+        cut = [f"from {log.time_s[first]:.6g} s, after take-off"] * (first > 0)
+        cut += [f"to {log.time_s[stop - 1]:.6g} s, before landing"] * (stop < log.n_samples)
+        notes.append(f"analysed {', '.join(cut)}; --from and --to take more")
+    if any(channel.own_rate_hz is not None for channel in log.channels.values()):
+        pieces = _whole_pieces(log, [*config.inputs, *config.outputs], first, stop)
+        if pieces and pieces != [(first, stop)]:
+            first, stop = max(pieces, key=lambda piece: piece[1] - piece[0])
+            notes.append(
+                f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
+                f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+            )
+    if (first, stop) == (0, log.n_samples):
+        return config, []
+    step = 1.0 / log.rate_hz
+    window = {"window.from_s": float(log.time_s[first])} if first > 0 else {}
+    if stop < log.n_samples:
+        window["window.to_s"] = float(log.time_s[stop - 1]) + 0.5 * step
+    return merge(config, window), notes
+
+
+def _flight(log: FlightLog) -> tuple[int, int]:
+    """Return the first sample after take-off and the one behind the last before landing; the whole log if unknown.
+
+    The stretches of `airborne_stretches` tell them from the ground speed, or from an airspeed where the altitude
+    agrees. What lies between the first and the last of them is in the air, whatever the sensors say.
+    """
+    whole = (0, log.n_samples)
+    by_ground_speed = "ground_speed" in log.channels
+    if not by_ground_speed and "altitude" not in log.channels:
+        return whole
+    stretches = airborne_stretches(log, suspects=("tas", "cas", "ias", "mach"))
+    if not stretches:
+        return whole
+    from_s, to_s = stretches[0][0], stretches[-1][1]
+    first, stop = (int(np.searchsorted(log.time_s, end)) for end in (from_s, to_s))
+    if log.time_s[first] - log.time_s[0] < LEAST_CUT_S or not (
+        by_ground_speed or _is_low(log, first, stop, slice(first))
+    ):
+        first = 0
+    if log.time_s[-1] - to_s < LEAST_CUT_S or not (by_ground_speed or _is_low(log, first, stop, slice(stop, None))):
+        stop = log.n_samples
+    return first, stop
+
+
+def _is_low(log: FlightLog, first: int, stop: int, part: slice) -> bool:
+    """Say whether the outer half of a part of the log before take-off or after landing is as low as the ground."""
+    altitude = log.channels["altitude"].values
+    flown = altitude[first:stop]
+    flown, outer = flown[np.isfinite(flown)], altitude[part]
+    outer = outer[: -(-outer.size // 2)] if part.stop is not None else outer[outer.size // 2 :]
+    outer = outer[np.isfinite(outer)]
+    if not flown.size or not outer.size:
+        return False
+    low, high = np.quantile(flown, [0.01, 0.99])
+    return bool(np.median(outer) <= low + LOW * (high - low))
+
+
+def _whole_pieces(log: FlightLog, names: Sequence[str], first: int, stop: int) -> list[tuple[int, int]]:
+    """Return (first, stop) of the pieces without a gap in which every channel is a number."""
+    known = np.zeros(log.n_samples + 1, dtype=bool)
+    known[first:stop] = True
+    for name in names:
+        if name in log.channels:
+            known[:-1] &= np.isfinite(log.channels[name].values)
+    begins, ends = known & ~np.r_[False, known[:-1]], ~known & np.r_[False, known[:-1]]
+    after_gap = gap_starts(log.time_s) + 1
+    inside = after_gap[known[after_gap] & known[after_gap - 1]]
+    starts = np.union1d(np.flatnonzero(begins), inside)
+    stops = np.union1d(np.flatnonzero(ends), inside)
+    return list(zip(starts.tolist(), stops.tolist(), strict=True))

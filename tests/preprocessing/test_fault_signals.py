@@ -1,0 +1,58 @@
+"""Signals of a dictionary made in blocks are those made at once, whatever the block, the filter and the fault."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.faults import Fault
+from bfi_cli.filters import recorded_signal
+from bfi_cli.kernels.decimation import SHARP, WHITE, decimate
+from bfi_cli.kernels.low_pass import IDENTITY, low_pass
+from bfi_cli.preprocessing import fault_signals
+from bfi_cli.preprocessing.fault_signals import FaultSignals, decimated_fault
+
+RATE_HZ = 20.0
+TIME_S = 300.0 + np.arange(3000) / RATE_HZ
+FAULTS = (
+    Fault(shape="bias", channel="tas", onset_s=390.0, offset_s=400.0),
+    Fault(shape="drift", channel="tas", onset_s=300.0, slope=0.1),
+    Fault(shape="sine", channel="cas", onset_s=449.0, frequency_hz=0.3, phase_reference="window"),
+    Fault(shape="lagged_bias", channel="tas", onset_s=340.02, time_constant_s=2.0),
+)
+
+
+@pytest.mark.parametrize("block", [50, 777, 1000, 10_000])
+@pytest.mark.parametrize("factor", [1, 4, 7])
+@pytest.mark.parametrize("lowpass", [WHITE, SHARP, replace(WHITE, kind="causal")], ids=["white", "sharp", "causal"])
+@pytest.mark.parametrize("response", [IDENTITY, low_pass("gaussian", 0.75, RATE_HZ)], ids=["none", "recorder"])
+def test_blocks_change_nothing(monkeypatch: pytest.MonkeyPatch, block: int, factor: int, lowpass, response):
+    monkeypatch.setattr(fault_signals, "BLOCK", block)
+    for fault in FAULTS:
+        whole = recorded_signal(fault, TIME_S, response, window_start_s=TIME_S[0])
+        made, largest = decimated_fault(fault, TIME_S, factor, lowpass, window_start_s=TIME_S[0], response=response)
+        np.testing.assert_allclose(made, decimate(whole, factor, lowpass), rtol=1e-9, atol=1e-9)
+        assert largest == pytest.approx(np.abs(whole).max(), rel=1e-9)
+
+
+def test_all_entries_stand_on_their_outputs_and_those_not_seen_are_zero():
+    made = FaultSignals(
+        faults=FAULTS, seen=(0, 2), outputs=("cas", "tas"), time_s=TIME_S, window_start_s=300.0, response=IDENTITY
+    )
+    native = made.between(slice(None))
+    assert native.shape == (3000, 2, 4)
+    np.testing.assert_array_equal(np.any(native, axis=0), [[False, False, True, False], [True, False, False, False]])
+    np.testing.assert_array_equal(made.between(slice(1500, 2000)), native[1500:2000])
+    decimated, largest = made.decimated(5, WHITE)
+    np.testing.assert_allclose(decimated, decimate(native, 5, WHITE), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(largest, np.abs(native).max(axis=(0, 1)))
+    resampled, same = replace(made, resampled=native).decimated(5, WHITE)
+    np.testing.assert_allclose(resampled, decimated, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(same, largest)
+
+
+def test_a_window_shorter_than_the_filter_is_refused():
+    with pytest.raises(ValueError, match="fewer than"):
+        decimated_fault(FAULTS[1], TIME_S[:20], 20, WHITE, window_start_s=300.0, response=IDENTITY)

@@ -111,7 +111,11 @@ def _belongs(one: Draft, event: Draft) -> bool:
     if not overlaps:
         return False
     # While a line is held, whatever is compared with its pressure disagrees.
-    if one.finding.stage == "scan" or event.finding.stage == "holds":
+    if event.finding.stage == "holds":
         return True
+    if one.finding.stage == "scan":
+        # Relations between channels say nothing of an oscillation that all of them have.
+        swings = one.finding.frequency_hz is not None and event.finding.frequency_hz is None
+        return not (swings and event.finding.stage == "static relations")
     alike = {*one.finding.among, *one.finding.channels} & {*event.finding.among, *event.finding.channels}
     return bool(alike)

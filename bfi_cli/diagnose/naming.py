@@ -11,6 +11,9 @@ from ..parity import Finding, Fit, Record, Threshold, WindowScan, effects
 from ..parity.record import hypotheses
 from ..shapes import SHAPES
 
+# s, to both sides of an onset of the scan, which stands on the samples of its analysis at 2 Hz.
+ONSET_STEP_S = 0.5
+
 __all__ = ["contradicted", "finding_of_fit", "finding_of_glance", "repeat_advice"]
 
 
@@ -104,7 +107,7 @@ def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bo
         unit=magnitude_unit(shape, unit),
         effect={found.channel: found.magnitude * seconds},
         onset_s=found.onset_s,
-        onset_ci95=(found.onset_s, found.onset_s),
+        onset_ci95=(found.onset_s - ONSET_STEP_S, found.onset_s + ONSET_STEP_S),
         statistic=found.statistic,
         threshold=found.threshold,
         p_value=found.p_value,

@@ -267,7 +267,7 @@ LINES: dict[str, tuple[list[str], str, int]] = {
     ),
     "atom dead": (
         ["identify", "log.h5", "-c", "c.yaml", "-d", "x"],
-        f"atoms: [{{shape: bias, name: {BAD_YAML}}}]\n",
+        f"atoms: [{{shape: bias, onset_s: 300, name: {BAD_YAML}}}]\n",
         2,
     ),
     "sample file": (["dictionary", "x"], f"atoms: [{{shape: samples, file: {BAD_YAML}}}]\n", 2),

@@ -83,4 +83,4 @@ def test_the_program_ships_a_table_for_every_set_of_residuals(length_s, known):
         assert len(table.statistics) >= 15
         assert np.all(np.diff(table.statistics) >= 0.0)
         assert np.all(np.isfinite(table.statistics))
-        assert 10.0 < threshold_of(tables, residuals, length_s, knows_zero_lift=known, false_alarm=0.01).level < 500.0
+        assert 5.0 < threshold_of(tables, residuals, length_s, knows_zero_lift=known, false_alarm=0.01).level < 500.0

@@ -77,9 +77,8 @@ def test_an_airspeed_that_is_lost_in_flight_is_said(journey: FlightLog) -> None:
     """The rest of the flight, its descent among it, is neither judged nor taken for a stay on the ground."""
     failed = journey
     for name in ("tas", "cas", "mach"):
-        failed = plus(
-            failed, name, lambda t, name=name: np.where(t > 600.0, -0.97, 0.0) * journey.channels[name].values
-        )
+        recorded = journey.channels[name].values
+        failed = plus(failed, name, lambda t, recorded=recorded: np.where(t > 600.0, -0.97, 0.0) * recorded)
     answer = diagnosed(failed)
     assert [one.phase for one in answer.phases if one.to_s > 600.0 and one.from_s < 700.0] == ["cruise", "no airspeed"]
     assert any("airspeed is that of an aircraft at rest while the altitude changes" in one for one in answer.missing)

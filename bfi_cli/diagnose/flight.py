@@ -12,7 +12,7 @@ from ..airdata import IMPACT_SOURCES
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
-from ..flightlog.phases import Phase, phases_of
+from ..flightlog.phases import NO_AIRSPEED, Phase, phases_of
 from ..flightlog.record import frozen_array
 from ..flightlog.recorder import with_seen_recorder
 from ..parity import (
@@ -41,6 +41,8 @@ FloatArray = NDArray[np.float64]
 
 # Beside a held line, where the filters of the recorder and the leak itself still act.
 BRIDGE_S = 10.0
+# Between two pieces of one hold: an airspeed that comes and goes about nothing.
+UNHELD_S = 60.0
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 # Where an angle of zero lift that no calibration gives is from.
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
@@ -154,6 +156,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
             "map its airspeed with --channel"
         )
+    held = replace(held, findings=_until_free(held.findings, phases, stop_s))
     log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
     own = None if config.diagnose.calibration is None else load_air_data(config.diagnose.calibration)
@@ -217,6 +220,31 @@ def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
         held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
         said.append(f"'{name}' {held} through the whole log: it was not used")
     return said, replace(log, channels={name: one for name, one in log.channels.items() if name not in frozen})
+
+
+def _until_free(found: Sequence[Finding], phases: Sequence[Phase], stop_s: float) -> tuple[Finding, ...]:
+    """Return the holds with those joined between which the airspeed reads nothing.
+
+    A total pressure that is trapped below the static one leaves no airspeed: that is no end of the hold.
+    """
+    lost = [(one.from_s, one.to_s) for one in phases if one.phase == NO_AIRSPEED]
+    last: dict[str, Finding] = {}
+    ended: list[Finding] = []
+    for one in sorted(found, key=lambda finding: finding.onset_s):
+        earlier, hold = last.get(one.fault), one
+        if earlier is not None and _reaches(earlier, one.onset_s):
+            hold = replace(earlier, offset_s=None if earlier.offset_s is None else one.offset_s)
+        elif earlier is not None:
+            ended.append(earlier)
+        for first, end in lost if one.fault == "pitot_blocked" else ():
+            if hold.offset_s is not None and hold.offset_s < end and _reaches(hold, first):
+                hold = replace(hold, offset_s=end if end < stop_s - BRIDGE_S else None)
+        last[one.fault] = hold
+    return tuple(sorted((*ended, *last.values()), key=lambda finding: finding.onset_s))
+
+
+def _reaches(hold: Finding, time_s: float) -> bool:
+    return hold.offset_s is None or hold.offset_s >= time_s - UNHELD_S
 
 
 def _never_moves(values: FloatArray) -> bool:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ..display_units import Shown
 from ..printable import shortened
 
-__all__ = ["HEADINGS", "axis_label", "instant", "interval", "number", "quantity", "shortened"]
+__all__ = ["HEADINGS", "axis_label", "change", "instant", "interval", "number", "quantity", "shortened", "with_unit"]
 
 # What a report says over a decision.
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
@@ -44,8 +45,17 @@ def quantity(value: float | None, unit: str) -> str:
     """Return a number to two significant digits with its unit; "-" if absent."""
     if value is None or not math.isfinite(value):
         return "-"
-    shown = number(value, digits=2) if abs(value) < 100.0 else f"{value:.0f}"
-    return f"{shown} {unit}".rstrip()
+    return with_unit(number(value, digits=2) if abs(value) < 100.0 else f"{value:.0f}", unit)
+
+
+def change(value: float | None, shown: Shown) -> str:
+    """Return a fault, a limit or a standard deviation in SI as a `quantity` in the unit that is shown."""
+    return quantity(shown.change(value), shown.unit)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return the text of a number or of an interval with its unit; a ratio has none, nor has "-" in place of either."""
+    return text if text == "-" or unit == "1" else f"{text} {unit}".rstrip()
 
 
 def interval(ci95: Sequence[float], *, joint: str = " to ", extra: int = 0) -> str:

@@ -111,15 +111,21 @@ class Units:
         """Return how values of a file are shown: in SI as they stand there, angles in rad too."""
         return Shown(unit=unit) if self.name == "si" else self.of(unit, channel=channel, own=own)
 
-    def sentence(self, text: str) -> str:
+    def sentence(self, text: str, *, channel: str = "") -> str:
         """Return a stored sentence with its amounts in these units, to as many digits as they have, two or more.
 
         A sentence that asks for the unit of a file is about the numbers in it, and stays.
-        """
-        return text if self.name == "si" or "--unit " in text else AMOUNT.sub(self._amount, text)
 
-    def _amount(self, found: re.Match[str]) -> str:
-        shown = self.of(found["unit"], channel=found["channel"] or "")
+        Parameters
+        ----------
+        channel : what the amounts are of that name none themselves, "4 m/s on altitude_rate".
+        """
+        if self.name == "si" or "--unit " in text:
+            return text
+        return AMOUNT.sub(lambda found: self._amount(found, channel), text)
+
+    def _amount(self, found: re.Match[str], channel: str) -> str:
+        shown = self.of(found["unit"], channel=found["channel"] or channel)
         if shown.unit == found["unit"]:
             return found[0]
         ends = [end for end in (found["low"], found["high"]) if end is not None]

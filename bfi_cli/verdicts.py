@@ -47,6 +47,8 @@ class Candidate:
     state : None for an entry of the dictionary that was left out, which counts for none.
     magnitude, sd : of a declared fault its estimate, of another what it would be if it were added; None where unknown.
     unit : of the magnitudes; channel_unit : of effect and tolerance.
+    physical_scale, physical_unit : what a magnitude of 1 means, 0.23 m/s^2 for a drift with that slope; None where the
+        magnitudes mean themselves.
     minimal_detectable : magnitude that would be declared with 90 % power at the onset as well as it is known;
         minimal_detectable_scan : the same of the scan over all onsets, the median over these.
     excluded_above : magnitude beyond which the log excludes the fault, at the worst of the onsets covered.
@@ -71,6 +73,14 @@ class Candidate:
     channel_unit: str = ""
     onset_s: float | None = None
     note: str | None = None
+    physical_scale: float | None = None
+    physical_unit: str | None = None
+
+    @property
+    def meaning(self) -> tuple[float, str]:
+        """What a magnitude of 1 means: value and unit."""
+        scale, unit = self.physical_scale, self.physical_unit
+        return (1.0, self.unit) if scale is None or unit is None else (scale, unit)
 
 
 def kind_of(fault: Fault, *, declared: bool) -> Kind:

@@ -9,10 +9,11 @@ which no standard deviation at the minimum tells.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from ..faults import magnitude_unit
+from ..faults import Fault, magnitude_unit, physical
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -76,9 +77,16 @@ def claims_of(
                 channel_unit="" if channel is None else channel.unit,
                 onset_s=fault.onset_s,
                 note=window.reasons.get(entry),
+                **_meaning(fault, "" if channel is None else channel.unit),
             )
         )
     return tuple(candidates)
+
+
+def _meaning(fault: Fault, channel_unit: str) -> dict[str, Any]:
+    """Return what a magnitude of 1 means, for a candidate whose magnitude multiplies a slope; {} for the others."""
+    scale, unit = physical(fault, 1.0, channel_unit)
+    return {} if fault.slope is None else {"physical_scale": scale, "physical_unit": unit}
 
 
 def _claim_of_course(window: PreparedWindow, one: FreeOutcome) -> Candidate:
@@ -144,6 +152,7 @@ def _claim(
         channel_unit=channel.unit,
         onset_s=fault.onset_s,
         note=outcome.declined.get(n, note),
+        **_meaning(fault, channel.unit),
     )
 
 

@@ -9,11 +9,10 @@ which no standard deviation at the minimum tells.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from ..faults import Fault, magnitude_unit, physical
+from ..faults import magnitude_unit, meaning
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -64,6 +63,7 @@ def claims_of(
             continue
         channel = window.log.channels.get(fault.channel)
         twin = known.get(twins.get(entry, -1))
+        scale, unit = meaning(fault, "" if channel is None else channel.unit)
         candidates.append(
             Candidate(
                 name=window.names[entry],
@@ -77,16 +77,11 @@ def claims_of(
                 channel_unit="" if channel is None else channel.unit,
                 onset_s=fault.onset_s,
                 note=window.reasons.get(entry),
-                **_meaning(fault, "" if channel is None else channel.unit),
+                physical_scale=scale,
+                physical_unit=unit,
             )
         )
     return tuple(candidates)
-
-
-def _meaning(fault: Fault, channel_unit: str) -> dict[str, Any]:
-    """Return what a magnitude of 1 means, for a candidate whose magnitude multiplies a slope; {} for the others."""
-    scale, unit = physical(fault, 1.0, channel_unit)
-    return {} if fault.slope is None else {"physical_scale": scale, "physical_unit": unit}
 
 
 def _claim_of_course(window: PreparedWindow, one: FreeOutcome) -> Candidate:
@@ -135,6 +130,7 @@ def _claim(
             limit = effect = None
             note = "too near an end of the window"
     suspected = n in outcome.declined
+    scale, unit = meaning(fault, channel.unit)
     state = state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance)
     return Candidate(
         name=window.names[entry],
@@ -152,7 +148,8 @@ def _claim(
         channel_unit=channel.unit,
         onset_s=fault.onset_s,
         note=outcome.declined.get(n, note),
-        **_meaning(fault, channel.unit),
+        physical_scale=scale,
+        physical_unit=unit,
     )
 
 

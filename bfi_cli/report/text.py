@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from ..display_units import Shown
+from ..channels import STANDARD
+from ..display_units import Shown, Units
 from ..printable import shortened
 
-__all__ = ["HEADINGS", "axis_label", "change", "instant", "interval", "number", "quantity", "shortened", "with_unit"]
+__all__ = ["HEADINGS", "axis_label", "change", "instant", "interval", "noise_level", "number"]
+__all__ += ["quantity", "shortened", "with_unit"]
 
 # What a report says over a decision.
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
@@ -51,6 +53,15 @@ def quantity(value: float | None, unit: str) -> str:
 def change(value: float | None, shown: Shown) -> str:
     """Return a fault, a limit or a standard deviation in SI as a `quantity` in the unit that is shown."""
     return quantity(shown.change(value), shown.unit)
+
+
+def noise_level(channel: str, sd: float | None, units: Units, own: Mapping[str, str]) -> str:
+    """Return the standard deviation of a channel in SI as a quantity; `own` are the units of the channels of the log.
+
+    Of a channel of which neither these nor the standard names know the unit, nothing is invented.
+    """
+    unit = STANDARD[channel].unit if channel in STANDARD else own.get(channel, "")
+    return change(sd, units.of(unit, channel=channel))
 
 
 def with_unit(text: str, unit: str) -> str:

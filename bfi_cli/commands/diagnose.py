@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from typing import Any
 
 import click
 
-from .options import CHANNELS, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import CHANNELS, config_of, exit_code, inputs_of, log_argument, log_of, units_of, with_options
 from .output import emit
 from .progress import stages
 
@@ -18,7 +19,7 @@ __all__ = ["command"]
 @log_argument
 @with_options(
     *("config_path", "from_s", "to_s", *CHANNELS, "recorder", "require", "tolerance"),
-    *("diagnose_false_alarm", "diagnose_calibration", "allow_outside"),
+    *("diagnose_false_alarm", "diagnose_calibration", "allow_outside", "units"),
     *("out", "force", "strict", "fail_on", "progress", "as_json", "series"),
     from_s="Start of the part that is diagnosed.  [default: take-off]",
     to_s="End of it, in the log's seconds.  [default: landing]",
@@ -53,5 +54,6 @@ def command(context: click.Context, /, log: str, config_path: str | None, worker
         result = diagnose_flight(flight, config, workers=workers or os.cpu_count() or 1, progress=progress)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = diagnose_document(result, origin)
-    emit(diagnose_content(document), document, options, origin=origin, inputs=inputs)
+    units = units_of(config.shown_units)
+    emit(partial(diagnose_content, document), document, options, units=units, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

@@ -17,11 +17,13 @@ from .output import note
 if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
+    from ..display_units import Units
     from ..flightlog import FlightLog
 
 __all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
-__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "window_options", "with_options"]
+__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "units_of", "units_option"]
+__all__ += ["window_options", "with_options"]
 
 Command = Callable[..., Any]
 Callback = Callable[[click.Context, click.Parameter, Any], Any]
@@ -92,6 +94,30 @@ def _scan_method(_context: click.Context, option: click.Parameter, word: str | N
     return SCAN_METHODS.get(word or "")
 
 
+def _shown_units(_context: click.Context, option: click.Parameter, word: str | None) -> str | None:
+    """Return the name of a system of units."""
+    if word is None:
+        return None
+    from ..display_units import UNITS
+    from ..faults import did_you_mean, shown
+
+    if word not in UNITS:
+        what = f"not one of the choices, got {shown(word)}{did_you_mean(word, list(UNITS))}"
+        raise ConfigError(f"{option.opts[0]}: {what}")
+    return word
+
+
+def _tolerances(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, float | str]:
+    """Return numbers in SI, and texts that state a unit, which the configuration reads."""
+    given: dict[str, float | str] = {}
+    for name, text in pairs("tas=2.6, or tas=5kt")(context, option, texts).items():
+        try:
+            given[name] = float(text)
+        except ValueError:
+            given[name] = text
+    return given
+
+
 def _kinds(_context: click.Context, _option: click.Parameter, text: str | None) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",")) if text else ()
 
@@ -118,7 +144,8 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "channels": {"multiple": True, "callback": pairs("tas=my_airspeed")},
     "units": {"multiple": True, "callback": pairs("tas=kt")},
     "noise": {"multiple": True, "callback": pairs("tas=0.01", float)},
-    "tolerances": {"multiple": True, "callback": pairs("tas=2.6", float)},
+    "tolerances": {"multiple": True, "callback": _tolerances},
+    "shown_units": {"callback": _shown_units},
     "kinds": {"callback": _kinds},
     "magnitudes": {"multiple": True, "callback": pairs("0.5 or --magnitude NAME=0.5", float, bare=True)},
     "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
@@ -164,7 +191,7 @@ onset_tolerance  --onset-tolerance  onset_tolerance_s  S  number
 require  --require  require  KINDS  kinds
     Kinds of fault that must be excluded for a no_fault: abrupt,oscillating,slow.  [default: all]
 tolerance  --tolerance  tolerances  CHANNEL=VALUE  tolerances
-    Largest error that may stay unseen, SI; repeatable.  [default: by channel, for tas 3 % or 5 kt]
+    Largest error that may stay unseen, SI or with unit, tas=5kt; repeatable.  [default: by channel, tas 3 % or 5 kt]
 method  --method  method  NAME  text
     Method of identification: {", ".join(METHODS)}.  [default: ml]
 sparsity  --sparsity  risro.sparsity  KIND  text
@@ -231,6 +258,8 @@ duration_s  --duration  audit.duration_s  S  number
     Length of the window; only without a LOG.
 allow_outside  --allow-outside  -  -  flag
     Read sample files also where they lie outside the folder of the dictionary or configuration.
+units  --units  shown_units  si|aviation  shown_units
+    Units of tables, figures and reports; aviation: kt, ft, ft/min, deg, degC, hPa. Files stay SI.  [default: si]
 out  --out  -  DIR  path
     Write result, report, figures and tables.
 force  --force  -  -  flag
@@ -303,6 +332,7 @@ window_options = with_options("from_s", "to_s")
 out_options = with_options("out", "force")
 force_option = with_options("force")
 outside_option = with_options("allow_outside")
+units_option = with_options("units")
 progress_option = with_options("progress")
 json_option = with_options("as_json")
 series_option = with_options("as_json", "series")
@@ -348,6 +378,13 @@ def _by_option(complaint: str, values: Mapping[str, Any]) -> str:
     key = place.partition("[")[0]
     flags = [flag for one, flag in FLAGS.items() if one in values and (one == key or one.startswith(f"{key}."))]
     return f"{'/'.join(flags)}: {what}" if colon and flags else f"command line: {complaint}"
+
+
+def units_of(name: str | None) -> Units:
+    """Return the units of that name, SI where none was asked for."""
+    from ..display_units import SI, UNITS
+
+    return SI if name is None else UNITS[name]
 
 
 def log_of(path: str, config: Config) -> FlightLog:

@@ -241,7 +241,7 @@ def _fault_tables(faults: Sequence[Plain]) -> tuple[Table, ...]:
                 _shape(fault),
                 fault["channel"],
                 f"{number(fault['onset_s'], spread=_half(when))} s",
-                interval(when),
+                with_unit(interval(when), "s"),
                 "-" if fault["offset_s"] is None else f"{instant(fault['offset_s'])} s",
                 with_unit(number(fault["magnitude"], spread=_half(size), extra=1), fault["unit"]),
                 with_unit(interval(size), fault["unit"]),

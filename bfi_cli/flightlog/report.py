@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ..display_units import SI, Units
+from ..display_units import SI, Shown, Units
 from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, physical
 from ..provenance import Provenance
 from ..report.content import Drawing, Lane, Panel, ReportContent, Table
@@ -240,10 +240,15 @@ def describe_injected(fault: Fault, unit: str, units: Units = SI) -> str:
     until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
     label = fault.shape if fault.name is None else f"{fault.name} ({fault.shape})"
     shown = units.of_file(magnitude_unit(fault, unit), channel=fault.channel, own=unit)
-    size = f", magnitude {with_unit(f'{fault.magnitude / shown.factor:g}', shown.unit)}"
+    size = f", magnitude {_typed(fault.magnitude, shown)}"
     if fault.slope is not None:
         value, of = physical(fault, fault.magnitude, unit)
         meant = units.of_file(of, channel=fault.channel, own=unit)
-        size += f" ({with_unit(f'{value / meant.factor:g}', meant.unit)})"
+        size += f" ({_typed(value, meant)})"
     where = f" on {fault.channel}" if fault.channel else ""
     return f"{label}{where}{size if SHAPES[fault.shape].has_magnitude else ''}, from {fault.onset_s:g} s{until}"
+
+
+def _typed(value: float, shown: Shown) -> str:
+    """Return a size as it was typed, in another unit to four digits."""
+    return with_unit(f"{value:g}" if shown.factor == 1.0 else f"{value / shown.factor:.4g}", shown.unit)

@@ -226,7 +226,7 @@ def _facts(document: Plain, units: Units, own: Mapping[str, str]) -> list[tuple[
             channel = fault["channel"] or ""
             value, unit = physical(fault_from_dict(fault), fault["magnitude"], own.get(channel, ""))
             known = units.of(unit, channel=channel, own=own.get(channel, ""))
-            size = f", magnitude {with_unit(f'{value / known.factor:.6g}', known.unit)}"
+            size = f", magnitude {with_unit(number(value / known.factor), known.unit)}"
         when = f"from {instant(fault['onset_s'])} s{_until(fault)}"
         rows.append(("Injected", f"{_shape(fault)}{size}, {where}{when}"))
     return rows

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import click
 
-from .options import CHANNELS, VERDICT, config_of, exit_code, inputs_of, log_argument, log_of, units_of, with_options
+from .options import (
+    CHANNELS,
+    VERDICT,
+    config_of,
+    doubts,
+    exit_code,
+    inputs_of,
+    log_argument,
+    log_of,
+    units_of,
+    with_options,
+)
 from .output import emit
 from .progress import progress
 
@@ -45,6 +57,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     flight = log_of(log, config)
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, config, report=report)
+    result = replace(result, notes=(*doubts(flight, (*result.outputs, *result.inputs)), *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
     units = units_of(config.shown_units)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import click
 
-from .options import CHANNELS, config_of, exit_code, inputs_of, log_argument, log_of, units_of, with_options
+from .options import CHANNELS, config_of, doubts, exit_code, inputs_of, log_argument, log_of, units_of, with_options
 from .output import emit
 from .progress import stages
 
@@ -43,6 +44,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, worker
         from ..config import merge
         from ..diagnose import diagnose_content, diagnose_document, diagnose_flight
         from ..files import check_folder
+        from ..parity.record import USED
         from ..provenance import provenance
         from ..report.files import content_names
 
@@ -51,7 +53,9 @@ def command(context: click.Context, /, log: str, config_path: str | None, worker
             check_folder(options["out"], names, inputs=inputs, force=options["force"])
         # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
         flight = log_of(log, merge(config, {"window": {"from_s": None, "to_s": None}}))
+        questions = doubts(flight, USED)
         result = diagnose_flight(flight, config, workers=workers or os.cpu_count() or 1, progress=progress)
+    result = replace(result, notes=(*questions, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = diagnose_document(result, origin)
     units = units_of(config.shown_units)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from ..display_units import Units
     from ..flightlog import FlightLog
 
-__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "exit_code"]
+__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "doubts"]
+__all__ += ["exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
 __all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "units_of", "units_option"]
 __all__ += ["window_options", "with_options"]
@@ -428,7 +429,6 @@ def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]
     They say what was taken, which windows a long log has unless one was asked for, and ask about values that cannot be
     and units that nobody has stated; the terminal is told too.
     """
-    from ..flightlog.plausible import doubts_about
     from ..flightlog.quality import advice_on_windows
     from ..preprocessing.defaults import with_defaults_of
 
@@ -437,10 +437,19 @@ def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]
     whole = (config.window.from_s, config.window.to_s) == (None, None)
     if not asked and (advice := advice_on_windows(flight, whole=whole)) is not None:
         notes = (advice, *notes)
-    notes = (*notes, *doubts_about(flight, (*config.outputs, *config.inputs)))
     for sentence in notes:
         note(sentence)
-    return config, notes
+    return config, (*notes, *doubts(flight, (*config.outputs, *config.inputs)))
+
+
+def doubts(flight: FlightLog, names: Sequence[str]) -> tuple[str, ...]:
+    """Return questions about channels whose values cannot be, or whose unit nobody has stated; tell the terminal."""
+    from ..flightlog.plausible import doubts_about
+
+    questions = doubts_about(flight, names)
+    for sentence in questions:
+        note(sentence)
+    return questions
 
 
 class Answer(Protocol):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -42,6 +41,8 @@ __all__ += ["Diagnose", "DictionarySource", "Dmae", "Model", "Names", "Natural",
 __all__ += ["StartTime", "Window", "json_schema", "load_config", "merge"]
 
 
+# "5kt", "1.5e1 ft": a number and a unit that begins with no digit.
+AMOUNT = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.].*)")
 # What editors know of keys that hold more than one kind of value.
 UNITS_SCHEMA = {
     "anyOf": [
@@ -88,18 +89,16 @@ def _in_si(tolerances: Any) -> Any:
 
 
 def _tolerance(name: str, text: str) -> float:
-    amount = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*?)\s*", text)
-    try:
-        value = float(amount[1]) if amount is not None else math.nan
-        factor, _ = (1.0, 0.0) if amount is None else factor_and_offset(amount[2])
-    except (ValueError, LogError) as error:
-        raise ValueError(f"{name}: {str(error).removeprefix('unit: ')}") from None
+    amount = AMOUNT.fullmatch(text.strip())
     if amount is None:
         raise ValueError(f"{name}: not a number with a unit, got {shown(text)}; write one like 2.6 or 5kt")
-    unit = si_unit(amount[2])
-    if name in STANDARD and unit != STANDARD[name].unit:
+    try:
+        factor, _ = factor_and_offset(amount["unit"])  # an error of a temperature has no offset
+    except LogError as error:
+        raise ValueError(f"{name}: {str(error).removeprefix('unit: ')}") from None
+    if name in STANDARD and si_unit(amount["unit"]) != STANDARD[name].unit:
         raise ValueError(f"{name}: is in {STANDARD[name].unit}, got {shown(text)}; give a unit of that kind")
-    return value * factor
+    return factor * float(amount["number"])
 
 
 PathText = Annotated[Text, WrapValidator(_path)]

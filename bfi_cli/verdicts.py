@@ -163,5 +163,5 @@ def shown_limit(one: Candidate, units: Units = SI) -> str | None:
         return None
     shown = units.of(one.channel_unit, channel=one.channel)
     value = one.effect / shown.factor
-    text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
+    text = f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"  # no exponent
     return text if shown.unit == "1" else f"{text} {shown.unit}".rstrip()

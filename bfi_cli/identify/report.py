@@ -22,7 +22,7 @@ from ..report.claims import (
     verdict_sentence,
 )
 from ..report.content import Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
-from ..report.text import HEADINGS, axis_label, change, instant, interval, number, with_unit
+from ..report.text import HEADINGS, axis_label, change, instant, interval, number, quantity, with_unit
 from ..shapes import SHAPES
 from ..verdicts import Candidate
 from .document import identify_from_document
@@ -206,7 +206,7 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
                 with_unit(interval(ends, extra=1), shown.unit),
                 "-" if fault.offset_s is None else f"{instant(fault.offset_s)} s",
                 fault.shape if fault.frequency_hz is None else f"{fault.shape}, {fault.frequency_hz:.4g} Hz",
-                with_unit(number(sd, digits=2), shown.unit),
+                quantity(sd, shown.unit),
                 # Of a slope that the dictionary states, else the magnitude itself.
                 "-" if fault.slope is None else f"{multiplier} x slope {fault.slope:g}/s",
             )
@@ -241,7 +241,7 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
             ("Isolation", "exactly the injected faults" if truth.isolated else "not the injected faults"),
             ("False alarms", ", ".join(truth.false_alarms) or "none"),
             ("Missed", ", ".join(truth.missed) or "none"),
-            ("Relative magnitude error", "-" if error is None else f"{number(100.0 * error, digits=2)} %"),
+            ("Relative magnitude error", "-" if error is None else quantity(100.0 * error, "%")),
             *((name, "-" if value is None else f"{number(value, digits=5)} %") for name, value in vaf),
         )
         yield Table(name="truth", title="Against the injected truth", heads=("measure", "value"), rows=rows)

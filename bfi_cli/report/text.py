@@ -14,6 +14,8 @@ __all__ += ["quantity", "shortened", "with_unit"]
 
 # What a report says over a decision.
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
+# From here on two digits would be written with an exponent.
+TWO_DIGITS = 99.5
 
 
 def number(value: float | None, *, spread: float | None = None, digits: int = 4, extra: int = 0) -> str:
@@ -47,7 +49,7 @@ def quantity(value: float | None, unit: str) -> str:
     """Return a number to two significant digits with its unit; "-" if absent."""
     if value is None or not math.isfinite(value):
         return "-"
-    return with_unit(number(value, digits=2) if abs(value) < 100.0 else f"{value:.0f}", unit)
+    return with_unit(number(value, digits=2) if abs(value) < TWO_DIGITS else f"{value:.0f}", unit)
 
 
 def change(value: float | None, shown: Shown) -> str:

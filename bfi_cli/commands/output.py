@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     ContentIn = Callable[[Units], ReportContent]
 
-__all__ = ["ContentIn", "emit", "note", "show", "show_lines", "write", "write_and_show"]
+__all__ = ["emit", "note", "show", "show_lines", "write", "write_and_show"]
 
 # Columns of a pipe or a file, where COLUMNS does not say otherwise: what the widest of the tables needs.
 PIPE_COLUMNS = 120

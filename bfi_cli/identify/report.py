@@ -292,7 +292,8 @@ def _draw_outputs(result: IdentifyResult) -> Drawing:
         names = [name for name in result.inputs if result.input_units.get(name, "") == unit]
         curves = [_line(name if len(names) > 1 else "", result, result.inputs[name]) for name in names]
         label = axis_label(shortened(names[0], 18) if len(names) == 1 else "inputs", unit)
-        panels.append({"y_label": label, "curves": tuple(curves), "height": 0.5})
+        # On two lines, which the low panel has room for.
+        panels.append({"y_label": label.replace(" [", "\n["), "curves": tuple(curves), "height": 0.5})
     outputs, inputs = ", ".join(result.model.outputs), ", ".join(result.model.inputs)
     caption = (
         f"Measured {outputs} with the one-step prediction of the final model and the measurement corrected for the "

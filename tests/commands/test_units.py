@@ -214,3 +214,20 @@ def test_detect_and_diagnose_ask_about_values_that_cannot_be(bfi: Callable, tmp_
         notes = json.loads(outcome.stdout)["notes"]
         assert any("'tas' reaches 45" in note for note in notes)
         assert any(note.startswith("the log states no unit for tas") for note in notes)
+
+
+@pytest.mark.realdata
+def test_a_diagnosis_of_a_flight_in_knots_and_feet(bfi: Callable, tmp_path: Path, flights: Path):
+    fault = "pitot_icing,magnitude=0.003,onset_s=3550,offset_s=3660"
+    bfi("inject", flights / "citation_20180312_f1.h5", "--fault", fault, "-o", tmp_path / "a.h5")
+    command = ("diagnose", tmp_path / "a.h5", "--from", 2900, "--to", 4100, "--workers", 1)
+    shown = bfi(*command, "--units", "aviation", "--out", tmp_path / "kt")
+    assert shown.code == 0
+    assert re.search(r"pitot icing from .* tas -\d+ kt", shown.stdout)
+    assert re.search(r"altitude_rate +drift +\S+ ft/min/s +\d+ ft/min", shown.stdout)
+    assert re.search(r"tat +bias +\S+ degC", shown.stdout)
+    assert not METRIC.search(shown.stdout)
+    plain = bfi("report", tmp_path / "kt" / "result.json", "--out", tmp_path / "si")
+    assert re.search(r"pitot icing from .* tas -[\d.]+ m/s", plain.stdout)
+    for path in (tmp_path / "si").glob("*.csv"):
+        assert (tmp_path / "kt" / path.name).read_bytes() == path.read_bytes(), path.name

@@ -102,7 +102,14 @@ def find_onset(
         limits = partial(progress, "what could not have been seen")
         candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
         of_dictionary = limits_near_onsets(
-            record, estimates, rule, faults, config.onset_tolerance_s, tolerances, order=order
+            record,
+            estimates,
+            rule,
+            faults,
+            config.onset_tolerance_s,
+            tolerances,
+            order=order,
+            order_as_measured=first.order,
         )
     by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)

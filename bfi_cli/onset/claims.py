@@ -129,6 +129,7 @@ def claims_of(
     tolerances: Mapping[str, float],
     *,
     order: int,
+    doubted: Mapping[tuple[Shape, int], str],
     report: Report = silent,
 ) -> tuple[Candidate, ...]:
     """Return one candidate per shape and channel, and of lags and ramps where steps are looked for.
@@ -139,6 +140,7 @@ def claims_of(
     estimates : the declared faults; rule : by which they were.
     tolerances : by output.
     order : of the model that is left without the faults.
+    doubted : why a shape on an output that stands out is not declared.
     report : called with the fraction that is done.
     """
     settings, log = record.settings, record.window.log
@@ -159,7 +161,7 @@ def claims_of(
             of_views = [_said(record, scan, rule, shape, output, peak, tolerance) for scan in views[output]]
             said = _worst(of_views, tolerance / scale)
         suspicion = None if own or peak is None else _suspicion(rule, first, estimates, peak, order)
-        suspicion = suspicion or said.suspicion
+        suspicion = None if own else doubted.get((shape, output)) or suspicion or said.suspicion
         fault, unit = fault_of(form, channel, magnitude=1.0, onset_s=0.0), log.channel(channel).unit
         effect = None if said.effect is None else _finite(scale * said.effect)
         candidates.append(

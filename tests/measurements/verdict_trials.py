@@ -25,6 +25,7 @@ from threadpoolctl import threadpool_limits
 from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import Dictionary, load_dictionary
+from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, build_up_s, unit_signal
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.airborne import airborne_stretches
@@ -222,8 +223,8 @@ def is_claimed(trial: Trial, log: FlightLog, config: Config) -> bool:
     left_s, f = trial.to_s - trial.fault.onset_s, trial.fault.frequency_hz
     if f is None:
         return True
-    cycles, (_, highest_hz) = f * (trial.to_s - trial.from_s), prepare_record(log, config).band_hz
-    return cycles >= 6.0 - 1e-9 and f * left_s >= 2.0 and f <= highest_hz
+    record = prepare_record(log, config)
+    return f * record.settings.duration_s >= 6.0 - 1e-9 and f * left_s >= 2.0 and f <= record.band_hz[1]
 
 
 def run(trial: Trial, tables: Path) -> dict[str, Any]:
@@ -305,10 +306,13 @@ def resumed(numbers: Sequence[int], results: Path, run: Callable[[int], dict[str
     with results.open("a") as file:
         for number in numbers:
             if number not in held:
-                held[number] = run(number)
+                try:
+                    held[number] = run(number)
+                except LogError as problem:  # a window that cannot be analysed gets no answer
+                    held[number] = {"number": number, "refused": str(problem)}
                 file.write(json.dumps(held[number]) + "\n")
                 file.flush()
-    return [held[number] for number in numbers]
+    return [held[number] for number in numbers if "refused" not in held[number]]
 
 
 def main() -> None:
@@ -320,8 +324,9 @@ def main() -> None:
     asked = parser.parse_args()
     tables = asked.results.with_suffix(".tables")
     resumed(range(asked.first, asked.last), asked.results, lambda number: run(draw(number), tables))
-    rows = [json.loads(line) for line in asked.results.read_text().splitlines()]
-    print(len(rows), "runs")
+    every = [json.loads(line) for line in asked.results.read_text().splitlines()]
+    rows = [row for row in every if "refused" not in row]
+    print(f"{len(rows)} runs, {len(every) - len(rows)} more in windows that cannot be analysed")
     for name, (n, wrong) in counts_of(rows).items():
         low, high = interval(wrong, n)
         print(f"{name}: {wrong} of {n} wrong ({low:.1%} to {high:.1%})")

@@ -32,7 +32,7 @@ from .scan import HypothesisScan, Peak, scan_of
 from .scan_record import ScanRecord
 from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
 
-__all__ = ["OLDER_NOTE", "POWER", "claims_of", "covered_s", "limits_near_onsets"]
+__all__ = ["OLDER_NOTE", "POWER", "STANDS_FOR", "claims_of", "covered_s", "limits_near_onsets"]
 
 # Quantiles of the normal distribution: 90 % power, and the one-sided 99 % limit.
 POWER, LIMIT = 1.2815515655446004, 2.3263478740408408

@@ -22,8 +22,8 @@ from .scan_record import Likelihood, ScanRecord, prepare_record
 __all__ = ["unconfirmed"]
 
 # Share of its statistic that a fault keeps where the other channels are inputs, too. With the elevator alone it kept 1
-# to 29 % of that of the six false alarms in 137 windows of two recorded flights, and 49 % or more of that of 56 steps,
-# drifts and oscillations in 20 of them: what is in the output alone stands out the more, the less else is unexplained.
+# to 29 % of that of the six false alarms in 137 windows of two recorded flights, and 49 % or more of that of 39 steps,
+# drifts and oscillations in 19 of them: what is in the output alone stands out the more, the less else is unexplained.
 LEAST_SHARE = 0.4
 # Seconds by which the onset may differ: one sample of the usual rate of the scan, and its low-pass.
 NEAR_S = 1.5

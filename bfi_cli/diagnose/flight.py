@@ -46,7 +46,8 @@ UNHELD_S = 60.0
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 # Where an angle of zero lift that no calibration gives is from.
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
-ORIGINS = (OUTSIDE, WHOLE, NOWHERE)
+BEFORE = "the flight before the fault"
+ORIGINS = (OUTSIDE, WHOLE, BEFORE, NOWHERE)
 # Faults that spoil that angle where they last.
 TELL_ZERO_LIFT = {"aoa", "normal_acc", *IMPACT_SOURCES}
 
@@ -202,9 +203,10 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
         (one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S)
         for one in flight.held.findings
     ]
-    without += [(one.from_s, np.inf) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
+    spoilt: list[Window] = [(one.from_s, np.inf) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
+    without += spoilt
     outside = (OUTSIDE, [*without, (flight.from_s, flight.to_s)])
-    for origin, left_out in (*([outside] if flight.is_part else []), (WHOLE, without)):
+    for origin, left_out in (*([outside] if flight.is_part else []), (BEFORE if spoilt else WHOLE, without)):
         angle = zero_lift_of(flight.record, flight.phases, without=left_out)
         if angle is not None:
             return angle, origin

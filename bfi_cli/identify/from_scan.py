@@ -16,7 +16,8 @@ from ..filters import response_of
 from ..flightlog import FlightLog, inject
 from ..flightlog.recorder import recorder_filters
 from ..kernels.progress import Progress, unseen
-from ..onset import OnsetResult, find_onset, propose_dictionary, scan_beside, with_limit_of_scan
+from ..onset import STANDS_FOR, OnsetResult, find_onset, propose_dictionary, scan_beside, with_limit_of_scan
+from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..truth import Comparison, compare_by_onset
@@ -59,7 +60,34 @@ def identify_and_scan(
     scanned = scan_beside(_corrected(log, result, config), config, faults, progress, exact=exact)
     if isinstance(scanned, str):
         return _with_scan(result if exact else _unchecked(result, config), None, scanned)
-    return _checked(result, scanned, config)
+    result = _checked(result, scanned, config)
+    if not result.faults or "no_fault" not in result.verdicts.values():
+        return result
+    measured = scan_beside(log.window(config.window.from_s, config.window.to_s), config, (), progress, exact=False)
+    return _as_measured(result, measured, config)
+
+
+def _as_measured(result: IdentifyResult, measured: OnsetResult | str, config: Config) -> IdentifyResult:
+    """Return the result with no claim on a kind of fault of which a scan of the window as measured makes none.
+
+    What is declared may stand for another fault, as a lag and a step do for a slow oscillation. The window less it
+    does not show that fault any more.
+    """
+    kinds = [
+        kind
+        for kind, verdict in result.verdicts.items()
+        if verdict == "no_fault" and (isinstance(measured, str) or measured.verdicts[kind] != "no_fault")
+    ]
+    if not kinds:
+        return result
+    candidates = tuple(
+        replace(one, state="not_seen", excluded_above=None, effect=None, note=STANDS_FOR)
+        if one.kind in kinds and one.state == "excluded"
+        else one
+        for one in result.candidates
+    )
+    verdicts = {kind: "inconclusive" if kind in kinds else verdict for kind, verdict in result.verdicts.items()}
+    return replace(result, candidates=candidates, verdicts=verdicts, summary=summarise(verdicts, candidates))
 
 
 def _unchecked(result: IdentifyResult, config: Config) -> IdentifyResult:
@@ -99,6 +127,7 @@ def identify_from_scan(
     ------
     LogError, ConfigError : see `bfi_cli.onset.find_onset` and `bfi_cli.identify.identify_faults`.
     """
+    config = with_inputs_of(log, config)
     scanned = find_onset(log, merge(config, {"method": "ml"}), progress)
     dictionary = propose_dictionary(scanned)
     if scanned.faults:

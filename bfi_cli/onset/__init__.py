@@ -1,6 +1,7 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
 from .beside import scan_beside, with_limit_of_scan
+from .claims import STANDS_FOR
 from .decision import calibration_windows, table_of_windows, windows_of
 from .detection import find_onset
 from .report import onset_content, onset_document
@@ -13,6 +14,13 @@ from .result import (
     propose_dictionary,
 )
 
-__all__ = ["CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile", "calibration_windows"]
-__all__ += ["find_onset", "onset_content", "onset_document", "propose_dictionary", "table_of_windows"]
+__all__ = ["STANDS_FOR", "CalibrationUse", "OnsetFault", "OnsetResult", "OnsetSeries", "ShapeProfile"]
+__all__ += [
+    "calibration_windows",
+    "find_onset",
+    "onset_content",
+    "onset_document",
+    "propose_dictionary",
+    "table_of_windows",
+]
 __all__ += ["scan_beside", "windows_of", "with_limit_of_scan"]

@@ -22,6 +22,7 @@ from ..preprocessing.window import with_inputs_of
 from ..report.text import instant
 from ..verdicts import decide, summarise, verdicts_of
 from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets
+from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
 from .magnitudes import measure
@@ -61,8 +62,9 @@ def find_onset(
        the fault at the log's own samples, re-estimate those before it, subtract all of them and scan again.
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
-    5. Estimate the magnitudes of those that remain at the rate of an estimate.
-    6. Turn the thresholds into magnitudes at every onset: what could not have been seen decides between "no fault"
+    5. Doubt those that do not stand out where all trusted channels of the log are inputs: they are suspected.
+    6. Estimate the magnitudes of those that remain at the rate of an estimate.
+    7. Turn the thresholds into magnitudes at every onset: what could not have been seen decides between "no fault"
        and "inconclusive".
 
     Parameters
@@ -97,18 +99,30 @@ def find_onset(
             if estimates:
                 estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
             eliminate(record, verdicts, estimates, order, rule, progress)
+        doubts = unconfirmed(log, record, estimates, config, order=order)
+        doubted = {(estimates[i].form.shape, estimates[i].form.output): said for i, said in doubts.items()}
+        verdicts = [one for i, one in enumerate(verdicts) if i not in doubts]
+        estimates = [one for i, one in enumerate(estimates) if i not in doubts]
+        if not briefly:
             estimates = measure(log, record, estimates, config, partial(progress, "magnitudes"))
         tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
         limits = partial(progress, "what could not have been seen")
-        candidates = claims_of(record, first, estimates, rule, tolerances, order=order, report=limits)
+        candidates = claims_of(record, first, estimates, rule, tolerances, order=order, doubted=doubted, report=limits)
         of_dictionary = limits_near_onsets(
-            record, estimates, rule, faults, config.onset_tolerance_s, tolerances, order=order
+            record,
+            estimates,
+            rule,
+            faults,
+            config.onset_tolerance_s,
+            tolerances,
+            order=order,
+            order_as_measured=first.order,
         )
     by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
     result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.fault_free_order)
-    notes = [*rule.notes, *_notes(record, result.faults, first.order)]
+    notes = [*doubts.values(), *rule.notes, *_notes(record, result.faults, first.order)]
     if not estimates and not rule.use.matches:
         profile = next(profile for profile in result.profiles if profile.shape == verdict.shape)
         best = int(profile.statistic.argmax())

@@ -38,6 +38,25 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Regressors:
+    """The regressors of a fit on the rows of its record, orthogonalised: they depend on its support alone.
+
+    Attributes
+    ----------
+    Q : (n_rows, rank), their orthogonal basis; now : (n_rows, n_outputs) the corrected outputs, weighted.
+    singular : all of their singular values, columns scaled; Vt : (rank, n_regressors); scale : of the columns.
+    weights : (n_rows,).
+    """
+
+    Q: FloatArray
+    now: FloatArray
+    singular: FloatArray
+    Vt: FloatArray
+    scale: FloatArray
+    weights: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FitRows:
     """A fit row by row, over the rows first..n_samples - 1.
 
@@ -69,23 +88,44 @@ class SingleAdditions:
     variance: FloatArray
 
 
-def unfold(layout: Layout, fit: Fit) -> FitRows:
-    """Evaluate a fit on the rows of its record."""
-    first, n, n_y = layout.first, len(layout.y), layout.y.shape[1]
+def regressors_of(layout: Layout, fit: Fit) -> Regressors:
+    """Return the regressors of a fit on the rows of its record, for several `unfold` that differ in other atoms."""
+    first, n = layout.first, len(layout.y)
     corrected = layout.y - layout.theta[:, :, list(fit.atoms)] @ fit.z
-    past_inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, fit.order + 1), first=first)
-    past_outputs = lagged(corrected, range(1, fit.order + 1), first=first)
-    X = np.hstack([np.ones((n - first, 1)), past_inputs, past_outputs])
+    X = np.hstack(
+        [
+            np.ones((n - first, 1)),
+            lagged(layout.u, range(0 if layout.feedthrough else 1, fit.order + 1), first=first),
+            lagged(corrected, range(1, fit.order + 1), first=first),
+        ]
+    )
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
     X *= weights[:, None]
     scale = np.linalg.norm(X, axis=0)
     scale[scale == 0.0] = 1.0
-    n_regressors = X.shape[1]
     X /= scale
     U, s, Vt = np.linalg.svd(X, full_matrices=False)
-    del X, past_inputs, past_outputs  # of a long record each takes as much as the dictionary
     keep = s > RANK_TOLERANCE * s[0]
-    Q, now = U[:, keep], corrected[first:] * weights[:, None]
+    return Regressors(
+        Q=U if keep.all() else U[:, keep],
+        now=corrected[first:] * weights[:, None],
+        singular=s,
+        Vt=Vt[keep],
+        scale=scale,
+        weights=weights,
+    )
+
+
+def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> FitRows:
+    """Evaluate a fit on the rows of its record.
+
+    Parameters
+    ----------
+    regressors : of the fit on this record where they are known, see `regressors_of`.
+    """
+    made = regressors_of(layout, fit) if regressors is None else regressors
+    first, n, n_y = layout.first, len(layout.y), layout.y.shape[1]
+    Q, now, s, weights = made.Q, made.now, made.singular, made.weights
     g = layout.theta[first:].copy()
     for i, K in enumerate(fit.K, start=1):
         g -= np.einsum("io,koj->kij", K, layout.theta[first - i : n - i])
@@ -99,9 +139,9 @@ def unfold(layout: Layout, fit: Fit) -> FitRows:
         weighted_error=weighted_error,
         signatures=flat.reshape(n - first, n_y, -1),
         raw_norm=raw_norm,
-        coefficients=(Vt[keep].T @ ((Q.T @ now) / s[keep, None])) / scale[:, None],
+        coefficients=(made.Vt.T @ ((Q.T @ now) / s[: Q.shape[1], None])) / made.scale[:, None],
         condition_number=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
-        n_regressors=n_regressors,
+        n_regressors=made.scale.size,
     )
 
 

@@ -16,7 +16,7 @@ from ..filters import response_of
 from ..flightlog import FlightLog, inject
 from ..flightlog.recorder import recorder_filters
 from ..kernels.progress import Progress, unseen
-from ..onset import OnsetResult, find_onset, propose_dictionary, scan_beside, with_limit_of_scan
+from ..onset import OnsetResult, find_onset, propose_dictionary, scan_beside, why_not_scanned, with_limit_of_scan
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..truth import Comparison, compare_by_onset
@@ -54,9 +54,11 @@ def identify_and_scan(
     )
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in result.faults):
         return _with_scan(_unchecked(result, config), None, "not scanned beside a fault of unknown shape")
-    start_s = float(log.window(config.window.from_s, config.window.to_s).time_s[0])
-    faults = dictionary.resolved(start_s)
-    scanned = scan_beside(_corrected(log, result, config), config, faults, progress, exact=exact)
+    part = log.window(config.window.from_s, config.window.to_s)
+    faults = dictionary.resolved(float(part.time_s[0]))
+    scanned = why_not_scanned(part, config, exact=exact) or scan_beside(
+        _corrected(log, result, config), config, faults, progress, exact=exact
+    )
     if isinstance(scanned, str):
         return _with_scan(result if exact else _unchecked(result, config), None, scanned)
     return _checked(result, scanned, config)

@@ -32,7 +32,7 @@ HOPEFUL = 0.3
 # Entries that are moved at most; more faults than that near their onsets, none at it, have not been met.
 MOST_MOVED = 4
 # Bytes of the regressors of several supports that are kept, each of which serves all entries.
-KEPT = 2 * 10**8
+KEPT = 10**8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,8 +16,8 @@ from .variable_projection import Fit
 BLIND = 1e-10
 # Smallest singular value of the scaled regressors, relative to the largest, that is not round-off.
 RANK_TOLERANCE = 1e-12
-# Of the signatures that are evaluated at once, 16 MB: less than any window has that is not a flight of hours.
-MOST_VALUES = 2 * 10**6
+# Of the signatures that are evaluated at once, 8 MB: less than any window has that is not a flight of hours.
+MOST_VALUES = 10**6
 # Columns that LAPACK treats together, and rows that are rotated together: the speed only.
 PANEL, ROWS = 32, 65_536
 

@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 # last tenth are left out, where a fault acts on the lags alone or on too few samples.
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
-# Of the signals that are added at once, for memory: of a day at 2 Hz those of a third of the onsets.
-MOST_VALUES = 2 * 10**6
+# Of the signals that are added at once, for memory: of a day at 2 Hz those of a sixth of the onsets.
+MOST_VALUES = 10**6
 
 
 def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit, report: Report = silent) -> FloatArray:

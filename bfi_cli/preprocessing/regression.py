@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import LogError
-from ..flightlog import FlightLog
+from ..flightlog import Channel, FlightLog
 from ..kernels.covariance import Layout, unfold_support
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, compress, restrict, with_fault, with_scaled_outputs
@@ -142,15 +142,26 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
         return decimate_signals(bare, factor, lowpass)
 
     if native.log.n_samples > MOST_AT_ONCE and factor > 1:
-        # One by one, for memory.
         signals = decimated([], [])
-        u = np.concatenate([signals.u, *(decimated([name], []).u for name in native.inputs)], axis=1)
-        y = np.concatenate([signals.y, *(decimated([], [name]).y for name in native.outputs)], axis=1)
+        u, y = (np.empty((len(signals.time_s), len(names))) for names in (native.inputs, native.outputs))
+        for names, made in ((native.inputs, u), (native.outputs, y)):
+            for i, name in enumerate(names):
+                made[:, i] = _decimated_channel(native.log.channel(name), factor, lowpass)
         signals = replace(signals, u=u, y=y)
     else:
         signals = decimated(native.inputs, native.outputs)
     theta, largest = native.faults.decimated(factor, lowpass)
     return replace(signals, theta=theta), largest
+
+
+def _decimated_channel(channel: Channel, factor: int, lowpass: Lowpass) -> FloatArray:
+    """Return (n_rows,) a channel filtered and decimated, of which some samples are read at a time."""
+    reach, step = sum(lost_samples(factor, lowpass)), max(1, MOST_AT_ONCE // factor) * factor
+    # Pieces overlap by the filter's reach; each gives the rows that begin in it.
+    starts = range(0, channel.n_samples - reach, step)
+    return np.concatenate(
+        [decimate(channel.between(slice(k, k + step - factor + 1 + reach)), factor, lowpass) for k in starts]
+    )
 
 
 def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) -> Signals:

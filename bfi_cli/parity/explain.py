@@ -30,8 +30,9 @@ REFINED = 0.25  # of the window, to both sides of the onset that a linear look f
 # Of Gauss-Newton, which end where one moves the magnitude by less than this part of its standard deviation: a loss of a
 # tenth of the impact pressure takes three, one of six tenths six.
 STEPS, CONVERGED = 12, 0.02
-# Of faults that explain a window as well, one of a probe in the air comes before one of an inertial sensor or of the
-# satellite receiver: probes ice, block and leak. Only the order follows, by odds of ten to one, not what is in the set.
+# Of faults that explain a window as well, the commoner comes first, by odds of ten to one a step: what probes and lines
+# lose to ice, water and leaks, which grows; then a vane that drifts, for vanes stick or bend at once, and a line that
+# gains pressure; then an inertial sensor or the satellite receiver. Only the order follows, not what is in the set.
 INERTIAL = ("pitch", "normal_acc", "longitudinal_acc", "altitude_rate", "ground_speed")
 RARER = 4.6
 # What another course than a ramp must gain: it was chosen from several.
@@ -136,7 +137,16 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     fits.sort(key=lambda fit: -fit.ratio)
     close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), 0.5 * fits[0].ratio)
     kept = [fit for fit in fits if fit.ratio >= fits[0].ratio - close]
-    return tuple(sorted(kept, key=lambda fit: RARER * (fit.fault.fault in INERTIAL) - fit.ratio))
+    return tuple(sorted(kept, key=lambda fit: RARER * _rarity(fit) - fit.ratio))
+
+
+def _rarity(fit: Fit) -> int:
+    """Return how many steps rarer a fault is than ice in a probe."""
+    if fit.fault.fault in INERTIAL:
+        return 2
+    vane_drifts = fit.fault.fault == "aoa" and fit.shape != "bias"
+    line_gains = fit.fault.fault == "q_impact" and fit.magnitude > 0.0
+    return int(vane_drifts or line_gains)
 
 
 def corrected(record: Record, fit: Fit) -> Record:

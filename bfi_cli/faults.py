@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .errors import DictionaryError
 from .printable import shortened
-from .shapes import KEY_RULES, SHAPES, Shape
+from .shapes import KEY_RULES, SHAPES, Shape, Tail
 
 __all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "course", "did_you_mean"]
 __all__ += [
@@ -29,7 +29,7 @@ __all__ += [
     "physical",
     "shown",
 ]
-__all__ += ["unit_signal", "unknown_key"]
+__all__ += ["tail_of", "unit_signal", "unknown_key"]
 
 FloatArray = NDArray[np.float64]
 Decision = Literal["fault", "no_fault", "inconclusive"]
@@ -155,6 +155,17 @@ def course(fault: Fault, time_s: FloatArray) -> FloatArray:
     """
     parameters = {key: value for key, value in _parameters(fault).items() if key != "phase_reference"}
     return SHAPES[fault.shape].signal(np.maximum(time_s - fault.onset_s, 0.0), **parameters)
+
+
+def tail_of(fault: Fault, *, window_start_s: float) -> tuple[Tail, float, float] | None:
+    """Return what the signal of `fault` is from some time on, the time that it counts from, and the time it holds from.
+
+    None where its shape has no such form. Its offset is not applied.
+    """
+    parameters = _parameters(fault)
+    of_window = parameters.pop("phase_reference", "onset") == "window"
+    tail = SHAPES[fault.shape].tail(**parameters)
+    return None if tail is None else (tail, window_start_s if of_window else fault.onset_s, fault.onset_s + tail.from_s)
 
 
 def _parameters(fault: Fault) -> dict[str, Any]:

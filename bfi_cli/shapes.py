@@ -7,6 +7,7 @@ part of the channel's own reading, and a fault of a pressure line moves every ch
 
 from __future__ import annotations
 
+import cmath
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -28,11 +29,15 @@ __all__ = [
     "Kind",
     "ScannedShape",
     "Shape",
+    "Tail",
 ]
 
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]
 Kind = Literal["abrupt", "oscillating", "slow"]
+
+# Time constants that a filter may reach beside a sample: e^50 of a signal is far from the largest number.
+LONGEST_REACH = 50.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +56,54 @@ class Key:
     description: str | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tail:
+    """What a signal is from some time on: ``level + rate t + Re(amplitude exp(exponent t))``.
+
+    A filter makes of it another of the same kind, so that a filtered signal of hours is made without filtering.
+
+    Attributes
+    ----------
+    from_s : the time from which it is that.
+    level, rate, amplitude, exponent : per second where they count by time; t are the seconds of `FaultShape.signal`.
+    """
+
+    from_s: float = 0.0
+    level: float = 0.0
+    rate: float = 0.0
+    amplitude: complex = 0.0
+    exponent: complex = 0.0
+
+    def at(self, since_s: FloatArray) -> FloatArray:
+        """Return (n,) the signal at these seconds."""
+        signal = np.asarray(self.level + self.rate * since_s, dtype=np.float64)
+        if self.amplitude != 0.0:
+            size, phase = cmath.polar(self.amplitude)
+            decay, angle = complex(self.exponent).real, complex(self.exponent).imag
+            wave = size * np.cos(angle * since_s + phase)
+            signal += wave if decay == 0.0 else wave * np.exp(decay * since_s)
+        return signal
+
+    def filtered(self, taps: FloatArray, beside_s: FloatArray) -> Tail:
+        """Return what a filter makes of it, whose taps act on the signal so many seconds beside.
+
+        Raises
+        ------
+        ValueError : the filter reaches further than the numbers of an exponential.
+        """
+        reach = float(np.max(np.abs(complex(self.exponent).real * beside_s), initial=0.0))
+        if reach > LONGEST_REACH:
+            raise ValueError(f"the filter reaches {reach:.3g} time constants")
+        gain = complex(np.sum(taps * np.exp(self.exponent * beside_s)))
+        return Tail(
+            from_s=self.from_s,
+            level=float(self.level * taps.sum() + self.rate * (taps @ beside_s)),
+            rate=float(self.rate * taps.sum()),
+            amplitude=self.amplitude * gain,
+            exponent=self.exponent,
+        )
+
+
 def _same_unit(channel_unit: str, **_: Any) -> str:
     return channel_unit
 
@@ -67,6 +120,10 @@ def _never(**_: Any) -> float | None:
     return None
 
 
+def _no_tail(**_: Any) -> Tail | None:
+    return None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultShape:
     """What the program knows of one shape.
@@ -80,6 +137,7 @@ class FaultShape:
     build_up_s : from its keys, the seconds in which it reaches nine tenths of its size; None where it has none. What
         takes long can be mistaken for a change of thrust, configuration or wind.
     label : what sentences call it.
+    tail : from its keys, what its signal is from some time on; None where it is not known to be of that form.
     keys : its own, in the order in which JSON and messages list them.
     is_scanned : whether `bfi start-time` can look for it.
     magnitude_unit : from the channel's unit and the keys, the unit of the magnitude; "" for a pure number.
@@ -97,6 +155,7 @@ class FaultShape:
     kind: Kind
     label: str
     build_up_s: Callable[..., float | None] = _at_once
+    tail: Callable[..., Tail | None] = _no_tail
     keys: tuple[Key, ...] = ()
     is_scanned: bool = False
     magnitude_unit: Callable[..., str] = _same_unit
@@ -133,6 +192,19 @@ def _ramp_hold_physical(
     magnitude: float, channel_unit: str, *, slope: float | None, duration_s: float
 ) -> tuple[float, str]:
     return magnitude if slope is None else magnitude * slope * duration_s, channel_unit
+
+
+def _ramp_hold_tail(*, slope: float | None, duration_s: float) -> Tail:
+    return Tail(from_s=duration_s, level=1.0 if slope is None else slope * duration_s)
+
+
+def _samples_tail(*, file: str) -> Tail:
+    time_s, value = read_samples(file)
+    return Tail(from_s=float(time_s[-1]), level=float(value[-1]))
+
+
+def _oscillation_tail(phase_rad: float, frequency_hz: float) -> Tail:
+    return Tail(amplitude=complex(np.exp(1j * phase_rad)), exponent=2j * np.pi * frequency_hz)
 
 
 def _samples(elapsed_s: FloatArray, *, file: str) -> FloatArray:
@@ -191,6 +263,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="1 from the onset.",
         kind="abrupt",
         label="bias",
+        tail=lambda: Tail(level=1.0),
         is_scanned=True,
     ),
     "drift": FaultShape(
@@ -199,6 +272,7 @@ SHAPES: Mapping[str, FaultShape] = {
         kind="slow",
         label="drift",
         build_up_s=_never,
+        tail=lambda *, slope: Tail(rate=1.0 if slope is None else slope),
         keys=(
             Key(
                 name="slope",
@@ -215,6 +289,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="sin(2 pi f (t - t0) + phase).",
         kind="oscillating",
         label="sine",
+        tail=lambda *, frequency_hz, phase_rad: _oscillation_tail(phase_rad - 0.5 * np.pi, frequency_hz),
         keys=OSCILLATION_KEYS,
         is_scanned=True,
     ),
@@ -223,6 +298,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="cos(2 pi f (t - t0) + phase).",
         kind="oscillating",
         label="cosine",
+        tail=lambda *, frequency_hz, phase_rad: _oscillation_tail(phase_rad, frequency_hz),
         keys=OSCILLATION_KEYS,
     ),
     "lagged_bias": FaultShape(
@@ -231,6 +307,7 @@ SHAPES: Mapping[str, FaultShape] = {
         kind="abrupt",
         label="lagged bias",
         build_up_s=lambda *, time_constant_s: LN_10 * time_constant_s,
+        tail=lambda *, time_constant_s: Tail(level=1.0, amplitude=-1.0, exponent=-1.0 / time_constant_s),
         keys=(TIME_CONSTANT,),
         is_scanned=True,
     ),
@@ -240,6 +317,7 @@ SHAPES: Mapping[str, FaultShape] = {
         kind="abrupt",
         label="ramp and hold",
         build_up_s=lambda *, slope, duration_s: 0.9 * duration_s,
+        tail=_ramp_hold_tail,
         keys=(
             Key(name="slope", rule="nonzero", description="Per second; default 1 / duration, so that it ends at 1."),
             Key(name="duration_s", rule="positive", required=True),
@@ -252,6 +330,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="exp(-(t - onset) / time constant).",
         kind="abrupt",
         label="decaying bias",
+        tail=lambda *, time_constant_s: Tail(amplitude=1.0, exponent=-1.0 / time_constant_s),
         keys=(TIME_CONSTANT,),
     ),
     "samples": FaultShape(
@@ -260,6 +339,7 @@ SHAPES: Mapping[str, FaultShape] = {
         kind="slow",  # it may be, and nothing says it is not
         label="sampled shape",
         build_up_s=_never,
+        tail=_samples_tail,
         keys=(
             Key(
                 name="file",

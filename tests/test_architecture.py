@@ -51,6 +51,7 @@ HOME = {
     "dask": {"engine"},
     "distributed": {"engine"},
     "h5py": {"flightlog", "files"},
+    "nptdms": {"flightlog"},
     "jinja2": {"report"},
     "yaml": {"yaml12"},
 }

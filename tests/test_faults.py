@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from bfi_cli.faults import (
     magnitude_unit,
     parse_spec,
     physical,
+    tail_of,
     unit_signal,
 )
 from bfi_cli.shapes import SHAPES
@@ -336,3 +338,34 @@ def test_faults_need_numpy_only():
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault(shape="bias", onset_s=2.0),
+        Fault(shape="drift", onset_s=2.0, slope=-0.2),
+        Fault(shape="sine", onset_s=2.0, frequency_hz=0.3, phase_rad=0.7),
+        Fault(shape="cosine", onset_s=2.0, frequency_hz=0.3, phase_rad=0.7, phase_reference="window"),
+        Fault(shape="lagged_bias", onset_s=2.0, time_constant_s=1.5),
+        Fault(shape="ramp_hold", onset_s=2.0, duration_s=3.0, slope=0.4),
+        Fault(shape="decaying_bias", onset_s=2.0, time_constant_s=1.5),
+    ],
+    ids=lambda fault: fault.shape,
+)
+def test_the_tail_of_a_shape_is_its_signal_from_there_on(fault: Fault):
+    time_s = np.arange(0.0, 20.0, 0.05)
+    found = tail_of(fault, window_start_s=-1.0)
+    assert found is not None
+    tail, since_s, from_s = found
+    after = time_s >= from_s
+    np.testing.assert_allclose(
+        tail.at(time_s[after] - since_s), unit_signal(fault, time_s, window_start_s=-1.0)[after], atol=1e-13
+    )
+
+
+def test_the_tail_of_samples_is_the_last_of_them(tmp_path: Path):
+    (tmp_path / "shape.csv").write_text("0,1\n2,5\n3,4\n")
+    found = tail_of(Fault(shape="samples", onset_s=2.0, file=str(tmp_path / "shape.csv")), window_start_s=0.0)
+    assert found is not None
+    assert (found[0].level, found[2]) == (4.0, 5.0)

@@ -53,13 +53,29 @@ def test_main_job_finds_the_injected_bias(bfi: Callable[..., object], checkout: 
     assert (checkout / "result" / "report.html").is_file()
 
 
-@pytest.mark.slow
-def test_tour(bfi: Callable[..., object], checkout: Path) -> None:
-    for line in block("tour").splitlines():
+def run(bfi: Callable[..., object], marker: str) -> None:
+    for line in block(marker).splitlines():
         words = shlex.split(line)
         assert words.pop(0) == "bfi"
         outcome = bfi(*words)
         assert outcome.code == 0, f"{line}: {outcome.stderr}"
+
+
+@pytest.mark.slow
+def test_the_tour_ends_in_a_report_of_the_fault_of_the_log(bfi: Callable[..., object], checkout: Path) -> None:
+    run(bfi, "tour")
+    (fault,) = json.loads((checkout / "tour" / "report" / "result.json").read_text())["faults"]
+    assert fault["name"] == "bias_tas_40"
+    assert fault["ci95"][0] <= -3.0 <= fault["ci95"][1]
+    assert (checkout / "tour" / "report" / "report.html").is_file()
+    assert (checkout / "tour" / "picture" / "zoom.html").is_file()
+    (begun,) = json.loads((checkout / "tour" / "onset" / "result.json").read_text())["faults"]
+    assert begun["onset_ci95"][0] <= 140.0 <= begun["onset_ci95"][1]
+
+
+@pytest.mark.slow
+def test_what_comes_after_the_tour(bfi: Callable[..., object], checkout: Path) -> None:
+    run(bfi, "more")
 
 
 def test_completion_knows_the_commands() -> None:
@@ -88,4 +104,5 @@ def test_ci_reads_the_same_blocks() -> None:
     script = (ROOT / ".ci" / "run").read_text()
     assert "readme_command tests" in script
     assert "readme_command main-job" in script
+    assert "readme_command tour" in script
     assert "pip install" in block("tests")

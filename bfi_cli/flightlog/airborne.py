@@ -67,8 +67,9 @@ def flight_speed(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightSpe
             np.where(known, values, 0.0) * METRES_PER_SECOND.get(name, 1.0), round(SMOOTHING_S * log.rate_hz)
         )
     )
-    fastest = float(np.quantile(speed[known], FASTEST))
-    cruise = float(np.median(speed[known & (speed >= MOVING * fastest)]))
+    # The copies that the brackets make are sorted in place: of a day at 100 Hz each takes 70 MB.
+    fastest = float(np.quantile(speed[known], FASTEST, overwrite_input=True))
+    cruise = float(np.median(speed[known & (speed >= MOVING * fastest)], overwrite_input=True))
     return FlightSpeed(values=speed, known=known, cruise=cruise)
 
 

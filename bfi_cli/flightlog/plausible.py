@@ -62,7 +62,7 @@ def doubt_about(channel: Channel) -> str | None:
     if not finite.size:
         return None
     limit, rather = LIMITS[name]
-    reached = float(np.quantile(np.abs(finite), USUAL))
+    reached = float(np.quantile(np.abs(finite), USUAL, overwrite_input=True))
     unit, ask = STANDARD[name].unit, f"--unit {channel.source}=UNIT states another"
     if reached > limit:
         return f"'{name}' reaches {reached:.3g} {unit}, which no aircraft does: is it in {rather}? {ask}"

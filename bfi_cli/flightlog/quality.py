@@ -24,6 +24,7 @@ __all__ += ["advice_on_windows", "gap_starts", "held_hz", "hold_of", "inspect_lo
 __all__ += ["require_usable", "time_jitter"]
 
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
+PIECE = 1_000_000  # samples whose steps are looked at together, for memory
 GAP = 1.75  # median time steps, between one and two: a sample is missing from here on
 # Seconds. In a longer record the dynamics change and a scan takes minutes, so windows are suggested, this many.
 LONG_S, MOST_NAMED = 600.0, 3
@@ -140,13 +141,19 @@ class LogReport:
 
 def _position(time_s: FloatArray) -> FloatArray:
     """Return (n_samples,) time in samples: (t - t[0]) over the median time step."""
-    return np.asarray((time_s - time_s[0]) / np.median(np.diff(time_s)))
+    position = time_s - time_s[0]
+    position /= median_step(time_s)
+    return np.asarray(position)
+
+
+def median_step(time_s: FloatArray) -> float:
+    """Return the median time step; of a long record no array is made but that of the steps."""
+    return float(np.median(np.diff(time_s), overwrite_input=True))
 
 
 def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:
     """Return the samples after which at least one is missing."""
-    step = np.diff(time_s)
-    return np.flatnonzero(step > GAP * np.median(step))
+    return np.flatnonzero(np.diff(time_s) > GAP * median_step(time_s))
 
 
 def time_jitter(time_s: FloatArray) -> float:
@@ -157,12 +164,18 @@ def time_jitter(time_s: FloatArray) -> float:
 
 def _uneven_step(time_s: FloatArray) -> int | None:
     """Return the first sample k whose step t[k] - t[k-1] is off by more than 2 % and float32 rounding, else None."""
-    step = np.diff(time_s)
-    median = float(np.median(step))
-    single = time_s.astype(np.float32)
-    rounding = 2.0 * float(np.max(np.abs(np.spacing(single)))) if np.array_equal(single, time_s) else 0.0
-    bad = np.abs(step - median) > UNEVEN * median + rounding
-    return int(np.argmax(bad)) + 1 if bad.any() else None
+    median, starts = median_step(time_s), range(0, len(time_s) - 1, PIECE)
+    is_single = all(
+        np.array_equal(part.astype(np.float32), part) for part in (time_s[k : k + PIECE + 1] for k in starts)
+    )
+    largest = np.float32(max(abs(float(time_s.min())), abs(float(time_s.max()))))
+    rounding = 2.0 * float(np.spacing(largest)) if is_single else 0.0
+    for start in starts:
+        step = np.diff(time_s[start : start + PIECE + 1])
+        bad = np.abs(step - median) > UNEVEN * median + rounding
+        if bad.any():
+            return start + int(np.argmax(bad)) + 1
+    return None
 
 
 def is_uniform(time_s: FloatArray) -> bool:
@@ -320,7 +333,9 @@ def _flying(log: FlightLog) -> NDArray[np.bool_]:
     airspeed = next((log.channels[name].values for name in ("tas", "cas", "ias") if name in log.channels), None)
     if airspeed is None or not np.isfinite(airspeed).any():
         return np.ones(log.n_samples, dtype=bool)
-    return np.asarray(airspeed >= SLOWEST_AIRSPEED * np.quantile(airspeed[np.isfinite(airspeed)], 0.95))
+    return np.asarray(
+        airspeed >= SLOWEST_AIRSPEED * np.quantile(airspeed[np.isfinite(airspeed)], 0.95, overwrite_input=True)
+    )
 
 
 def _excitation(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> Excitation:

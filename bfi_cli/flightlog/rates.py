@@ -239,7 +239,8 @@ def _filtered(track: Track, grid: FloatArray, rate_hz: float) -> FloatArray:
 
     Between its samples the signal is interpolated linearly; at its ends and beside gaps the filter takes what it has.
     """
-    time_s, values = track.time_s, np.unwrap(track.values) if track.is_angle else track.values
+    turn = track.turn
+    time_s, values = track.time_s, track.values if turn is None else np.unwrap(track.values, period=turn)
     factor = max(1, round(mean_rate(time_s) / rate_hz))
     taps = lowpass_taps(factor, WHITE)
     half = taps.size // 2
@@ -262,7 +263,7 @@ def _filtered(track: Track, grid: FloatArray, rate_hz: float) -> FloatArray:
         with np.errstate(invalid="ignore"):
             out[rows] = (weights * np.interp(at, time_s, values)).sum(axis=1) / weights.sum(axis=1)
         out[rows][~known[:, half]] = np.nan
-    return (out + np.pi) % (2.0 * np.pi) - np.pi if track.is_angle else out
+    return out if turn is None else (out + 0.5 * turn) % turn - 0.5 * turn
 
 
 def _about(base: Track, ranked: Sequence[Track], slow: Sequence[Track], grid: FloatArray) -> Iterator[str]:

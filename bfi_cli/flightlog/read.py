@@ -26,8 +26,8 @@ __all__ = ["read_log"]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
-ULOG, DATAFLASH = b"ULog\x01\x12\x35", b"\xa3\x95\x80"
-FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data"}
+ULOG, DATAFLASH, TDMS = b"ULog\x01\x12\x35", b"\xa3\x95\x80", b"TDSm"
+FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}
 # Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
 LATEST = 1e12
 # Of a time axis without a unit: s, and Hz of a flight log, and what its steps may be counted in beside seconds.
@@ -58,10 +58,10 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, or a
-        folder of files of `ulog2csv`.
-    group : HDF5 group or MATLAB struct that holds the channels, or the log of several in a folder; may be left out
-        where there is just one.
+    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, TDMS (with the
+        extra `tdms`), or a folder of files of `ulog2csv`.
+    group : HDF5 or TDMS group or MATLAB struct that holds the channels, or the log of several in a folder; may be left
+        out where there is just one, or where the groups of a TDMS have clocks.
     channel_map : standard name -> name in the file, for names that are not known.
     unit_map : name in the file, or standard name -> its unit, for channels that state none or a wrong one.
     from_s, to_s : the window that is wanted, on the log's time axis. The log may come back longer, so cut it with
@@ -127,6 +127,10 @@ def _read(
         from .matlab import read_matlab
 
         return read_matlab(path, group=group)
+    if head.startswith(TDMS):
+        from .tdms import read_tdms
+
+        return read_tdms(path, group=group, channel_map=channel_map, unit_map=unit_map)
     if group is not None:
         raise LogError(f"{path}: no group '{group}', a log of this kind has none; leave out --group")
     if head.startswith(ULOG):

@@ -190,7 +190,7 @@ class FlightLog:
     def rate_hz(self) -> float:
         """Sampling rate from the median time step, free of the time axis's rounding."""
         if not self._rate_hz:
-            self._rate_hz.append(float(f"{1.0 / float(np.median(np.diff(self.time_s))):.10g}"))
+            self._rate_hz.append(float(f"{1.0 / float(np.median(np.diff(self.time_s), overwrite_input=True)):.10g}"))
         return self._rate_hz[0]
 
     def channel(self, name: str) -> Channel:

@@ -6,6 +6,7 @@ recorder's signs and conventions into those of `bfi_cli.channels`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -75,7 +76,12 @@ class ChannelMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Track:
-    """One signal with its own times: `channel` is the standard name it has a claim on, None for none."""
+    """One signal with its own times: `channel` is the standard name it has a claim on, None for none.
+
+    Attributes
+    ----------
+    turn : of an angle that leaves one end of its range and comes back at the other: a full turn in its unit.
+    """
 
     source: str
     channel: str | None
@@ -83,7 +89,7 @@ class Track:
     time_s: FloatArray
     values: FloatArray
     is_state: bool = False
-    is_angle: bool = False
+    turn: float | None = None
 
 
 # Recorder, then topic.field, channel, unit, and where they are not 1 and 0 scale and offset; "state" for flags.
@@ -326,5 +332,5 @@ def _mapped(recorder: Recorder, topics: Sequence[Topic]) -> Iterator[Track]:
                     time_s=topic.time_s,
                     values=values,
                     is_state=row.is_state,
-                    is_angle=row.channel in ANGLES,
+                    turn=2.0 * math.pi if row.channel in ANGLES else None,
                 )

@@ -16,7 +16,15 @@ from ..filters import response_of
 from ..flightlog import FlightLog, inject
 from ..flightlog.recorder import recorder_filters
 from ..kernels.progress import Progress, unseen
-from ..onset import STANDS_FOR, OnsetResult, find_onset, propose_dictionary, scan_beside, with_limit_of_scan
+from ..onset import (
+    STANDS_FOR,
+    OnsetResult,
+    find_onset,
+    propose_dictionary,
+    scan_beside,
+    why_not_scanned,
+    with_limit_of_scan,
+)
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
@@ -55,15 +63,17 @@ def identify_and_scan(
     )
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in result.faults):
         return _with_scan(_unchecked(result, config), None, "not scanned beside a fault of unknown shape")
-    start_s = float(log.window(config.window.from_s, config.window.to_s).time_s[0])
-    faults = dictionary.resolved(start_s)
-    scanned = scan_beside(_corrected(log, result, config), config, faults, progress, exact=exact)
+    part = log.window(config.window.from_s, config.window.to_s)
+    faults = dictionary.resolved(float(part.time_s[0]))
+    scanned = why_not_scanned(part, config, exact=exact) or scan_beside(
+        _corrected(log, result, config), config, faults, progress, exact=exact
+    )
     if isinstance(scanned, str):
         return _with_scan(result if exact else _unchecked(result, config), None, scanned)
     result = _checked(result, scanned, config)
     if not result.faults or "no_fault" not in result.verdicts.values():
         return result
-    measured = scan_beside(log.window(config.window.from_s, config.window.to_s), config, (), progress, exact=False)
+    measured = scan_beside(part, config, (), progress, exact=False)
     return _as_measured(result, measured, config)
 
 

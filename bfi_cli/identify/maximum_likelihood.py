@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..config import STRONG_EVIDENCE, Config
 from ..errors import LogError
-from ..kernels.covariance import unfold
+from ..kernels.covariance import unfold_support
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     OrderSearch,
@@ -117,7 +117,7 @@ def identify_by_likelihood(
         atoms=fit.atoms,
         magnitudes=estimates,
         error=selection.unfolded.error * regression.unit,
-        plain_error=unfold(regression.layout, lowest.fit).error * regression.unit,
+        plain_error=unfold_support(regression.layout, lowest.fit).error * regression.unit,
         order=fit.order,
         feedthrough=regression.layout.feedthrough,
         condition_number=selection.unfolded.condition_number,
@@ -193,7 +193,7 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
         searches.append(replace(search, visited=(chosen,) if none is None or not atoms else (none, chosen)))
     fits = tuple(search.visited[-1] for search in searches)
     best = min(fits, key=lambda one: one.criterion)
-    unfolded = unfold(regression.layout, best.fit)
+    unfolded = unfold_support(regression.layout, best.fit)
     return replace(selection, best=best, fits=fits, searches=tuple(searches), unfolded=unfolded)
 
 
@@ -214,7 +214,7 @@ def best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty
         fits=tuple(_refit(regression, search, best.fit, penalty) for search in searches),
         searches=tuple(searches),
         penalty=penalty,
-        unfolded=unfold(regression.layout, best.fit),
+        unfolded=unfold_support(regression.layout, best.fit),
     )
 
 

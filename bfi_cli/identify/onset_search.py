@@ -14,7 +14,7 @@ import numpy as np
 
 from ..config import Config
 from ..kernels import FloatArray
-from ..kernels.covariance import single_additions, unfold
+from ..kernels.covariance import Regressors, regressors_of, single_additions, unfold
 from ..kernels.lagged import compress, restrict
 from ..kernels.model_selection import Penalty
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
@@ -31,6 +31,8 @@ FITTED = 3
 HOPEFUL = 0.3
 # Entries that are moved at most; more faults than that near their onsets, none at it, have not been met.
 MOST_MOVED = 4
+# Bytes of the regressors of several supports that are kept, each of which serves all entries.
+KEPT = 10**8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,6 +106,7 @@ def _best_move(now: Moved, window: PreparedWindow, config: Config) -> tuple[int,
     """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does."""
     best, penalty = now.selection.best, now.selection.penalty
     lowest, found = best.criterion, None
+    supports: dict[tuple[int, ...], tuple[Fit, Regressors]] = {}
     for n, entry in enumerate(window.live):
         shifts = shifts_within(window, entry, config.onset_tolerance_s)
         if n in now.shifts_s or not shifts.size:
@@ -116,29 +119,43 @@ def _best_move(now: Moved, window: PreparedWindow, config: Config) -> tuple[int,
         bases = [tuple(a for a in atoms if a != n)]
         bases += [tuple(a for a in atoms if a != m) for m in atoms if n not in atoms]
         for base in bases:
-            for k, fit in _hopeful_fits(now.regression, best.fit, base, theta, penalty, price):
+            support = supports.get(base) or _support(now.regression, best.fit, base)
+            if (1 + len(supports)) * support[1].Q.nbytes <= KEPT:
+                supports[base] = support
+            for k, fit in _hopeful_fits(now.regression, *support, base, theta, penalty, price):
                 if (criterion := penalty.criterion(fit) + price) < lowest:
                     lowest, found = criterion, (n, float(shifts[k]), price)
     return found
 
 
+def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> tuple[Fit, Regressors]:
+    """Return the fit of a support at the order of another fit, and its regressors, to which signals are added."""
+    known = dict(zip(fit.atoms, fit.z, strict=True))
+    without = fit_magnitudes(regression.problem(fit.order), base, np.array([known.get(atom, 0.0) for atom in base]))
+    return without, regressors_of(regression.layout, without)
+
+
 def _hopeful_fits(
-    regression: RegressionData, fit: Fit, base: tuple[int, ...], theta: FloatArray, penalty: Penalty, price: float
+    regression: RegressionData,
+    without: Fit,
+    regressors: Regressors,
+    base: tuple[int, ...],
+    theta: FloatArray,
+    penalty: Penalty,
+    price: float,
 ) -> list[tuple[int, Fit]]:
     """Return the most hopeful of some signals that are added to a support, and the fit with each.
 
     Parameters
     ----------
-    fit : the best one, at whose order this is done; base : the support.
+    without, regressors : the fit of the support, and what it is on the rows; base : the support.
     theta : (n_samples, n_outputs, n_signals), scaled.
     price : of the choice among them.
     """
-    known = dict(zip(fit.atoms, fit.z, strict=True))
-    without = fit_magnitudes(regression.problem(fit.order), base, np.array([known.get(atom, 0.0) for atom in base]))
     own = regression.layout.theta[:, :, list(base)]
     layout = replace(regression.layout, theta=np.concatenate([own, theta], axis=2))
     same = replace(without, atoms=tuple(range(len(base))))
-    added = single_additions(same, unfold(layout, same))
+    added = single_additions(same, unfold(layout, same, regressors))
     gains = np.nan_to_num((added.magnitude**2 / added.variance)[len(base) :])
     needed = penalty.per_parameter + penalty.per_atom + price
     if float(gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows < HOPEFUL * needed:
@@ -153,8 +170,8 @@ def _hopeful_fits(
             feedthrough=layout.feedthrough,
             weights=layout.weights,
         )
-        if fit.order < layout.first:
-            data = restrict(data, order=fit.order)
-        problem = project_inputs(data, fit.order, floor=regression.floor)
+        if without.order < layout.first:
+            data = restrict(data, order=without.order)
+        problem = project_inputs(data, without.order, floor=regression.floor)
         fits.append((k, fit_magnitudes(problem, range(len(base) + 1), np.append(without.z, 0.0))))
     return fits

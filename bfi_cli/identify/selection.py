@@ -20,7 +20,7 @@ class Selection:
     fits : of the same support at each order, with their criteria.
     searches : what was visited, by order.
     penalty : the criterion.
-    unfolded : `best` over the rows.
+    unfolded : `best` over the rows, with the signatures of its support.
     """
 
     best: ScoredFit

@@ -12,6 +12,8 @@ MAD = 1.4826
 # half-width of ten seconds on two recorded flights; weights from mean squares or a t-distribution take the transient
 # of a step for an outlier and lose the step (docs/theory.md, 7.5).
 LEAST = 0.35
+# Of the windows whose medians are taken at once, for memory.
+MOST_VALUES = 10**6
 
 
 def running_weights(error: FloatArray, half_width: int) -> FloatArray:
@@ -29,7 +31,9 @@ def running_weights(error: FloatArray, half_width: int) -> FloatArray:
         return np.ones(n)
     size = np.sqrt(np.mean((error / typical) ** 2, axis=1)) if error.shape[1] > 1 else np.abs(error[:, 0])
     padded = np.pad(size, half, constant_values=np.nan)
-    median = MAD * np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
+    step = max(1, MOST_VALUES // (2 * half + 1))
+    median = MAD * np.concatenate([np.nanmedian(windows[k : k + step], axis=1) for k in range(0, n, step)])
     box = np.ones(2 * half + 1)
     deviation = np.convolve(median, box, "same") / np.convolve(np.ones(n), box, "same")
     weights = 1.0 / np.maximum(deviation, LEAST * np.median(deviation))

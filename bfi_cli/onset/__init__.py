@@ -1,6 +1,6 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
-from .beside import scan_beside, with_limit_of_scan
+from .beside import scan_beside, why_not_scanned, with_limit_of_scan
 from .claims import STANDS_FOR
 from .decision import calibration_windows, table_of_windows, windows_of
 from .detection import find_onset
@@ -23,4 +23,4 @@ __all__ += [
     "propose_dictionary",
     "table_of_windows",
 ]
-__all__ += ["scan_beside", "windows_of", "with_limit_of_scan"]
+__all__ += ["scan_beside", "why_not_scanned", "windows_of", "with_limit_of_scan"]

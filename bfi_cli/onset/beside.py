@@ -20,7 +20,7 @@ from ..verdicts import Candidate, state_of
 from .detection import find_onset
 from .result import OnsetResult, ScanLimit
 
-__all__ = ["scan_beside", "with_limit_of_scan"]
+__all__ = ["scan_beside", "why_not_scanned", "with_limit_of_scan"]
 
 # A longer record, counted at the rate that is asked for or at 10 Hz, would take minutes.
 MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
@@ -41,14 +41,10 @@ def scan_beside(
     faults : of its dictionary, on the axis of the window.
     exact : a model explains the window to round-off, where a scan would tell no more and take long.
     """
-    if exact:
-        return "not scanned for other onsets: the model explains the log to round-off"
+    if (why_not := why_not_scanned(window, config, exact=exact)) is not None:
+        return why_not
     try:
         asked = config.conditioning.rate_hz
-        rate_hz = asked if not isinstance(asked, str) else min(window.rate_hz, FASTEST_HZ)
-        n_samples = round(window.n_samples / window.rate_hz * (window.rate_hz if asked == "none" else rate_hz))
-        if n_samples > MOST_SAMPLES:
-            return f"not scanned for other onsets: {n_samples} samples are more than {MOST_SAMPLES}; cut the window"
         known = [name for name in (*config.inputs, *config.outputs) if name in window.channels]
         must_resample(window, known, asked)
         scanning = merge(config, {"method": "ml", "model.feedthrough": config.feedthrough})
@@ -58,6 +54,18 @@ def scan_beside(
         return find_onset(window, scanning, progress, briefly=True, faults=faults)
     except (ConfigError, LogError) as problem:
         return f"not scanned for other onsets: {problem}"
+
+
+def why_not_scanned(window: FlightLog, config: Config, *, exact: bool) -> str | None:
+    """Return why a window is not scanned beside an analysis, as far as its length tells; None where it may be."""
+    if exact:
+        return "not scanned for other onsets: the model explains the log to round-off"
+    asked = config.conditioning.rate_hz
+    rate_hz = asked if not isinstance(asked, str) else min(window.rate_hz, FASTEST_HZ)
+    n_samples = round(window.n_samples / window.rate_hz * (window.rate_hz if asked == "none" else rate_hz))
+    if n_samples > MOST_SAMPLES:
+        return f"not scanned for other onsets: {n_samples} samples are more than {MOST_SAMPLES}; cut the window"
+    return None
 
 
 def with_limit_of_scan(

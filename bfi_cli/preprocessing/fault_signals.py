@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dictionary import signals
-from ..faults import Fault
+from ..faults import Fault, tail_of
 from ..filters import recorded_signal
-from ..kernels.decimation import Lowpass, decimate, lost_samples
+from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.low_pass import Response
 
 __all__ = ["FaultSignals", "decimated_fault"]
@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 # Samples of the log that are made at once: 8 MB, and more than any window has that is not a flight of hours.
 BLOCK = 1_000_000
+# Of a step of the log, by which its times may lie beside even ones where a filtered signal is made from a formula.
+EVEN = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,10 +120,67 @@ def decimated_fault(
 ) -> tuple[FloatArray, float]:
     """Return (n_rows,) the signal of a fault as the log shows it, decimated, and its largest native value.
 
+    In a record of more than a block, what is far from the fault's onset, bends and end is not filtered but evaluated:
+    a filter makes of a line or an exponential another one. There the largest value of an oscillation is its amplitude.
+
     Raises
     ------
     ValueError : there are fewer samples than the filter has taps.
     """
+    tail = tail_of(fault, window_start_s=window_start_s) if len(time_s) > BLOCK and _is_even(time_s, factor) else None
+    if tail is None:
+        return _in_blocks(fault, time_s, factor, lowpass, window_start_s=window_start_s, response=response)
+    form, since_s, holds_s = tail
+    own, delay = lowpass_taps(factor, lowpass), lost_samples(factor, lowpass)[0] if factor > 1 else 0
+    n_taps, taps = own.size, np.convolve(response.taps, own)
+    n_rows, step_s = (len(time_s) - n_taps) // factor + 1, float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    try:
+        first = n_taps - 1 - delay + response.before
+        filtered = form.filtered(taps, step_s * np.arange(first, first - taps.size, -1, dtype=np.float64))
+        recorded = form.filtered(
+            response.taps, step_s * np.arange(response.before, -response.after - 1, -1, dtype=np.float64)
+        )
+    except ValueError:
+        return _in_blocks(fault, time_s, factor, lowpass, window_start_s=window_start_s, response=response)
+    # The first and the last time that a row holds something of, and a sample more for rounding.
+    first_s = time_s[::factor][:n_rows] - (response.after + 1) * step_s
+    last_s = time_s[n_taps - 1 :: factor][:n_rows] + (response.before + 1) * step_s
+    stop_s = np.inf if fault.offset_s is None else fault.offset_s
+    edges = [
+        np.searchsorted(last_s, fault.onset_s),
+        np.searchsorted(first_s, min(holds_s, stop_s)),
+        np.searchsorted(last_s, stop_s),
+        np.searchsorted(first_s, stop_s),
+    ]
+    begin, settled, ending, over = np.maximum.accumulate(edges).tolist()
+    column, largest = np.zeros(n_rows), 0.0
+    for rows in (slice(begin, settled), slice(ending, over)):
+        if rows.start < rows.stop:
+            part = time_s[rows.start * factor : (rows.stop - 1) * factor + n_taps]
+            made = _in_blocks(fault, part, factor, lowpass, window_start_s=window_start_s, response=response)
+            column[rows], largest = made[0], max(largest, made[1])
+    if settled < ending:
+        column[settled:ending] = filtered.at(time_s[delay::factor][settled:ending] - since_s)
+        last = -1 if ending == n_rows else (ending - 1) * factor + n_taps - 1
+        ends_s = np.array([time_s[settled * factor], time_s[last]]) - since_s
+        oscillates = complex(form.exponent).imag != 0.0
+        largest = max(largest, abs(recorded.amplitude) if oscillates else float(np.max(np.abs(recorded.at(ends_s)))))
+    return column, largest
+
+
+def _is_even(time_s: FloatArray, factor: int) -> bool:
+    """Say whether times, of which those of the decimated samples are looked at, have even steps."""
+    some = time_s[::factor]
+    even = np.linspace(some[0], some[-1], len(some))
+    rounding = 4.0 * float(np.spacing(np.abs(some[[0, -1]]).max()))
+    step_s = (some[-1] - some[0]) / ((len(some) - 1) * factor)
+    return bool(np.max(np.abs(some - even)) <= max(EVEN * step_s, rounding))
+
+
+def _in_blocks(
+    fault: Fault, time_s: FloatArray, factor: int, lowpass: Lowpass, *, window_start_s: float, response: Response
+) -> tuple[FloatArray, float]:
+    """Return the same, every sample made and filtered, block by block."""
     reach = sum(lost_samples(factor, lowpass)) if factor > 1 else 0
     step = max(1, BLOCK // factor) * factor
     pieces, largest = [], 0.0

@@ -15,7 +15,7 @@ from scipy import special
 
 from ..config import Config
 from ..errors import LogError
-from ..kernels.covariance import covariance, single_additions, unfold
+from ..kernels.covariance import additions_and_covariance
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
@@ -139,8 +139,8 @@ def averaged_magnitudes(
     values, variances, covariances, sampling = {}, {}, {}, {}
     for n, _ in parts(report, keep):
         fit = fits[n].fit
-        unfolded, active = unfold(regression.layout, fit), list(fit.atoms)
-        single, scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
+        single, scaled = additions_and_covariance(regression.layout, fit)
+        active = list(fit.atoms)
         z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
         own = single.variance.copy()
@@ -259,16 +259,21 @@ def limits_within_tolerance(
     limits = exactly.copy()
     others = {entry: n for n, entry in enumerate(window.live) if n not in best.atoms}
     shifts = {entry: shifts_within(window, entry, config.onset_tolerance_s) for entry in others}
+
+    def limits_at(moves: dict[int, float]) -> FloatArray:
+        moved = with_onsets(window, moves)
+        there = regression_of(moved, config)
+        moved = replace(moved, signals=there.signals)  # of a long record its signals take as much as the regression
+        charged = searched(penalty, max(own.size for own in shifts.values()))
+        coarse = at_half_rate(moved, there, config)
+        estimates = estimate_magnitudes(there, fits, charged, overdispersion, coarse)
+        return profiled_limits(there, best, estimates, charged, overdispersion)
+
     for end in (0, -1):
         moves = {entry: float(own[end]) for entry, own in shifts.items() if own.size}
         if not moves:
             return limits
-        moved = with_onsets(window, moves)
-        there = regression_of(moved, config)
-        charged = searched(penalty, max(own.size for own in shifts.values()))
-        coarse = at_half_rate(moved, there, config)
-        estimates = estimate_magnitudes(there, fits, charged, overdispersion, coarse)
-        own_limits = profiled_limits(there, best, estimates, charged, overdispersion)
+        own_limits = limits_at(moves)
         for entry in moves:
             n = others[entry]
             limits[n] = np.fmax(limits[n], own_limits[n])

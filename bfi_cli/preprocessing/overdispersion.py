@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault
-from ..kernels.covariance import single_additions, unfold
+from ..kernels.covariance import regressors_of, single_additions, unfold
 from ..kernels.progress import Report, parts, silent
 from ..kernels.variable_projection import Fit
 from .regression import RegressionData
@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 # last tenth are left out, where a fault acts on the lags alone or on too few samples.
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
-# Of the signals that are added at once, for memory: of a day at 2 Hz those of a third of the onsets.
-MOST_VALUES = 2 * 10**6
+# Of the signals that are added at once, for memory: of a day at 2 Hz those of a sixth of the onsets.
+MOST_VALUES = 10**6
 
 
 def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit, report: Report = silent) -> FloatArray:
@@ -45,6 +45,7 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
     channels = [window.log.channel(name).name for name in window.outputs]
     declared = regression.layout.theta[:, :, list(fit.atoms)]
     same = replace(fit, atoms=tuple(range(len(fit.atoms))))
+    regressors = regressors_of(replace(regression.layout, theta=declared), same)
     factors = np.ones(len(window.live))
     for (n, entry), _ in parts(report, list(enumerate(window.live))):
         fault = window.faults[entry]
@@ -60,7 +61,7 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
                     theta[:, output, i] = decimated_signal(window, shifted)[0] / regression.unit[output]
                 # Each shifted signal is added alone to the fit.
                 layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
-                added = single_additions(same, unfold(layout, same))
+                added = single_additions(same, unfold(layout, same, regressors))
                 squares = np.append(squares, (added.magnitude**2 / added.variance)[len(fit.atoms) :])
             seen = squares[np.isfinite(squares)]
             known[family] = max(1.0, float(np.mean(seen))) if seen.size else 1.0

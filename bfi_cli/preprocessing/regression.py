@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import LogError
-from ..flightlog import FlightLog
-from ..kernels.covariance import Layout, unfold
+from ..flightlog import Channel, FlightLog
+from ..kernels.covariance import Layout, unfold_support
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, compress, restrict, with_fault, with_scaled_outputs
 from ..kernels.progress import Report, silent
@@ -24,6 +24,8 @@ __all__ += ["feasible_orders", "longest_order"]
 
 FloatArray = NDArray[np.float64]
 
+# Samples of a log up to which its channels are filtered together.
+MOST_AT_ONCE = 1_000_000
 # Smallest standard deviation of a prediction error, over that of the output: round-off at the log's own rate, and what
 # decimation leaves unpredicted even of a record that a VARX explains exactly. Smaller errors are no noise.
 ROUND_OFF = 1e-10
@@ -125,19 +127,41 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
     ------
     LogError : the window is shorter than the filter.
     """
-    bare = Signals(
-        path=native.path,
-        rate_hz=native.rate_hz,
-        factor=1,
-        time_s=native.time_s,
-        u=native.u,
-        y=native.y,
-        theta=np.empty((native.log.n_samples, len(native.outputs), 0)),
-        scaling=tuple(native.faults.of_readings),
-    )
-    decimated = decimate_signals(bare, factor, lowpass)
+
+    def decimated(inputs: Sequence[str], outputs: Sequence[str]) -> Signals:
+        bare = Signals(
+            path=native.path,
+            rate_hz=native.rate_hz,
+            factor=1,
+            time_s=native.time_s,
+            u=native.log.signals(inputs) if inputs else np.empty((native.log.n_samples, 0)),
+            y=native.log.signals(outputs) if outputs else np.empty((native.log.n_samples, 0)),
+            theta=np.empty((native.log.n_samples, len(outputs), 0)),
+            scaling=tuple(native.faults.of_readings),
+        )
+        return decimate_signals(bare, factor, lowpass)
+
+    if native.log.n_samples > MOST_AT_ONCE and factor > 1:
+        signals = decimated([], [])
+        u, y = (np.empty((len(signals.time_s), len(names))) for names in (native.inputs, native.outputs))
+        for names, made in ((native.inputs, u), (native.outputs, y)):
+            for i, name in enumerate(names):
+                made[:, i] = _decimated_channel(native.log.channel(name), factor, lowpass)
+        signals = replace(signals, u=u, y=y)
+    else:
+        signals = decimated(native.inputs, native.outputs)
     theta, largest = native.faults.decimated(factor, lowpass)
-    return replace(decimated, theta=theta), largest
+    return replace(signals, theta=theta), largest
+
+
+def _decimated_channel(channel: Channel, factor: int, lowpass: Lowpass) -> FloatArray:
+    """Return (n_rows,) a channel filtered and decimated, of which some samples are read at a time."""
+    reach, step = sum(lost_samples(factor, lowpass)), max(1, MOST_AT_ONCE // factor) * factor
+    # Pieces overlap by the filter's reach; each gives the rows that begin in it.
+    starts = range(0, channel.n_samples - reach, step)
+    return np.concatenate(
+        [decimate(channel.between(slice(k, k + step - factor + 1 + reach)), factor, lowpass) for k in starts]
+    )
 
 
 def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) -> Signals:
@@ -163,7 +187,7 @@ class RegressionData:
 
     Attributes
     ----------
-    signals : the same in SI units.
+    signals : the same in SI units, without those of the dictionary.
     atoms : the dictionary entries that may act; atom j of the regression is entry atoms[j].
     layout : scaled arrays; data : their triangular factor at the largest order.
     center : (n_outputs,) and unit : (n_outputs,) of the outputs, so that y = center + unit * scaled.
@@ -268,17 +292,21 @@ def build_regression(
     centred = config.conditioning.detrend == "constant"
     u, _, _ = _standardised(signals.u, centred=centred)
     y, center, unit = _standardised(signals.y, centred=centred)
-    theta = signals.theta[:, :, list(atoms)] / unit[:, None]
-    power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
+    theta = signals.theta[:, :, list(atoms)]
+    theta /= unit[:, None]
+    if len(theta) <= MOST_AT_ONCE // 10:
+        power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
+    else:  # one by one, for memory
+        power = np.array([np.sqrt(np.mean(np.sum(theta[:, :, j] ** 2, axis=1))) for j in range(len(atoms))])
     magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
-    theta = theta * magnitude_unit
+    theta *= magnitude_unit
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
     layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
     published = config.method == "risro-as-published" or config.risro.as_published
     if config.conditioning.variance == "running" and not published:
         layout = replace(layout, weights=_weights(layout, signals.rate_hz, floor))
     return RegressionData(
-        signals=signals,
+        signals=replace(signals, theta=np.empty((*signals.y.shape, 0))),
         atoms=tuple(atoms),
         layout=layout,
         data=compress(
@@ -305,7 +333,7 @@ def _weights(layout: Layout, rate_hz: float, floor: float) -> FloatArray | None:
     plain = replace(layout, theta=np.zeros((*layout.y.shape, 0)))
     data = compress(plain.u, plain.y, plain.theta, order=order, feedthrough=layout.feedthrough)
     fit = fit_magnitudes(project_inputs(data, order, floor=floor), ())
-    error = unfold(plain, fit).error
+    error = unfold_support(plain, fit).error
     if float(np.abs(error).max()) < EXACT:  # round-off has no gusts
         return None
     weights = running_weights(error, round(RUNNING_S * rate_hz))

@@ -56,7 +56,7 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
     if name in FIXED:
         return FIXED[name]
     if name in AIRSPEEDS:
-        speed = float(np.median(np.abs(window.channel(name).values)))
+        speed = float(np.median(np.abs(window.channel(name).values), overwrite_input=True))
         return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed)
     if name == "altitude":
         known = [one for one in AIRSPEEDS if one in window.channels]

@@ -94,7 +94,7 @@ def test_an_angle_passes_the_end_of_its_range():
     t, u = np.arange(300) / 5.0, np.arange(3000) / 50.0
     turning = 3.0 + 0.1 * u
     wrapped = (turning + np.pi) % (2.0 * np.pi) - np.pi
-    yaw = columns(track(t, t), track(u, wrapped, channel="yaw", is_angle=True))["yaw"][4:-4]
+    yaw = columns(track(t, t), track(u, wrapped, channel="yaw", turn=2.0 * np.pi))["yaw"][4:-4]
     assert np.abs(yaw).max() <= np.pi
     np.testing.assert_allclose(np.exp(1j * yaw), np.exp(1j * (3.0 + 0.1 * t[4:-4])), atol=1e-6)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made_logs import made_log
 
 from bfi_cli.errors import LogError
-from bfi_cli.flightlog import inspect_log, read_log, require_usable
+from bfi_cli.flightlog import FlightLog, inspect_log, quality, read_log, require_usable
 from bfi_cli.flightlog.quality import advice_on_windows, gap_starts, is_uniform, time_jitter
 
 T = np.arange(0.0, 60.0, 0.1)
@@ -37,6 +37,19 @@ def test_a_missing_sample_is_a_gap_where_it_is(at: int, missing: int):
     assert gap_starts(time_s).tolist() == [at - 1]
     assert not is_uniform(time_s)
     assert time_jitter(time_s) < 1e-9
+
+
+@pytest.mark.parametrize("piece", [7, 100, 10_000])
+@pytest.mark.parametrize("at", [0, 6, 7, 8, 500, 998])
+def test_pieces_of_a_time_axis_find_the_same_uneven_step(monkeypatch: pytest.MonkeyPatch, piece: int, at: int):
+    monkeypatch.setattr(quality, "PIECE", piece)
+    even = 100.0 + np.arange(1000) / 10.0
+    uneven = even + 0.05 * (np.arange(1000) > at)
+    assert quality.is_uniform(even)
+    assert not quality.is_uniform(uneven)
+    assert quality.is_uniform(even.astype(np.float32).astype(np.float64))
+    with pytest.raises(LogError, match=f"time step is not uniform: 0.15 s at sample {at + 1}, 0.1 s elsewhere"):
+        require_usable(FlightLog(path="a", time_s=uneven, channels={}), [])
 
 
 def test_a_report_of_each_channel():

@@ -9,7 +9,15 @@ import pytest
 from made_varx import dictionary, explicit_error, made, wave
 from scipy import signal, stats
 
-from bfi_cli.kernels.covariance import Layout, covariance, single_additions, unfold
+from bfi_cli.kernels import covariance as covariance_module
+from bfi_cli.kernels.covariance import (
+    Layout,
+    additions_and_covariance,
+    covariance,
+    single_additions,
+    unfold,
+    unfold_support,
+)
 from bfi_cli.kernels.lagged import compress
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
 
@@ -231,3 +239,35 @@ def test_shapes_are_documented_ones():
     assert unfolded.raw_norm.shape == (5,)
     assert unfolded.coefficients.shape == (unfolded.n_regressors, n_y) == (1 + ORDER + ORDER * n_y, n_y)
     assert covariance(fit, unfolded).shape == (2, 2)
+
+
+@pytest.mark.parametrize("n_y", [1, 2])
+@pytest.mark.parametrize("atoms", [(), (0, 2)])
+def test_a_long_record_in_parts_is_the_one_at_once(monkeypatch: pytest.MonkeyPatch, n_y: int, atoms: tuple[int, ...]):
+    """Regressors factorised in place, atoms a few at a time, and those of the support alone: the same numbers."""
+    layout, fit = fitted(*record(5, (1.0, -2.0, 0.5, 0.0, 0.3), n_y=n_y), atoms, first=6, feedthrough=True)
+    layout = replace(layout, weights=1.0 + np.random.default_rng(0).uniform(size=400))
+    whole = unfold(layout, fit)
+    single, cov = single_additions(fit, whole), covariance(fit, whole)
+    monkeypatch.setattr(covariance_module, "MOST_VALUES", 900)
+    parts, own = unfold(layout, fit), unfold_support(layout, fit)
+    for name in ("error", "weighted_error", "signatures", "raw_norm", "coefficients", "condition_number"):
+        np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(own.error, whole.error, rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(own.signatures, whole.signatures[:, :, list(atoms)], rtol=1e-10, atol=1e-11)
+    added, scaled = additions_and_covariance(layout, fit)
+    np.testing.assert_allclose(scaled, cov, rtol=1e-9)
+    others = [n for n in range(5) if n not in atoms]
+    np.testing.assert_allclose(added.magnitude[others], single.magnitude[others], rtol=1e-9)
+    np.testing.assert_allclose(added.variance[others], single.variance[others], rtol=1e-9)
+    assert np.isnan(added.variance[list(atoms)]).all()
+
+
+def test_a_dependent_regressor_of_a_long_record_is_left_out(monkeypatch: pytest.MonkeyPatch):
+    u, y, theta = record(6, (1.0,))
+    layout, fit = fitted(np.hstack([u, u[:, :1]]), y, theta, (0,))
+    whole = unfold(layout, fit)
+    monkeypatch.setattr(covariance_module, "MOST_VALUES", 100)
+    parts = unfold(layout, fit)
+    np.testing.assert_allclose(parts.error, whole.error, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(parts.signatures, whole.signatures, rtol=1e-9, atol=1e-11)

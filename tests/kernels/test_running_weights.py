@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from bfi_cli.kernels import running_weights as module
 from bfi_cli.kernels.running_weights import running_weights
 
 
@@ -26,3 +28,11 @@ def test_an_outlier_or_a_factor_changes_nothing():
 
 def test_an_error_of_zeros_has_equal_weights():
     np.testing.assert_array_equal(running_weights(np.zeros((50, 1)), 10), np.ones(50))
+
+
+@pytest.mark.parametrize("values", [1, 50, 1000])
+def test_medians_of_a_long_record_in_parts_are_those_at_once(monkeypatch: pytest.MonkeyPatch, values: int):
+    error = np.random.default_rng(0).standard_normal((400, 1))
+    whole = running_weights(error, 10)
+    monkeypatch.setattr(module, "MOST_VALUES", values)
+    np.testing.assert_array_equal(running_weights(error, 10), whole)

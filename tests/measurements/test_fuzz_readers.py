@@ -14,6 +14,7 @@ import pytest
 from damaged_logs import read_all
 from made_dataflash import dataflash_bytes
 from made_px4 import px4_topics, write_ulog
+from made_tdms import write_tdms
 from made_tlog import tlog_bytes
 from scipy.io import savemat
 
@@ -78,6 +79,14 @@ def tlog(path: Path) -> None:
     path.write_bytes(tlog_bytes())
 
 
+def tdms(path: Path) -> None:
+    write_tdms(path, SIGNALS["tas"], SIGNALS["elevator"], segments=4)
+
+
+def tdms_rates(path: Path) -> None:
+    write_tdms(path, SIGNALS["tas"], SIGNALS["elevator"], rate_hz=(10.0, 25.0))
+
+
 def garmin(path: Path) -> None:
     rows = "".join(f"2024-05-01, 12:{k // 60:02d}:{k % 60:02d}, {100 + k % 7}, {k % 5}, KCKN\n" for k in range(N))
     path.write_text(
@@ -85,7 +94,20 @@ def garmin(path: Path) -> None:
     )
 
 
-FORMATS = (contiguous, with_truth, text, garmin, matlab, matlab_compressed, matlab_73, ulog, dataflash, tlog)
+FORMATS = (
+    contiguous,
+    with_truth,
+    text,
+    garmin,
+    matlab,
+    matlab_compressed,
+    matlab_73,
+    ulog,
+    dataflash,
+    tlog,
+    tdms,
+    tdms_rates,
+)
 
 
 def damaged(whole: bytes) -> list[bytes]:

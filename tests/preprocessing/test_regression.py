@@ -15,7 +15,8 @@ from bfi_cli.filters import Filter, recorded_signal
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.variable_projection import fit_magnitudes
-from bfi_cli.preprocessing.regression import build_regression, feasible_orders
+from bfi_cli.preprocessing import regression
+from bfi_cli.preprocessing.regression import build_regression, decimate_native, feasible_orders
 from bfi_cli.preprocessing.window import prepare_window, regression_of
 
 ROOT = Path(__file__).parents[2]
@@ -52,6 +53,18 @@ def test_a_fault_added_to_the_factor_is_a_fault_added_to_the_record(log, detrend
     atoms = range(len(window.live))
     one, other = (fit_magnitudes(each.problem(4), atoms).z * each.magnitude_unit for each in (recombined, direct))
     np.testing.assert_allclose(one, other, rtol=1e-6)
+
+
+@pytest.mark.parametrize("outputs", [["tas"], ["tas", "aoa"]])
+def test_channels_filtered_one_by_one_are_those_filtered_together(log, monkeypatch: pytest.MonkeyPatch, outputs):
+    config = merge(Config(), {"outputs": outputs, "inputs": ["elevator", "pitch"], "conditioning.rate_hz": 10.0})
+    native = prepare_window(log, load_dictionary(THESIS), config).native
+    whole, largest = decimate_native(native, 10)
+    monkeypatch.setattr(regression, "MOST_AT_ONCE", 100)
+    parts, same = decimate_native(native, 10)
+    for name in ("time_s", "u", "y", "theta"):
+        np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-13, atol=1e-13)
+    np.testing.assert_array_equal(same, largest)
 
 
 def test_rows_are_weighted_where_gusts_come_and_go(log):

@@ -33,7 +33,8 @@ SMALLEST_STEP = 1e-15
 FIRST_RADIUS = 0.01
 # Converged onsets are taken out of the stack, which costs a copy, once less than this share of it is still moving.
 STILL_MOVING = 0.6
-# A pivot that rounding leaves below this share of its diagonal entry is raised to it.
+# A pivot that rounding leaves below this share of its diagonal entry, or of the terms that the entry is the difference
+# of, is raised to it, and its row left out: what stands there is rounding, which further eliminations would square.
 SINGULAR = 1e-14
 
 
@@ -95,7 +96,8 @@ def profile_polynomial(C: FloatArray, S: FloatArray, W: FloatArray) -> ProfilePo
     free = np.zeros((width + 1, width + 1, n))
     free[:-1, :-1] = S - np.matmul(C[:-1].transpose(2, 1, 0), C[:-1].transpose(2, 0, 1)).transpose(1, 2, 0)
     free[:-1, -1] = free[-1, :-1] = -C[-1]
-    eliminate(free, width)
+    # A signature that the regressors explain leaves the rounding of the difference, which is no pivot.
+    eliminate(free, width, np.einsum("iin->in", S))
     v = np.ones((m, n))
     v[:-1] = np.einsum("jin,in->jn", C[:-1], solve_last(free, width)[:-1, 0])
     top, bottom = (np.einsum("in,in->n", v, np.einsum("ijn,jn->in", X, v)) for X in (A, H2))
@@ -184,15 +186,24 @@ def _derivatives(stack: ProfilePolynomial, z: FloatArray) -> tuple[FloatArray, F
     )
 
 
-def eliminate(H: FloatArray, n_pivots: int) -> FloatArray:
+def eliminate(H: FloatArray, n_pivots: int, size: FloatArray | None = None) -> FloatArray:
     """Eliminate the first pivots of symmetric H (m, m, n) in place; return the Schur complement (m - n_pivots, ..., n).
 
-    Rows above it then hold the factor: pivots on the diagonal, pivot rows right of it, multipliers below.
+    Rows above it then hold the factor: pivots on the diagonal, pivot rows right of it, multipliers below. Of a pivot
+    that vanishes both are zero: what depends on earlier ones takes no part.
+
+    Parameters
+    ----------
+    size : (n_pivots, n) of the terms that the first diagonal entries are differences of; None where they are not.
     """
     smallest = SINGULAR * np.einsum("iin->in", H) + np.finfo(float).tiny
+    if size is not None:
+        smallest[:n_pivots] = SINGULAR * size + np.finfo(float).tiny
     for j in range(len(H)):
         if k := min(j, n_pivots):
             H[j, j:] -= np.einsum("kn,kin->in", H[j, :k], H[:k, j:])
+        if j < n_pivots and (gone := H[j, j] < smallest[j]).any():
+            H[j, j + 1 :, gone] = 0.0
         np.maximum(H[j, j], smallest[j], out=H[j, j])
         if j < n_pivots:
             np.divide(H[j, j + 1 :], H[j, j], out=H[j + 1 :, j])

@@ -10,7 +10,7 @@ from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record,
 
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.onset import waveform as shapes
-from bfi_cli.kernels.onset.profile import eliminate, minimise, solve_last, solved_norm
+from bfi_cli.kernels.onset.profile import eliminate, minimise, profile_polynomial, solve_last, solved_norm
 from bfi_cli.kernels.onset.scan import default_onsets, prepare_scan, scan_shape, stack_onsets, tabulate
 
 N = 400
@@ -272,6 +272,34 @@ def test_elimination_is_the_schur_complement(m, r, n, seed):
     G = H[:, :m, m:]
     norm = solved_norm(stack, G.transpose(1, 2, 0))
     np.testing.assert_allclose(norm.transpose(2, 0, 1), -G.transpose(0, 2, 1) @ V, atol=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(m=st.integers(2, 8), seed=st.integers(0, 999), dependent=st.integers(0, 7))
+def test_a_row_that_depends_on_earlier_ones_takes_no_part(m: int, seed: int, dependent: int):
+    """The Schur complement is that of the matrix without the row, whatever rounding left of it."""
+    rng, dependent = np.random.default_rng(seed), 1 + dependent % (m - 1)
+    A = rng.standard_normal((m + 1, m + 3))
+    A[dependent] = rng.standard_normal(dependent) @ A[:dependent]
+    H, kept = A @ A.T, np.delete(np.arange(m), dependent)
+    stack = H[:, :, None].copy()
+    S = eliminate(stack, m)
+    expected = H[m, m] - H[m, kept] @ np.linalg.solve(H[np.ix_(kept, kept)], H[kept, m])
+    assert S[0, 0, 0] == pytest.approx(expected, rel=1e-5)
+    # Rounding may leave just more than the tolerance; then the row has a coefficient, and the fit is the same.
+    assert np.isfinite(solve_last(stack, m)).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(width=st.integers(2, 6), seed=st.integers(0, 999), scale=st.sampled_from([1e-6, 1.0, 1e6]))
+def test_inner_products_of_rounding_have_a_start_that_is_a_number(width: int, seed: int, scale: float):
+    """A signature that the regressors explain leaves rounding for pivots; eliminations squared it up to an overflow."""
+    rng, n = np.random.default_rng(seed), 400
+    C = scale * rng.standard_normal((width + 1, width, n))
+    S = np.einsum("kin,kjn->ijn", C[:-1], C[:-1])
+    S += 1e-12 * scale**2 * rng.standard_normal(S.shape) * np.geomspace(1.0, 1e8, width)[:, None, None]
+    S = 0.5 * (S + S.transpose(1, 0, 2))
+    assert np.isfinite(profile_polynomial(C, S, rng.standard_normal((width, width + 1))).start).all()
 
 
 def test_what_cannot_be_scanned_is_refused():

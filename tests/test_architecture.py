@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels", "printable"),
-    ("airdata", "sample_file"),
+    ("airdata", "jsbsim", "sample_file"),
     ("shapes",),
     ("units", "faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),
     ("filters",),
@@ -49,6 +49,7 @@ HOME = {
     "dask": {"engine"},
     "distributed": {"engine"},
     "h5py": {"flightlog", "files"},
+    "jsbsim": {"jsbsim"},
     "jinja2": {"report"},
     "yaml": {"yaml12"},
 }

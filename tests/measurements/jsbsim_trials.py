@@ -104,9 +104,24 @@ def gust_trial(job: tuple[str, int, float]) -> GustTrial:
 
 # Noise of an air-data computer and an attitude reference.
 SENSORS = {
-    **{"tas": 0.05, "cas": 0.05, "mach": 2e-4, "altitude": 0.3, "altitude_rate": 0.05, "p_static": 3.0, "p_total": 3.0},
-    **{"tat": 0.02, "sat": 0.02, "aoa": 5e-4, "sideslip": 5e-4, "pitch": 3e-4, "roll": 3e-4, "normal_acc": 0.05},
-    **{"longitudinal_acc": 0.02, "lateral_acc": 0.02, "velocity_north": 0.05, "velocity_east": 0.05},
+    "tas": 0.05,
+    "cas": 0.05,
+    "mach": 2e-4,
+    "altitude": 0.3,
+    "altitude_rate": 0.05,
+    "p_static": 3.0,
+    "p_total": 3.0,
+    "tat": 0.02,
+    "sat": 0.02,
+    "aoa": 5e-4,
+    "sideslip": 5e-4,
+    "pitch": 3e-4,
+    "roll": 3e-4,
+    "normal_acc": 0.05,
+    "longitudinal_acc": 0.02,
+    "lateral_acc": 0.02,
+    "velocity_north": 0.05,
+    "velocity_east": 0.05,
 }
 
 

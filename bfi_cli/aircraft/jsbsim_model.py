@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..airdata import HIGHEST
 from ..errors import ConfigError
 from ..jsbsim import CONTROLS, OUTPUTS, run
 from .model import FlightPlan, Flown, NonlinearModel
@@ -43,13 +44,12 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
         said = f"did you mean {' or '.join(repr(one) for one in spelt)}?" if spelt else f"known: {', '.join(known)}"
         raise ConfigError(f"jsbsim: no such aircraft, got '{name}'; {said}")
     altitude = ALTITUDE_M if plan.altitude_m is None else plan.altitude_m
-    for key, value in (
-        ("altitude", altitude),
-        ("airspeed", plan.tas_m_s),
-        *zip(["wind", "wind"], plan.wind_m_s, strict=True),
-    ):
-        if value is not None and not np.isfinite(value):
-            raise ConfigError(f"{who}: the {key} must be a number, got {value:g}")
+    if not 0.0 < altitude <= HIGHEST:
+        raise ConfigError(
+            f"{who}: the altitude must lie above 0 and up to {HIGHEST:g} m, got {altitude:g} m; change it"
+        )
+    if not np.isfinite([0.0 if plan.tas_m_s is None else plan.tas_m_s, *plan.wind_m_s]).all():
+        raise ConfigError(f"{who}: airspeed and wind must be numbers, got {plan.tas_m_s} and {plan.wind_m_s} m/s")
     tas = _airspeed(name, plan.tas_m_s, altitude)
     start = {"do": "fly", "name": name, "tas_m_s": tas, "altitude_m": altitude, "tour": plan.tour}
 

@@ -203,7 +203,15 @@ def test_the_command_writes_the_librarys_log(tmp_path: Path):
         (["jsbsim:p51d"], "jsbsim:p51d: does not trim in level flight at 1500 m at any of 20 to 240 m/s; give --tas"),
         (["jsbsim:SGS"], "jsbsim:SGS: has no engine to fly level with; give another"),
         (["jsbsim:L17"], "jsbsim:L17: JSBSim cannot fly this aircraft, "),
-        (["jsbsim:c172p", "--altitude", "nan"], "jsbsim:c172p: the altitude must be a number, got nan"),
+        (
+            ["jsbsim:c172p", "--altitude", "nan"],
+            "jsbsim:c172p: the altitude must lie above 0 and up to 20000 m, got nan m; change it\n",
+        ),
+        (
+            ["jsbsim:c172p", "--wind", "inf", "0"],
+            "jsbsim:c172p: airspeed and wind must be numbers, got None and (inf, ",
+        ),
+        (["jsbsim:../c172p"], "jsbsim: no such aircraft, got '../c172p'; did you mean 'c172p' or "),
         (["jsbsim:c172p", "--amplitude", "1", "--step", "5"], "jsbsim:c172p: leaves normal flight at "),
         (["jsbsim:c172p", "--noise", "foo=1"], "jsbsim:c172p: noise: no output 'foo'; the model has: tas, cas, "),
         (["jsbsim:c172p", "--discretisation", "euler"], "jsbsim:c172p: discretisation: held inputs only, got 'euler'"),
@@ -260,6 +268,11 @@ def test_the_f16_starts_where_it_is_asked_to():
     log = simulate(model, np.zeros(10), rng=np.random.default_rng(0), rate_hz=RATE)
     assert log.channel("tas").values[0] == 150.0
     assert log.channel("altitude").values[0] == 2000.0
+
+
+def test_the_help_says_how_far_a_stick_is_moved(capsys: pytest.CaptureFixture[str]):
+    assert run_command(["simulate", "--help"]) == 0
+    assert f"of jsbsim {STICK:g}" in " ".join(capsys.readouterr().out.split())
 
 
 def test_the_throttle_moves_after_the_manoeuvre():

@@ -67,7 +67,7 @@ def smooth_trial(job: tuple[str, int]) -> SmoothTrial:
     name, seed = job
     healthy, dictionary = with_noise(flight(name), seed), load_dictionary("airdata")
     with_bias = identified(inject(healthy, [BIAS]), dictionary)
-    found = {(one.shape, one.onset_s): one for one in with_bias.faults}
+    found = {(one.fault.shape, one.fault.onset_s): one for one in with_bias.faults}
     bias = found.get(("bias", ONSET_S))
     exact = bias is not None and len(found) == 1
     covered = exact and bias is not None and bias.ci95[0] <= BIAS.magnitude <= bias.ci95[1]

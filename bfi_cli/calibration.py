@@ -26,6 +26,7 @@ from .yaml12 import read_text
 __all__ = ["FEWEST_WINDOWS", "SCHEMA", "TOLERANCES", "CalibrationSettings", "CalibrationTable", "Null"]
 __all__ += [
     "calibration_content",
+    "calibration_document",
     "differences",
     "join_tables",
     "load_tables",
@@ -271,8 +272,8 @@ def save_tables(
     return to_json({**document, **more, "notes": notes, "provenance": provenance})
 
 
-def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
-    """Return the tables of a file made by `bfi calibrate`.
+def calibration_document(path: str | Path) -> Mapping[str, Any]:
+    """Return what a file made by `bfi calibrate` holds.
 
     Raises
     ------
@@ -280,11 +281,22 @@ def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
     """
     where = str(path)
     try:
-        document = json.loads(read_text(Path(path), error=ConfigError, most_bytes=MAX_BYTES))
+        document = mapping(json.loads(read_text(Path(path), error=ConfigError, most_bytes=MAX_BYTES)), where=where)
     except json.JSONDecodeError as problem:
         raise ConfigError(f"{where}: not JSON ({problem.msg.lower()}); give a file of bfi calibrate") from None
-    if (kind := mapping(document, where=where).get("kind")) != "calibration":
+    if (kind := document.get("kind")) != "calibration":
         raise ConfigError(f"{where}: kind is '{kind}', not 'calibration'; give a file of bfi calibrate")
+    return document
+
+
+def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
+    """Return the tables of the onset scan in a file made by `bfi calibrate`.
+
+    Raises
+    ------
+    ConfigError : it cannot be read, is something else, or is of another schema.
+    """
+    where, document = str(path), calibration_document(path)
     if (schema := document.get("schema")) != SCHEMA:
         raise ConfigError(f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi calibrate again")
     return from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")

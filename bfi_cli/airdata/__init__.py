@@ -34,12 +34,49 @@ from .atmosphere import (
     pressure_at,
 )
 from .distribution import fault_distribution
-from .motion import climb_angle, constant_wind, ground_velocity, kinematic_acceleration, lift_speed, zero_lift_angle
+from .motion import (
+    GRAVITY_LEFT_IN,
+    climb_angle,
+    constant_wind,
+    ground_velocity,
+    kinematic_acceleration,
+    lift_speed,
+    zero_lift_angle,
+)
 from .system import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
 
-__all__ = ["DEPENDS_ON", "HIGHEST", "IMPACT_SOURCES", "LOWEST", "SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "G"]
-__all__ += ["SEA_LEVEL_TEMPERATURE", "STATIC_SOURCES", "AirData", "Impossible", "air_data_of", "altitude_of"]
-__all__ += ["calibrated_airspeed", "channels_of", "climb_angle", "constant_wind", "fault_distribution"]
-__all__ += ["ground_velocity", "impact_pressure_of_cas", "impact_pressure_of_mach", "isa_temperature"]
-__all__ += ["kinematic_acceleration", "lift_speed", "mach_number", "mach_of_tas", "pressure_at", "speed_of_sound"]
-__all__ += ["static_temperature", "total_temperature", "true_airspeed", "zero_lift_angle"]
+__all__ = [
+    "DEPENDS_ON",
+    "GRAVITY_LEFT_IN",
+    "HIGHEST",
+    "IMPACT_SOURCES",
+    "LOWEST",
+    "SEA_LEVEL_PRESSURE",
+    "SEA_LEVEL_SPEED_OF_SOUND",
+    "SEA_LEVEL_TEMPERATURE",
+    "STATIC_SOURCES",
+    "AirData",
+    "G",
+    "Impossible",
+    "air_data_of",
+    "altitude_of",
+    "calibrated_airspeed",
+    "channels_of",
+    "climb_angle",
+    "constant_wind",
+    "fault_distribution",
+    "ground_velocity",
+    "impact_pressure_of_cas",
+    "impact_pressure_of_mach",
+    "isa_temperature",
+    "kinematic_acceleration",
+    "lift_speed",
+    "mach_number",
+    "mach_of_tas",
+    "pressure_at",
+    "speed_of_sound",
+    "static_temperature",
+    "total_temperature",
+    "true_airspeed",
+    "zero_lift_angle",
+]

@@ -12,7 +12,11 @@ from scipy.optimize import least_squares
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G
 from .domain import FloatArray
 
-__all__ = ["climb_angle", "constant_wind", "ground_velocity", "kinematic_acceleration", "lift_speed", "zero_lift_angle"]
+__all__ = ["GRAVITY_LEFT_IN", "climb_angle", "constant_wind", "ground_velocity", "kinematic_acceleration"]
+__all__ += ["lift_speed", "zero_lift_angle"]
+
+# m/s^2. The median of a normal acceleration with gravity taken out is far below it in any flight, with it far above.
+GRAVITY_LEFT_IN = 5.0
 
 # Fits are made again without samples this many robust standard deviations off: flaps, gear, the ground, gusts.
 OUTLYING = 3.5

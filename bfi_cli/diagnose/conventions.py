@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..airdata import GRAVITY_LEFT_IN
 from ..flightlog import FlightLog
 from ..flightlog.phases import Phase
 from ..parity import Record, record_of
-from ..parity.windows import judged
+from ..parity.windows import flight_stretches, within
 
 __all__ = ["without_other_conventions"]
 
-# m/s^2. The median of a normal acceleration with gravity taken out is far below it in any flight, with it far above.
-GRAVITY_LEFT_IN = 5.0
 # m/s^2 by which the mean rate of the airspeed may differ from that of the accelerometers: two degrees of attitude.
 # Gravity that was taken out of the longitudinal acceleration is its sine of the pitch, as much in a climb.
 MEAN_RATE = 0.35
@@ -25,8 +24,8 @@ def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[
     """Return the log without accelerations whose mean over the flight no aircraft has, and a sentence on each."""
     said = []
     if "normal_acc" in log.channels:
-        record = record_of(replace(log, channels={"normal_acc": log.channels["normal_acc"]}))
-        middle = _median(record, phases, "normal_acc")
+        flown = log.channels["normal_acc"].values[within(log.time_s, flight_stretches(phases))]
+        middle = float(np.nanmedian(flown)) if np.isfinite(flown).any() else 0.0
         if abs(middle) > GRAVITY_LEFT_IN:
             said.append(
                 f"'normal_acc' has a median of {middle:.3g} m/s^2 in flight, where it should be 0 in level flight: "
@@ -49,17 +48,10 @@ def _without(log: FlightLog, name: str) -> FlightLog:
     return replace(log, channels={other: one for other, one in log.channels.items() if other != name})
 
 
-def _median(record: Record, phases: Sequence[Phase], name: str) -> float:
-    flown = [record.between(first, last).channels[name] for first, last in judged(phases)]
-    values = np.concatenate(flown) if flown else np.empty(0)
-    values = values[np.isfinite(values)]
-    return float(np.median(values)) if values.size else 0.0
-
-
 def _mean_rate(record: Record, phases: Sequence[Phase]) -> float:
     """Return by how much the accelerometers' mean rate of the airspeed exceeds the airspeed's, m/s^2."""
     gained, seconds = 0.0, 0.0
-    for first, last in judged(phases):
+    for first, last in flight_stretches(phases):
         part = record.between(first, last)
         assert part.gained is not None
         left = np.flatnonzero(np.isfinite(part.gained - part.channels["tas"]))

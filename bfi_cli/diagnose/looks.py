@@ -20,6 +20,7 @@ from ..parity import (
     table_for,
     threshold_of,
 )
+from ..parity.windows import overlaps
 from .result import Look
 
 __all__ = ["SCALE_S", "Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
@@ -102,8 +103,7 @@ def scan_flight(
     found = []
     for k, (from_s, to_s) in enumerate(every):
         report(k / len(every))
-        moving = any(from_s < last and first < to_s for first, last in without_lift)
-        only = WITHOUT_LIFT if moving else None
+        only = WITHOUT_LIFT if overlaps((from_s, to_s), without_lift) else None
         scan = scan_window(record.between(from_s, to_s), zero_lift=zero_lift, only=only)
         if scan is not None:
             found.append(_reduced(scan, from_s, to_s))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import (
+    GRAVITY_LEFT_IN,
     IMPACT_SOURCES,
     STATIC_SOURCES,
     air_data_of,
@@ -38,8 +39,6 @@ ENOUGH_S = 300.0
 FIRST_PART = 0.25
 # Of the fastest, below which an aircraft is not in flight for good: a stall is flown at 0.35 to 0.5 of it.
 SLOWEST_FLIGHT = 0.33
-# m/s^2. The median of a normal acceleration with gravity taken out is far below it in any flight, with it far above.
-GRAVITY_LEFT_IN = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

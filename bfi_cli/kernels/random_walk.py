@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
+from .normal import TWO_SIDED_95
 
 __all__ = ["Course", "MixedFit", "correlated_noise", "fit_mixed", "smoothed_course", "walk_columns"]
 
@@ -31,7 +32,6 @@ RATIOS = np.geomspace(1e-4, 1e14, 91)
 # Halvings of the logarithm of the bracket that refine it: to 1e-6 of the ratio.
 REFINEMENTS = 40
 GOLDEN = 0.6180339887498949
-QUANTILE = 1.959963984540054  # of the normal distribution for a 95 % interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -214,11 +214,11 @@ class Course:
 
     @property
     def low(self) -> FloatArray:
-        return np.asarray(self.value - QUANTILE * self.sd)
+        return np.asarray(self.value - TWO_SIDED_95 * self.sd)
 
     @property
     def high(self) -> FloatArray:
-        return np.asarray(self.value + QUANTILE * self.sd)
+        return np.asarray(self.value + TWO_SIDED_95 * self.sd)
 
 
 def smoothed_course(

@@ -10,6 +10,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ..faults import Decision
+from ..kernels.normal import TWO_SIDED_95
 from ..shapes import Kind
 from ..verdicts import KINDS
 from .scenarios import Sweep
@@ -18,7 +19,6 @@ from .trial import Row, rounded
 __all__ = ["Proportion", "ScenarioSummary", "Summary", "summarise", "wilson"]
 
 # The 97.5 % quantile of the normal distribution.
-NORMAL_975 = 1.959963984540054
 DECISIONS: tuple[Decision, ...] = get_args(Decision)
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
 
@@ -80,9 +80,9 @@ def wilson(count: int, of: int) -> tuple[float, float] | None:
     """Return the 95 % interval of a proportion (Wilson 1927), None without trials."""
     if of == 0:
         return None
-    share, z2 = count / of, NORMAL_975**2
+    share, z2 = count / of, TWO_SIDED_95**2
     middle = share + z2 / (2 * of)
-    half = NORMAL_975 * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2))
+    half = TWO_SIDED_95 * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2))
     low = 0.0 if count == 0 else (middle - half) / (1 + z2 / of)
     return low, 1.0 if count == of else (middle + half) / (1 + z2 / of)
 

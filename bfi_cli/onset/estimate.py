@@ -13,6 +13,7 @@ import numpy as np
 
 from ..filters import alternatives, response_of
 from ..kernels import FloatArray
+from ..kernels.normal import TWO_SIDED_95
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.scan import Scan, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
@@ -23,8 +24,7 @@ from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, wa
 
 # Quantile of the normal distribution for an interval of 95 %; an onset's holds what is within its square of the best
 # statistic (chi-square of one degree of freedom).
-NORMAL = 1.959963984540054
-DROP = NORMAL**2
+DROP = TWO_SIDED_95**2
 # Starts tried per conditioned sample: a bound on the time where the log's own rate is far higher.
 MOST_PHASES = 10
 # Conditioned samples to either side of the scan's onset that are refined: the filter smears a start over a few.

@@ -9,12 +9,13 @@ from ..dictionary import Dictionary
 from ..faults import Decision, Fault, FaultEstimate, magnitude_unit, physical
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
+from ..kernels.normal import TWO_SIDED_95
 from ..kernels.whiteness import exceedances, robust_sd
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
 from ..report.text import instant
 from ..shapes import Kind
 from ..verdicts import KINDS, Candidate
-from .estimate import NORMAL, Estimate, subtract_faults
+from .estimate import Estimate, subtract_faults
 from .scan import HypothesisScan
 from .scan_record import ScanRecord
 from .shapes import fault_of
@@ -191,7 +192,7 @@ def assemble_result(
             physical_value=value,
             physical_unit=physical_unit,
             sd=sd,
-            ci95=(magnitude - NORMAL * sd, magnitude + NORMAL * sd),
+            ci95=(magnitude - TWO_SIDED_95 * sd, magnitude + TWO_SIDED_95 * sd),
         )
         onset_ci95, statistic = estimate.onset_ci95, estimate.statistic
         faults.append(OnsetFault(estimate=declared, onset_ci95=onset_ci95, statistic=statistic, p_value=p_value))

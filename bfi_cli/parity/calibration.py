@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ..calibration import FEWEST_WINDOWS, MAX_BYTES, null_from
+from ..calibration import FEWEST_WINDOWS, calibration_document, null_from
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of
-from ..serialization import from_plain, mapping
-from ..yaml12 import read_text
+from ..serialization import from_plain
 from .record import record_of
 from .scan import scan_window
 from .thresholds import ParityTable
-from .windows import LENGTHS_S, clean_up_time, configuration_changes, windows_in
+from .windows import LENGTHS_S, clean_up_time, configuration_changes, overlaps, windows_in
 from .zero_lift import zero_lift_of
 
 __all__ = ["AirDataCalibration", "calibrate_air_data", "load_air_data"]
@@ -68,9 +66,10 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
     for record, parts in zip(records, phases, strict=True):
         for length_s in LENGTHS_S:
             moved = configuration_changes(parts, clean_up_s=clean_up_time(parts, record))
-            windows = _quiet(windows_in(parts, length_s), moved)
-            if len(windows) < FEWEST_WINDOWS:
-                windows = _quiet(windows_in(parts, length_s, step_s=CLOSEST_S), moved)
+            for step_s in (None, CLOSEST_S):
+                windows = [one for one in windows_in(parts, length_s, step_s=step_s) if not overlaps(one, moved)]
+                if len(windows) >= FEWEST_WINDOWS:
+                    break
             for window in windows:
                 scan = scan_window(record.between(*window), zero_lift=zero_lift)
                 if scan is not None:
@@ -90,10 +89,6 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
     return AirDataCalibration(zero_lift_rad=zero_lift, tables=tables) if found else None
 
 
-def _quiet(windows: Sequence[tuple[float, float]], moved: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    return [one for one in windows if not any(one[0] < last and first < one[1] for first, last in moved)]
-
-
 def load_air_data(path: str | Path) -> AirDataCalibration:
     """Return the air data of a file made by `bfi calibrate`.
 
@@ -101,13 +96,7 @@ def load_air_data(path: str | Path) -> AirDataCalibration:
     ------
     ConfigError : it cannot be read, is something else, or holds none.
     """
-    where = str(path)
-    try:
-        document = json.loads(read_text(Path(path), error=ConfigError, most_bytes=MAX_BYTES))
-    except json.JSONDecodeError as problem:
-        raise ConfigError(f"{where}: not JSON ({problem.msg.lower()}); give a file of bfi calibrate") from None
-    if (kind := mapping(document, where=where).get("kind")) != "calibration":
-        raise ConfigError(f"{where}: kind is '{kind}', not 'calibration'; give a file of bfi calibrate")
+    where, document = str(path), calibration_document(path)
     if not document.get("air_data"):
         raise ConfigError(f"{where}: holds no air data; run bfi calibrate again on flights that have them")
     return from_plain(AirDataCalibration, document["air_data"], where=f"{where}: air_data")

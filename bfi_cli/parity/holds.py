@@ -152,6 +152,9 @@ def lines_of(log: FlightLog) -> Lines:
     flies = airborne(log, blocks.time_s)
     names = {*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"} & log.channels.keys()
     missing: list[str] = []
+    unwatched = Lines(
+        time_s=blocks.time_s, flies=flies, borne=flies, step_s=step_s, q_impact=None, lines=(), missing=()
+    )
     if not set(STATIC_SOURCES) & names:
         missing.append("the pressure lines are not watched: the log lacks altitude or p_static")
     elif not flies.any():
@@ -160,15 +163,7 @@ def lines_of(log: FlightLog) -> Lines:
         why = f"it has a sample every {step_s:g} s, one every {POINT_S:g} s at least is needed"
         missing.append(f"the pressure lines are not watched: {why}")
     if missing:
-        return Lines(
-            time_s=blocks.time_s,
-            flies=flies,
-            borne=flies,
-            step_s=step_s,
-            q_impact=None,
-            lines=(),
-            missing=tuple(missing),
-        )
+        return replace(unwatched, missing=tuple(missing))
     values = {name: blocks.mean(log.channels[name].values) for name in names}
     has_impact = bool(set(IMPACT_SOURCES) & names)
     if not has_impact:
@@ -177,15 +172,7 @@ def lines_of(log: FlightLog) -> Lines:
     air = air_data_of(values)
     if not np.isfinite(air.p_static + air.q_impact)[flies].any():
         missing.append("the pressure lines are not watched: no sample in flight has both pressures")
-        return Lines(
-            time_s=blocks.time_s,
-            flies=flies,
-            borne=flies,
-            step_s=step_s,
-            q_impact=None,
-            lines=(),
-            missing=tuple(missing),
-        )
+        return replace(unwatched, missing=tuple(missing))
     if air.made_of["q_impact"] == ("tas",) and has_impact:
         heat = [name for name in ("tat", "sat") if name in names]
         missing.append(
@@ -221,11 +208,9 @@ def lines_of(log: FlightLog) -> Lines:
                 point_noise_sd=noise / np.sqrt(averaged),
             )
         )
-    return Lines(
-        time_s=blocks.time_s,
-        flies=flies,
+    return replace(
+        unwatched,
         borne=air.q_impact >= BORNE * np.nanmedian(air.q_impact[flies]) if has_impact else flies,
-        step_s=step_s,
         q_impact=np.asarray(air.q_impact) if has_impact else None,
         lines=tuple(lines),
         missing=tuple(missing),

@@ -5,11 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..flightlog.phases import Phase
 from .record import Record
 
-__all__ = ["LENGTHS_S", "OVERLAP", "clean_up_time", "configuration_changes", "judged", "windows_in"]
+__all__ = [
+    "LENGTHS_S",
+    "OVERLAP",
+    "Window",
+    "clean_up_time",
+    "configuration_changes",
+    "flight_stretches",
+    "overlaps",
+    "windows_in",
+    "within",
+]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Window = tuple[float, float]
 
 # Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.7).
 LENGTHS_S = (60.0, 120.0, 240.0)
@@ -22,11 +37,24 @@ APART_S = 1.0  # of two parts that follow each other
 ROUNDING = 1e-9  # of a length, of times that are computed
 
 
-def judged(phases: Sequence[Phase]) -> list[tuple[float, float]]:
+def within(time_s: FloatArray, stretches: Sequence[Window]) -> BoolArray:
+    """Return (n,) which times lie in one of the stretches; the end of a stretch is no part of it."""
+    inside = np.zeros(time_s.shape, dtype=np.bool_)
+    for first, last in stretches:
+        inside |= (time_s >= first) & (time_s < last)
+    return inside
+
+
+def overlaps(window: Window, stretches: Sequence[Window]) -> bool:
+    """Return whether a window shares time with one of the stretches."""
+    return any(window[0] < last and first < window[1] for first, last in stretches)
+
+
+def flight_stretches(phases: Sequence[Phase]) -> list[Window]:
     """Return the stretches of flight without take-off, approach, landing and parabolas."""
     parts = [one for one in phases if one.phase in ("climb", "cruise", "descent", "flight")]
     steep = [one for one in phases if one.phase == "parabola"]
-    found: list[tuple[float, float]] = []
+    found: list[Window] = []
     for part in sorted(parts, key=lambda one: one.from_s):
         if found and part.from_s - found[-1][1] <= APART_S:
             found[-1] = (found[-1][0], part.to_s)
@@ -40,7 +68,7 @@ def judged(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     return found
 
 
-def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None = None) -> list[tuple[float, float]]:
+def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None = None) -> list[Window]:
     """Return overlapping windows; the last of a stretch ends where that ends.
 
     Parameters
@@ -49,7 +77,7 @@ def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None
     """
     step_s = (1.0 - OVERLAP) * length_s if step_s is None else step_s
     windows = []
-    for first, last in judged(phases):
+    for first, last in flight_stretches(phases):
         spare = last - first - length_s
         if spare < -ROUNDING * length_s:
             continue
@@ -66,15 +94,13 @@ def clean_up_time(phases: Sequence[Phase], record: Record) -> float:
 
     V / g is the time in which an aircraft can gain the better part of its speed: 12 s of a jet, 1 s of a drone.
     """
-    flown = np.zeros(record.time_s.shape, dtype=bool)
-    for first, last in judged(phases):
-        flown |= (record.time_s >= first) & (record.time_s < last)
+    flown = within(record.time_s, flight_stretches(phases))
     speeds = record.channels["tas"][flown] if "tas" in record.channels else np.empty(0)
     known = speeds[np.isfinite(speeds)]
     return min(CLEAN_UP * float(np.median(known)) / GRAVITY, CLEAN_UP_S) if known.size else CLEAN_UP_S
 
 
-def configuration_changes(phases: Sequence[Phase], *, clean_up_s: float | None = None) -> list[tuple[float, float]]:
+def configuration_changes(phases: Sequence[Phase], *, clean_up_s: float | None = None) -> list[Window]:
     """Return the stretches in which flaps and gear are moved: after take-off, and from the last descent on.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from ..airdata import IMPACT_SOURCES, STATIC_SOURCES, air_data_of, zero_lift_angle
 from ..flightlog.phases import Phase
 from .record import Record
-from .windows import clean_up_time, configuration_changes, judged
+from .windows import Window, clean_up_time, configuration_changes, flight_stretches, within
 
 __all__ = ["LEAST_S", "zero_lift_of"]
 
@@ -17,9 +17,7 @@ __all__ = ["LEAST_S", "zero_lift_of"]
 LEAST_S = 300.0
 
 
-def zero_lift_of(
-    record: Record, phases: Sequence[Phase], *, without: Sequence[tuple[float, float]] = ()
-) -> float | None:
+def zero_lift_of(record: Record, phases: Sequence[Phase], *, without: Sequence[Window] = ()) -> float | None:
     """Return it in rad, None where the channels or the flight do not tell it.
 
     Parameters
@@ -31,12 +29,8 @@ def zero_lift_of(
         return None
     if not channels.keys() & set(IMPACT_SOURCES):
         return None
-    used = np.zeros(record.time_s.shape, dtype=bool)
-    for first, last in judged(phases):
-        used |= (record.time_s >= first) & (record.time_s < last)
     moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, record))
-    for first, last in (*moved, *without):
-        used &= (record.time_s < first) | (record.time_s >= last)
+    used = within(record.time_s, flight_stretches(phases)) & ~within(record.time_s, (*moved, *without))
     if np.count_nonzero(used) < LEAST_S:
         return None
     try:

@@ -20,7 +20,7 @@ from bfi_cli.parity.record import Record, record_of
 from bfi_cli.parity.residuals import RESIDUALS
 from bfi_cli.parity.scan import scan_window
 from bfi_cli.parity.thresholds import SHIPPED, ParityTable
-from bfi_cli.parity.windows import LENGTHS_S, configuration_changes, windows_in
+from bfi_cli.parity.windows import LENGTHS_S, configuration_changes, overlaps, windows_in
 from bfi_cli.parity.zero_lift import zero_lift_of
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import to_json
@@ -32,7 +32,7 @@ def clean_windows(phases: Sequence[Phase], length_s: float, step_s: float | None
     """Return the windows in which flaps and gear stay where they are."""
     moved = configuration_changes(phases)
     every = windows_in(phases, length_s, step_s=step_s)
-    return [one for one in every if not any(one[0] < last and first < one[1] for first, last in moved)]
+    return [one for one in every if not overlaps(one, moved)]
 
 
 def statistics(

@@ -12,7 +12,7 @@ from made_flight import ZERO_LIFT, made_record
 
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.parity import configuration_changes, windows_in, zero_lift_of
-from bfi_cli.parity.windows import CLEAN_UP_S, RECOVERY_S, judged
+from bfi_cli.parity.windows import CLEAN_UP_S, RECOVERY_S, flight_stretches
 
 
 def phases(*parts: tuple[str, float, float]) -> tuple[Phase, ...]:
@@ -76,15 +76,15 @@ def test_half_a_length_is_the_step_where_none_is_said():
 
 
 def test_parts_that_follow_each_other_are_one_stretch():
-    assert judged(FLIGHT) == [(330.0, 1500.0 - RECOVERY_S), (1530.0 + RECOVERY_S, 2600.0)]
-    assert judged(phases(("climb", 0.0, 100.0), ("cruise", 200.0, 300.0))) == [(0.0, 100.0), (200.0, 300.0)]
-    assert judged(()) == []
+    assert flight_stretches(FLIGHT) == [(330.0, 1500.0 - RECOVERY_S), (1530.0 + RECOVERY_S, 2600.0)]
+    assert flight_stretches(phases(("climb", 0.0, 100.0), ("cruise", 200.0, 300.0))) == [(0.0, 100.0), (200.0, 300.0)]
+    assert flight_stretches(()) == []
     assert windows_in((), 60.0) == []
 
 
 def test_two_parabolas_close_together_leave_nothing_between_them():
     parts = phases(("cruise", 0.0, 1000.0), ("parabola", 400.0, 420.0), ("parabola", 460.0, 480.0))
-    assert judged(parts) == [(0.0, 400.0 - RECOVERY_S), (480.0 + RECOVERY_S, 1000.0)]
+    assert flight_stretches(parts) == [(0.0, 400.0 - RECOVERY_S), (480.0 + RECOVERY_S, 1000.0)]
 
 
 def test_flaps_move_after_take_off_and_from_the_last_descent_on():

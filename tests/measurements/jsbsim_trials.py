@@ -29,17 +29,21 @@ KNOWN = {"channel": "tas", "atoms": [{"name": "bias", "shape": "bias", "onset_s"
 
 @cache
 def flight(name: str, *, gusts: float = 0.0, seed: int = 0) -> FlightLog:
-    """Return 60 s of flight: steps of the elevator from 5 s, a doublet of the throttle from 15 to 25 s."""
+    """Return 60 s of flight: steps of the elevator from 5 s, a doublet of the throttle from 15 to 25 s.
+
+    Every aircraft, intensity and seed has gusts of its own: what is counted together must not be the same draw.
+    """
     model, time_s = find_model(f"jsbsim:{name}"), time_axis(duration_s=DURATION_S, rate_hz=RATE_HZ)
     u = deviations(model, "3211", time_s, amplitude=STICK, start_s=5.0, step_s=1.0, throttle=0.15)
     turbulence = Dryden(sigma_m_s=gusts) if gusts else None
-    return simulate(model, u, rng=np.random.default_rng(seed), rate_hz=RATE_HZ, turbulence=turbulence)
+    rng = np.random.default_rng([AIRCRAFT.index(name), round(1000 * gusts), seed])
+    return simulate(model, u, rng=rng, rate_hz=RATE_HZ, turbulence=turbulence)
 
 
-def with_noise(log: FlightLog, seed: int) -> FlightLog:
-    """Return the flight with white noise on the airspeed, other noise for every aircraft and seed."""
+def with_noise(log: FlightLog, *key: int) -> FlightLog:
+    """Return the flight with white noise on the airspeed, other noise for every aircraft and key."""
     channel = log.channel("tas")
-    noise = NOISE * np.random.default_rng([AIRCRAFT.index(log.path.split(":")[1]), seed]).standard_normal(log.n_samples)
+    noise = NOISE * np.random.default_rng([AIRCRAFT.index(log.path.split(":")[1]), *key]).standard_normal(log.n_samples)
     return replace(log, channels={**log.channels, "tas": replace(channel, values=frozen_array(channel.values + noise))})
 
 
@@ -89,7 +93,10 @@ class GustTrial:
 def gust_trial(job: tuple[str, int, float]) -> GustTrial:
     """Analyse a flight in gusts of its own, the step's onset known exactly."""
     name, seed, gusts = job
-    healthy, dictionary = with_noise(flight(name, gusts=gusts, seed=seed), seed), load_dictionary(KNOWN)
+    healthy, dictionary = (
+        with_noise(flight(name, gusts=gusts, seed=seed), seed, round(1000 * gusts)),
+        load_dictionary(KNOWN),
+    )
     exact: dict[str, object] = {"onset_tolerance_s": 0.0}
     clean = identified(healthy, dictionary, exact)
     (candidate,) = clean.candidates

@@ -19,7 +19,16 @@ from .printable import shortened
 from .shapes import KEY_RULES, SHAPES, Shape
 
 __all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "course", "did_you_mean"]
-__all__ += ["fault_from_dict", "fault_to_dict", "has_channel", "magnitude_unit", "parse_spec", "physical", "shown"]
+__all__ += [
+    "fault_from_dict",
+    "fault_to_dict",
+    "has_channel",
+    "magnitude_unit",
+    "meaning",
+    "parse_spec",
+    "physical",
+    "shown",
+]
 __all__ += ["unit_signal", "unknown_key"]
 
 FloatArray = NDArray[np.float64]
@@ -167,6 +176,11 @@ def physical(fault: Fault, magnitude: float, channel_unit: str) -> tuple[float, 
     The rate of change of a drift, the value a ramp-hold ends at, otherwise the magnitude itself.
     """
     return SHAPES[fault.shape].physical(magnitude, channel_unit, **_parameters(fault))
+
+
+def meaning(fault: Fault, channel_unit: str) -> tuple[float, str] | tuple[None, None]:
+    """Return what a magnitude of 1 means, for a fault whose magnitude multiplies a slope; (None, None) for others."""
+    return (None, None) if fault.slope is None else physical(fault, 1.0, channel_unit)
 
 
 def build_up_s(fault: Fault) -> float | None:

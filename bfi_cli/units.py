@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import LogError
 
-__all__ = ["si_unit", "to_si"]
+__all__ = ["factor_and_offset", "si_unit", "to_si"]
 
 FloatArray = NDArray[np.float64]
 
@@ -111,9 +111,7 @@ def to_si(values: ArrayLike, unit: str, *, where: str = "unit") -> tuple[FloatAr
         return array, ""
     conversion = _conversion(unit)
     if conversion is None:
-        close = difflib.get_close_matches(_plain(unit), BY_SPELLING, n=1, cutoff=0.6)
-        hint = f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"
-        raise LogError(f"{where}: unknown unit '{unit}'; {hint}")
+        raise LogError(_unknown(unit, where))
     if conversion.factor != 1.0:
         array *= conversion.factor
     if conversion.offset:
@@ -121,10 +119,29 @@ def to_si(values: ArrayLike, unit: str, *, where: str = "unit") -> tuple[FloatAr
     return array, conversion.si
 
 
+def factor_and_offset(unit: str) -> tuple[float, float]:
+    """Return what makes the SI value of one in `unit`, factor * value + offset.
+
+    Raises
+    ------
+    LogError : the unit is not known.
+    """
+    conversion = _conversion(unit)
+    if conversion is None:
+        raise LogError(_unknown(unit, "unit"))
+    return conversion.factor, conversion.offset
+
+
 def si_unit(unit: str) -> str | None:
     """Return the SI unit a spelling converts to, None where it is not known."""
     conversion = _conversion(unit)
     return None if conversion is None else conversion.si
+
+
+def _unknown(unit: str, where: str) -> str:
+    close = difflib.get_close_matches(_plain(unit), BY_SPELLING, n=1, cutoff=0.6)
+    hint = f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"
+    return f"{where}: unknown unit '{unit}'; {hint}"
 
 
 def _conversion(unit: str) -> Conversion | None:

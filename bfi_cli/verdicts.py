@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from .display_units import SI, Units
 from .faults import Decision, Fault, build_up_s
 from .shapes import SHAPES, Kind
 
@@ -46,6 +47,8 @@ class Candidate:
     state : None for an entry of the dictionary that was left out, which counts for none.
     magnitude, sd : of a declared fault its estimate, of another what it would be if it were added; None where unknown.
     unit : of the magnitudes; channel_unit : of effect and tolerance.
+    physical_scale, physical_unit : what a magnitude of 1 means, 0.23 m/s^2 for a drift with that slope; None where the
+        magnitudes mean themselves.
     minimal_detectable : magnitude that would be declared with 90 % power at the onset as well as it is known;
         minimal_detectable_scan : the same of the scan over all onsets, the median over these.
     excluded_above : magnitude beyond which the log excludes the fault, at the worst of the onsets covered.
@@ -70,6 +73,14 @@ class Candidate:
     channel_unit: str = ""
     onset_s: float | None = None
     note: str | None = None
+    physical_scale: float | None = None
+    physical_unit: str | None = None
+
+    @property
+    def meaning(self) -> tuple[float, str]:
+        """What a magnitude of 1 means: value and unit."""
+        scale, unit = self.physical_scale, self.physical_unit
+        return (1.0, self.unit) if scale is None or unit is None else (scale, unit)
 
 
 def kind_of(fault: Fault, *, declared: bool) -> Kind:
@@ -113,15 +124,15 @@ def decide(verdicts: Mapping[Kind, Decision], required: Sequence[Kind]) -> Decis
     return "inconclusive" if any(verdicts[kind] == "inconclusive" for kind in required) else "no_fault"
 
 
-def summarise(verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate]) -> str:
+def summarise(verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate], units: Units = SI) -> str:
     """Return what the log says of the kinds of which no fault is declared, in one line.
 
     "no step above 0.4 m/s; no oscillation above 0.2 m/s; a slow fault could reach 9 m/s unseen".
     """
-    return "; ".join(_of_kind(kind, verdicts[kind], candidates) for kind in KINDS if verdicts[kind] != "fault")
+    return "; ".join(_of_kind(kind, verdicts[kind], candidates, units) for kind in KINDS if verdicts[kind] != "fault")
 
 
-def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate]) -> str:
+def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], units: Units) -> str:
     noun, one_noun = NOUNS[kind]
     of_kind = [one for one in candidates if one.kind == kind and one.state not in (None, "declared")]
     if not of_kind:
@@ -129,7 +140,7 @@ def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate]) -> 
     suspects = [one.name for one in of_kind if one.state == "suspected"]
     worst = max(of_kind, key=_share)
     on = f" on {worst.channel}" if len({one.channel for one in of_kind}) > 1 else ""
-    limit = shown_limit(worst)
+    limit = shown_limit(worst, units)
     if verdict == "no_fault":
         return f"no {noun} above {limit}{on}"
     if suspects:
@@ -146,11 +157,11 @@ def _share(one: Candidate) -> float:
     return one.effect / one.tolerance if one.tolerance else one.effect
 
 
-def shown_limit(one: Candidate) -> str | None:
+def shown_limit(one: Candidate, units: Units = SI) -> str | None:
     """Return the largest error that may hide, to two digits with its unit; None where any may."""
     if one.effect is None or not math.isfinite(one.effect):
         return None
-    value, unit = (math.degrees(one.effect), "deg") if one.channel_unit == "rad" else (one.effect, one.channel_unit)
-    value, unit = (math.degrees(one.effect), "deg/s") if one.channel_unit == "rad/s" else (value, unit)
-    text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
-    return f"{text} {unit}".rstrip()
+    shown = units.of(one.channel_unit, channel=one.channel)
+    value = one.effect / shown.factor
+    text = f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"  # no exponent
+    return text if shown.unit == "1" else f"{text} {shown.unit}".rstrip()

@@ -84,7 +84,10 @@ LOGS: dict[str, tuple[str, str]] = {
         csv(elevator=np.full(T.size, 0.01)),
         "'elevator' does not move (range 0 rad); without excitation",
     ),
-    "still_output.csv": (csv(tas=np.full(T.size, 99.0)), "output 'tas' does not change (stays at 99); choose another"),
+    "still_output.csv": (
+        csv(tas=np.full(T.size, 99.0)),
+        "output 'tas' does not change (stays at 99 m/s); choose another",
+    ),
     "short.csv": (csv(T[:12], ELEVATOR[:12], TAS[:12]), "of the window; "),
     "pdf.csv": ("%PDF-1.4 \0\1\2", "neither HDF5, MATLAB v5 or v7.3, nor text; convert it"),
     "spreadsheet.csv": ("PK\3\4 and so on", "a zip archive or spreadsheet cannot be read; convert it"),

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display_units import SI, Units
 from ..faults import fault_to_dict
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, thinned
-from ..report.text import number, quantity
+from ..report.text import change, noise_level, number, with_unit
 from ..serialization import to_plain
 from ..shapes import SHAPES
 from .comparison import pairs
@@ -35,7 +36,7 @@ MATRIX_ATOMS, MAP_ATOMS, MOST_PAIRS, MOST_NOTES = 9, 200, 5, 8
 NAME_LETTERS, CHANNEL_LETTERS, MATRIX_LETTERS = 30, 10, 14
 # The keys of a shape that tell it from others of the same name, as a table says them.
 KEY_WORDS = {
-    "slope": "slope {:g}",
+    "slope": "slope {:g}/s",
     "frequency_hz": "{:g} Hz",
     "phase_rad": "phase {:.3g} rad",
     "time_constant_s": "time constant {:g} s",
@@ -108,11 +109,11 @@ def _thin(signatures: Signatures) -> list[dict[str, Any]]:
     return drawn
 
 
-def audit_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi dictionary` holds."""
+def audit_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi dictionary` holds, in `units`; its CSV files are in SI."""
     atoms, coherence = document["atoms"], document["coherence"]
     live = [atom for atom in atoms if atom["live"]]
-    tables, drawings = [_list_atoms(document)], []
+    tables, drawings = [_list_atoms(document, units)], []
     data = {"atoms.csv": {column: [_cell(atom, column) for atom in atoms] for column in ATOM_COLUMNS}}
     if coherence is not None:
         names, matrix = coherence["atoms"], np.array(coherence["matrix"], dtype=np.float64)
@@ -122,7 +123,7 @@ def audit_content(document: Plain) -> ReportContent:
             tables.append(_list_coherence(document, names, matrix))
         drawings = [_draw_signatures(document), _draw_coherence(document, names, matrix)]
     if document["model"] is not None:
-        drawings.append(_draw_limits(document, live[:MAX_SIGNATURES]))
+        drawings.append(_draw_limits(document, live[:MAX_SIGNATURES], units))
     noted = [atom["note"] for atom in atoms if atom["note"] is not None]
     more = f"{len(noted) - MOST_NOTES} more faults have a note; all are in --json and --out"
     return ReportContent(
@@ -130,22 +131,30 @@ def audit_content(document: Plain) -> ReportContent:
         title=str(document["path"]),
         heading="What can be looked for",
         verdict=f"{len(atoms)} faults, {len(live)} of them can be looked for",
-        facts=_facts(document),
+        facts=_facts(document, units),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        notes=(*noted[:MOST_NOTES], *([more] if noted[MOST_NOTES:] else []), *document["notes"][len(noted) :]),
+        notes=tuple(
+            units.sentence(note)
+            for note in (
+                *noted[:MOST_NOTES],
+                *([more] if noted[MOST_NOTES:] else []),
+                *document["notes"][len(noted) :],
+            )
+        ),
         data=data,
     )
 
 
-def _facts(document: Plain) -> tuple[tuple[str, str], ...]:
+def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
     window, model, log = document["window"], document["model"], document["log"]
     span = f"{window['start_s']:.4g} to {window['stop_s']:.4g} s"
     facts = [("Dictionary", f"{document['path']}, times from the start of the {document['relative_to']}")]
     if model is None:
         facts.append(("Window", f"{span}, {window['why']}"))
     else:
-        noise = ", ".join(f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
+        own = {atom["channel"]: atom["channel_unit"] for atom in document["atoms"]}
+        noise = ", ".join(f"{name} {noise_level(name, sd, units, own)}" for name, sd in model["noise_sd"].items())
         facts.append(("Log", f"{log['path']}, {span}, recorded at {number(log['native_rate_hz'])} Hz"))
         facts.append(("Rate", f"{number(window['rate_hz'])} Hz: {window['why']}"))
         facts.append(("Model", f"VARX of order {model['order']} without fault, prediction error SD {noise}"))
@@ -167,7 +176,7 @@ def _cell(atom: Plain, column: str) -> Any:
     return atom[column]
 
 
-def _list_atoms(document: Plain) -> Table:
+def _list_atoms(document: Plain, units: Units) -> Table:
     atoms, on_log = document["atoms"], document["model"] is not None
     channels = len({atom["channel"] for atom in atoms}) > 1
     place = {atom["name"]: j for j, atom in enumerate(atoms, 1)}
@@ -178,7 +187,7 @@ def _list_atoms(document: Plain) -> Table:
         if channels:
             row.append(shortened(atom["channel"], CHANNEL_LETTERS))
         if on_log:
-            row.append("" if not atom["live"] else _limit(atom) or "-")
+            row.append("" if not atom["live"] else _limit(atom, units) or "-")
         else:
             keys = (key.name for key in SHAPES[atom["shape"]].keys if key.name in KEY_WORDS and atom.get(key.name))
             row.append(", ".join([atom["shape"], *(KEY_WORDS[key].format(atom[key]) for key in keys)]))
@@ -189,13 +198,17 @@ def _list_atoms(document: Plain) -> Table:
     return Table(name="atoms", title="Faults", heads=(*heads, "most like"), rows=tuple(rows))
 
 
-def _limit(atom: Plain) -> str | None:
-    """Return the minimal detectable magnitude, with what it means where that has another unit; None if not known."""
+def _limit(atom: Plain, units: Units) -> str | None:
+    """Return the minimal detectable magnitude, of one that multiplies a slope what it means; None if not known."""
     if atom["minimal_physical"] is None:
         return None
-    size = quantity(atom["minimal_detectable"], atom["unit"])
-    meaning = quantity(atom["minimal_physical"]["value"], atom["minimal_physical"]["unit"])
-    return size if size == meaning else f"{size} ({meaning})"
+    value, unit = atom["minimal_physical"]["value"], atom["minimal_physical"]["unit"]
+    meaning = change(value, units.of(unit, channel=atom["channel"], own=atom["channel_unit"]))
+    if value == atom["minimal_detectable"]:
+        return meaning
+    own = units.of(atom["unit"], channel=atom["channel"], own=atom["channel_unit"])
+    multiplier = number(own.change(atom["minimal_detectable"]), digits=2)
+    return f"{with_unit(multiplier, own.unit or 'x slope')} ({meaning})"
 
 
 def _list_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -> Table:
@@ -272,7 +285,7 @@ def _draw_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -
     return Drawing(name="coherence", caption=COHERENCE_CAPTION, heat_maps=(heat_map,))
 
 
-def _draw_limits(document: Plain, atoms: Sequence[Plain]) -> Drawing:
+def _draw_limits(document: Plain, atoms: Sequence[Plain], units: Units) -> Drawing:
     noise = document["model"]["noise_sd"]
     sizes = []
     for atom in atoms:
@@ -285,7 +298,7 @@ def _draw_limits(document: Plain, atoms: Sequence[Plain]) -> Drawing:
         log_x=True,
         y_limits=(len(atoms) - 0.4, -0.6),
         y_ticks=_rows([atom["name"] for atom in atoms]),
-        side_notes=tuple((_limit(atom) or "nothing is seen", float(row)) for row, atom in enumerate(atoms)),
+        side_notes=tuple((_limit(atom, units) or "nothing is seen", float(row)) for row, atom in enumerate(atoms)),
         height=_height(len(atoms)),
     )
     return Drawing(name="limits", caption=LIMITS_CAPTION, panels=(panel,))

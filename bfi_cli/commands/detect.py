@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import click
 
-from .options import CHANNELS, VERDICT, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import (
+    CHANNELS,
+    VERDICT,
+    config_of,
+    doubts,
+    exit_code,
+    inputs_of,
+    log_argument,
+    log_of,
+    units_of,
+    with_options,
+)
 from .output import emit
 from .progress import progress
 
@@ -18,7 +31,7 @@ __all__ = ["command"]
 @with_options(
     *("config_path", "train", "inputs", "outputs", "detect_false_alarm", "detect_method", "turns"),
     *("from_s", "to_s", *CHANNELS, "rate", *VERDICT),
-    *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
+    *("allow_outside", "units", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
     inputs="An input; repeatable.  [default: controls and accelerations]",
     outputs="An output to watch; repeatable.  [default: of the log]",
     require="Kinds of fault that must be excluded for a no_fault: abrupt,oscillating,slow.  [default: abrupt]",
@@ -44,7 +57,9 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     flight = log_of(log, config)
     with progress("channels", wanted=options["progress"]) as report:
         result = detect_faults(flight, config, report=report)
+    result = replace(result, notes=(*doubts(flight, (*result.outputs, *result.inputs)), *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = detect_document(result, origin)
-    emit(detect_content(document), document, options, origin=origin, inputs=inputs)
+    units = units_of(config.shown_units)
+    emit(partial(detect_content, document), document, options, units=units, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import ConfigError
-from .options import MODEL, OPTIONS, SIGNALS, config_of, inputs_of, log_of, settled, with_options
+from .options import MODEL, OPTIONS, SIGNALS, config_of, inputs_of, log_of, settled, units_of, with_options
 from .output import emit
 from .progress import progress
 
@@ -25,7 +26,7 @@ FLIGHT = ("manoeuvres", "noise", "amplitude_rad", "start_s", "unit_step_s", "fli
 @click.argument("log", metavar="[LOG]", type=click.Path(), required=False)
 @with_options(
     *("config_path", "dictionary", "magnitudes", "at_limit", "flown_model", *FLIGHT, *SIGNALS, *MODEL, "seed"),
-    *("allow_outside", "out", "force", "progress", "as_json", "series"),
+    *("allow_outside", "units", "out", "force", "progress", "as_json", "series"),
     dictionary="YAML dictionary of the faults.",
     seed="Random seed of the noise of a model.  [default: 0]",
 )
@@ -70,8 +71,8 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
     document = diagnosability.diagnosability_document(result, origin)
-    content = diagnosability.diagnosability_content(document)
-    emit(content, document, options, origin=origin, inputs=inputs)
+    content_in, units = partial(diagnosability.diagnosability_content, document), units_of(config.shown_units)
+    emit(content_in, document, options, units=units, origin=origin, inputs=inputs)
 
 
 def _check_flight(log: str | None, config: Config, options: Mapping[str, Any]) -> None:

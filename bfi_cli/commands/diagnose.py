@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import click
 
-from .options import CHANNELS, config_of, exit_code, inputs_of, log_argument, log_of, with_options
+from .options import CHANNELS, config_of, doubts, exit_code, inputs_of, log_argument, log_of, units_of, with_options
 from .output import emit
 from .progress import stages
 
@@ -18,7 +20,7 @@ __all__ = ["command"]
 @log_argument
 @with_options(
     *("config_path", "from_s", "to_s", *CHANNELS, "recorder", "require", "tolerance"),
-    *("diagnose_false_alarm", "diagnose_calibration", "allow_outside"),
+    *("diagnose_false_alarm", "diagnose_calibration", "allow_outside", "units"),
     *("out", "force", "strict", "fail_on", "progress", "as_json", "series"),
     from_s="Start of the part that is diagnosed.  [default: take-off]",
     to_s="End of it, in the log's seconds.  [default: landing]",
@@ -42,6 +44,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, worker
         from ..config import merge
         from ..diagnose import diagnose_content, diagnose_document, diagnose_flight
         from ..files import check_folder
+        from ..parity.record import USED
         from ..provenance import provenance
         from ..report.files import content_names
 
@@ -50,8 +53,11 @@ def command(context: click.Context, /, log: str, config_path: str | None, worker
             check_folder(options["out"], names, inputs=inputs, force=options["force"])
         # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
         flight = log_of(log, merge(config, {"window": {"from_s": None, "to_s": None}}))
+        questions = doubts(flight, USED)
         result = diagnose_flight(flight, config, workers=workers or os.cpu_count() or 1, progress=progress)
+    result = replace(result, notes=(*questions, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = diagnose_document(result, origin)
-    emit(diagnose_content(document), document, options, origin=origin, inputs=inputs)
+    units = units_of(config.shown_units)
+    emit(partial(diagnose_content, document), document, options, units=units, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import CHANNELS, config_of, inputs_of, log_of, settled, with_options
+from .options import CHANNELS, config_of, inputs_of, log_of, settled, units_of, with_options
 from .output import emit
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ OF_A_LOG = {
 @click.argument("file", metavar="FILE", type=click.Path())
 @click.argument("log", metavar="[LOG]", type=click.Path(), required=False)
 @with_options("config_path", "inputs", "outputs", "from_s", "to_s", "duration_s", *CHANNELS, "rate", "order")
-@with_options("allow_outside", "out", "force", "as_json", "series")
+@with_options("allow_outside", "units", "out", "force", "as_json", "series")
 def command(file: str, log: str | None, config_path: str | None, **options: Any) -> None:
     """Say what the faults of the dictionary FILE are, which are alike, and on a LOG how large each must be."""
     from ..audit import audit_content, audit_document
@@ -53,7 +54,8 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
     document = audit_document(audit, origin)
-    emit(audit_content(document), document, options, origin=origin, inputs=inputs)
+    units = units_of(config.shown_units)
+    emit(partial(audit_content, document), document, options, units=units, origin=origin, inputs=inputs)
 
 
 def _audited(dictionary: Dictionary, log: str | None, config: Config, allow_outside: bool) -> tuple[Audit, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import click
@@ -17,6 +18,7 @@ from .options import (
     log_argument,
     log_of,
     settled,
+    units_of,
     with_options,
 )
 from .output import emit
@@ -40,7 +42,7 @@ __all__ = ["command"]
         "model",
         "seed",
     ),
-    *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
+    *("allow_outside", "units", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
 )
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
@@ -74,5 +76,6 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         log_sha256=flight.sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )
     document = identify_document(result, origin)
-    emit(identify_content(result), document, options, origin=origin, inputs=inputs)
+    units = units_of(config.shown_units)
+    emit(partial(identify_content, result), document, options, units=units, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import click
@@ -9,7 +10,16 @@ import click
 from ..flightlog import inspect_log, read_log
 from ..flightlog.report import info_content, info_document
 from ..provenance import provenance
-from .options import CHANNELS, channel_options, json_option, log_argument, out_options, window_options
+from .options import (
+    CHANNELS,
+    channel_options,
+    json_option,
+    log_argument,
+    out_options,
+    units_of,
+    units_option,
+    window_options,
+)
 from .output import emit
 
 __all__ = ["command"]
@@ -21,9 +31,10 @@ TABLES = ("channels", "derived", "phases", "excitation", "windows", "segments")
 @log_argument
 @channel_options
 @window_options
+@units_option
 @out_options
 @json_option
-def command(log: str, *, from_s: float | None, to_s: float | None, **options: Any) -> None:
+def command(log: str, *, from_s: float | None, to_s: float | None, units: str | None, **options: Any) -> None:
     """Show channels, units, rate, gaps, held samples, excitation of a log, its phases and windows to analyse."""
     if options["out"] is not None:
         from ..files import check_folder
@@ -34,4 +45,4 @@ def command(log: str, *, from_s: float | None, to_s: float | None, **options: An
     flight = read_log(log, from_s=from_s, to_s=to_s, **source).window(from_s, to_s)
     origin = provenance(log_sha256=flight.sha256)
     document = info_document(inspect_log(flight), origin)
-    emit(info_content(document), document, options, origin=origin, inputs=(log,))
+    emit(partial(info_content, document), document, options, units=units_of(units), origin=origin, inputs=(log,))

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ..errors import LogError
-from .options import channel_options, json_option, log_argument, out_option
+from .options import channel_options, json_option, log_argument, out_option, units_of, units_option
 from .output import write_and_show
 
 __all__ = ["command"]
@@ -24,6 +24,7 @@ __all__ = ["command"]
 )
 @out_option
 @channel_options
+@units_option
 @json_option
 def command(
     *,
@@ -33,6 +34,7 @@ def command(
     out: Path,
     force: bool,
     as_json: bool,
+    units: str | None,
     **source: Any,
 ) -> None:
     """Add faults to LOG and store the truth beside them; faults it already carries stay.
@@ -54,4 +56,4 @@ def command(
             "state it in the file's attribute filters, or leave the option out"
         )
     faulty = inject(clean, faults, response=IDENTITY if through_recorder is False else None)
-    write_and_show(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json)
+    write_and_show(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json, units=units_of(units))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,11 +17,14 @@ from .output import note
 if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
+    from ..display_units import Units
     from ..flightlog import FlightLog
 
-__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "exit_code"]
+__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "doubts"]
+__all__ += ["exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
-__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "window_options", "with_options"]
+__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "units_of", "units_option"]
+__all__ += ["window_options", "with_options"]
 
 Command = Callable[..., Any]
 Callback = Callable[[click.Context, click.Parameter, Any], Any]
@@ -92,6 +95,30 @@ def _scan_method(_context: click.Context, option: click.Parameter, word: str | N
     return SCAN_METHODS.get(word or "")
 
 
+def _shown_units(_context: click.Context, option: click.Parameter, word: str | None) -> str | None:
+    """Return the name of a system of units."""
+    if word is None:
+        return None
+    from ..display_units import UNITS
+    from ..faults import did_you_mean, shown
+
+    if word not in UNITS:
+        what = f"not one of the choices, got {shown(word)}{did_you_mean(word, list(UNITS))}"
+        raise ConfigError(f"{option.opts[0]}: {what}")
+    return word
+
+
+def _tolerances(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, float | str]:
+    """Return numbers in SI, and texts that state a unit, which the configuration reads."""
+    given: dict[str, float | str] = {}
+    for name, text in pairs("tas=2.6, or tas=5kt")(context, option, texts).items():
+        try:
+            given[name] = float(text)
+        except ValueError:
+            given[name] = text
+    return given
+
+
 def _kinds(_context: click.Context, _option: click.Parameter, text: str | None) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",")) if text else ()
 
@@ -118,7 +145,8 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "channels": {"multiple": True, "callback": pairs("tas=my_airspeed")},
     "units": {"multiple": True, "callback": pairs("tas=kt")},
     "noise": {"multiple": True, "callback": pairs("tas=0.01", float)},
-    "tolerances": {"multiple": True, "callback": pairs("tas=2.6", float)},
+    "tolerances": {"multiple": True, "callback": _tolerances},
+    "shown_units": {"callback": _shown_units},
     "kinds": {"callback": _kinds},
     "magnitudes": {"multiple": True, "callback": pairs("0.5 or --magnitude NAME=0.5", float, bare=True)},
     "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
@@ -164,7 +192,7 @@ onset_tolerance  --onset-tolerance  onset_tolerance_s  S  number
 require  --require  require  KINDS  kinds
     Kinds of fault that must be excluded for a no_fault: abrupt,oscillating,slow.  [default: all]
 tolerance  --tolerance  tolerances  CHANNEL=VALUE  tolerances
-    Largest error that may stay unseen, SI; repeatable.  [default: by channel, for tas 3 % or 5 kt]
+    Largest error that may stay unseen, SI or with unit, tas=5kt; repeatable.  [default: by channel, tas 3 % or 5 kt]
 method  --method  method  NAME  text
     Method of identification: {", ".join(METHODS)}.  [default: ml]
 sparsity  --sparsity  risro.sparsity  KIND  text
@@ -231,6 +259,8 @@ duration_s  --duration  audit.duration_s  S  number
     Length of the window; only without a LOG.
 allow_outside  --allow-outside  -  -  flag
     Read sample files also where they lie outside the folder of the dictionary or configuration.
+units  --units  shown_units  si|aviation  shown_units
+    Units of tables, figures and reports; aviation: kt, ft, ft/min, deg, degC, hPa. Files stay SI.  [default: si]
 out  --out  -  DIR  path
     Write result, report, figures and tables.
 force  --force  -  -  flag
@@ -303,6 +333,7 @@ window_options = with_options("from_s", "to_s")
 out_options = with_options("out", "force")
 force_option = with_options("force")
 outside_option = with_options("allow_outside")
+units_option = with_options("units")
 progress_option = with_options("progress")
 json_option = with_options("as_json")
 series_option = with_options("as_json", "series")
@@ -350,6 +381,13 @@ def _by_option(complaint: str, values: Mapping[str, Any]) -> str:
     return f"{'/'.join(flags)}: {what}" if colon and flags else f"command line: {complaint}"
 
 
+def units_of(name: str | None) -> Units:
+    """Return the units of that name, SI where none was asked for."""
+    from ..display_units import SI, UNITS
+
+    return SI if name is None else UNITS[name]
+
+
 def log_of(path: str, config: Config) -> FlightLog:
     """Read the log of an analysis; of one that is large only the window, the time to learn from and the filter's reach.
 
@@ -391,7 +429,6 @@ def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]
     They say what was taken, which windows a long log has unless one was asked for, and ask about values that cannot be
     and units that nobody has stated; the terminal is told too.
     """
-    from ..flightlog.plausible import doubts_about
     from ..flightlog.quality import advice_on_windows
     from ..preprocessing.defaults import with_defaults_of
 
@@ -400,10 +437,19 @@ def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]
     whole = (config.window.from_s, config.window.to_s) == (None, None)
     if not asked and (advice := advice_on_windows(flight, whole=whole)) is not None:
         notes = (advice, *notes)
-    notes = (*notes, *doubts_about(flight, (*config.outputs, *config.inputs)))
     for sentence in notes:
         note(sentence)
-    return config, notes
+    return config, (*notes, *doubts(flight, (*config.outputs, *config.inputs)))
+
+
+def doubts(flight: FlightLog, names: Sequence[str]) -> tuple[str, ...]:
+    """Return questions about channels whose values cannot be, or whose unit nobody has stated; tell the terminal."""
+    from ..flightlog.plausible import doubts_about
+
+    questions = doubts_about(flight, names)
+    for sentence in questions:
+        note(sentence)
+    return questions
 
 
 class Answer(Protocol):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..display_units import SI, Units
 from ..errors import ConfigError
 from ..printable import printable
 from .progress import stages
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from ..provenance import Provenance
     from ..report.content import ReportContent
 
+    ContentIn = Callable[[Units], ReportContent]
+
 __all__ = ["emit", "note", "show", "show_lines", "write", "write_and_show"]
 
 # Columns of a pipe or a file, where COLUMNS does not say otherwise: what the widest of the tables needs.
@@ -30,10 +33,11 @@ PIPE_COLUMNS = 120
 
 
 def emit(
-    content: ReportContent,
+    content_in: ContentIn,
     document: Mapping[str, Any],
     options: Mapping[str, Any],
     *,
+    units: Units,
     origin: Provenance,
     inputs: Sequence[str],
 ) -> None:
@@ -41,12 +45,15 @@ def emit(
 
     Parameters
     ----------
-    content, document : the same answer, as a report shows it and as JSON.
+    content_in, document : the same answer, as a report shows it in the units given to it, and as JSON.
+    units : of what is printed and drawn; CSV files are in SI.
     options : of the command: `out`, `force`, `as_json`, and where it has them `series` and `progress`.
     origin : its provenance.
     inputs : the files that the command reads.
     """
-    write(content, document, options, origin=origin, inputs=inputs)
+    content = content_in(units)
+    plain = content if units.name == "si" or options["out"] is None else content_in(SI)
+    write(content, document, options, plain=plain, origin=origin, inputs=inputs)
     show(document, content, as_json=options["as_json"], series=options.get("series", False))
 
 
@@ -57,16 +64,20 @@ def write(
     *,
     origin: Provenance,
     inputs: Sequence[str],
+    plain: ReportContent | None = None,
     stored: str = "result.json",
 ) -> None:
-    """Write the files of an answer to the folder of --out, if given, the document under the name `stored`."""
+    """Write the files of an answer to the folder of --out, if given, the document under the name `stored`.
+
+    `plain` is the content in SI, where `content` is in other units.
+    """
     if options["out"] is None:
         return
     from ..files import replace_files
     from ..report.files import content_files
 
     with stages(wanted=options.get("progress")) as progress:
-        files = content_files(content, document, origin, partial(progress, "figures"), stored=stored)
+        files = content_files(content, document, origin, partial(progress, "figures"), plain=plain, stored=stored)
     replace_files(files, options["out"], inputs=inputs, force=options["force"])
     note(f"wrote {options['out'] / 'report.html'}")
 
@@ -139,7 +150,16 @@ def _print(text: str) -> None:
         raise ConfigError(f"stdout: cannot be written, {reason}; free some space, or write elsewhere") from error
 
 
-def write_and_show(log: FlightLog, out: Path, *, kind: str, as_json: bool, log_sha256: str = "", seed: int = 0) -> None:
+def write_and_show(
+    log: FlightLog,
+    out: Path,
+    *,
+    kind: str,
+    as_json: bool,
+    units: Units,
+    log_sha256: str = "",
+    seed: int = 0,
+) -> None:
     """Write a log to `out`, and print what it holds: the JSON document of `kind`, or lines.
 
     Parameters
@@ -154,4 +174,4 @@ def write_and_show(log: FlightLog, out: Path, *, kind: str, as_json: bool, log_s
     write_log(log, out)
     log = replace(log, path=str(out))
     document = log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)
-    show_lines(document, log_lines(log), as_json=as_json)
+    show_lines(document, log_lines(log, units), as_json=as_json)

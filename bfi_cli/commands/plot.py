@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Any
 
 import click
 
 from ..errors import ConfigError
-from .options import CHANNELS, pairs, window_options, with_options
+from .options import CHANNELS, pairs, units_of, units_option, window_options, with_options
 from .output import emit
 
 __all__ = ["command"]
@@ -47,6 +48,7 @@ def _channels(context: click.Context, option: click.Parameter, texts: tuple[str,
     type=click.Path(),
     help="Draw what this result of identify, start-time, detect or diagnose declares and suspects; repeatable.",
 )
+@units_option
 @with_options("out", out="Write figures, zoom.html, report, tables and result; needed without --json.")
 @with_options("force")
 @with_options("as_json", "series")
@@ -56,6 +58,7 @@ def command(
     results: tuple[str, ...],
     from_s: float | None,
     to_s: float | None,
+    units: str | None,
     **options: Any,
 ) -> None:
     """Draw the channels of one LOG, or of several over each other, before anything is analysed.
@@ -100,4 +103,5 @@ def command(
             if sha256 and sha256 not in known
         ],
     )
-    emit(plot_content(document), document, options, origin=origin, inputs=(*logs, *results))
+    content_in = partial(plot_content, document)
+    emit(content_in, document, options, units=units_of(units), origin=origin, inputs=(*logs, *results))

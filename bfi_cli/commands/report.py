@@ -14,10 +14,11 @@ import click
 from ..errors import ConfigError
 from ..provenance import Provenance
 from ..serialization import from_plain, member
-from .options import force_option, series_option
+from .options import force_option, series_option, units_of, units_option
 from .output import note, show
 
 if TYPE_CHECKING:
+    from ..display_units import Units
     from ..report.content import ReportContent
 
 __all__ = ["command"]
@@ -43,6 +44,8 @@ KINDS = {
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.
 READ_BACK = ("identify", "reproduce")
+# Shares, counts and published numbers, which have no units to choose.
+WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 
 
 @click.command("report")
@@ -50,18 +53,21 @@ READ_BACK = ("identify", "reproduce")
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder of the files  [default: the folder of RESULT.json]"
 )
+@units_option
 @force_option
 @series_option
-def command(result: Path, out: Path | None, *, force: bool, as_json: bool, series: bool) -> None:
-    """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin)."""
+def command(result: Path, out: Path | None, *, units: str | None, force: bool, as_json: bool, series: bool) -> None:
+    """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin), in any units."""
     from ..files import replace_files, same_file
     from ..report.files import content_files
 
     document, where = _read(result), str(result)
-    content = _content(document, where)
+    content = _content(document, where, units_of(units))
+    plain = content if units in (None, "si") else _content(document, where, units_of(None))
     origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
     stored = STORED.get(document["kind"], "result.json")
-    files, folder = content_files(content, document, origin, stored=stored), out if out is not None else result.parent
+    files = content_files(content, document, origin, plain=plain, stored=stored)
+    folder = out if out is not None else result.parent
     # Beside its own result the report is drawn anew; the result itself stays as it is.
     beside = same_file(folder / stored, result)
     if beside:
@@ -71,7 +77,7 @@ def command(result: Path, out: Path | None, *, force: bool, as_json: bool, serie
     show(document, content, as_json=as_json, series=series)
 
 
-def _content(document: object, where: str) -> ReportContent:
+def _content(document: object, where: str, units: Units) -> ReportContent:
     """Return what the report of a document holds.
 
     Raises
@@ -92,7 +98,8 @@ def _content(document: object, where: str) -> ReportContent:
         member(document, "provenance", where=where)
     make = getattr(importlib.import_module(f"...{module}", __name__), function)
     try:
-        content: ReportContent = make(document, where=where) if kind in READ_BACK else make(document)
+        shown = () if kind in WITHOUT_UNITS else (units,)
+        content: ReportContent = make(document, *shown, **({"where": where} if kind in READ_BACK else {}))
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ConfigError(f"{where}: damaged, {error!r}; run bfi {kind} again") from None
     return content

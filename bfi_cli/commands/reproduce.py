@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import BfiError, ConfigError
-from .options import CHANNELS, OPTIONS, channel_options, out_options, progress_option, series_option, window_options
+from .options import (
+    CHANNELS,
+    OPTIONS,
+    channel_options,
+    out_options,
+    progress_option,
+    series_option,
+    units_of,
+    window_options,
+)
 from .output import emit, note
 from .progress import progress
 
@@ -69,7 +78,7 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
         with progress(name, wanted=options["progress"]) as report:
             content = run(name, replace(settings, report=report))
     document = reproduce_document(name, content, origin)
-    emit(content, document, options, origin=origin, inputs=inputs)
+    emit(lambda _: content, document, options, units=units_of(None), origin=origin, inputs=inputs)
     context.exit(code)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ..errors import ConfigError
-from .options import json_option, out_option, pairs
+from .options import json_option, out_option, pairs, units_of
 from .output import write_and_show
 
 __all__ = ["command"]
@@ -100,4 +100,4 @@ def command(*, name: str | None, model_file: str | None, out: Path, force: bool,
         noise_sd=options["noise"],
         quantum=options["quantum"],
     )
-    write_and_show(log, out, kind="simulate", seed=options["seed"], as_json=as_json)
+    write_and_show(log, out, kind="simulate", seed=options["seed"], as_json=as_json, units=units_of(None))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import click
@@ -17,6 +18,7 @@ from .options import (
     log_argument,
     log_of,
     settled,
+    units_of,
     with_options,
 )
 from .output import emit
@@ -32,7 +34,7 @@ DRAWINGS, TABLES = ("hidden", "profile", "outputs"), ("faults", "candidates", "p
 @with_options(
     *("config_path", "shapes", "false_alarm", "calibration", "ends", "samples", "frequency", "scan_method"),
     *(*SIGNALS, *MODEL, *VERDICT, "seed"),
-    *("allow_outside", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
+    *("allow_outside", "units", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
 )
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
@@ -53,5 +55,6 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)
-    emit(onset_content(document), document, options, origin=origin, inputs=inputs)
+    units = units_of(config.shown_units)
+    emit(partial(onset_content, document), document, options, units=units, origin=origin, inputs=inputs)
     context.exit(exit_code(result, config))

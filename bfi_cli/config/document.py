@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Discriminator,
     Field,
     PrivateAttr,
@@ -16,16 +18,20 @@ from pydantic import (
     Tag,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
+    WithJsonSchema,
     WrapValidator,
     field_validator,
     model_validator,
 )
 
+from ..channels import STANDARD
 from ..dictionary import Dictionary, DictionaryDocument, expand, is_shipped, load_dictionary
-from ..errors import ConfigError
+from ..display_units import UnitsName
+from ..errors import ConfigError, LogError
 from ..faults import did_you_mean, shown
 from ..identify.methods import METHODS
 from ..shapes import SCANNED, Kind, ScannedShape
+from ..units import factor_and_offset, si_unit
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
 from ..verdicts import KINDS
 from ..yaml12 import load_yaml, read_text
@@ -33,6 +39,21 @@ from ..yaml12 import load_yaml, read_text
 __all__ = ["STRONG_EVIDENCE", "AuditOfDictionary", "Calibrate", "Conditioning", "Config", "Detect", "Diagnosability"]
 __all__ += ["Diagnose", "DictionarySource", "Dmae", "Model", "Names", "Natural", "PathText", "Risro", "Selection"]
 __all__ += ["StartTime", "Window", "json_schema", "load_config", "merge"]
+
+
+# "5kt", "1.5e1 ft": a number and a unit that begins with no digit.
+AMOUNT = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.].*)")
+# What editors know of keys that hold more than one kind of value.
+UNITS_SCHEMA = {
+    "anyOf": [
+        {"type": "object", "additionalProperties": {"type": "string", "minLength": 1}},
+        {"enum": list(get_args(UnitsName))},
+    ]
+}
+TOLERANCES_SCHEMA = {
+    "type": "object",
+    "additionalProperties": {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "minLength": 2}]},
+}
 
 
 def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -60,9 +81,30 @@ def _path(value: object, read: ValidatorFunctionWrapHandler) -> str:
     return text
 
 
+def _in_si(tolerances: Any) -> Any:
+    """Return tolerances that state a unit, "5kt", as numbers in SI; the others, and what is none, as they are."""
+    if not isinstance(tolerances, Mapping):
+        return tolerances
+    return {name: _tolerance(name, value) if isinstance(value, str) else value for name, value in tolerances.items()}
+
+
+def _tolerance(name: str, text: str) -> float:
+    amount = AMOUNT.fullmatch(text.strip())
+    if amount is None:
+        raise ValueError(f"{name}: not a number with a unit, got {shown(text)}; write one like 2.6 or 5kt")
+    try:
+        factor, _ = factor_and_offset(amount["unit"])  # an error of a temperature has no offset
+    except LogError as error:
+        raise ValueError(f"{name}: {str(error).removeprefix('unit: ')}") from None
+    if name in STANDARD and si_unit(amount["unit"]) != STANDARD[name].unit:
+        raise ValueError(f"{name}: is in {STANDARD[name].unit}, got {shown(text)}; give a unit of that kind")
+    return factor * float(amount["number"])
+
+
 PathText = Annotated[Text, WrapValidator(_path)]
 SampleFile = Annotated[PathText, AfterValidator(lambda file, info: path_beside(file, info, "configuration"))]
 Natural = Annotated[Whole, Field(ge=1)]
+Tolerances = Annotated[Mapping[Text, Positive], BeforeValidator(_in_si), WithJsonSchema(TOLERANCES_SCHEMA)]
 Names = Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_distinct)]
 WORD_OR_NUMBER = Discriminator(lambda value: "<word>" if isinstance(value, str) else "<number>")
 Rate = Annotated[
@@ -310,17 +352,19 @@ class Config(Rules):
     """The sensors that may be faulty."""
     channels: Mapping[Text, Text] = Field(default_factory=dict)
     """Standard name: name in the log."""
-    units: Mapping[Text, Text] = Field(default_factory=dict)
-    """Name in the log: the unit it does not state."""
+    units: Annotated[Mapping[Text, Text], WithJsonSchema(UNITS_SCHEMA)] = Field(default_factory=dict)
+    """Name in the log: the unit it does not state. A word, si or aviation, is the same as shown_units."""
     group: Text | None = None
     """HDF5 group or MATLAB struct that holds the channels."""
     sample_rate_hz: Positive | None = None
     """Samples per second of a log that has no time axis."""
     fill_s: Positive | None = None
     """Stretches of missing samples (NaN) up to this long, s, are interpolated; default none."""
+    shown_units: UnitsName = "si"
+    """Units of tables, figures and reports; JSON, CSV and logs stay SI."""
     window: Window = Window()
-    tolerances: Mapping[Text, Positive] = Field(default_factory=dict)
-    """Output: the largest error that may stay unseen, SI; default by the channel, see docs/formats.md."""
+    tolerances: Tolerances = Field(default_factory=dict)
+    """Output: the largest error that may stay unseen, SI or with a unit as 5kt; default by the channel."""
     onset_tolerance_s: Annotated[Number, Field(ge=0)] = 1.0
     """How well the onsets of the dictionary are known, s: what can be detected is stated for the worst within it."""
     require: Annotated[tuple[Kind, ...], Field(min_length=1), AfterValidator(_distinct)] = KINDS
@@ -349,6 +393,19 @@ class Config(Rules):
 
     _path: str | None = PrivateAttr(default=None)
     _sha256: str | None = PrivateAttr(default=None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _units_by_a_word_are_shown(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping) or not isinstance(data.get("units"), str):
+            return data
+        word, named = data["units"], get_args(UnitsName)
+        if word not in named:
+            what = f"units: not a mapping or one of the choices, got {shown(word)}{did_you_mean(word, named)}"
+            raise ValueError(what)
+        if data.get("shown_units", word) != word:
+            raise ValueError(f"units: {word}, but shown_units is {shown(data['shown_units'])}; keep one")
+        return {**{key: value for key, value in data.items() if key != "units"}, "shown_units": word}
 
     @model_validator(mode="after")
     def _inputs_are_not_outputs(self) -> Config:

@@ -287,8 +287,10 @@ def _channels(
         raise LogError(f"{part.path}: no output to watch; the log has: {has}; name some with --output")
     for name in outputs:
         if not _moves(part, name):
+            still = part.channel(name)
+            size = f"{still.values[0]:.6g} {still.unit}".rstrip()
             raise LogError(
-                f"{part.path}: output '{name}' does not change (stays at {part.channel(name).values[0]:.6g}); "
+                f"{part.path}: output '{name}' does not change (stays at {size}); "
                 "choose other --output or another window"
             )
     return inputs, outputs

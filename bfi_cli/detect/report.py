@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ..display_units import SI, Units
 from ..provenance import Provenance
-from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, verdict_sentence
+from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
-from ..report.text import instant, number, quantity, shortened
+from ..report.text import change, instant, number, shortened
 from ..serialization import from_plain, to_plain
 from ..verdicts import Candidate
 from .result import DetectResult
@@ -45,14 +46,16 @@ def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, A
     }
 
 
-def detect_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi detect` holds."""
+def detect_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi detect` holds, in `units`; its CSV files are in SI."""
     log, model, use, alarms = (document[key] for key in ("log", "model", "calibration", "alarms"))
     train, series, exact = document["train"], document["series"], document["method"] == "exact"
     candidates = from_plain(tuple[Candidate, ...], document["candidates"], where="candidates")
+    summary = shown_summary(document["summary"], document["verdicts"], candidates, units)
     failing = []
     for alarm in alarms:
-        what = "a failure" if alarm["size"] is None else f"a step of {quantity(alarm['size'], alarm['unit'])}"
+        step = change(alarm["size"], units.of(alarm["unit"], channel=alarm["channel"]))
+        what = "a failure" if alarm["size"] is None else f"a step of {step}"
         failing.append(f"{what} on {shortened(alarm['channel'], 40)} from {instant(alarm['onset_s'])} s")
 
     facts = [
@@ -79,7 +82,8 @@ def detect_content(document: Plain) -> ReportContent:
     for channel in series["channels"]:
         values = np.array(channel["statistic"], dtype=np.float64)
         most = float(np.nanmax(values)) if np.isfinite(values).any() else None
-        sd = quantity(None if model is None else model["noise_sd"].get(channel["channel"]), channel["unit"])
+        shown = units.of(channel["unit"], channel=channel["channel"])
+        sd = change(None if model is None else model["noise_sd"].get(channel["channel"]), shown)
         rows.append((shortened(channel["channel"], 40), sd, number(most), number(channel["threshold"])))
         panels.append(
             Panel(
@@ -93,7 +97,7 @@ def detect_content(document: Plain) -> ReportContent:
             )
         )
     heads = ("channel", "prediction error", "largest statistic", "threshold")
-    tables = list(candidate_tables(candidates))
+    tables = list(candidate_tables(candidates, units))
     if alarms:
         alarm_heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step")
         declared = tuple(
@@ -103,24 +107,24 @@ def detect_content(document: Plain) -> ReportContent:
                 f"{instant(alarm['time_s'])} s",
                 number(alarm["statistic"]),
                 number(alarm["threshold"]),
-                quantity(alarm["size"], alarm["unit"]),
+                change(alarm["size"], units.of(alarm["unit"], channel=alarm["channel"])),
             )
             for alarm in alarms
         )
         tables.insert(0, Table(name="alarms", title="Alarms", heads=alarm_heads, rows=declared))
     tables.append(Table(name="channels", title="Channels watched", heads=heads, rows=tuple(rows)))
-    hidden = hidden_drawing(candidates)
+    hidden = hidden_drawing(candidates, units)
     listed = {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
     return ReportContent(
         category="Detection of a failing channel",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=verdict_sentence(document["decision"], failing, document["summary"]),
+        verdict=verdict_sentence(document["decision"], failing, summary),
         tone=document["decision"],
         lead=len(hidden),
         facts=tuple(facts),
         tables=tuple(tables),
         drawings=(*hidden, Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2)),
-        notes=(*document["notes"], *(f"next: {command}" for command in document["commands"])),
+        notes=(*map(units.sentence, document["notes"]), *(f"next: {command}" for command in document["commands"])),
         data={"candidates.csv": listed},
     )

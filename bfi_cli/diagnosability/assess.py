@@ -10,7 +10,7 @@ import numpy as np
 from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import ConfigError
-from ..faults import did_you_mean
+from ..faults import did_you_mean, meaning
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
@@ -33,7 +33,8 @@ class DiagnosedAtom:
     Attributes
     ----------
     live : whether it can be looked for in the window; note : why not.
-    magnitude : root mean square at which it is assessed, in `unit`.
+    magnitude : root mean square at which it is assessed, in `unit`; channel_unit : of its channel, "" where not known.
+    physical_scale, physical_unit : what a magnitude of 1 means, where it multiplies a slope; else None.
     divergence_bits : information of the window on whether the fault is there, 0 to 1.
     sample_bits : divergence of single prediction errors from the onset on, as the paper compares them; None in a large
         dictionary too.
@@ -53,6 +54,9 @@ class DiagnosedAtom:
     minimal_detectable: float | None
     most_like: str | None
     apart_bits: float | None
+    channel_unit: str = ""
+    physical_scale: float | None = None
+    physical_unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,6 +210,7 @@ def result_of(
     """
     first, bits = records[0], divergences(records, magnitudes)
     limits, in_sample = minimal_detectable(records), single_sample_bits(records, magnitudes)
+    meant = list(map(meaning, first.faults, first.channel_units))
     atoms = tuple(
         DiagnosedAtom(
             name=first.names[j],
@@ -219,12 +224,16 @@ def result_of(
             minimal_detectable=finite(limits[j]),
             most_like=first.names[other] if other >= 0 else None,
             apart_bits=finite(bits.apart[j]) if other >= 0 else None,
+            channel_unit=first.channel_units[j],
+            physical_scale=meant[j][0],
+            physical_unit=meant[j][1],
         )
         for j, other in enumerate(bits.most_like)
     )
     hard = []
     for atom in atoms:
-        size = f"'{atom.name}' of {atom.magnitude or 0.0:.3g} {atom.unit}".rstrip()
+        scale, unit = (1.0, atom.unit) if atom.physical_scale is None else (atom.physical_scale, atom.physical_unit)
+        size = f"'{atom.name}' of {abs(scale) * (atom.magnitude or 0.0):.3g} {unit}".rstrip()
         if atom.divergence_bits is not None and atom.divergence_bits < HARDLY:
             hard.append(f"{size} can hardly be seen ({atom.divergence_bits:.2g} bit)")
         elif atom.apart_bits is not None and atom.apart_bits < HARDLY:

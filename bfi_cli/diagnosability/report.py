@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ..display_units import SI, Units
 from ..kernels import FloatArray
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve
-from ..report.text import number, quantity, shortened
+from ..report.text import noise_level, number, quantity, shortened
 from ..serialization import to_plain
 from .assess import DiagnosabilityResult
 
@@ -63,8 +64,9 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
     }
 
 
-def diagnosability_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi diagnosability` holds."""
+def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi diagnosability` holds, in `units`."""
+    document = {**document, "atoms": [_in_units(atom, units) for atom in document["atoms"]]}
     best, atoms, manoeuvres, log, model = (document[key] for key in ("best", "atoms", "manoeuvres", "log", "model"))
     live = [j for j, atom in enumerate(atoms) if atom["divergence_bits"] is not None]
     names = tuple(_short(atoms[j]["name"]) for j in live)
@@ -119,7 +121,8 @@ def diagnosability_content(document: Plain) -> ReportContent:
         )
         drawings.append(Drawing(name="manoeuvres", caption=MANOEUVRE_CAPTION, heat_maps=(heat_map,)))
 
-    noise = (f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
+    own = {atom["channel"]: atom.get("channel_unit") or "" for atom in atoms}
+    noise = (f"{name} {noise_level(name, sd, units, own)}" for name, sd in model["noise_sd"].items())
     sizes = "multiples of the minimal detectable ones" if document["in_limits"] else "as given"
     facts = [
         ("Window", f"{number(log['start_s'])} to {number(log['stop_s'])} s, {log['n_samples']} samples"),
@@ -139,8 +142,20 @@ def diagnosability_content(document: Plain) -> ReportContent:
         facts=tuple(facts),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        notes=tuple(document["notes"]),
+        notes=tuple(map(units.sentence, document["notes"])),
     )
+
+
+def _in_units(atom: Plain, units: Units) -> dict[str, Any]:
+    """Return an entry with what its magnitudes mean, in the unit that is shown."""
+    scale = atom.get("physical_scale")
+    scale, unit = (1.0, atom["unit"]) if scale is None else (abs(scale), atom["physical_unit"])
+    shown = units.of(unit, channel=atom["channel"], own=atom.get("channel_unit") or "")
+    sizes = {
+        key: None if atom[key] is None else shown.change(scale * atom[key])
+        for key in ("magnitude", "minimal_detectable")
+    }
+    return {**atom, **sizes, "unit": shown.unit}
 
 
 def _verdict(document: Plain, live: Sequence[int]) -> str:

@@ -33,6 +33,7 @@ class FaultSignatures:
     ----------
     log, model : the analysed window, and the predictor without fault terms.
     faults, names, units : (n_atoms,) entries, times on the log's axis, with the unit of each magnitude.
+    channel_units : (n_atoms,) of their channels, "" where not known.
     reasons : why an entry is left out, by index.
     limits : (n_atoms,) minimal detectable magnitudes as `identify` states them, infinite where nothing shows.
     sd : (n_atoms,) standard deviation of each magnitude that makes the limit at its exact onset so many `deviations`;
@@ -50,6 +51,7 @@ class FaultSignatures:
     faults: tuple[Fault, ...]
     names: tuple[str, ...]
     units: tuple[str, ...]
+    channel_units: tuple[str, ...]
     reasons: Mapping[int, str]
     limits: FloatArray
     sd: FloatArray
@@ -87,10 +89,10 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
     sd[live] = np.where(visible & np.isfinite(exactly), exactly / fitted.deviations, np.inf)
     limits[live] = np.where(visible & np.isfinite(detectable), detectable, np.inf)
     coherence[np.ix_(live, live)] = mutual_coherence(whiten(fitted.unfolded.signatures, fit.sigma) * visible)
-    units = []
+    own = []
     for fault in window.faults:
         channels = window.log.channels if fault.channel in window.log.channels else STANDARD
-        units.append(magnitude_unit(fault, channels[fault.channel].unit if fault.channel in channels else ""))
+        own.append(channels[fault.channel].unit if fault.channel in channels else "")
     # An entry whose channel is no output counts in the first one.
     outputs = tuple(config.outputs.index(f.channel) if f.channel in config.outputs else 0 for f in window.faults)
     # A trace runs from the onset until the lags have forgotten the end.
@@ -105,7 +107,8 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
         model=fitted.model,
         faults=window.faults,
         names=window.names,
-        units=tuple(units),
+        units=tuple(map(magnitude_unit, window.faults, own)),
+        channel_units=tuple(own),
         reasons=window.reasons,
         limits=limits,
         sd=sd,

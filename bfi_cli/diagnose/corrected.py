@@ -11,11 +11,12 @@ from scipy.linalg import block_diag
 from ..channels import STANDARD
 from ..kernels.likelihood_ratio import FAST_S
 from ..kernels.random_walk import correlated_noise, smoothed_course
-from ..parity import Record, WindowScan, scan_window
+from ..parity import Record, WindowScan
 from ..parity.explain import COURSES
 from ..parity.record import Hypothesis, hypotheses, with_fault, without_fault
 from ..parity.residuals import RESIDUALS
 from ..parity.scan import residual_values
+from .flight import Flight
 from .result import Course, Event
 
 __all__ = ["corrected_channels", "course_of"]
@@ -54,7 +55,7 @@ def _amount(event: Event, time_s: FloatArray) -> tuple[str, FloatArray]:
     return fault, sign * event.magnitude * COURSES[event.shape, constant](time_s - event.onset_s)
 
 
-def course_of(record: Record, event: Event, index: int, *, zero_lift: float | None) -> Course | None:
+def course_of(flight: Flight, event: Event, index: int) -> Course | None:
     """Return the course of an event as an integrated random walk, smoothed, None where the residuals do not tell it.
 
     Residuals that integrate the fault are left out: a course of any shape is told by those that show it at once. It is
@@ -62,10 +63,10 @@ def course_of(record: Record, event: Event, index: int, *, zero_lift: float | No
     """
     if event.stages[0] != "parity" or event.magnitude is None:
         return None
-    fault, named = _amount(event, record.between(*event.window_s).time_s)
-    part = record.between(*event.window_s)
+    part = flight.record.between(*event.window_s)
+    fault, named = _amount(event, part.time_s)
     hypothesis = next((one for one in hypotheses(part) if one.fault == fault), None)
-    scan = scan_window(part, zero_lift=zero_lift)
+    scan = flight.scan(event.window_s)
     if hypothesis is None or scan is None or event.window_s[1] - event.onset_s < FEWEST_S:
         return None
     stacked = _stacked(without_fault(part, fault, named), scan, hypothesis)
@@ -104,7 +105,7 @@ def _stacked(
     """Return times, residuals, what one unit of the fault makes of each, nuisances and covariance, stacked."""
     other = with_fault(part, hypothesis.fault, np.full(part.time_s.shape, hypothesis.size))
     times, values, gains, columns, blocks = [], [], [], [], []
-    for kind, residual, known in zip(scan.kinds, scan.residuals, scan.known, strict=True):
+    for kind, residual, known, own in zip(scan.kinds, scan.residuals, scan.known, scan.columns, strict=True):
         model = next(one for one in RESIDUALS if one.name == kind.name)
         if kind.rate is not None and np.any(np.nan_to_num(kind.rate(other) - kind.rate(part))):
             continue
@@ -112,10 +113,6 @@ def _stacked(
         if not np.any(gain):
             continue
         t = part.time_s[known]
-        own = np.ones((t.size, 1))
-        if kind.nuisances is not None:
-            more, _ = kind.nuisances(part, scan.constants)
-            own = np.column_stack([own, more[known]])
         times.append(t)
         values.append(residual_values(part, part, scan.constants, kind)[known])
         gains.append(gain)

@@ -13,31 +13,29 @@ from ..config import Config, merge
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
-from ..parity import LENGTHS_S, Threshold, windows_in
+from ..parity import LENGTHS_S, Threshold
 from ..parity.static_relations import RelationAnswer
 from ..parity.windows import overlaps
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from ..verdicts import State
 from .corrected import corrected_channels, course_of
-from .events import Draft, join, merge_stages, with_ends
+from .events import Draft, as_one, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
 from .limits import limits_of
-from .looks import SCALE_S, Scanned, look_at, scale_of, scan_flight
+from .looks import Scanned
 from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
-from .slow_faults import drafts_of_parity
+from .slow_faults import find_slow_faults, is_certain
 from .verdict import decision_of, sentence_of, verdicts_of
 
 __all__ = ["diagnose_flight"]
 
 # Shown beside a held line; after it, when a jump back is its end and no fault of its own.
 AROUND_HOLD_S, AFTER_HOLD_S = 60.0, 20.0
-# A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
-NEAR = 1.2
 # Drawn over the flight, where recorded.
 SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
 
@@ -70,35 +68,27 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         drafts = _holds(flight)
         notes += flight.held.missing
         static = find_relations(flight, report=partial(progress, "static relations"))
-        drafts += drafts_of_relations(static)
-        windows = flight.windows()
-        scanned = scan_flight(
-            flight.record,
-            windows,
-            zero_lift=flight.zero_lift,
-            without_lift=flight.without_lift,
-            report=partial(progress, "lift and inertia"),
-        )
-        scale = scale_of(_scanned_throughout(flight, scanned), flight.tables)
-        judgements = list(look_at(scanned, flight.tables, false_alarm=flight.false_alarm, scale=scale))
-        drafts += drafts_of_parity(flight, judgements, drafts, static)
+        drafts += drafts_of_relations(flight, static)
+        slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
+        flight = slow.flight
+        drafts += slow.drafts
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
             "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not used"
         )
-    if scale >= 1.005:
+    if slow.scale >= 1.005:
         notes.append(
-            f"this flight shows {scale:.3g} times what the flights of the tables do: thresholds are raised by that"
+            f"this flight shows {slow.scale:.3g} times what the flights of the tables do: thresholds are raised by that"
         )
     glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
     drafts += glanced
-    events = tuple(_event(flight, draft) for draft in merge_stages(drafts))
+    events = tuple(_event(flight, draft) for draft in as_one(merge_stages(drafts)))
     shown = [name for name in SHOWN if name in flight.record.channels]
-    limits = limits_of(flight, judgements, static, events)
+    limits = limits_of(flight, slow.looks, static, events)
     verdicts = verdicts_of(events, limits)
     missing = (
         *flight.unused,
-        *missing_sentences(flight.record, scanned, limits, n_windows=sum(map(len, windows.values()))),
+        *missing_sentences(flight, slow.scanned, limits),
         *glances_missing,
         *dict.fromkeys(sentence for one in static for sentence in one[1].missing if "s of flight" not in sentence),
     )
@@ -110,8 +100,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         summary=sentence_of(verdicts, events, limits, looked_for_steps=not glances_missing),
         events=events,
         limits=limits,
-        phases=flight.phases,
-        windows=tuple(look for _, _, look in judgements),
+        phases=flight.part_phases,
+        windows=tuple(look for _, _, look in slow.looks),
         missing=missing,
         false_alarm=flight.false_alarm,
         zero_lift_rad=flight.zero_lift,
@@ -120,12 +110,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         measured={name: flight.record.channels[name] for name in shown},
         corrected=corrected_channels(flight.record, events),
         units={name: STANDARD[name].unit for name in shown},
-        strips=_strips(judgements, static),
-        courses=tuple(
-            course
-            for k, event in enumerate(events)
-            if (course := course_of(flight.record, event, k, zero_lift=flight.zero_lift)) is not None
-        ),
+        strips=_strips(slow.looks, static),
+        courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
     )
 
@@ -138,14 +124,6 @@ def _holds(flight: Flight) -> list[Draft]:
             window = (max(one.onset_s - AROUND_HOLD_S, flight.from_s), min(until_s + AROUND_HOLD_S, flight.to_s))
             found.append(Draft(finding=one, window=window, until_s=until_s + AFTER_HOLD_S))
     return found
-
-
-def _scanned_throughout(flight: Flight, scanned: Sequence[Scanned]) -> Sequence[Scanned]:
-    """Return windows of the whole flight scanned, whatever part of it is asked for."""
-    if flight.whole is None:
-        return scanned
-    windows = {SCALE_S: windows_in(flight.whole, SCALE_S, step_s=SCALE_S)}
-    return scan_flight(flight.record, windows, zero_lift=flight.zero_lift, without_lift=flight.without_lift)
 
 
 def _glances(
@@ -161,7 +139,7 @@ def _glances(
     if "elevator" not in inputs or output is None:
         lacking = "elevator" if output is not None else "airspeed"
         return [], [f"no {lacking}: steps and oscillations of the airspeed were not looked for"]
-    windows = flight.windows((GLANCE_S,), STEP_S)[GLANCE_S]
+    windows = flight.windows(GLANCE_S, STEP_S)
     if not windows:
         return [], [f"no {GLANCE_S:g} s of flight: steps and oscillations of the airspeed were not looked for"]
     used = merge(config, {"inputs": inputs, "outputs": (output,)})
@@ -224,7 +202,9 @@ def _event(flight: Flight, draft: Draft) -> Event:
 def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     """Return whether an event is declared, or only suspected since something else may imitate it."""
     one = draft.finding
-    if one.stage == "parity" and draft.n_windows < 2 and one.statistic < NEAR * one.threshold:
+    if one.stage == "parity" and draft.lasting and not is_certain(draft):
+        return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
+    if one.stage == "parity" and not is_certain(draft):
         return "suspected", "a single window shows it, just above its threshold"
     if one.stage == "scan" and one.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..parity import Finding
 
-__all__ = ["Draft", "clusters", "join", "merge_stages", "with_ends"]
+__all__ = ["Draft", "as_one", "clusters", "join", "merge_stages", "with_ends"]
 
 Window = tuple[float, float]
 
@@ -15,6 +17,8 @@ Window = tuple[float, float]
 BEFORE_S = 15.0
 # Relative, of the frequency of an oscillation where it begins and where it ends.
 FREQUENCY_TOLERANCE = 0.05
+# Of a step, by which one back may miss where it came from.
+STEP_BACK = 0.1
 # The order of trust: what a line or a relation shows is exact, what windows of a regression show is not. A line that is
 # held goes before the relations that it disturbs.
 STAGES = ("sensors", "holds", "static relations", "parity", "scan")
@@ -24,7 +28,7 @@ STAGES = ("sensors", "holds", "static relations", "parity", "scan")
 class Draft:
     """A finding with its window, and until when windows show it; `also` what other analyses found of it.
 
-    `n_windows` of its analysis stand out.
+    `n_windows` of its analysis stand out; `lasting` are the faults that began before its window and were left out.
     """
 
     finding: Finding
@@ -32,6 +36,7 @@ class Draft:
     until_s: float
     also: tuple[Finding, ...] = ()
     n_windows: int = 1
+    lasting: tuple[str, ...] = ()
 
     @property
     def from_s(self) -> float:
@@ -100,6 +105,45 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
     return found
 
 
+def as_one(events: Sequence[Draft]) -> list[Draft]:
+    """Return events in which what errs once and errs again is one: a sensor that failed may fail further, or recover.
+
+    A step back to where it was is its end, and what errs after that is another event. A single channel's error that
+    changes no more is not seen by any analysis, so that nothing else says how long it lasts.
+    """
+    found: list[Draft] = []
+    for one in events:
+        for k, earlier in enumerate(found):
+            if earlier.finding.offset_s is None and _fails_further(one.finding, earlier.finding):
+                back = _is_step_back(one.finding, earlier.finding)
+                finding = replace(earlier.finding, offset_s=one.finding.onset_s) if back else earlier.finding
+                found[k] = replace(
+                    earlier,
+                    finding=finding,
+                    until_s=max(earlier.until_s, one.until_s),
+                    also=(*earlier.also, one.finding, *one.also),
+                )
+                break
+        else:
+            found.append(one)
+    return found
+
+
+def _fails_further(one: Finding, earlier: Finding) -> bool:
+    """Return whether an event names what an earlier one of the slow kind names: the same sensors, or fewer of them."""
+    slow = ("static relations", "parity")
+    return one.stage in slow and earlier.stage in slow and bool({*one.among} & {*earlier.among})
+
+
+def _is_step_back(one: Finding, earlier: Finding) -> bool:
+    if one.shape != "bias" or earlier.shape != "bias" or one.fault != earlier.fault:
+        return False
+    assert one.magnitude is not None
+    assert earlier.magnitude is not None
+    left = abs(one.magnitude + earlier.magnitude)
+    return left <= max(STEP_BACK * abs(earlier.magnitude), 3.0 * float(np.hypot(one.sd or 0.0, earlier.sd or 0.0)))
+
+
 def _same_frequency(one: Finding, other: Finding) -> bool:
     if one.frequency_hz is None or other.frequency_hz is None or one.fault != other.fault:
         return False
@@ -114,8 +158,9 @@ def _belongs(one: Draft, event: Draft) -> bool:
     if event.finding.stage == "holds":
         return True
     if one.finding.stage == "scan":
-        # Relations between channels say nothing of an oscillation that all of them have.
+        # Relations between channels say nothing of an oscillation that all of them have, but of one that errs alone.
         swings = one.finding.frequency_hz is not None and event.finding.frequency_hz is None
-        return not (swings and event.finding.stage == "static relations")
+        own = event.finding.fault in one.finding.among
+        return own or not (swings and event.finding.stage == "static relations")
     alike = {*one.finding.among, *one.finding.channels} & {*event.finding.among, *event.finding.channels}
     return bool(alike)

@@ -12,16 +12,18 @@ from ..airdata import IMPACT_SOURCES
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
-from ..flightlog.phases import Phase, phases_of
+from ..flightlog.phases import NO_AIRSPEED, Phase, phases_of
 from ..flightlog.record import frozen_array
 from ..flightlog.recorder import with_seen_recorder
 from ..parity import (
-    LENGTHS_S,
+    RESIDUALS,
     Finding,
     ParityTable,
     Record,
+    WindowScan,
     configuration_changes,
     record_of,
+    scan_window,
     shipped_tables,
     windows_in,
     zero_lift_of,
@@ -29,16 +31,32 @@ from ..parity import (
 from ..parity.calibration import load_air_data
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
-from ..parity.windows import Window, clean_up_time, flight_stretches
+from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
 from .conventions import without_other_conventions
 from .glances import INPUTS
 
-__all__ = ["Flight", "flight_of"]
+__all__ = ["Flight", "LastingFault", "flight_of"]
 
 FloatArray = NDArray[np.float64]
 
 # Beside a held line, where the filters of the recorder and the leak itself still act.
 BRIDGE_S = 10.0
+# Between two pieces of one hold: an airspeed that comes and goes about nothing.
+UNHELD_S = 60.0
+WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
+# Where an angle of zero lift that no calibration gives is from.
+OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
+ORIGINS = (OUTSIDE, WHOLE, NOWHERE)
+# Faults that spoil that angle where they last.
+TELL_ZERO_LIFT = {"aoa", "normal_acc", *IMPACT_SOURCES}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastingFault:
+    """A fault that was found and may last to the end of the log: hypotheses of the parity scan, and since when."""
+
+    faults: tuple[str, ...]
+    from_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,19 +65,21 @@ class Flight:
 
     Attributes
     ----------
-    phases : of the part that is diagnosed; whole : of the whole flight, where only a part is.
-    from_s, to_s : that part, s on the log's time.
+    phases : of the whole flight.
+    from_s, to_s : the part that is diagnosed, s on the log's time; is_part : whether that is less than the log.
     zero_lift : angle of attack of zero lift, rad, and where it is from; None where it is free in every window.
     moved : stretches in which flaps and gear may move.
+    held : pressure lines that are held.
     unused : sentences on channels that are not what their names say, and were left out.
+    lasting : faults found so far, which later windows are not to find again.
     """
 
     log: FlightLog
     record: Record
-    phases: tuple[Phase, ...]
-    whole: Sequence[Phase] | None
+    phases: Sequence[Phase]
     from_s: float
     to_s: float
+    is_part: bool
     zero_lift: float | None
     zero_lift_from: str
     tables: Sequence[ParityTable]
@@ -68,6 +88,7 @@ class Flight:
     held: Holds
     tolerances: Mapping[str, float]
     unused: tuple[str, ...]
+    lasting: tuple[LastingFault, ...] = ()
 
     @property
     def recorded(self) -> Collection[str]:
@@ -79,15 +100,38 @@ class Flight:
         return () if "flaps" in self.recorded else self.moved
 
     @property
-    def stretches(self) -> list[Window]:
-        """What of the part that is diagnosed is flown, without take-off, approach, landing and parabolas."""
-        cut = [(max(first, self.from_s), min(last, self.to_s)) for first, last in flight_stretches(self.phases)]
-        return [(first, last) for first, last in cut if last > first]
+    def part_phases(self) -> tuple[Phase, ...]:
+        """Phases of the part that is diagnosed, cut to it."""
+        return tuple(
+            replace(one, from_s=max(one.from_s, self.from_s), to_s=min(one.to_s, self.to_s))
+            for one in self.phases
+            if one.to_s > self.from_s and one.from_s < self.to_s
+        )
 
-    def windows(self, lengths: Sequence[float] = LENGTHS_S, step_s: float | None = None) -> dict[float, list[Window]]:
-        """Return the windows of every length within the part that is diagnosed."""
-        cut = [replace(one, from_s=max(one.from_s, self.from_s), to_s=min(one.to_s, self.to_s)) for one in self.phases]
-        return {length_s: windows_in(cut, length_s, step_s=step_s) for length_s in lengths}
+    def windows(self, length_s: float, step_s: float | None = None) -> list[Window]:
+        """Return the windows of a length within the part that is diagnosed."""
+        return windows_in(self.part_phases, length_s, step_s=step_s)
+
+    def scan(self, window: Window) -> WindowScan | None:
+        """Return the parity scan of a window, without the lift where flaps may move."""
+        return scan_window(
+            self.record.between(*window),
+            zero_lift=self.zero_lift,
+            only=WITHOUT_LIFT if overlaps(window, self.without_lift) else None,
+            lasting=self.lasting_in(window),
+        )
+
+    def lasting_in(self, window: Window) -> tuple[str, ...]:
+        """Return the faults known so far that began before a window."""
+        return tuple(dict.fromkeys(name for one in self.lasting if one.from_s <= window[0] for name in one.faults))
+
+    def with_lasting(self, fault: LastingFault) -> Flight:
+        """Return the flight in which a fault is known, its angle of zero lift from the time before it."""
+        flight = replace(self, lasting=(*self.lasting, fault))
+        if self.zero_lift_from not in ORIGINS or not TELL_ZERO_LIFT & {*fault.faults}:
+            return flight
+        zero_lift, origin = _zero_lift(flight)
+        return replace(flight, zero_lift=zero_lift, zero_lift_from=origin)
 
 
 def flight_of(log: FlightLog, config: Config) -> Flight:
@@ -112,34 +156,30 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
             "map its airspeed with --channel"
         )
+    held = replace(held, findings=_until_free(held.findings, phases, stop_s))
     log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
     own = None if config.diagnose.calibration is None else load_air_data(config.diagnose.calibration)
-    tables: Sequence[ParityTable] = shipped_tables() if own is None else (*own.tables, *shipped_tables())
-    outside: list[Window] = [] if (from_s, to_s) == (start_s, stop_s) else [(from_s, to_s)]
-    zero_lift, origin = None if own is None else own.zero_lift_rad, str(config.diagnose.calibration)
-    if zero_lift is None:
-        trapped = [
-            (one.onset_ci95[0] - BRIDGE_S, stop_s if one.offset_s is None else one.offset_s + BRIDGE_S)
-            for one in held.findings
-        ]
-        zero_lift, origin = _zero_lift(record, phases, outside=outside, trapped=trapped)
-    return Flight(
+    flight = Flight(
         log=log,
         record=record,
-        phases=tuple(one for one in phases if one.to_s > from_s and one.from_s < to_s),
-        whole=phases if outside else None,
+        phases=phases,
         from_s=from_s,
         to_s=to_s,
-        zero_lift=zero_lift,
-        zero_lift_from=origin,
-        tables=tables,
+        is_part=(from_s, to_s) != (start_s, stop_s),
+        zero_lift=None if own is None else own.zero_lift_rad,
+        zero_lift_from=str(config.diagnose.calibration),
+        tables=shipped_tables() if own is None else (*own.tables, *shipped_tables()),
         false_alarm=config.diagnose.false_alarm,
         moved=configuration_changes(phases, clean_up_s=clean_up_time(phases, record)),
         held=held,
         tolerances=config.tolerances,
         unused=(*frozen, *unlike),
     )
+    if flight.zero_lift is None:
+        zero_lift, origin = _zero_lift(flight)
+        flight = replace(flight, zero_lift=zero_lift, zero_lift_from=origin)
+    return flight
 
 
 def _check_channels(log: FlightLog, config: Config) -> None:
@@ -153,23 +193,22 @@ def _check_channels(log: FlightLog, config: Config) -> None:
             raise ConfigError(f"--tolerance: '{name}' is no channel, the log has: {has}; leave it out")
 
 
-def _zero_lift(
-    record: Record, phases: Sequence[Phase], *, outside: Sequence[Window], trapped: Sequence[Window]
-) -> tuple[float | None, str]:
+def _zero_lift(flight: Flight) -> tuple[float | None, str]:
     """Return the angle of zero lift, rad, and what it was taken from: outside of the window where that tells it.
 
-    Parameters
-    ----------
-    outside : the window, where a part of the flight is diagnosed; trapped : where a pressure line is held.
+    Stretches in which a pressure line is held, and what follows a fault that may last, are left out.
     """
-    attempts = [("the whole flight", trapped)]
-    if outside:
-        attempts.insert(0, ("the flight outside the window", [*outside, *trapped]))
-    for origin, without in attempts:
-        angle = zero_lift_of(record, phases, without=without)
+    without: list[Window] = [
+        (one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S)
+        for one in flight.held.findings
+    ]
+    without += [(one.from_s, np.inf) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
+    outside = (OUTSIDE, [*without, (flight.from_s, flight.to_s)])
+    for origin, left_out in (*([outside] if flight.is_part else []), (WHOLE, without)):
+        angle = zero_lift_of(flight.record, flight.phases, without=left_out)
         if angle is not None:
             return angle, origin
-    return None, "free in every window"
+    return None, NOWHERE
 
 
 def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
@@ -181,6 +220,31 @@ def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
         held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
         said.append(f"'{name}' {held} through the whole log: it was not used")
     return said, replace(log, channels={name: one for name, one in log.channels.items() if name not in frozen})
+
+
+def _until_free(found: Sequence[Finding], phases: Sequence[Phase], stop_s: float) -> tuple[Finding, ...]:
+    """Return the holds with those joined between which the airspeed reads nothing.
+
+    A total pressure that is trapped below the static one leaves no airspeed: that is no end of the hold.
+    """
+    lost = [(one.from_s, one.to_s) for one in phases if one.phase == NO_AIRSPEED]
+    last: dict[str, Finding] = {}
+    ended: list[Finding] = []
+    for one in sorted(found, key=lambda finding: finding.onset_s):
+        earlier, hold = last.get(one.fault), one
+        if earlier is not None and _reaches(earlier, one.onset_s):
+            hold = replace(earlier, offset_s=None if earlier.offset_s is None else one.offset_s)
+        elif earlier is not None:
+            ended.append(earlier)
+        for first, end in lost if one.fault == "pitot_blocked" else ():
+            if hold.offset_s is not None and hold.offset_s < end and _reaches(hold, first):
+                hold = replace(hold, offset_s=end if end < stop_s - BRIDGE_S else None)
+        last[one.fault] = hold
+    return tuple(sorted((*ended, *last.values()), key=lambda finding: finding.onset_s))
+
+
+def _reaches(hold: Finding, time_s: float) -> bool:
+    return hold.offset_s is None or hold.offset_s >= time_s - UNHELD_S
 
 
 def _never_moves(values: FloatArray) -> bool:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..parity import LENGTHS_S, Record, available
+from ..flightlog.phases import NO_AIRSPEED
+from ..parity import LENGTHS_S, available
+from .flight import Flight
 from .looks import Scanned
 from .result import FlightLimit
 
@@ -19,16 +21,14 @@ BOUNDS = {
 }
 
 
-def missing_sentences(
-    record: Record, scanned: Sequence[Scanned], limits: Sequence[FlightLimit], *, n_windows: int
-) -> tuple[str, ...]:
+def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequence[FlightLimit]) -> tuple[str, ...]:
     """Return a sentence for each residual that the log does not allow, with what is seen without it.
 
     Parameters
     ----------
-    n_windows : that the flight has; `scanned` are those of them in which a residual is known.
+    scanned : the windows in which a residual is known.
     """
-    kinds, lacking = available(record.channels)
+    kinds, lacking = available(flight.record.channels)
     for one in scanned:
         lacking.update(one.lacking)
     used = {name for one in scanned for name in one.residuals}
@@ -38,12 +38,17 @@ def missing_sentences(
         worst = max(seen, key=lambda one: one.effect)
         within = f"{worst.effect:.2g} m/s in {worst.to_s - worst.from_s:.0f} s"
         cost = f"; a slow fault of the airspeed of less than {within} would not be seen"
-    said = []
+    said = [
+        f"from {one.from_s:.0f} to {one.to_s:.0f} s the airspeed is that of an aircraft at rest while the altitude "
+        "changes: a pitot line that has failed shows this; nothing else was looked for there"
+        for one in flight.part_phases
+        if one.phase == NO_AIRSPEED
+    ]
     for name, channels in lacking.items():
         if name not in used:
             said.append(f"no {channels}: {BOUNDS[name]}{cost}")
             cost = ""
-    if not n_windows:
+    if not any(flight.windows(length_s) for length_s in LENGTHS_S):
         said.append(f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and approach")
     elif not kinds:
         said.append("no slow fault was looked for: nothing bounds the airspeed")

@@ -14,7 +14,7 @@ from ..shapes import SHAPES
 # s, to both sides of an onset of the scan, which stands on the samples of its analysis at 2 Hz.
 ONSET_STEP_S = 0.5
 
-__all__ = ["contradicted", "finding_of_fit", "finding_of_glance", "repeat_advice"]
+__all__ = ["contradicted", "finding_of_fit", "finding_of_glance", "hypotheses_of", "repeat_advice"]
 
 
 def fault_name(fit: Fit) -> str:
@@ -35,6 +35,12 @@ def names_of(fits: Sequence[Fit], record: Record) -> tuple[str, ...]:
         names.append(fault_name(fit))
         if alone and fit.fault.fault == record.airspeed and fit.magnitude < 0.0:
             names.append("pitot_icing")
+    return tuple(dict.fromkeys(names))
+
+
+def hypotheses_of(finding: Finding) -> tuple[str, ...]:
+    """Return the hypotheses of the parity scan that a finding names: all faults of the pitot line are one of these."""
+    names = ("q_impact" if SHAPES.get(name) or name == "q_impact" else name for name in finding.among)
     return tuple(dict.fromkeys(names))
 
 

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..channels import STANDARD
+from ..display_units import SI, Shown, Units
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import bands_of, lanes_of, phase_table
 from ..provenance import Provenance
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve
-from ..report.text import instant, number, quantity
+from ..report.text import change, instant, number, with_unit
 from ..serialization import to_plain
 from .result import DiagnoseResult
 
@@ -22,7 +23,6 @@ __all__ = ["SCHEMA", "diagnose_content", "diagnose_document"]
 SCHEMA = 2
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
-DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 # On either side of the window that describes an event.
 AROUND_S = 60.0
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
@@ -53,8 +53,8 @@ def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[st
     }
 
 
-def diagnose_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi diagnose` holds."""
+def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi diagnose` holds, in `units`; its CSV files are in SI."""
     log, events = document["log"], document["events"]
     limits = (log["start_s"], log["stop_s"])
     angle = document["zero_lift_rad"]
@@ -66,25 +66,29 @@ def diagnose_content(document: Plain) -> ReportContent:
     ]
     if angle is not None:
         facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {document['zero_lift_from']}"))
-    declared = [_sentence(one) for one in events if one["state"] == "declared"]
-    suspected = [_sentence(one) for one in events if one["state"] == "suspected"]
-    drawings = [_timeline(document)] if document["series"]["time_s"] else []
-    drawings += [_page(document, k) for k in range(min(len(events), MOST_PAGES))]
+    declared = [_sentence(one, units) for one in events if one["state"] == "declared"]
+    suspected = [_sentence(one, units) for one in events if one["state"] == "suspected"]
+    drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
+    drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
     return ReportContent(
         category="Diagnosis of a flight",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=_verdict(document["decision"], declared, suspected, document["summary"]),
+        verdict=_verdict(document["decision"], declared, suspected, units.sentence(document["summary"])),
         tone=document["decision"],
         lead=1 if drawings else 0,
         facts=tuple(facts),
-        tables=(*_event_tables(events), *_limit_tables(document["limits"]), *phase_table(document["phases"])),
+        tables=(
+            *_event_tables(events, units),
+            *_limit_tables(document["limits"], units),
+            *phase_table(document["phases"]),
+        ),
         drawings=tuple(drawings),
         notes=(
-            *(f"missing: {sentence}" for sentence in document["missing"]),
-            *(f"{_name(one)}: {one['note']}" for one in events if one["note"]),
+            *(f"missing: {units.sentence(sentence)}" for sentence in document["missing"]),
+            *(f"{_name(one)}: {units.sentence(one['note'])}" for one in events if one["note"]),
             *(f"{_name(one)}: next time, {one['repeat']}" for one in events if one["repeat"]),
-            *document["notes"],
+            *map(units.sentence, document["notes"]),
         ),
         data={"events.csv": {key: [_cell(one[key]) for one in events] for key in EVENT_COLUMNS}},
     )
@@ -117,60 +121,58 @@ def _name(event: Plain) -> str:
     return str(event["fault"]).replace("_", " ")
 
 
-def _sentence(event: Plain) -> str:
+def _sentence(event: Plain, units: Units) -> str:
     """Return an event in words: "pitot icing from 1432 s, 0.0025 1/s, tas -19 m/s"."""
     others = [name.replace("_", " ") for name in event["among"][1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
     if event["shape"] in ("bias", "drift", "sine") and event["fault"] in event["effect"]:
         name += f" {event['shape']}"
-    size = "" if event["magnitude"] is None else f", {_magnitude(event)}"
+    size = "" if event["magnitude"] is None else f", {_magnitude(event, units)}"
     if event["frequency_hz"] is not None:
         size += f" at {number(event['frequency_hz'])} Hz"
     until = "" if event["offset_s"] is None else f" to {_time(event['offset_s'])}"
     airspeed = next((one for one in AIRSPEEDS if one in event["effect"]), None)
     if airspeed is not None and event["fault"] not in event["effect"]:
-        size += f", {_error(airspeed, event['effect'][airspeed])}"
+        size += f", {_error(airspeed, event['effect'][airspeed], units)}"
     return f"{name} from {_time(event['onset_s'])}{until} s{size}"
 
 
-def _error(channel: str, value: float) -> str:
+def _error(channel: str, value: float, units: Units) -> str:
     """Return the largest error of a channel in words: "tas -19 m/s"."""
-    return f"{channel} {_size(value, STANDARD[channel].unit)}" if channel in STANDARD else f"{channel} {value:.2g}"
+    unit = STANDARD[channel].unit if channel in STANDARD else ""
+    return f"{channel} {change(value, units.of(unit, channel=channel))}"
 
 
 def _time(time_s: float) -> str:
     return instant(round(time_s, 1))
 
 
-def _magnitude(event: Plain) -> str:
-    value, unit, sd = event["magnitude"], event["unit"], event["sd"]
-    if unit in DEGREES:
-        value, unit, sd = np.degrees(value), DEGREES[unit], None if sd is None else np.degrees(sd)
-    elif unit == "rad/s^2":
-        value, unit, sd = np.degrees(value), "deg/s^2", None if sd is None else np.degrees(sd)
-    return f"{number(value, spread=None if sd is None else 1.96 * sd, extra=1)} {unit}"
+def _magnitude(event: Plain, units: Units) -> str:
+    shown = units.of(event["unit"], channel=_channel(event["fault"]))
+    sd = shown.change(event["sd"])
+    value = number(shown.change(event["magnitude"]), spread=None if sd is None else 1.96 * sd, extra=1)
+    return with_unit(value, shown.unit)
 
 
-def _size(value: float, unit: str) -> str:
-    if unit == "1":
-        return f"{value:.2g}"
-    return quantity(np.degrees(value), DEGREES[unit]) if unit in DEGREES else quantity(value, unit)
+def _channel(fault: str) -> str:
+    """Return the channel that a fault is named after, "" for a fault of a pressure line."""
+    return fault if fault in STANDARD else ""
 
 
-def _event_tables(events: Sequence[Plain]) -> tuple[Table, ...]:
+def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
     rows = []
     for one in events:
         low, high = one["onset_ci95"]
         among = ", ".join(one["among"])
         evidence = ", ".join(f"{name} {value:.3g}" for name, value in one["evidence"].items())
-        effect = ", ".join(_error(name, value) for name, value in list(one["effect"].items())[:3])
+        effect = ", ".join(_error(name, value, units) for name, value in list(one["effect"].items())[:3])
         rows.append(
             (
                 among,
                 one["state"],
                 f"{_time(one['onset_s'])} ({_time(low)} to {_time(high)})",
                 "-" if one["offset_s"] is None else _time(one["offset_s"]),
-                f"{one['shape']} {_magnitude(one)}" if one["magnitude"] is not None else "held",
+                f"{one['shape']} {_magnitude(one, units)}" if one["magnitude"] is not None else "held",
                 effect or "-",
                 "-" if one["p_value"] is None else f"{one['p_value']:.2g}",
                 evidence or "-",
@@ -180,14 +182,14 @@ def _event_tables(events: Sequence[Plain]) -> tuple[Table, ...]:
     return (Table(name="events", title="Events", heads=heads, rows=tuple(rows)),) if rows else ()
 
 
-def _limit_tables(limits: Sequence[Plain]) -> tuple[Table, ...]:
+def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
     rows = tuple(
         (
             str(one["fault"]),
             str(one["shape"]),
-            _size(one["excluded_above"], one["unit"]),
-            f"{_size(one['effect'], _unit_of_effect(one))}",
-            "-" if one["tolerance"] is None else _size(one["tolerance"], _unit_of_effect(one)),
+            change(one["excluded_above"], units.of(one["unit"], channel=_channel(one["fault"]))),
+            change(one["effect"], units.of(one["effect_unit"], channel=one["channel"])),
+            change(one["tolerance"], units.of(one["effect_unit"], channel=one["channel"])),
             "yes" if one["within_tolerance"] else "no",
             f"{instant(round(one['from_s']))} to {instant(round(one['to_s']))}",
         )
@@ -196,10 +198,6 @@ def _limit_tables(limits: Sequence[Plain]) -> tuple[Table, ...]:
     heads = ("fault", "shape", "excluded above", "could hide", "tolerance", "within", "worst window [s]")
     title = "What could not have been missed, in the worst stretch without a fault, flaps and gear at rest"
     return (Table(name="limits", title=title, heads=heads, rows=rows),) if rows else ()
-
-
-def _unit_of_effect(limit: Plain) -> str:
-    return str(limit["effect_unit"])
 
 
 def _named(events: Sequence[Plain]) -> list[dict[str, Any]]:
@@ -230,7 +228,7 @@ def _lines(events: Sequence[Plain]) -> list[Block]:
     ]
 
 
-def _timeline(document: Plain) -> Drawing:
+def _timeline(document: Plain, units: Units) -> Drawing:
     log, series, events = document["log"], document["series"], document["events"]
     limits = (float(log["start_s"]), float(log["stop_s"]))
     lanes = lanes_of(document["phases"], (), (), _named(events), limits=limits)
@@ -241,7 +239,7 @@ def _timeline(document: Plain) -> Drawing:
     shown = [name for name in (*airspeeds[:1], "altitude") if name in series["measured"]]
     shown += [name for name in dict.fromkeys(wrong) if name in series["measured"] and name not in shown][:3]
     for name in shown:
-        panels.append(_channel_panel(series, name, limits, bands))
+        panels.append(_channel_panel(series, name, limits, bands, units))
     groups: dict[str, list[Curve]] = {"parity": [], "relations": []}
     for strip in series["strips"]:
         group = "parity" if strip["name"].startswith("parity") else "relations"
@@ -267,19 +265,23 @@ def _floats(values: Sequence[float | None]) -> np.ndarray[Any, np.dtype[np.float
 
 
 def _channel_panel(
-    series: Plain, name: str, limits: tuple[float, float], bands: tuple[Block, ...], height: float = 0.8
+    series: Plain,
+    name: str,
+    limits: tuple[float, float],
+    bands: tuple[Block, ...],
+    units: Units,
+    height: float = 0.8,
 ) -> Panel:
-    time_s, unit = _floats(series["time_s"]), series["units"][name]
+    time_s, shown = _floats(series["time_s"]), units.of(series["units"][name], channel=name)
     inside = (time_s >= limits[0]) & (time_s <= limits[1])
-    factor = np.degrees(1.0) if unit in DEGREES else 1.0
-    curves = [curve("measured", time_s[inside], factor * _floats(series["measured"][name])[inside])]
+    curves = [curve("measured", time_s[inside], shown.readings(_floats(series["measured"][name])[inside]))]
     if name in series["corrected"]:
-        values = factor * _floats(series["corrected"][name])[inside]
+        values = shown.readings(_floats(series["corrected"][name])[inside])
         if np.isfinite(values).any():
             curves.append(curve("without the fault", time_s[inside], values))
     return Panel(
         x_label="time [s]",
-        y_label=f"{name}\n[{DEGREES.get(unit, unit)}]",
+        y_label=f"{name}\n[{shown.unit}]",
         curves=tuple(curves),
         bands=bands,
         x_limits=limits,
@@ -287,17 +289,17 @@ def _channel_panel(
     )
 
 
-def _course_label(course: Plain) -> str:
+def _course_label(course: Plain, shown: Shown) -> str:
     if course["channel"] == "pitot_icing":
         return "loss of\nq_impact [1]"
-    return f"error of\n{course['channel']} [{DEGREES.get(course['unit'], course['unit'])}]"
+    return f"error of\n{course['channel']} [{shown.unit}]"
 
 
 def _capital(sentence: str) -> str:
     return f"{sentence[:1].upper()}{sentence[1:]}"
 
 
-def _page(document: Plain, k: int) -> Drawing:
+def _page(document: Plain, k: int, units: Units) -> Drawing:
     """Return the figure of an event: its channels, its course beside the named shape, its evidence by residual."""
     event, series = document["events"][k], document["series"]
     low = max(float(document["log"]["start_s"]), float(event["window_s"][0]) - AROUND_S)
@@ -305,26 +307,25 @@ def _page(document: Plain, k: int) -> Drawing:
     bands = (*bands_of(document["phases"]), *_lines([event]))
     inside = tuple(one for one in bands if one.high >= low and one.low <= high)
     names = [name for name in event["channels"] if name in series["measured"]][:3]
-    panels = [_channel_panel(series, name, (low, high), inside) for name in names]
+    panels = [_channel_panel(series, name, (low, high), inside, units) for name in names]
     for course in series["courses"]:
         if course["event"] != k:
             continue
-        unit = course["unit"]
-        factor = np.degrees(1.0) if unit in DEGREES else 1.0
+        shown = units.of(course["unit"], channel=_channel(course["channel"]))
         time_s = _floats(course["time_s"])
         panels.append(
             Panel(
                 x_label="time [s]",
-                y_label=_course_label(course),
+                y_label=_course_label(course, shown),
                 curves=(
                     curve(
                         "of any shape, 95 % band",
                         time_s,
-                        factor * _floats(course["free"]),
-                        low=factor * _floats(course["low"]),
-                        high=factor * _floats(course["high"]),
+                        shown.changes(_floats(course["free"])),
+                        low=shown.changes(_floats(course["low"])),
+                        high=shown.changes(_floats(course["high"])),
                     ),
-                    curve(f"as a {event['shape']}", time_s, factor * _floats(course["named"]), style="dashed"),
+                    curve(f"as a {event['shape']}", time_s, shown.changes(_floats(course["named"])), style="dashed"),
                 ),
                 bands=inside,
                 x_limits=(low, high),
@@ -345,7 +346,7 @@ def _page(document: Plain, k: int) -> Drawing:
                 height=0.25 + 0.15 * len(sizes),
             )
         )
-    caption = f"{_capital(_sentence(event))}; {event['state']}."
+    caption = f"{_capital(_sentence(event, units))}; {event['state']}."
     if told:
         caption += (
             " Evidence by residual: what each says for the fault, twice the log-likelihood ratio, of other analyses "

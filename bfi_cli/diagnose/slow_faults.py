@@ -1,94 +1,182 @@
-"""Slow faults: runs of windows in which the parity scan stands out, each described in the window that suits it."""
+"""Slow faults: runs of windows in which the parity scan stands out, each described in the window that suits it.
+
+A fault that has begun may last to the end of the flight, and whatever its channel is compared with then disagrees. So
+the strongest run is named first; what it names is a nuisance in all later windows, which are scanned again, and the
+strongest of what still stands out is next.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..parity import LENGTHS_S, Threshold, WindowScan, explain, scan_window
-from ..parity.windows import Window, overlaps
+from ..kernels.progress import Report, silent
+from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain
+from ..parity.windows import Window, flight_stretches, overlaps, windows_in
 from .events import Draft, clusters
-from .flight import Flight
-from .looks import WITHOUT_LIFT, Scanned
-from .naming import contradicted, finding_of_fit
+from .flight import Flight, LastingFault
+from .looks import SCALE_S, Scanned, look_at, scale_of, scan_flight
+from .naming import contradicted, finding_of_fit, hypotheses_of
 from .relations import StaticWindows, intact_channels
 from .result import Look
 
-__all__ = ["drafts_of_parity"]
+__all__ = ["SlowFaults", "find_slow_faults", "is_certain"]
 
-# A fault that the scan sees near a window's start may have begun before it: the window is moved.
+# A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier
+# where the one moved would lose too much of the fault.
 NEAR_START_S = 20.0
 # Where in the window that describes an event its onset lies.
 ONSET_SHARE = 0.4
 MOVES = 3
+# A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
+NEAR = 1.2
+# While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
+# half of its angle leaves 1.8 in a phugoid (tests/measurements/test_lasting_faults.py).
+TRACE = 2.5
+# Faults of one flight; with more of them it is the log that is wrong.
+MOST = 6
 
 
-def drafts_of_parity(
-    flight: Flight,
-    judgements: Sequence[tuple[Scanned, Threshold, Look]],
-    before: Sequence[Draft],
-    static: StaticWindows,
-) -> list[Draft]:
-    """Return one draft for every run of windows that stand out, described in the window that suits it.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlowFaults:
+    """What the parity scan says of a flight.
+
+    Attributes
+    ----------
+    flight : with the faults that may last.
+    scanned : every window; looks : of each its threshold and what is reported of it.
+    scale : by how much the thresholds are raised.
+    """
+
+    flight: Flight
+    drafts: tuple[Draft, ...]
+    scanned: tuple[Scanned, ...]
+    looks: tuple[tuple[Scanned, Threshold, Look], ...]
+    scale: float
+
+
+def find_slow_faults(
+    flight: Flight, before: Sequence[Draft], static: StaticWindows, *, report: Report = silent
+) -> SlowFaults:
+    """Return the slow faults of a flight, the strongest found first.
 
     Parameters
     ----------
-    before : of the pressure lines; while one is held, whatever is compared with it disagrees.
+    before : what pressure lines and static relations found; while a line is held, whatever is compared with it
+        disagrees, and a channel that broke a relation may stay wrong.
     """
     held = [(draft.from_s, draft.until_s) for draft in before if draft.finding.stage == "holds"]
-    flagged = [
-        (one, threshold)
-        for one, threshold, _ in judgements
-        if one.statistic > threshold.level and not overlaps((one.from_s, one.to_s), held)
-    ]
-    drafts = []
-    for cluster in clusters([(one.from_s, one.to_s) for one, _ in flagged]):
-        members = [flagged[k] for k in cluster]
-        until_s = max(one.to_s for one, _ in members)
-        draft = _described(flight, members, until_s, static)
-        if draft is not None:
-            drafts.append(draft)
-    return drafts
+    known = [draft for draft in before if draft.finding.stage == "static relations"]
+    for draft in known:
+        flight = flight.with_lasting(_lasting(draft))
+    drafts: list[Draft] = []
+    answer = _scan_all(flight, 1.0, report)
+    for _ in range(MOST):
+        flagged = [
+            (one, threshold)
+            for one, threshold, _ in answer.looks
+            if one.statistic > threshold.level and not overlaps((one.from_s, one.to_s), held)
+        ]
+        runs = [[flagged[k] for k in run] for run in clusters([(one.from_s, one.to_s) for one, _ in flagged])]
+        runs = [run for run in runs if not _is_explained(run, (*known, *drafts))]
+        found = [one for run in runs if (one := _described(flight, run, static)) is not None]
+        certain = [draft for draft in found if is_certain(draft)]
+        if not certain:
+            return replace(answer, drafts=(*drafts, *found))
+        strongest = max(certain, key=lambda draft: draft.finding.statistic / draft.finding.threshold)
+        drafts.append(strongest)
+        flight = flight.with_lasting(_lasting(strongest))
+        answer = _scan_all(flight, answer.scale, silent)
+    return replace(answer, drafts=tuple(drafts))
 
 
-def _described(
-    flight: Flight,
-    members: Sequence[tuple[Scanned, Threshold]],
-    until_s: float,
-    static: StaticWindows,
-) -> Draft | None:
+def _scan_all(flight: Flight, otherwise: float, report: Report) -> SlowFaults:
+    """Return every window scanned and judged, without drafts; `otherwise` is the scale if too few windows tell it."""
+    every = [window for length_s in LENGTHS_S for window in flight.windows(length_s)]
+    scanned = scan_flight(flight, every, report=report)
+    throughout = scan_flight(flight, windows_in(flight.phases, SCALE_S, step_s=SCALE_S)) if flight.is_part else scanned
+    scale = scale_of(throughout, flight.tables, otherwise=otherwise)
+    looks = tuple(look_at(scanned, flight.tables, false_alarm=flight.false_alarm, scale=scale))
+    return SlowFaults(flight=flight, drafts=(), scanned=tuple(scanned), looks=looks, scale=scale)
+
+
+def _lasting(draft: Draft) -> LastingFault:
+    return LastingFault(faults=hypotheses_of(draft.finding), from_s=draft.finding.onset_ci95[1])
+
+
+def is_certain(draft: Draft) -> bool:
+    """Return whether what stands out is more than a single window just above its threshold, or the trace of another."""
+    excess = draft.finding.statistic / draft.finding.threshold
+    return excess >= TRACE if draft.lasting else draft.n_windows > 1 or excess >= NEAR
+
+
+def _is_explained(run: Sequence[tuple[Scanned, Threshold]], told: Sequence[Draft]) -> bool:
+    """Return whether every window of a run holds the onset of a fault that is named already."""
+    return all(
+        any(one.from_s < draft.finding.onset_ci95[1] and draft.finding.onset_ci95[0] < one.to_s for draft in told)
+        for one, _ in run
+    )
+
+
+def _described(flight: Flight, run: Sequence[tuple[Scanned, Threshold]], static: StaticWindows) -> Draft | None:
     """Return what the windows of a run say, in the window in which their fault begins well inside.
 
-    It is the one with the most evidence: a long window may be nearer its threshold and tell more.
+    Of these it is the one with the most evidence: a long window may be nearer its threshold and tell more. A window
+    that begins after the fault shows a ramp from its own start on, and often more of it.
     """
-    first_s = min(one.from_s for one, _ in members)
-    early = [pair for pair in members if pair[0].from_s <= first_s + max(LENGTHS_S)]
-    one, threshold = max(early, key=lambda pair: pair[0].statistic)
-    window, level, onset_s = (one.from_s, one.to_s), threshold, one.onset_s
-    low, high = next((one for one in flight.stretches if one[0] <= onset_s < one[1]), window)
-    scan = _scan(flight, window)
-    for _ in range(MOVES):
-        length_s = window[1] - window[0]
-        if onset_s - window[0] >= NEAR_START_S and window[1] - onset_s >= NEAR_START_S:
-            break
-        start_s = min(max(low, onset_s - ONSET_SHARE * length_s), high - length_s)
-        moved = (start_s, start_s + length_s)
-        other = _scan(flight, moved)
-        if other is None or other.statistic <= level.level or abs(moved[0] - window[0]) < 1.0:
-            break
-        scan, window = other, moved
-        best = max(scan.ratios.values(), key=lambda ratio: float(ratio.ratio.max()))
-        onset_s = float(scan.onsets_s[int(np.argmax(best.ratio))])
+    first_s, until_s = min(one.from_s for one, _ in run), max(one.to_s for one, _ in run)
+    early = [pair for pair in run if pair[0].from_s <= first_s + max(LENGTHS_S)]
+    inside = [pair for pair in early if _well_inside(pair[0].onset_s, (pair[0].from_s, pair[0].to_s))]
+    one, level = max(inside or early, key=lambda pair: pair[0].statistic)
+    window, scan = _around(flight, one.onset_s, (one.from_s, one.to_s), level)
     if scan is None:
         return None
-    record = flight.record.between(*window)
-    fits = explain(scan, record, ruled_out=contradicted(intact_channels(static, window)))
-    finding = finding_of_fit(fits, record, level, flight.recorded, scan)
-    return Draft(finding=finding, window=window, until_s=max(until_s, window[1]), n_windows=len(members))
+    fits = _explained(flight, window, scan, static)
+    # The onset as fitted may lie nearer to the start than the linear look had it.
+    other, scan_of_other = _around(flight, fits[0].onset_s, window, level)
+    if scan_of_other is not None and other != window:
+        window, scan = other, scan_of_other
+        fits = _explained(flight, window, scan, static)
+    finding = finding_of_fit(fits, flight.record.between(*window), level, flight.recorded, scan)
+    return Draft(
+        finding=finding,
+        window=window,
+        until_s=max(until_s, window[1]),
+        n_windows=len(run),
+        lasting=flight.lasting_in(window),
+    )
 
 
-def _scan(flight: Flight, window: Window) -> WindowScan | None:
-    """Return the scan of a window, without the lift where flaps may move."""
-    only = WITHOUT_LIFT if overlaps(window, flight.without_lift) else None
-    return scan_window(flight.record.between(*window), zero_lift=flight.zero_lift, only=only)
+def _well_inside(onset_s: float, window: Window) -> bool:
+    return onset_s - window[0] >= NEAR_START_S and window[1] - onset_s >= NEAR_START_S
+
+
+def _explained(flight: Flight, window: Window, scan: WindowScan, static: StaticWindows) -> tuple[Fit, ...]:
+    ruled_out = contradicted(intact_channels(static, window))
+    return explain(scan, flight.record.between(*window), ruled_out=ruled_out)
+
+
+def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold) -> tuple[Window, WindowScan | None]:
+    """Return the window, moved or begun earlier until the onset lies well inside while it stands out, and its scan."""
+    stretches = flight_stretches(flight.part_phases)
+    low, high = next((one for one in stretches if one[0] <= onset_s < one[1]), window)
+    scan = flight.scan(window)
+    for _ in range(MOVES):
+        length_s = window[1] - window[0]
+        if _well_inside(onset_s, window):
+            break
+        start_s = min(max(low, onset_s - ONSET_SHARE * length_s), high - length_s)
+        if abs(start_s - window[0]) < 1.0:
+            break
+        ends = [start_s + length_s, window[1]] if start_s < window[0] else [start_s + length_s]
+        others = (((start_s, end_s), flight.scan((start_s, end_s))) for end_s in ends)
+        better = next(((moved, one) for moved, one in others if one and one.statistic > threshold.level), None)
+        if better is None:
+            break
+        window, scan = better
+        assert scan is not None
+        best = max(scan.ratios.values(), key=lambda ratio: float(ratio.ratio.max()))
+        onset_s = float(scan.onsets_s[int(np.argmax(best.ratio))])
+    return window, scan

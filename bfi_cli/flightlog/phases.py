@@ -12,7 +12,7 @@ of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where t
 from __future__ import annotations
 
 from collections.abc import Collection, Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 from .airborne import BORNE, GRAVITY, WALK, flight_speed
 from .record import LARGEST_VALUE, FlightLog, FloatArray
 
-__all__ = ["MANOEUVRES", "PARTS", "Phase", "phases_of"]
+__all__ = ["MANOEUVRES", "NO_AIRSPEED", "PARTS", "Phase", "phases_of"]
 
 BoolArray = NDArray[np.bool_]
 Run = tuple[int, int]  # first sample and the one after the last
 
-PARTS = ("ground", "take-off", "climb", "cruise", "descent", "approach", "landing", "flight")
+NO_AIRSPEED = "no airspeed"
+PARTS = ("ground", "take-off", "climb", "cruise", "descent", "approach", "landing", "flight", NO_AIRSPEED)
 MANOEUVRES = ("turn", "stall", "parabola")
 
 # Means over this share of V / g are looked at: ten to a manoeuvre's shortest stroke.
@@ -43,6 +44,8 @@ EXTENDED_BELOW = 3.0
 PATTERN = 0.9
 # A ground has a flight on at least one side that rises above it by this share of V^2 / g; a stall high up has not.
 ABOVE_GROUND = 0.1
+# An aircraft that rests changes its altitude by less than this share of V^2 / g: the weather of a day does not.
+LOST = 0.25
 # The period of a phugoid, in V / g (Lanchester: pi sqrt 2): over that long an exchange of height for speed and back
 # is no climb. A steady climb or descent goes by more than this sine of its angle (1.5 degrees) over it ...
 PHUGOID, STEADY = 4.44, 0.026
@@ -138,7 +141,7 @@ def phases_of(log: FlightLog, *, suspects: Collection[str] = ()) -> tuple[Phase,
         return (Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s),)
     flight = _on_grid(log, known, speed.cruise, suspects)
     parts = list(_parts(flight))
-    aloft = [run for name, run in parts if name not in ("ground", "take-off", "landing")]
+    aloft = [run for name, run in parts if name not in ("ground", "take-off", "landing", NO_AIRSPEED)]
     found = [(run, name) for name, run in parts]
     for first, end in _joined(aloft):
         found += [(run, "turn") for run in _turns(flight, first, end)]
@@ -259,7 +262,10 @@ def _held(strong: BoolArray, weak: BoolArray) -> list[Run]:
 
 
 def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
-    """Yield the parts of the flight in order of time; where the speed is not known there is none."""
+    """Yield the parts of the flight; where the speed is not known there is none, and where it is lost no other."""
+    lost = _lost(flight)
+    yield from ((NO_AIRSPEED, run) for run in _runs(lost))
+    flight = replace(flight, speed=np.where(lost, np.nan, flight.speed))
     for first, end in _runs(np.isfinite(flight.speed)):
         grounds = _grounds(flight, first, end)
         last = first
@@ -271,6 +277,19 @@ def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
                 yield from _aloft(flight, last, end, lands=False)
         if not grounds:
             yield from _aloft(flight, first, end, lands=False)
+
+
+def _lost(flight: _Flight) -> BoolArray:
+    """Return where the airspeed is that of an aircraft at rest and the altitude tells of flight: a line has failed."""
+    lost = np.zeros(flight.speed.size, dtype=bool)
+    if flight.height is None:
+        return lost
+    for first, end in _runs(flight.speed < TAXI * flight.cruise):
+        heights = flight.height[first:end]
+        heights = heights[np.isfinite(heights)]
+        if heights.size and np.ptp(heights) > LOST * flight.scale_m:
+            lost[first:end] = True
+    return lost
 
 
 def _grounds(flight: _Flight, first: int, end: int) -> list[Run]:

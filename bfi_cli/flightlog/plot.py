@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..display_units import SI, Units
 from ..provenance import Provenance
 from ..report.content import Block, Curve, Drawing, Lane, Panel, ReportContent, curve, thinned
 from ..report.text import instant
@@ -39,7 +40,6 @@ PAGE, LEAST, MOST = 3.7, 0.44, 0.9
 ZOOM_POINTS = 8000
 # Time steps, above which samples are missing for longer than a reader would take for jitter.
 GAP = 5.0
-DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
 def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Event]) -> tuple[str, ...]:
@@ -151,8 +151,8 @@ def _series(log: FlightLog, i: int, name: str) -> dict[str, Any]:
     }
 
 
-def plot_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi plot` holds."""
+def plot_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi plot` holds, in `units`."""
     logs, limits = document["logs"], (document["from_s"], document["to_s"])
     names = [one["name"] for one in document["channels"]]
     events = document["events"]
@@ -164,7 +164,7 @@ def plot_content(document: Plain) -> ReportContent:
         Drawing(
             name="channels" if i == 0 else f"channels_{i + 1}",
             caption=_caption(document),
-            panels=tuple(_panels(document, page, lanes, bands, labels, points=2000)),
+            panels=tuple(_panels(document, page, lanes, bands, labels, units, points=2000)),
             shared_x=True,
         )
         for i, page in enumerate(pages)
@@ -172,7 +172,7 @@ def plot_content(document: Plain) -> ReportContent:
     whole = Drawing(
         name="channels",
         caption=_caption(document),
-        panels=tuple(_panels(document, names, lanes, bands, labels, points=ZOOM_POINTS)),
+        panels=tuple(_panels(document, names, lanes, bands, labels, units, points=ZOOM_POINTS)),
         shared_x=True,
     )
     paths = ", ".join(str(log["path"]) for log in logs)
@@ -186,7 +186,7 @@ def plot_content(document: Plain) -> ReportContent:
         ),
         tables=(*event_table(events), *window_table(document["windows"]), *phase_table(document["phases"])),
         drawings=tuple(drawings),
-        notes=tuple(document["notes"]),
+        notes=tuple(map(units.sentence, document["notes"])),
         zoom=(whole,),
         data={"phases.csv": phase_columns(document["phases"])} if document["phases"] else {},
     )
@@ -224,6 +224,7 @@ def _panels(
     lanes: Sequence[Lane],
     bands: Sequence[Block],
     labels: Sequence[str],
+    units: Units,
     *,
     points: int,
 ) -> Iterator[Panel]:
@@ -235,11 +236,11 @@ def _panels(
     height = float(np.clip(PAGE / max(len(names), 1), LEAST, MOST))
     for i, name in enumerate(names):
         series = [one for one in document["series"] if one["channel"] == name]
-        unit = series[0]["unit"] if series else ""
+        unit = units.of(series[0]["unit"] if series else "", channel=name).unit
         yield Panel(
             x_label="time [s]",
-            y_label=f"{name}\n[{DEGREES.get(unit, unit) or 'no unit'}]",
-            curves=tuple(_curve(one, "" if i else labels[one["log"]], points) for one in series),
+            y_label=f"{name}\n[{unit or 'no unit'}]",
+            curves=tuple(_curve(one, "" if i else labels[one["log"]], units, points) for one in series),
             bands=inside,
             x_limits=(low, high),
             height=height,
@@ -247,9 +248,8 @@ def _panels(
         )
 
 
-def _curve(series: Plain, label: str, points: int) -> Curve:
-    values = np.array(series["values"], dtype=np.float64)
-    values = np.degrees(values) if series["unit"] in DEGREES else values
+def _curve(series: Plain, label: str, units: Units, points: int) -> Curve:
+    values = units.of(series["unit"], channel=series["channel"]).readings(series["values"])
     time_s = np.array(series["time_s"], dtype=np.float64)
     missing = np.isnan(values)
     breaks = np.flatnonzero(missing & ~np.concatenate([[False], missing[:-1]]))  # no line is drawn over them

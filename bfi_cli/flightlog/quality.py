@@ -14,7 +14,7 @@ from ..errors import LogError
 from ..filters import Filter
 from .derived import DERIVED, missing_for
 from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
-from .phases import Phase, phases_of
+from .phases import NO_AIRSPEED, Phase, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
@@ -37,7 +37,7 @@ BEFORE_S, AFTER_S = 5.0, 15.0
 FEWEST_MOVES = 3  # a window with fewer holds a single correction, no manoeuvre
 MOST_WINDOWS = 10  # suggested in all
 # A window of which more than this lies on the ground or in what no linear model follows comes after the others.
-UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola"), 0.05
+UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola", NO_AIRSPEED), 0.05
 SLOWEST_AIRSPEED = 0.3  # of the airspeed in flight: below it the aircraft stands or rolls
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit
+from ..display_units import SI, Shown, Units
+from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, physical
 from ..provenance import Provenance
 from ..report.content import Drawing, Lane, Panel, ReportContent, Table
+from ..report.text import with_unit
 from ..serialization import to_plain
 from ..shapes import SHAPES
 from .quality import UNEVEN, LogReport
@@ -54,8 +56,8 @@ def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
     return document
 
 
-def info_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi info` holds."""
+def info_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi info` holds, in `units`; in SI angles are in rad, as in a file."""
     log = document["log"]
     count = len(document["gaps"])
     if document["uniform"]:
@@ -75,9 +77,9 @@ def info_content(document: Plain) -> ReportContent:
             *_gaps(gaps),
             *_recorder(document.get("recorder")),
         ),
-        tables=tuple(_tables(document)),
+        tables=tuple(_tables(document, units)),
         drawings=tuple(_timeline(document)),
-        notes=tuple(document["notes"]),
+        notes=tuple(map(units.sentence, document["notes"])),
         data={"phases.csv": phase_columns(phases)} if (phases := document.get("phases", ())) else {},
     )
 
@@ -120,16 +122,17 @@ def _recorder(known: Plain | None) -> Iterator[tuple[str, str]]:
         yield "Recorder", f"{known['kind']} low-pass, gain one half at {known['edge_hz']:.3g} Hz, {known['source']}"
 
 
-def _tables(document: Plain) -> Iterator[Table]:
+def _tables(document: Plain, units: Units) -> Iterator[Table]:
+    shown = {one["name"]: units.of_file(one["unit"], channel=one["name"]) for one in document["channels"]}
     channels = [
         {
             "name": one["name"],
             "in the file": None if one["source"] == one["name"] else one["source"],
-            "unit": one["unit"],
+            "unit": shown[one["name"]].unit,
             "own rate [Hz]": one.get("own_rate_hz"),
-            "min": one["min"],
-            "max": one["max"],
-            "quantum": one["quantum"],
+            "min": shown[one["name"]].reading(one["min"]),
+            "max": shown[one["name"]].reading(one["max"]),
+            "quantum": shown[one["name"]].change(one["quantum"]),
             "NaN": one["n_nan"] or None,
             "follows from": ", ".join(one.get("pressures", ())),
             "held": one["hold_period_s"] and f"{100 * one['held_fraction']:.0f} %, {1 / one['hold_period_s']:.3g} Hz",
@@ -142,7 +145,7 @@ def _tables(document: Plain) -> Iterator[Table]:
     derived = [
         {
             "name": one["name"],
-            "unit": one["unit"],
+            "unit": units.of_file(one["unit"], channel=one["name"]).unit,
             "what it is": one["description"],
             "lacks": ", ".join(one["lacks"]) or "nothing",
         }
@@ -151,13 +154,18 @@ def _tables(document: Plain) -> Iterator[Table]:
     if any(row["lacks"] == "nothing" for row in derived):
         yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
     yield from phase_table(document.get("phases", ()))
-    for name, title, keys in (
-        ("excitation", "Inputs, in flight", inputs),
-        ("segments", "Segments named in the file", segments),
-    ):
-        if name == "segments":
-            yield from window_table(document["windows"])
-        yield from _table(name, title, [{head: one[key] for head, key in keys.items()} for one in document[name]])
+    moving = []
+    for one in document["excitation"]:
+        known = units.of_file(one["unit"], channel=one["channel"])
+        moving.append({**one, "unit": known.unit, "range": known.change(one["range"])})
+    yield from _table("excitation", "Inputs, in flight", _columns(moving, inputs))
+    yield from window_table(document["windows"])
+    yield from _table("segments", "Segments named in the file", _columns(document["segments"], segments))
+
+
+def _columns(entries: Sequence[Plain], keys: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return the columns of a table, by title, of entries of the document, by key."""
+    return [{head: one[key] for head, key in keys.items()} for one in entries]
 
 
 def _table(name: str, title: str, rows: Sequence[Plain]) -> Iterator[Table]:
@@ -190,35 +198,40 @@ def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[s
     return document
 
 
-def log_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi convert`, `bfi simulate` or `bfi inject` holds."""
-    units = {one["name"]: one["unit"] for one in document["channels"]}
+def log_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi convert`, `bfi simulate` or `bfi inject` holds.
+
+    The units of channels are those of the file that was written, whatever `units` are.
+    """
+    own = {one["name"]: one["unit"] for one in document["channels"]}
     faults = [fault_from_dict(fault) for fault in (document["truth"] or {"faults": ()})["faults"]]
-    rows = tuple((name, unit or "not stated") for name, unit in units.items())
+    rows = tuple((name, unit or "not stated") for name, unit in own.items())
     return ReportContent(
         category="Flight log",
         title=str(document["path"]),
         heading="A log was written",
         verdict=f"{document['path']}: {document['n_samples']} samples at {document['rate_hz']:.6g} Hz",
-        facts=tuple(("Injected", describe_injected(fault, units.get(fault.channel, ""))) for fault in faults),
+        facts=tuple(("Injected", describe_injected(fault, own.get(fault.channel, ""), units)) for fault in faults),
         tables=(Table(name="channels", title="Channels", heads=("name", "unit"), rows=rows),),
         notes=tuple(document["notes"]),
     )
 
 
-def log_lines(log: FlightLog) -> list[str]:
-    """Return what the log holds: a summary, then one line per fault and note."""
+def log_lines(log: FlightLog, units: Units = SI) -> list[str]:
+    """Return what the log holds: a summary, then one line per fault, in `units`, and note."""
     names = ", ".join(f"{channel.name} [{channel.unit or '?'}]" for channel in log.channels.values())
-    faults, units = log.truth.faults if log.truth else (), {one.name: one.unit for one in log.channels.values()}
+    faults, own = log.truth.faults if log.truth else (), {one.name: one.unit for one in log.channels.values()}
     return [
         f"{log.path}: {log.n_samples} samples at {log.rate_hz:.6g} Hz: {names}",
-        *(f"fault: {describe_injected(fault, units.get(fault.channel, ''))}" for fault in faults),
-        *(f"note: {note}" for note in log.notes),
+        *(f"fault: {describe_injected(fault, own.get(fault.channel, ''), units)}" for fault in faults),
+        *(f"note: {units.sentence(note)}" for note in log.notes),
     ]
 
 
-def describe_injected(fault: Fault, unit: str) -> str:
+def describe_injected(fault: Fault, unit: str, units: Units = SI) -> str:
     """Return an injected fault in words: "bias on tas, magnitude 4 m/s, from 13.8 s".
+
+    In SI its numbers are those that were typed; what a magnitude means that multiplies a slope is said in brackets.
 
     Parameters
     ----------
@@ -226,6 +239,16 @@ def describe_injected(fault: Fault, unit: str) -> str:
     """
     until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
     label = fault.shape if fault.name is None else f"{fault.name} ({fault.shape})"
-    size = f", magnitude {fault.magnitude:g} {magnitude_unit(fault, unit)}".rstrip()
+    shown = units.of_file(magnitude_unit(fault, unit), channel=fault.channel, own=unit)
+    size = f", magnitude {_typed(fault.magnitude, shown)}"
+    if fault.slope is not None:
+        value, of = physical(fault, fault.magnitude, unit)
+        meant = units.of_file(of, channel=fault.channel, own=unit)
+        size += f" ({_typed(value, meant)})"
     where = f" on {fault.channel}" if fault.channel else ""
     return f"{label}{where}{size if SHAPES[fault.shape].has_magnitude else ''}, from {fault.onset_s:g} s{until}"
+
+
+def _typed(value: float, shown: Shown) -> str:
+    """Return a size as it was typed, in another unit to four digits."""
+    return with_unit(f"{value:g}" if shown.factor == 1.0 else f"{value / shown.factor:.4g}", shown.unit)

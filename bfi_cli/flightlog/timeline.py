@@ -10,7 +10,7 @@ from typing import Any
 
 from ..report.content import Block, Lane, Shade, Table
 from ..report.text import instant
-from .phases import MANOEUVRES, PARTS
+from .phases import MANOEUVRES, NO_AIRSPEED, PARTS
 
 __all__ = ["bands_of", "event_table", "lanes_of", "phase_columns", "phase_table", "window_table"]
 
@@ -25,6 +25,7 @@ SHADES: Mapping[str, Shade] = {
     "descent": "green",
     "approach": "yellow",
     "landing": "violet",
+    NO_AIRSPEED: "grey",
 }
 STATES: Mapping[str, Shade] = {"declared": "fault", "suspected": "suspect"}
 # Of the width of the axes, what a letter takes.

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..faults import magnitude_unit
+from ..faults import magnitude_unit, meaning
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -63,6 +63,7 @@ def claims_of(
             continue
         channel = window.log.channels.get(fault.channel)
         twin = known.get(twins.get(entry, -1))
+        scale, unit = meaning(fault, "" if channel is None else channel.unit)
         candidates.append(
             Candidate(
                 name=window.names[entry],
@@ -76,6 +77,8 @@ def claims_of(
                 channel_unit="" if channel is None else channel.unit,
                 onset_s=fault.onset_s,
                 note=window.reasons.get(entry),
+                physical_scale=scale,
+                physical_unit=unit,
             )
         )
     return tuple(candidates)
@@ -127,6 +130,7 @@ def _claim(
             limit = effect = None
             note = "too near an end of the window"
     suspected = n in outcome.declined
+    scale, unit = meaning(fault, channel.unit)
     state = state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance)
     return Candidate(
         name=window.names[entry],
@@ -144,6 +148,8 @@ def _claim(
         channel_unit=channel.unit,
         onset_s=fault.onset_s,
         note=outcome.declined.get(n, note),
+        physical_scale=scale,
+        physical_unit=unit,
     )
 
 

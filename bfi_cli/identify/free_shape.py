@@ -48,15 +48,16 @@ SAMPLES_PER_CELL = 8
 DRAWS, LARGEST_ERROR = 6, 0.1
 # Of signals of norm 1: a combination smaller than this is round-off (as in `preprocessing.window`).
 DEPENDENT = 1e-7
-# Models whose criterion is worse by more weigh less than exp(-10).
+# Models whose risk is worse by more weigh less than exp(-10).
 CLOSE = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Model:
-    """A course at one order beside named atoms, and its criterion."""
+    """A course at one order beside named atoms: the criterion by which it is there, and the risk of its estimate."""
 
     criterion: float
+    risk: float
     order: int
     unit_root: bool
     named: tuple[int, ...]
@@ -95,12 +96,12 @@ def identify_with_courses(
         penalty.criterion(fit_magnitudes(regression.problem(order), plain.atoms)) for order in regression.orders
     )
     report = partial(progress, "courses of unknown shape")
-    outcomes, gains, kept = list[FreeOutcome](), list[float](), list[tuple[_Model, ...]]()
+    outcomes, gains, beside = list[FreeOutcome](), list[float](), list[tuple[int, ...]]()
     for n, entry in enumerate(window.free):
-        outcome, models = _course_of(window, regression, config, penalty, plain.atoms, entry, without)
+        outcome, gain, named = _course_of(window, regression, config, penalty, plain.atoms, entry, without)
         outcomes.append(outcome)
-        kept.append(models)
-        gains.append(without - min((one.criterion for one in models), default=np.inf))
+        gains.append(gain)
+        beside.append(named)
         report((n + 1.0) / len(window.free))
     declared = [n for n, one in enumerate(outcomes) if one.declared]
     if not declared:
@@ -112,7 +113,7 @@ def identify_with_courses(
             note = f"'{other}' explains the log better; one fault of unknown shape is declared at a time"
             outcomes[n] = replace(outcomes[n], declared=False, note=note)
     corrected = _without_course(window, outcomes[best])
-    if not kept[best][0].named:
+    if not beside[best]:
         config = config.model_copy(update={"selection": config.selection.model_copy(update={"max_active": 0})})
     rest = identify(corrected, regression_of(corrected, config), config, progress)
     if rest.analysed is not None:  # with onsets moved; what was measured has the course in it
@@ -134,8 +135,8 @@ def _course_of(
     atoms: tuple[int, ...],
     entry: int,
     without: float,
-) -> tuple[FreeOutcome, tuple[_Model, ...]]:
-    """Return what is said of an entry of unknown course, and its models, the best first."""
+) -> tuple[FreeOutcome, float, tuple[int, ...]]:
+    """Return what is said of an entry of unknown course, how far it lowers the criterion, and the atoms beside it."""
     fault = window.faults[entry]
     nothing = np.zeros(len(window.signals.time_s))
     say = partial(FreeOutcome, entry=entry, output=0, declared=False, suspected=False, value=nothing, sd=nothing)
@@ -150,6 +151,7 @@ def _course_of(
                     f"a course need {needed} and {needed + 3 * SAMPLES_PER_CELL}; choose a longer window around it"
                 )
             ),
+            -np.inf,
             (),
         )
     columns = partial(_columns, window, fault, min(MOST_CELLS, after // SAMPLES_PER_CELL))
@@ -167,17 +169,20 @@ def _course_of(
         ),
         key=lambda one: one.criterion,
     )
+    gain, named, unit = without - models[0].criterion, models[0].named, float(regression.unit[0])
+    # Whether a course is there is the criterion's question; which order draws it with the least error is another. The
+    # criterion pays for few lags, and a predictor of too few bends the course (docs/theory.md, 3.4).
+    models = sorted((one for one in models if one.named == named), key=lambda one: one.risk)
     best = models[0]
-    models = [one for one in models if one.named == best.named and one.criterion < best.criterion + CLOSE]
-    weight = np.exp(-0.5 * (np.array([one.criterion for one in models]) - best.criterion))
+    models = [one for one in models if one.risk < best.risk + CLOSE]
+    weight = np.exp(-0.5 * (np.array([one.risk for one in models]) - best.risk))
     weight /= weight.sum()
     values, spreads = (np.array([getattr(one.fit, key) for one in models]) for key in ("value", "sd"))
     value = weight @ values
     variance = weight @ (spreads**2 + (values - value) ** 2)
-    gain, unit = without - best.criterion, float(regression.unit[0])
     if gain <= 0.0:
         note = f"no evidence for it: the criterion is {-gain:.1f} better without"
-        return say(value=value * unit, sd=np.sqrt(variance) * unit, note=note), tuple(models)
+        return say(value=value * unit, sd=np.sqrt(variance) * unit, note=note), gain, named
     on = active_samples(fault, regression.signals.time_s)
     errors, share = _errors_when_redrawn(regression, best, line, walk, on, seed=config.seed)
     answer = partial(say, value=value * unit, sd=np.sqrt(np.maximum(variance, errors)) * unit)
@@ -190,8 +195,8 @@ def _course_of(
             f"not identifiable: '{name}' lowers the criterion by {gain:.1f}, but the aircraft's own motion can pass "
             f"for it: {known}; add inputs that move with the output, as pitch and longitudinal_acc"
         )
-        return answer(suspected=True, note=note), tuple(models)
-    return answer(declared=True), tuple(models)
+        return answer(suspected=True, note=note), gain, named
+    return answer(declared=True), gain, named
 
 
 def _columns(window: PreparedWindow, fault: Fault, cells: int, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -233,8 +238,16 @@ def _models(
             # With a root at 1 the increments obey what is left of the predictor when 1 - z^-1 is divided out.
             fit = fit_course(problem, [-np.cumsum(plain[::-1])[::-1][1:] if unit_root else plain])
             price = fit.n_parameters * penalty.per_parameter + (len(named) + 1) * penalty.per_atom
-            criterion = penalty.n_effective / penalty.n_rows * fit.deviance + price
-            yield _Model(criterion=criterion, order=order, unit_root=unit_root, named=named, fit=fit)
+            evidence, n, p = penalty.n_effective / penalty.n_rows * fit.deviance, penalty.n_effective, fit.n_parameters
+            yield _Model(
+                criterion=evidence + price,
+                # Akaike's, as corrected by Hurvich and Tsai (1989).
+                risk=evidence + 2.0 * p * n / max(n - p - 1.0, 1.0),
+                order=order,
+                unit_root=unit_root,
+                named=named,
+                fit=fit,
+            )
 
 
 def _errors_when_redrawn(

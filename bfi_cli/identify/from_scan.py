@@ -158,7 +158,7 @@ def _confirmed(result: IdentifyResult, scanned: OnsetResult) -> tuple[tuple[Faul
     """Return the scan's faults that the joint estimate confirms, and the others as suspected candidates."""
     if not scanned.faults:
         return (), ()
-    by_name = {one.name: one for one in result.faults}
+    by_name, own = {one.name: one for one in result.faults}, {one.channel: one.unit for one in result.outputs}
     joint = {one.name: one for one in result.candidates}
     faults, suspects = [], []
     for one, atom in zip(scanned.faults, propose_dictionary(scanned).atoms, strict=True):
@@ -179,7 +179,7 @@ def _confirmed(result: IdentifyResult, scanned: OnsetResult) -> tuple[tuple[Faul
                 magnitude=scan.magnitude,
                 unit=scan.unit,
                 sd=None,
-                channel_unit=scan.unit,
+                channel_unit=own.get(scan.fault.channel, ""),
                 note=(
                     f"the scan over all onsets declares {quantity(scan.magnitude, scan.unit)}, the joint estimate at "
                     f"its onset {size} does not confirm it"

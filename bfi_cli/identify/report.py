@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display_units import SI, Shown, Units
 from ..faults import FaultEstimate
 from ..printable import shortened
-from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, verdict_sentence
+from ..report.claims import (
+    CANDIDATE_COLUMNS,
+    candidate_tables,
+    hidden_drawing,
+    shown_meaning,
+    shown_summary,
+    verdict_sentence,
+)
 from ..report.content import Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
-from ..report.text import HEADINGS, axis_label, instant, interval, number, quantity
+from ..report.text import HEADINGS, axis_label, change, instant, interval, number, quantity, with_unit
 from ..shapes import SHAPES
 from ..verdicts import Candidate
 from .document import identify_from_document
@@ -33,9 +42,11 @@ WHITE_ABOVE = 0.01
 # The criterion is drawn linearly up to this difference, which is decisive evidence by any of the criteria.
 LINEAR_CRITERION = 10.0
 NAME_LETTERS = 40
-FAULT_HEADS = ("fault", "channel", "from", "magnitude", "95 % interval", "until", "physical value", "shape", "sd")
+FAULT_HEADS = ("fault", "channel", "from", "magnitude", "95 % interval", "until", "shape", "sd", "multiplier")
 RESIDUAL_HEADS = ("output", "noise sd", "VAF", "whiteness", "5 σ without faults", "samples beyond 5 σ")
-SERIES = ("measured", "corrected", "predicted", "fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
+READINGS = ("measured", "corrected", "predicted")
+CHANGES = ("fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
+SERIES = (*READINGS, *CHANGES)
 MAGNITUDE_CAPTION = (
     "Magnitude of every dictionary entry with its 95 % interval, in units of its own minimal detectable magnitude: "
     "what would be found with 90 % power at a false-alarm rate of 1 % shared by all entries. Filled circles were "
@@ -51,51 +62,88 @@ RESIDUAL_CAPTION = (
 )
 
 
-def identify_content(result: IdentifyResult) -> ReportContent:
-    """Return what the report of an identification holds."""
-    hidden = hidden_drawing(result.candidates)
+def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent:
+    """Return what the report of an identification holds, in `units`; its CSV files are in SI."""
+    hidden, drawn = hidden_drawing(result.candidates, units), _in_units(result, units)
+    own = {series.channel: series.unit for series in result.outputs}
+    said = [describe(one, units, own=own.get(one.fault.channel, "")) for one in result.faults]
+    summary = shown_summary(result.summary, result.verdicts, result.candidates, units)
     return ReportContent(
         category="Fault identification",
         title=result.log.path,
         heading=HEADINGS[result.decision],
-        verdict=verdict_sentence(result.decision, list(map(describe, result.faults)), result.summary),
+        verdict=verdict_sentence(result.decision, said, summary),
         tone=result.decision,
         lead=len(hidden),
-        facts=_facts(result),
-        tables=tuple(_tables(result)),
+        facts=_facts(result, units),
+        tables=tuple(_tables(result, units)),
         drawings=(
             *hidden,
-            _draw_outputs(result),
-            _draw_fault(result),
-            *([_draw_magnitudes(result)] if result.candidates else []),
-            _draw_residuals(result),
+            _draw_outputs(drawn),
+            _draw_fault(drawn),
+            *([_draw_magnitudes(result, units)] if result.candidates else []),
+            _draw_residuals(drawn),
             *_draw_orders(result),
         ),
-        notes=result.notes,
+        notes=tuple(map(units.sentence, result.notes)),
         data=_data(result),
     )
 
 
-def content_of_document(document: object, *, where: str = "result") -> ReportContent:
+def content_of_document(document: object, units: Units = SI, *, where: str = "result") -> ReportContent:
     """Return what the report of a document of `bfi identify` holds; see `identify_from_document`."""
     result, _ = identify_from_document(document, where=where)
-    return identify_content(result)
+    return identify_content(result, units)
 
 
-def describe(estimate: FaultEstimate) -> str:
-    """Return one fault in words: "a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s"."""
+def _in_units(result: IdentifyResult, units: Units) -> IdentifyResult:
+    """Return the result with its signals, and what its figures say of them, in the units that are shown."""
+    shown = {one.channel: units.of(one.unit, channel=one.channel) for one in result.outputs}
+    outputs = []
+    for one in result.outputs:
+        here = shown[one.channel]
+        signals: dict[str, Any] = {key: here.readings(getattr(one, key)) for key in READINGS}
+        known = {key: values for key in CHANGES if (values := getattr(one, key)) is not None}
+        signals |= {key: here.changes(values) for key, values in known.items()}
+        outputs.append(replace(one, unit=here.unit, **signals))
+    inputs = {name: units.of(result.input_units.get(name, ""), channel=name) for name in result.inputs}
+    return replace(
+        result,
+        outputs=tuple(outputs),
+        inputs={name: inputs[name].readings(values) for name, values in result.inputs.items()},
+        input_units={name: one.unit for name, one in inputs.items()},
+        residuals=tuple(
+            replace(one, plain_sd=one.plain_sd / shown[one.channel].factor) if one.channel in shown else one
+            for one in result.residuals
+        ),
+    )
+
+
+def describe(estimate: FaultEstimate, units: Units = SI, *, own: str = "") -> str:
+    """Return one fault in words: "a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s".
+
+    Parameters
+    ----------
+    own : unit of its channel, where that is no standard one.
+    """
     fault, shape = estimate.fault, SHAPES[estimate.fault.shape].label
     if fault.frequency_hz is not None:
         shape = f"{fault.frequency_hz:.4g} Hz {shape}"
-    scale = estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0
+    scale, physical = _meaning(estimate, units, own)
     low, high = sorted(scale * bound for bound in estimate.ci95)
-    unit = "" if estimate.physical_unit == "1" else f" {estimate.physical_unit}".rstrip()
-    value = number(estimate.physical_value, spread=0.5 * (high - low))
+    unit = "" if physical.unit == "1" else f" {physical.unit}".rstrip()
+    value = number(physical.change(estimate.physical_value), spread=0.5 * (high - low))
     within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
     until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)} s"
     return (
         f"a {shape} of {value}{unit}{within} on {shortened(fault.channel, 40)} from {instant(fault.onset_s)} s{until}"
     )
+
+
+def _meaning(estimate: FaultEstimate, units: Units, own: str) -> tuple[float, Shown]:
+    """Return what a magnitude of 1 means, in the unit that is shown, and that unit."""
+    shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, own=own)
+    return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown
 
 
 def shown_candidates(result: IdentifyResult) -> tuple[Candidate, ...]:
@@ -123,7 +171,7 @@ def _smallest(candidate: Candidate) -> float | None:
     return candidate.minimal_detectable_scan if own is None else own
 
 
-def _facts(result: IdentifyResult) -> tuple[tuple[str, str], ...]:
+def _facts(result: IdentifyResult, units: Units) -> tuple[tuple[str, str], ...]:
     log, model, solver = result.log, result.model, result.solver
     span = f"{number(log.start_s)} to {number(log.stop_s)} s ({number(log.stop_s - log.start_s)} s"
     return (
@@ -132,7 +180,7 @@ def _facts(result: IdentifyResult) -> tuple[tuple[str, str], ...]:
         ("Inputs", ", ".join(model.inputs) or "none"),
         ("Outputs", ", ".join(model.outputs)),
         ("Looked for", f"{len(result.candidates)} candidates, {len(result.faults)} declared"),
-        ("Scan of all onsets", result.scan.note),
+        ("Scan of all onsets", units.sentence(result.scan.note)),
         ("Model", f"VARX of order {model.order} at {number(model.rate_hz)} Hz"),
         ("Inputs act", "in the same sample too" if model.feedthrough else "from the next sample on"),
         ("Orders tried", ", ".join(map(str, model.orders)) or "this one only"),
@@ -142,38 +190,44 @@ def _facts(result: IdentifyResult) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _tables(result: IdentifyResult) -> Iterator[Table]:
-    faults, units = [], {series.channel: series.unit for series in result.outputs}
+def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
+    faults, own = [], {series.channel: series.unit for series in result.outputs}
     for estimate in result.faults:
         fault = estimate.fault
-        magnitude = number(estimate.magnitude, spread=1.96 * estimate.sd, extra=1)
+        scale, shown = _meaning(estimate, units, own.get(fault.channel, ""))
+        sd, ends = abs(scale) * estimate.sd, sorted(scale * bound for bound in estimate.ci95)
+        multiplier = number(estimate.magnitude, spread=1.96 * estimate.sd, extra=1)
         faults.append(
             (
                 shortened(estimate.name, NAME_LETTERS),
                 fault.channel,
                 f"{instant(fault.onset_s)} s",
-                f"{magnitude} {estimate.unit}".rstrip(),
-                interval(estimate.ci95, extra=1),
+                with_unit(number(scale * estimate.magnitude, spread=1.96 * sd, extra=1), shown.unit),
+                with_unit(interval(ends, extra=1), shown.unit),
                 "-" if fault.offset_s is None else f"{instant(fault.offset_s)} s",
-                f"{number(estimate.physical_value)} {estimate.physical_unit}".rstrip(),
                 fault.shape if fault.frequency_hz is None else f"{fault.shape}, {fault.frequency_hz:.4g} Hz",
-                number(estimate.sd, digits=2),
+                quantity(sd, shown.unit),
+                # Of a slope that the dictionary states, else the magnitude itself.
+                "-" if fault.slope is None else f"{multiplier} x slope {fault.slope:g}/s",
             )
         )
     if faults:
-        yield Table(name="faults", title="Faults", heads=FAULT_HEADS, rows=tuple(faults))
-    yield from candidate_tables(result.candidates)
+        n = len(FAULT_HEADS) - all(one.fault.slope is None for one in result.faults)
+        rows = tuple(row[:n] for row in faults)
+        yield Table(name="faults", title="Faults", heads=FAULT_HEADS[:n], rows=rows)
+    yield from candidate_tables(result.candidates, units)
     residuals = []
     for summary in result.residuals:
-        unit, alarms_s, p = units.get(summary.channel, ""), summary.plain_alarms_s, summary.ljung_box_p
+        shown = units.of(own.get(summary.channel, ""), channel=summary.channel)
+        alarms_s, p = summary.plain_alarms_s, summary.ljung_box_p
         white = "" if p >= WHITE_ABOVE else ", not white: structure is left"
         residuals.append(
             (
                 summary.channel,
-                quantity(result.model.noise_sd.get(summary.channel), unit),
+                change(result.model.noise_sd.get(summary.channel), shown),
                 f"{number(result.vaf_output.get(summary.channel))} %",
                 f"p = {number(p, digits=2)}{white}" if p == p else "-",
-                quantity(5.0 * summary.plain_sd, unit),
+                change(5.0 * summary.plain_sd, shown),
                 f"{len(alarms_s)}, first at {number(min(alarms_s), digits=6)} s" if alarms_s else "none",
             )
         )
@@ -187,7 +241,7 @@ def _tables(result: IdentifyResult) -> Iterator[Table]:
             ("Isolation", "exactly the injected faults" if truth.isolated else "not the injected faults"),
             ("False alarms", ", ".join(truth.false_alarms) or "none"),
             ("Missed", ", ".join(truth.missed) or "none"),
-            ("Relative magnitude error", "-" if error is None else f"{number(100.0 * error, digits=2)} %"),
+            ("Relative magnitude error", "-" if error is None else quantity(100.0 * error, "%")),
             *((name, "-" if value is None else f"{number(value, digits=5)} %") for name, value in vaf),
         )
         yield Table(name="truth", title="Against the injected truth", heads=("measure", "value"), rows=rows)
@@ -238,7 +292,8 @@ def _draw_outputs(result: IdentifyResult) -> Drawing:
         names = [name for name in result.inputs if result.input_units.get(name, "") == unit]
         curves = [_line(name if len(names) > 1 else "", result, result.inputs[name]) for name in names]
         label = axis_label(shortened(names[0], 18) if len(names) == 1 else "inputs", unit)
-        panels.append({"y_label": label, "curves": tuple(curves), "height": 0.5})
+        # On two lines, which the low panel has room for.
+        panels.append({"y_label": label.replace(" [", "\n["), "curves": tuple(curves), "height": 0.5})
     outputs, inputs = ", ".join(result.model.outputs), ", ".join(result.model.inputs)
     caption = (
         f"Measured {outputs} with the one-step prediction of the final model and the measurement corrected for the "
@@ -276,7 +331,7 @@ def _draw_fault(result: IdentifyResult) -> Drawing:
     return Drawing(name="fault", caption=caption, panels=_over_time(result, panels))
 
 
-def _draw_magnitudes(result: IdentifyResult) -> Drawing:
+def _draw_magnitudes(result: IdentifyResult, units: Units) -> Drawing:
     shown = shown_candidates(result)
     ratios = [_ratio(one) for one in shown]
     reach = 2.0 * max([2.0, *(abs(ratio) for ratio in ratios if ratio is not None)])
@@ -297,10 +352,13 @@ def _draw_magnitudes(result: IdentifyResult) -> Drawing:
             curves.append(curve(label, x, [float(j) for j, _ in drawn], style=style, low=x - half, high=x + half))
     notes: list[tuple[str, float]] = []
     for j, one in enumerate(shown):
-        spread = math.nan if one.sd is None else 1.96 * one.sd
-        size = f"{number(one.magnitude, spread=spread, extra=1)} ± {number(spread, spread=spread, extra=1)} {one.unit}"
-        limit = quantity(_smallest(one), one.unit)
-        notes.append(("not estimated" if one.magnitude is None else f"{size.rstrip()}, limit {limit}", float(j)))
+        scale, meant = shown_meaning(one, units)
+        factor, smallest = scale / meant.factor, _smallest(one)
+        spread = math.nan if one.sd is None else 1.96 * abs(factor) * one.sd
+        value = number(None if one.magnitude is None else factor * one.magnitude, spread=spread, extra=1)
+        size = with_unit(f"{value} ± {number(spread, spread=spread, extra=1)}", meant.unit)
+        limit = change(None if smallest is None else abs(scale) * smallest, meant)
+        notes.append(("not estimated" if one.magnitude is None else f"{size}, limit {limit}", float(j)))
     more = f"{len(shown)} of {len(result.candidates)} entries: declared, and largest for their limit"
     panel = Panel(
         title=more if len(shown) < len(result.candidates) else "",

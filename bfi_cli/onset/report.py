@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..faults import fault_to_dict
+from ..display_units import SI, Units
+from ..faults import fault_from_dict, fault_to_dict, physical
 from ..provenance import Provenance
-from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, verdict_sentence
+from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
-from ..report.text import HEADINGS, instant, interval, number, quantity, shortened
+from ..report.text import HEADINGS, change, instant, interval, number, quantity, shortened, with_unit
 from ..serialization import from_plain, to_plain
 from ..shapes import SHAPES
 from ..verdicts import Candidate
@@ -105,29 +106,47 @@ def _known(ends: tuple[float, float]) -> tuple[float, float] | None:
     return ends if math.isfinite(ends[0] + ends[1]) else None
 
 
-def onset_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi start-time` holds."""
-    faults = document["faults"]
+def onset_content(document: Plain, units: Units = SI) -> ReportContent:
+    """Return what the report of a document of `bfi start-time` holds, in `units`; its CSV files are in SI."""
+    faults, series = document["faults"], document["series"]
     candidates = from_plain(tuple[Candidate, ...], document["candidates"], where="candidates")
-    said = [_sentence(fault) for fault in faults]
-    shapes, hidden = _profiles(document["profile"]), hidden_drawing(candidates)
+    own = {one["channel"]: one["unit"] for one in series["outputs"]}
+    shown = [_in_units(fault, units, own) for fault in faults]
+    said = list(map(_sentence, shown))
+    summary = shown_summary(document["summary"], document["verdicts"], candidates, units)
+    shapes, hidden = _profiles(document["profile"]), hidden_drawing(candidates, units)
+    drawn = [_profile_in_units(one, units, own) for one in shapes]
     return ReportContent(
         category="Onset of a fault",
         title=str(document["log"]["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=verdict_sentence(document["decision"], said, document["summary"]),
+        verdict=verdict_sentence(document["decision"], said, summary),
         tone=document["decision"],
         lead=len(hidden),
-        facts=tuple(_facts(document)),
-        tables=(*_fault_tables(faults), *candidate_tables(candidates), _shape_table(shapes)),
+        facts=tuple(_facts(document, units, own)),
+        tables=(*_fault_tables(shown), *candidate_tables(candidates, units), _shape_table(drawn)),
         drawings=(
             *hidden,
-            _profile_drawing(shapes, faults),
-            _series_drawing(document["series"], faults),
+            _profile_drawing(drawn, faults),
+            _series_drawing(series, faults, units),
         ),
-        notes=tuple(document["notes"]),
+        notes=tuple(map(units.sentence, document["notes"])),
         data=_data(faults, candidates, shapes),
     )
+
+
+def _in_units(fault: Plain, units: Units, own: Mapping[str, str]) -> dict[str, Any]:
+    """Return a fault with its magnitude and interval in the unit that is shown."""
+    shown = units.of(fault["unit"], channel=fault["channel"], own=own.get(fault["channel"], ""))
+    ends = None if fault["ci95"] is None else [shown.change(end) for end in fault["ci95"]]
+    return {**fault, "magnitude": shown.change(fault["magnitude"]), "ci95": ends, "unit": shown.unit}
+
+
+def _profile_in_units(profile: Plain, units: Units, own: Mapping[str, str]) -> dict[str, Any]:
+    """Return a profile with its magnitudes in the unit that is shown."""
+    shown = units.of(profile["unit"], channel=profile["channel"], own=own.get(profile["channel"], ""))
+    changed = {key: shown.changes(profile[key]) for key in ("magnitude", "sd")}
+    return {**profile, **changed, "unit": shown.unit}
 
 
 def _data(
@@ -153,7 +172,7 @@ def _data(
 def _sentence(fault: Plain) -> str:
     """Return "a bias of 4.00 m/s (95 % interval 3.99 to 4.01) on tas from 13.80 s (13.79 to 13.81 s)"."""
     size, when = _ends(fault["ci95"]), _ends(fault["onset_ci95"])
-    magnitude = f"{number(fault['magnitude'], spread=_half(size))} {fault['unit']}".rstrip()
+    magnitude = with_unit(number(fault["magnitude"], spread=_half(size)), fault["unit"])
     within = interval(size)
     if within != "-":
         magnitude += f" (95 % interval {within})"
@@ -180,10 +199,12 @@ def _shape(fault: Plain) -> str:
     return word if frequency_hz is None else f"{number(frequency_hz)} Hz {word}"
 
 
-def _facts(document: Plain) -> list[tuple[str, str]]:
+def _facts(document: Plain, units: Units, own: Mapping[str, str]) -> list[tuple[str, str]]:
     log, model, use = document["log"], document["model"], document["calibration"]
     window = f"{number(log['start_s'])} to {number(log['stop_s'])} s"
-    noise = (f"{name} {number(sd, digits=2)}" for name, sd in model["noise_sd"].items())
+    noise = (
+        f"{name} {change(sd, units.of(own.get(name, ''), channel=name))}" for name, sd in model["noise_sd"].items()
+    )
     rows = [
         ("Window", f"{window}, {log['n_samples']} samples at {number(log['rate_hz'])} Hz"),
         ("Model", f"VARX of order {model['order']}, inputs {', '.join(model['inputs'])}"),
@@ -200,7 +221,12 @@ def _facts(document: Plain) -> list[tuple[str, str]]:
         rows.append((f"Plain 5-sigma test, {series['channel']}", told))
     for fault in document["truth"] or ():
         where = f"on {fault['channel']} " if fault["channel"] else ""  # a pressure line is no channel
-        size = "" if fault["magnitude"] is None else f", magnitude {fault['magnitude']:g}"
+        size = ""
+        if fault["magnitude"] is not None:
+            channel = fault["channel"] or ""
+            value, unit = physical(fault_from_dict(fault), fault["magnitude"], own.get(channel, ""))
+            known = units.of(unit, channel=channel, own=own.get(channel, ""))
+            size = f", magnitude {with_unit(number(value / known.factor), known.unit)}"
         when = f"from {instant(fault['onset_s'])} s{_until(fault)}"
         rows.append(("Injected", f"{_shape(fault)}{size}, {where}{when}"))
     return rows
@@ -215,10 +241,10 @@ def _fault_tables(faults: Sequence[Plain]) -> tuple[Table, ...]:
                 _shape(fault),
                 fault["channel"],
                 f"{number(fault['onset_s'], spread=_half(when))} s",
-                interval(when),
+                with_unit(interval(when), "s"),
                 "-" if fault["offset_s"] is None else f"{instant(fault['offset_s'])} s",
-                f"{number(fault['magnitude'], spread=_half(size), extra=1)} {fault['unit']}".rstrip(),
-                interval(size),
+                with_unit(number(fault["magnitude"], spread=_half(size), extra=1), fault["unit"]),
+                with_unit(interval(size), fault["unit"]),
                 number(fault["statistic"]),
                 number(fault["p_value"], digits=2),
             )
@@ -286,16 +312,17 @@ def _profile_drawing(profiles: Sequence[Plain], faults: Sequence[Plain]) -> Draw
     return Drawing(name="profile", caption=PROFILE_CAPTION, panels=tuple(panels), across=2)
 
 
-def _series_drawing(series: Plain, faults: Sequence[Plain]) -> Drawing:
+def _series_drawing(series: Plain, faults: Sequence[Plain], units: Units) -> Drawing:
     panels = []
     for one in series["outputs"]:
-        curves = [curve("measured", series["time_s"], one["measured"])]
+        shown = units.of(one["unit"], channel=one["channel"])
+        curves = [curve("measured", series["time_s"], shown.readings(one["measured"]))]
         if any(fault["channel"] == one["channel"] for fault in faults):
-            curves.append(curve("corrected", series["time_s"], one["corrected"], style="dashed"))
+            curves.append(curve("corrected", series["time_s"], shown.readings(one["corrected"]), style="dashed"))
         panels.append(
             Panel(
                 x_label="time [s]",
-                y_label=f"{one['channel']} [{one['unit'] or '-'}]",
+                y_label=f"{one['channel']} [{shown.unit or '-'}]",
                 curves=tuple(curves),
                 spans=tuple(Span(label="plain 5-sigma test", low=t, high=t) for t in one["plain_alarms_s"]),
             )

@@ -30,8 +30,10 @@ REFINED = 0.25  # of the window, to both sides of the onset that a linear look f
 # Of Gauss-Newton, which end where one moves the magnitude by less than this part of its standard deviation: a loss of a
 # tenth of the impact pressure takes three, one of six tenths six.
 STEPS, CONVERGED = 12, 0.02
-# Of faults that explain a window as well, one of a probe in the air comes before one of an inertial sensor or of the
-# satellite receiver: probes ice, block and leak. Only the order follows, by odds of ten to one, not what is in the set.
+# Of faults that explain a window as well, the commoner comes first, by odds of ten to one a step: what probes and lines
+# lose to ice, water and leaks, which grows; then a vane that drifts, for vanes stick or bend at once, and a line that
+# gains pressure; then an inertial sensor or the satellite receiver. A commoner fault that is near with these odds only
+# is the last of the set: of 15 drifts of an only airspeed an accelerometer explained 3 better by 8 to 15.
 INERTIAL = ("pitch", "normal_acc", "longitudinal_acc", "altitude_rate", "ground_speed")
 RARER = 4.6
 # What another course than a ramp must gain: it was chosen from several.
@@ -135,8 +137,23 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
         fits = [_best_course(scan, record, one) for one in contenders]
     fits.sort(key=lambda fit: -fit.ratio)
     close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), 0.5 * fits[0].ratio)
-    kept = [fit for fit in fits if fit.ratio >= fits[0].ratio - close]
-    return tuple(sorted(kept, key=lambda fit: RARER * (fit.fault.fault in INERTIAL) - fit.ratio))
+    likeliest = max(_with_odds(fit) for fit in fits)
+    kept = [fit for fit in fits if fit.ratio >= fits[0].ratio - close or _with_odds(fit) >= likeliest - close]
+    return tuple(sorted(kept, key=lambda fit: (fit.ratio < fits[0].ratio - close, -_with_odds(fit))))
+
+
+def _with_odds(fit: Fit) -> float:
+    """Return the ratio less what its fault is rarer than the commonest."""
+    return fit.ratio - RARER * _rarity(fit)
+
+
+def _rarity(fit: Fit) -> int:
+    """Return how many steps rarer a fault is than ice in a probe."""
+    if fit.fault.fault in INERTIAL:
+        return 2
+    vane_drifts = fit.fault.fault == "aoa" and fit.shape != "bias"
+    line_gains = fit.fault.fault == "q_impact" and fit.magnitude > 0.0
+    return int(vane_drifts or line_gains)
 
 
 def corrected(record: Record, fit: Fit) -> Record:

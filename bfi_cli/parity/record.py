@@ -21,7 +21,7 @@ from ..airdata import (
 )
 from ..flightlog import FlightLog
 
-__all__ = ["Hypothesis", "Record", "hypotheses", "record_of", "with_fault", "without_fault"]
+__all__ = ["USED", "Hypothesis", "Record", "hypotheses", "record_of", "with_fault", "without_fault"]
 
 FloatArray = NDArray[np.float64]
 

@@ -18,6 +18,8 @@ __all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window"]
 FloatArray = NDArray[np.float64]
 
 ONSET_STEP_S = 3.0
+# Times the size of a small fault: what a fault that has grown makes of a residual besides what a small one does.
+LARGE = 300.0
 FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0  # after the window's start and before its end
 # Of a deflection in rad, and of a gear that is down at 1: more is no play of a sensor.
 MOVED = {"flaps": 0.02, "gear": 0.2}
@@ -33,6 +35,7 @@ class WindowScan:
     onsets_s : (n_onsets,) on the log's axis.
     ratios : by fault.
     kinds : the residuals used; residuals : of each the whitened one, at the seconds where it is known.
+    columns : of each (n, m), what is added to it in unknown amounts, at these seconds.
     lacking : what the others lacked, by name.
     """
 
@@ -41,6 +44,7 @@ class WindowScan:
     kinds: tuple[ResidualKind, ...]
     residuals: tuple[Residual, ...]
     known: tuple[NDArray[np.bool_], ...]
+    columns: tuple[FloatArray, ...]
     constants: Constants
     lacking: Mapping[str, str]
 
@@ -63,7 +67,13 @@ def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> Nois
     return noise_model(time_s[known], np.array(levels), model.slow(time_s)[np.ix_(known, known)])
 
 
-def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str] | None = None) -> WindowScan | None:
+def scan_window(
+    record: Record,
+    *,
+    zero_lift: float | None,
+    only: Collection[str] | None = None,
+    lasting: Collection[str] = (),
+) -> WindowScan | None:
     """Return the scan of a window; None where the log allows no residual.
 
     Parameters
@@ -71,6 +81,7 @@ def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str
     record : the seconds of the window.
     zero_lift : angle of attack of zero lift, rad, where it is known.
     only : names of the residuals to use; None for all that the log allows.
+    lasting : faults that began before the window. Whatever constant and drift they may have in it is no evidence.
     """
     kinds, lacking = available(record.channels)
     kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
@@ -87,15 +98,22 @@ def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str
         return None
     courses = ramps(record.time_s, onsets_s)
     n, fewest = len(record.time_s), FEWEST * _samples(record)
+    begun = [one for one in hypotheses(record) if one.fault in lasting]
+    course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
     used: list[ResidualKind] = []
     residuals: list[Residual] = []
     masks: list[NDArray[np.bool_]] = []
+    kept_columns: list[FloatArray] = []
     for kind in kinds:
         values = residual_values(record, record, constants, kind)
         columns, prior_sd = np.ones((n, 1)), np.array([np.inf])
         if kind.nuisances is not None:
             more, sd = kind.nuisances(record, constants)
             columns, prior_sd = np.column_stack([columns, more]), np.append(prior_sd, sd)
+        for hypothesis in begun:
+            added = _lasting_columns(kind, constants, record, hypothesis, course)
+            columns = np.column_stack([columns, np.nan_to_num(added)])
+            prior_sd = np.append(prior_sd, np.full(added.shape[1], np.inf))
         known = np.isfinite(values) & np.isfinite(columns).all(axis=1)
         if np.count_nonzero(known) < fewest:
             lacking[kind.name] = _gaps(record, kind, fewest)
@@ -103,6 +121,7 @@ def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str
         noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
         used.append(kind)
         masks.append(known)
+        kept_columns.append(columns[known])
         residuals.append(settle(noise, values[known], columns[known], prior_sd, courses[known]))
     if not used:
         return None
@@ -112,6 +131,7 @@ def scan_window(record: Record, *, zero_lift: float | None, only: Collection[str
         kinds=tuple(used),
         residuals=tuple(residuals),
         known=tuple(masks),
+        columns=tuple(kept_columns),
         constants=constants,
         lacking=lacking,
     )
@@ -195,13 +215,40 @@ def fault_signatures(
     record : where it is linearised.
     """
     found: list[FloatArray | None] = []
-    other = with_fault(record, hypothesis.fault, np.full(record.time_s.shape, hypothesis.size))
+    other = with_small(record, hypothesis)
     for kind, known in zip(scan.kinds, scan.known, strict=True):
-        moved = (kind.values(other, scan.constants) - kind.values(record, scan.constants)) / hypothesis.size
-        signature = moved[:, None] * courses
-        if kind.rate is not None:
-            rates = _bridged(kind.rate(other) - kind.rate(record)) / hypothesis.size
-            signature = signature - _integral(rates[:, None] * courses)
-        signature = np.nan_to_num(signature[known])
+        signature = np.nan_to_num(_signature(kind, scan.constants, record, other, hypothesis, courses)[known])
         found.append(signature if signature.any() else None)
     return found
+
+
+def _lasting_columns(
+    kind: ResidualKind, constants: Constants, record: Record, hypothesis: Hypothesis, courses: FloatArray
+) -> FloatArray:
+    """Return (n, n_courses + 1) what a fault of any size makes of a residual: each course, and the constant squared."""
+    large = replace(hypothesis, size=LARGE * hypothesis.size)
+    first = _signature(kind, constants, record, with_small(record, hypothesis), hypothesis, courses)
+    ahead = _signature(kind, constants, record, with_small(record, large), large, courses[:, :1])
+    return np.column_stack([first, ahead - first[:, :1]])
+
+
+def with_small(record: Record, hypothesis: Hypothesis) -> Record:
+    """Return a record with a small constant fault, for differences."""
+    return with_fault(record, hypothesis.fault, np.full(record.time_s.shape, hypothesis.size))
+
+
+def _signature(
+    kind: ResidualKind,
+    constants: Constants,
+    record: Record,
+    other: Record,
+    hypothesis: Hypothesis,
+    courses: FloatArray,
+) -> FloatArray:
+    """Return (n, n_courses) what a fault makes of a residual; `other` being the record with a small one."""
+    moved = (kind.values(other, constants) - kind.values(record, constants)) / hypothesis.size
+    signature = moved[:, None] * courses
+    if kind.rate is None:
+        return signature
+    rates = _bridged(kind.rate(other) - kind.rate(record)) / hypothesis.size
+    return np.asarray(signature - _integral(rates[:, None] * courses))

@@ -368,9 +368,10 @@ def _require_movement(log: FlightLog, config: Config) -> None:
             "excitation the dynamics cannot be told from a drift; choose a window with a manoeuvre"
         )
     for name in filter(is_constant, config.outputs):
+        still = log.channel(name)
+        size = f"{still.values[0]:.6g} {still.unit}".rstrip()
         raise LogError(
-            f"{log.path}: output '{name}' does not change (stays at {log.channel(name).values[0]:.6g}); "
-            "choose another --output or window"
+            f"{log.path}: output '{name}' does not change (stays at {size}); choose another --output or window"
         )
 
 

@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from ..display_units import SI, Shown, Units
+from ..faults import Decision
 from ..printable import shortened
-from ..verdicts import Candidate, shown_limit
+from ..shapes import Kind
+from ..verdicts import Candidate, shown_limit, summarise
 from .content import Curve, Drawing, Panel, Span, Style, Table, curve
-from .text import number, quantity
+from .text import change, number, quantity, with_unit
 
-__all__ = ["CANDIDATE_COLUMNS", "CANDIDATE_HEADS", "candidate_tables", "hidden_drawing", "verdict_sentence"]
+__all__ = ["CANDIDATE_COLUMNS", "CANDIDATE_HEADS", "candidate_tables", "hidden_drawing", "shown_meaning"]
+__all__ += ["shown_summary", "verdict_sentence"]
 
 CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")
 CANDIDATE_COLUMNS = (
     *("name", "shape", "channel", "kind", "state", "magnitude", "unit", "sd", "minimal_detectable"),
     *("minimal_detectable_scan", "excluded_above", "effect", "tolerance", "channel_unit", "note"),
+    *("physical_scale", "physical_unit"),
 )
 NAME_LETTERS = 40
 STATES = {"declared": 0, "suspected": 1, "not_seen": 2, "excluded": 3, None: 4}
@@ -42,36 +47,60 @@ def verdict_sentence(decision: str, faults: Sequence[str], summary: str) -> str:
     return f"{word}: {summary}." if summary else f"{word}."
 
 
-def candidate_tables(candidates: Sequence[Candidate]) -> tuple[Table, ...]:
+def shown_summary(
+    summary: str, verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate], units: Units
+) -> str:
+    """Return the stored summary of an answer in other units, from the candidates where it was made of them."""
+    if units.name == "si":
+        return summary
+    made = summary == summarise(verdicts, candidates)
+    return summarise(verdicts, candidates, units) if made else units.sentence(summary)
+
+
+def shown_meaning(one: Candidate, units: Units) -> tuple[float, Shown]:
+    """Return what a magnitude of 1 means, in SI, and how that is shown: no multiplier stands without its slope."""
+    scale, unit = one.meaning
+    if one.shape == "drift" and not unit and one.channel_unit:  # of a result that does not say the slope
+        return scale, Shown(unit="x slope")
+    return scale, units.of(unit, channel=one.channel, own=one.channel_unit)
+
+
+def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Table, ...]:
     """Return the table of what was looked for, declared and suspected first; nothing where nothing was."""
     rows = []
     for one in sorted(candidates, key=lambda one: STATES[one.state]):
-        size = number(one.magnitude, spread=None if one.sd is None else 1.96 * one.sd, extra=1)
+        scale, shown = shown_meaning(one, units)
+        factor = scale / shown.factor
+        size = number(
+            None if one.magnitude is None else factor * one.magnitude,
+            spread=None if one.sd is None else 1.96 * abs(factor) * one.sd,
+            extra=1,
+        )
         limit = one.minimal_detectable if one.minimal_detectable is not None else one.minimal_detectable_scan
-        hidden = "-" if one.state in ("declared", None) else shown_limit(one) or "any"
+        hidden = "-" if one.state in ("declared", None) else shown_limit(one, units) or "any"
         rows.append(
             (
                 shortened(one.name, NAME_LETTERS),
                 WORDS.get(one.state, str(one.state)),
-                size if size == "-" else f"{size} {one.unit}".rstrip(),
-                quantity(limit, one.unit),
+                with_unit(size, shown.unit),
+                change(None if limit is None else abs(scale) * limit, shown),
                 hidden,
                 one.channel,
-                one.note or "",
+                units.sentence(one.note or "", channel=one.channel),
             )
         )
     title = "What was looked for, declared first"
     return (Table(name="candidates", title=title, heads=CANDIDATE_HEADS, rows=tuple(rows)),) if rows else ()
 
 
-def hidden_drawing(candidates: Sequence[Candidate]) -> tuple[Drawing, ...]:
+def hidden_drawing(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Drawing, ...]:
     """Return the figure of the largest hidden errors, one panel per channel; nothing where there is no limit."""
     panels = []
     for channel in dict.fromkeys(one.channel for one in candidates):
         shown = _rows([one for one in candidates if one.channel == channel and one.state is not None])
         tolerance = next((one.tolerance for one in shown if one.tolerance), None)
         if tolerance is not None and any(one.state in ("excluded", "not_seen") for one in shown):
-            panels.append(_panel(channel, shown, tolerance))
+            panels.append(_panel(channel, shown, tolerance, units))
     return (Drawing(name="hidden", caption=HIDDEN_CAPTION, panels=tuple(panels)),) if panels else ()
 
 
@@ -87,12 +116,10 @@ def _rows(candidates: Sequence[Candidate]) -> list[Candidate]:
     return [one for one in candidates if id(one) in kept]
 
 
-def _panel(channel: str, shown: Sequence[Candidate], tolerance: float) -> Panel:
-    unit, factor = shown[0].channel_unit, 1.0
-    if unit in ("rad", "rad/s"):
-        unit, factor = unit.replace("rad", "deg"), math.degrees(1.0)
-    limit = factor * tolerance
-    known = [factor * one.effect for one in shown if one.effect is not None]
+def _panel(channel: str, shown: Sequence[Candidate], tolerance: float, units: Units) -> Panel:
+    axis = units.of(shown[0].channel_unit, channel=channel)
+    unit, limit = axis.unit, tolerance / axis.factor
+    known = [one.effect / axis.factor for one in shown if one.effect is not None]
     low = min([limit / BELOW, *(0.5 * size for size in known)])
     high = ROOM * max([ABOVE * limit, *known])
     bars: dict[str, list[tuple[float, float]]] = {"excluded": [], "not seen": [], "suspected": []}
@@ -102,9 +129,9 @@ def _panel(channel: str, shown: Sequence[Candidate], tolerance: float) -> Panel:
         if one.state == "declared":
             notes.append(("declared", place))
             continue
-        end = high if one.effect is None else factor * one.effect
+        end = high if one.effect is None else one.effect / axis.factor
         bars[WORDS.get(one.state, str(one.state))].append((end, place))
-        notes.append((shown_limit(one) or "any size", place))
+        notes.append((shown_limit(one, units) or "any size", place))
     curves: list[Curve] = [
         curve(name, [end for end, _ in ends], [place for _, place in ends], style=STYLES[name])
         for name, ends in bars.items()

@@ -33,6 +33,7 @@ def content_files(
     origin: Provenance,
     report: Report = silent,
     *,
+    plain: ReportContent | None = None,
     stored: str = "result.json",
 ) -> dict[str, bytes]:
     """Return the bytes of every file of a report by its name: figures, tables, report.html, the document last.
@@ -41,6 +42,7 @@ def content_files(
     ----------
     document : what is stored, under the name `stored`.
     report : told how far it is.
+    plain : the same content in SI, of which CSV files are made; None where `content` is that.
     """
     from .figures import draw
     from .html import render_content
@@ -49,13 +51,14 @@ def content_files(
 
     files: dict[str, bytes] = {}
     vectors: dict[str, bytes] = {}
-    for drawing, _ in parts(report, content.drawings):
+    plain = content if plain is None else plain
+    for (drawing, _), in_si in zip(parts(report, content.drawings), plain.drawings, strict=True):
         figure = draw(drawing)
         vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
         files[f"{drawing.name}.png"] = to_png(figure)
-        files[f"{drawing.name}_figure.csv"] = to_csv(DRAWING_COLUMNS, _points(drawing))
-    files |= {f"{table.name}.csv": to_csv(table.heads, table.rows) for table in content.tables}
-    for name, columns in content.data.items():
+        files[f"{drawing.name}_figure.csv"] = to_csv(DRAWING_COLUMNS, _points(in_si))
+    files |= {f"{table.name}.csv": to_csv(table.heads, table.rows) for table in plain.tables}
+    for name, columns in plain.data.items():
         values = (one.tolist() if isinstance(one, np.ndarray) else one for one in columns.values())
         files[name] = to_csv(tuple(columns), zip(*values, strict=True))
     files["report.html"] = render_content(content, origin, vectors).encode("utf-8", SHOWN)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from ..channels import STANDARD
+from ..display_units import Shown, Units
 from ..printable import shortened
 
-__all__ = ["HEADINGS", "axis_label", "instant", "interval", "number", "quantity", "shortened"]
+__all__ = ["HEADINGS", "axis_label", "change", "instant", "interval", "noise_level", "number"]
+__all__ += ["quantity", "shortened", "with_unit"]
 
 # What a report says over a decision.
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
+# From here on two digits would be written with an exponent.
+TWO_DIGITS = 99.5
 
 
 def number(value: float | None, *, spread: float | None = None, digits: int = 4, extra: int = 0) -> str:
@@ -44,8 +49,26 @@ def quantity(value: float | None, unit: str) -> str:
     """Return a number to two significant digits with its unit; "-" if absent."""
     if value is None or not math.isfinite(value):
         return "-"
-    shown = number(value, digits=2) if abs(value) < 100.0 else f"{value:.0f}"
-    return f"{shown} {unit}".rstrip()
+    return with_unit(number(value, digits=2) if abs(value) < TWO_DIGITS else f"{value:.0f}", unit)
+
+
+def change(value: float | None, shown: Shown) -> str:
+    """Return a fault, a limit or a standard deviation in SI as a `quantity` in the unit that is shown."""
+    return quantity(shown.change(value), shown.unit)
+
+
+def noise_level(channel: str, sd: float | None, units: Units, own: Mapping[str, str]) -> str:
+    """Return the standard deviation of a channel in SI as a quantity; `own` are the units of the channels of the log.
+
+    Of a channel of which neither these nor the standard names know the unit, nothing is invented.
+    """
+    unit = STANDARD[channel].unit if channel in STANDARD else own.get(channel, "")
+    return change(sd, units.of(unit, channel=channel))
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return the text of a number or of an interval with its unit; a ratio has none, nor has "-" in place of either."""
+    return text if text == "-" or unit == "1" else f"{text} {unit}".rstrip()
 
 
 def interval(ci95: Sequence[float], *, joint: str = " to ", extra: int = 0) -> str:

@@ -248,8 +248,8 @@ def test_no_key_of_the_example_is_forgotten():
     here = {effect[0] for effect in EFFECTS} | {f"risro.{text.partition(':')[0]}" for text in SPARSITY}
     here |= {f"dmae.{text.partition(':')[0]}" for text in DMAE}
     others = {key for key in keys(load_yaml(CONFIGS / "example.yaml")) if not key.startswith(OF_OTHERS)}
-    # Those of reading are in tests/flightlog/test_filling.py.
-    assert others <= here | {"strict", "fail_on", "group", "sample_rate_hz", "fill_s"}
+    # Those of reading are in tests/flightlog/test_filling.py, the units that are shown in tests/commands/test_units.py.
+    assert others <= here | {"strict", "fail_on", "group", "sample_rate_hz", "fill_s", "shown_units"}
 
 
 def test_the_example_runs_as_it_stands(identify: Callable, tmp_path: Path):

@@ -156,7 +156,7 @@ def test_the_unit_of_a_channel_does_not_matter(flight, thesis, at_unit):
 
 def test_what_is_hard_is_said(flight, thesis):
     result = assess(flight, thesis, EXACT, magnitudes=Magnitudes(common=0.01))
-    assert any(note.startswith("'drift_7.93' of 0.01 can hardly be seen") for note in result.notes)
+    assert any(note.startswith("'drift_7.93' of 0.0023 m/s^2 can hardly be seen") for note in result.notes)
 
 
 @pytest.mark.parametrize(

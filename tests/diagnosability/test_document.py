@@ -55,7 +55,7 @@ def test_the_heat_map_has_no_fault_first_and_then_every_fault(at_unit):
 
 def test_the_curves_cross_the_dashed_line_at_the_minimal_detectable_magnitudes(at_unit):
     drawing = diagnosability_content(stored(at_unit)).drawings[1]
-    limits = {atom.name: atom.minimal_detectable for atom in at_unit.atoms}
+    limits = {atom.name: (atom.physical_scale or 1.0) * atom.minimal_detectable for atom in at_unit.atoms}
     curves = [(panel.levels[0][1], one) for panel in drawing.panels for one in panel.curves]
     assert {one.label for _, one in curves} == set(limits)
     for level, one in curves:
@@ -63,7 +63,7 @@ def test_the_curves_cross_the_dashed_line_at_the_minimal_detectable_magnitudes(a
 
 
 def test_the_verdict_names_what_is_hardest_and_the_best_manoeuvre(at_unit, compared):
-    assert "Hardest to see: drift_7.93 of 1 (" in diagnosability_content(stored(at_unit)).verdict
+    assert "Hardest to see: drift_7.93 of 0.23 m/s^2 (" in diagnosability_content(stored(at_unit)).verdict
     content = diagnosability_content(stored(compared))
     assert content.heading == f"Best manoeuvre: {compared.best}"
     assert content.verdict.startswith(f"Of 3 manoeuvres {compared.best} tells most.")

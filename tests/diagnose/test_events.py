@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bfi_cli.diagnose.events import BEFORE_S, Draft, clusters, join, merge_stages, with_ends
+from bfi_cli.diagnose.events import BEFORE_S, Draft, as_one, clusters, join, merge_stages, with_ends
 from bfi_cli.parity import Finding
 
 
@@ -149,3 +149,30 @@ def test_an_oscillation_ends_where_the_same_frequency_changes_again():
     assert [event.finding.offset_s for event in with_ends([begins, ends, wave(900.0, 0.3)])] == [400.0, None]
     assert len(with_ends([draft(stage="scan", shape="bias"), draft(200.0, stage="scan", shape="bias")])) == 2
     assert len(with_ends([begins, wave(400.0, 0.3, fault="pitch")])) == 2
+
+
+def test_a_sensor_that_fails_further_is_one_event():
+    first, later = draft(), draft(900.0, (860.0, 980.0))
+    (event,) = as_one([first, later])
+    assert (event.finding, event.also, event.until_s) == (first.finding, (later.finding,), 980.0)
+    other = draft(900.0, (860.0, 980.0), fault="aoa")
+    assert as_one([first, other]) == [first, other]
+
+
+def test_a_step_back_is_the_end_and_what_follows_another_event():
+    step = {"stage": "static relations", "shape": "bias", "unit": "m/s", "sd": 0.05}
+    up, down = draft(magnitude=2.0, **step), draft(500.0, (460.0, 580.0), magnitude=-1.95, **step)
+    again = draft(900.0, (860.0, 980.0), magnitude=1.0, **step)
+    ended, other = as_one([up, down, again])
+    assert ended.finding.offset_s == 500.0
+    assert other == again
+    half = draft(500.0, (460.0, 580.0), magnitude=-1.0, **step)
+    assert as_one([up, half])[0].finding.offset_s is None
+
+
+def test_an_oscillation_of_a_channel_that_errs_belongs_to_its_error():
+    relation = draft(stage="static relations")
+    swing = draft(stage="scan", shape="sine", frequency_hz=0.4)
+    assert len(merge_stages([relation, swing])) == 1
+    of_all = draft(stage="scan", shape="sine", frequency_hz=0.4, fault="pitot_water")
+    assert len(merge_stages([relation, of_all])) == 2

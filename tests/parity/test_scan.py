@@ -9,7 +9,7 @@ import pytest
 from made_flight import ZERO_LIFT, log_of, made_log, made_record
 
 from bfi_cli.parity import record_of, scan_window
-from bfi_cli.parity.record import HYPOTHESES, KINEMATICS, Record, with_fault
+from bfi_cli.parity.record import HYPOTHESES, KINEMATICS, Record, hypotheses, with_fault
 from bfi_cli.parity.residuals import RESIDUALS
 
 RECORD = made_record()
@@ -247,3 +247,31 @@ def test_the_record_is_left_as_it_is():
     scan_window(RECORD, zero_lift=ZERO_LIFT)
     for name, values in copies.items():
         np.testing.assert_array_equal(RECORD.channels[name], values)
+
+
+@pytest.mark.parametrize("hypothesis", HYPOTHESES, ids=lambda one: one.fault)
+def test_a_fault_that_began_before_the_window_changes_nothing_in_it(hypothesis):
+    """Neither its constant nor its drift, where the window is told of it; else it stands out."""
+    record = made_record(without=[] if hypothesis.fault in PRESSURES else PRESSURES)
+    if hypothesis.fault not in {one.fault for one in hypotheses(record)}:
+        record = replace(made_record(without=[one for one in PRESSURES if one != hypothesis.fault]))
+    course = SMALL[hypothesis.unit] * (30.0 + (T - T[0]))
+    faulty = with_fault(record, hypothesis.fault, course)
+    lasting = (hypothesis.fault,)
+    clean, told = (scan_window(one, zero_lift=ZERO_LIFT, lasting=lasting) for one in (record, faulty))
+    untold = scan_window(faulty, zero_lift=ZERO_LIFT)
+    assert clean is not None
+    assert told is not None
+    assert untold is not None
+    assert told.statistic < 0.05 * untold.statistic + 1e-3
+
+
+def test_the_fault_of_another_sensor_is_still_seen():
+    """A vane that was wrong before does not hide what the ground speed says of the airspeed."""
+    faulty = changed(RECORD, aoa=RECORD.channels["aoa"] + 0.02)
+    faulty = with_fault(faulty, "ground_speed", 0.5 * np.maximum(T - T[40], 0.0))
+    scan = scan_window(faulty, zero_lift=ZERO_LIFT, lasting=("aoa",))
+    assert scan is not None
+    best = max(scan.ratios, key=lambda name: float(scan.ratios[name].ratio.max()))
+    assert best == "ground_speed"
+    assert scan.statistic > 100.0

@@ -222,6 +222,7 @@ def _others(channel):
     told = {"channel": channel, "state": "excluded", "tolerance": 2.6, "channel_unit": "m/s"}
     wave = {**told, "kind": "oscillating", "unit": "m/s", "sd": 0.006, "minimal_detectable": 0.028}
     drift = {**told, "state": "not_seen", "kind": "slow", "unit": "", "sd": 0.14, "minimal_detectable": 0.67}
+    drift |= {"physical_scale": 0.23, "physical_unit": "m/s^2"}
     limit = {"excluded_above": 0.03, "effect": 0.03}
     return (
         Candidate(name="drift_7.93", shape="drift", magnitude=0.11, excluded_above=0.8, effect=4.4, **drift),

@@ -31,8 +31,9 @@ def test_the_verdict_comes_first_and_the_notes_are_there(result):
 
 def test_numbers_are_never_cut_at_80_columns():
     text = printed(two_output_result())
-    assert text.count("3.989 to 4.017") == 2
+    assert "without room for: 95 % interval, until, shape, sd" in text
     assert text.count("0.033 m/s") == 2
+    assert printed(two_output_result(), 84).count("3.989 to 4.017 m/s") == 2
 
 
 def test_names_are_not_markup():

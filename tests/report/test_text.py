@@ -47,7 +47,14 @@ def test_number(value, spread, text):
 
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
-    [(0.0333, "m/s", "0.033 m/s"), (0.67, "", "0.67"), (1234.5, "Pa", "1234 Pa"), (math.inf, "m/s", "-")],
+    [
+        (0.0333, "m/s", "0.033 m/s"),
+        (0.67, "", "0.67"),
+        (1234.5, "Pa", "1234 Pa"),
+        (math.inf, "m/s", "-"),
+        (99.7, "kt", "100 kt"),
+        (0.012, "1", "0.012"),
+    ],
 )
 def test_quantity(value, unit, text):
     assert quantity(value, unit) == text

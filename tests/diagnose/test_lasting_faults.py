@@ -1,0 +1,84 @@
+"""A fault that lasts to the end of the log is one event: what it leaves in later windows is no fault of another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.config import Config
+from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog.record import frozen_array
+
+ONSET_S = 350.0
+# A log whose only airspeed is the true one, without a scan for steps.
+LACKING = ("cas", "mach", "tat", "sat", "elevator")
+TURNED = float(np.radians(2.4))
+FAULTS = (
+    Fault(shape="ramp_hold", channel="aoa", magnitude=TURNED, duration_s=60.0, onset_s=ONSET_S),
+    Fault(shape="ramp_hold", channel="tas", magnitude=12.0, duration_s=60.0, onset_s=ONSET_S),
+)
+
+
+@pytest.fixture(scope="module")
+def bare(journey: FlightLog) -> FlightLog:
+    return replace(journey, channels={name: one for name, one in journey.channels.items() if name not in LACKING})
+
+
+def diagnosed(log: FlightLog, *faults: Fault) -> DiagnoseResult:
+    return diagnose_flight(inject(log, faults) if faults else log, Config())
+
+
+def plus(log: FlightLog, name: str, course: Callable[[np.ndarray], np.ndarray]) -> FlightLog:
+    """Return the log with an error of a channel."""
+    channel = log.channels[name]
+    faulty = replace(channel, values=frozen_array(channel.values + course(log.time_s)))
+    return replace(log, channels={**log.channels, name: faulty})
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda one: one.channel)
+def test_a_ramp_that_stays_is_one_event(bare: FlightLog, fault: Fault) -> None:
+    declared = [one for one in diagnosed(bare, fault).events if one.state == "declared"]
+    assert [one.fault for one in declared] == [fault.channel]
+    assert declared[0].onset_s == pytest.approx(ONSET_S, abs=6.0)
+    assert declared[0].offset_s is None
+
+
+def test_the_angle_of_zero_lift_is_from_before_a_vane_fails(bare: FlightLog) -> None:
+    late = replace(FAULTS[0], onset_s=560.0)
+    healthy, faulty = diagnosed(bare), diagnosed(bare, late)
+    assert [one.fault for one in faulty.events if one.state == "declared"] == ["aoa"]
+    assert healthy.zero_lift_rad is not None
+    assert faulty.zero_lift_rad == pytest.approx(healthy.zero_lift_rad, abs=np.radians(0.2))
+
+
+def test_a_drift_to_the_end_is_told_from_its_beginning(journey: FlightLog) -> None:
+    log = replace(journey, channels={name: one for name, one in journey.channels.items() if name != "elevator"})
+    (event,) = diagnosed(plus(log, "tas", lambda t: 0.03 * np.maximum(t - ONSET_S, 0.0))).events
+    assert (event.fault, event.state, event.shape) == ("tas", "declared", "drift")
+    assert event.onset_s == pytest.approx(ONSET_S, abs=5.0)
+    assert event.magnitude == pytest.approx(0.03, rel=0.05)
+    assert event.seen_until_s > ONSET_S + 200.0
+
+
+def test_a_step_that_goes_back_ends_there(journey: FlightLog) -> None:
+    log = replace(journey, channels={name: one for name, one in journey.channels.items() if name != "elevator"})
+    (event,) = diagnosed(plus(log, "tas", lambda t: 2.0 * ((t >= ONSET_S) & (t < 550.0)))).events
+    assert (event.fault, event.shape) == ("tas", "bias")
+    assert event.onset_s == pytest.approx(ONSET_S, abs=1.5)
+    assert event.offset_s == pytest.approx(550.0, abs=1.5)
+
+
+def test_an_airspeed_that_is_lost_in_flight_is_said(journey: FlightLog) -> None:
+    """The rest of the flight, its descent among it, is neither judged nor taken for a stay on the ground."""
+    failed = journey
+    for name in ("tas", "cas", "mach"):
+        recorded = journey.channels[name].values
+        failed = plus(failed, name, lambda t, recorded=recorded: np.where(t > 600.0, -0.97, 0.0) * recorded)
+    answer = diagnosed(failed)
+    assert [one.phase for one in answer.phases if one.to_s > 600.0 and one.from_s < 700.0] == ["cruise", "no airspeed"]
+    assert any("airspeed is that of an aircraft at rest while the altitude changes" in one for one in answer.missing)

@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels", "printable"),
-    ("airdata", "sample_file"),
+    ("airdata", "jsbsim", "sample_file"),
     ("shapes",),
     ("units", "faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),
     ("filters",),
@@ -51,8 +51,9 @@ HOME = {
     "dask": {"engine"},
     "distributed": {"engine"},
     "h5py": {"flightlog", "files"},
-    "nptdms": {"flightlog"},
     "jinja2": {"report"},
+    "jsbsim": {"jsbsim"},
+    "nptdms": {"flightlog"},
     "yaml": {"yaml12"},
 }
 SLOW = ("dask", "distributed", "h5py", "jinja2", "matplotlib", "rich")

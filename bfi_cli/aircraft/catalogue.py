@@ -1,13 +1,20 @@
-"""The aircraft models by their names: two of the Cessna Citation II, one of the Boeing 747, one of the F-16."""
+"""The aircraft models by their names: two of the Cessna Citation II, one of the Boeing 747, one of the F-16.
+
+`jsbsim:NAME` is an aircraft of JSBSim, where that is installed.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from ..errors import ConfigError
 from ..faults import did_you_mean
-from .f16 import F16
-from .model import LinearModel, NonlinearModel
+from .f16 import CRUISE, F16, fly
+from .jsbsim_model import PREFIX, jsbsim_model
+from .model import FlightPlan, LinearModel, NonlinearModel
 
 __all__ = ["B747", "CITATION", "CITATION_SHORT_PERIOD", "ELEVATORS", "ENGINES", "MODELS", "find_model"]
 
@@ -97,13 +104,28 @@ MODELS: dict[str, LinearModel | NonlinearModel] = {
 }
 
 
-def find_model(name: str) -> LinearModel | NonlinearModel:
-    """Return the model called `name`.
+def find_model(name: str, plan: FlightPlan | None = None) -> LinearModel | NonlinearModel:
+    """Return the model called `name`, flown by a plan where one is given.
 
     Raises
     ------
-    ConfigError : there is none.
+    ConfigError : there is none, or it cannot be flown like that.
     """
+    plan = plan or FlightPlan()
+    if name.startswith(PREFIX):
+        return jsbsim_model(name.removeprefix(PREFIX), plan)
     if name not in MODELS:
-        raise ConfigError(f"simulate: no such model, got '{name}'{did_you_mean(name, tuple(MODELS))}")
-    return MODELS[name]
+        raise ConfigError(f"simulate: no such model, got '{name}'{did_you_mean(name, (*MODELS, PREFIX + 'NAME'))}")
+    model = MODELS[name]
+    if plan == FlightPlan():
+        return model
+    if not isinstance(model, NonlinearModel):
+        raise ConfigError(
+            f"{name}: a linear model flies straight from its own trim, in still air; leave out --tas, --altitude, "
+            "--wind and the tour"
+        )
+    if plan.wind_m_s != (0.0, 0.0) or plan.tour:
+        raise ConfigError(f"{name}: flies straight, in still air; leave out --wind and the tour")
+    given = {"tas_m_s": plan.tas_m_s, "altitude_m": plan.altitude_m}
+    start = replace(CRUISE, **{key: value for key, value in given.items() if value is not None})
+    return replace(model, fly=partial(fly, start=start))

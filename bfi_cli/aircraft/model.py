@@ -13,7 +13,16 @@ from scipy import signal
 from ..channels import STANDARD
 from ..flightlog.record import frozen_array
 
-__all__ = ["Discretisation", "Flown", "LinearModel", "NonlinearModel", "discretise", "propagate", "response"]
+__all__ = [
+    "Discretisation",
+    "FlightPlan",
+    "Flown",
+    "LinearModel",
+    "NonlinearModel",
+    "discretise",
+    "propagate",
+    "response",
+]
 
 FloatArray = NDArray[np.float64]
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -65,6 +74,23 @@ class LinearModel:
         object.__setattr__(self, "units", _all_units(self.units, (*self.states, *self.inputs, *self.outputs)))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPlan:
+    """How a nonlinear model is flown; None where the model's own start is kept.
+
+    Attributes
+    ----------
+    tas_m_s, altitude_m : of the level flight that the log begins with.
+    wind_m_s : steady wind, to the north and to the east.
+    tour : a pilot flies climbs, descents and turns, see `bfi_cli.jsbsim.pilot`.
+    """
+
+    tas_m_s: float | None = None
+    altitude_m: float | None = None
+    wind_m_s: tuple[float, float] = (0.0, 0.0)
+    tour: bool = False
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flown:
     """A flight: absolute inputs and outputs, (n_samples, n_u) and (n_samples, n_y); `notes` for the user."""
@@ -83,8 +109,10 @@ class NonlinearModel:
     name, title : the name on the command line, and what it is.
     inputs, outputs : standard channel names.
     units : of every input and output, by name; those of standard channels need not be given.
-    fly : returns the flight from trim for input deviations, (n_samples, n_u), held between samples, at a rate in Hz.
+    fly : returns the flight from trim for input deviations, (n_samples, n_u), held between samples, at a rate in Hz, in
+        gusts, (n_samples, 3) headwind, from the right and upward in m/s, or in calm air (None).
     source : where the numbers come from.
+    airspeed_m_s : true airspeed of the trimmed flight; None where gusts are not modelled.
     manoeuvred : inputs that a manoeuvre moves, all alike; the first one where none is named.
     """
 
@@ -92,8 +120,9 @@ class NonlinearModel:
     title: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    fly: Callable[[FloatArray, float], Flown]
+    fly: Callable[[FloatArray, float, FloatArray | None], Flown]
     source: str
+    airspeed_m_s: float | None = None
     manoeuvred: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
 

@@ -13,7 +13,17 @@ from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, frozen_array
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
 
-__all__ = ["GUSTS", "MANOEUVRES", "Dryden", "dryden_gusts", "manoeuvre", "simulate", "time_axis", "with_gusts"]
+__all__ = [
+    "GUSTS",
+    "MANOEUVRES",
+    "Dryden",
+    "deviations",
+    "dryden_gusts",
+    "manoeuvre",
+    "simulate",
+    "time_axis",
+    "with_gusts",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -21,6 +31,7 @@ MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
 # Rules of thumb: below the stall of the wing, and sin(pitch) within 2 % of pitch.
 LINEAR_RANGE_RAD = {"aoa": 0.1, "pitch": 0.3}
 EDGE_TOLERANCE = 1e-9  # in unit steps: a sample at an edge belongs to the step that begins there
+THROTTLE_AFTER, THROTTLE_STEPS = 10.0, 5.0  # in unit steps; a 3211 is over after 7
 MULTISINE_PERIOD = 10.0  # in unit steps
 MULTISINE_LINES = 16  # up to 1.6 per unit step: with a step of 1 s the short period lies among them
 
@@ -75,6 +86,43 @@ def manoeuvre(
         )
     units = (np.asarray(time_s, dtype=np.float64) - start_s) / step_s
     return amplitude_rad * MANOEUVRES[name](units)
+
+
+def deviations(
+    model: LinearModel | NonlinearModel,
+    name: str,
+    time_s: FloatArray,
+    *,
+    amplitude: float,
+    start_s: float,
+    step_s: float,
+    throttle: float = 0.0,
+) -> FloatArray:
+    """Return input deviations, (n, n_u): a manoeuvre of the inputs that it moves, then a doublet of the throttle.
+
+    The throttle's doublet begins `THROTTLE_AFTER` unit steps after the manoeuvre and holds `THROTTLE_STEPS` each way,
+    since an engine and the airspeed follow more slowly than the pitch.
+
+    Parameters
+    ----------
+    name, start_s, step_s : see `manoeuvre`.
+    amplitude, throttle : largest deflections, in the model's own measure.
+
+    Raises
+    ------
+    ConfigError : see `manoeuvre`; a doublet of a throttle that the model does not have.
+    """
+    moved = model.manoeuvred or model.inputs[:1]
+    course = manoeuvre(name, time_s, amplitude_rad=amplitude, start_s=start_s, step_s=step_s)
+    u = np.outer(course, [float(one in moved) for one in model.inputs])
+    if throttle != 0.0:
+        if "throttle" not in model.inputs:
+            has = ", ".join(model.inputs)
+            raise ConfigError(f"{model.name}: throttle: no such input, it has: {has}; leave out --throttle")
+        later, longer = start_s + THROTTLE_AFTER * step_s, THROTTLE_STEPS * step_s
+        doublet = manoeuvre("doublet", time_s, amplitude_rad=throttle, start_s=later, step_s=longer)
+        u[:, model.inputs.index("throttle")] += doublet
+    return u
 
 
 def _steps(lengths: tuple[int, ...]) -> Callable[[FloatArray], FloatArray]:
@@ -225,12 +273,12 @@ def simulate(
             airspeed = model.airspeed_m_s
             winds = dryden_gusts(turbulence, len(u), airspeed_m_s=airspeed, rate_hz=rate_hz, rng=gust_stream)
         flown = _fly_linear(model, u, winds, rate_hz, discretisation)
-    elif turbulence is not None:
+    elif turbulence is not None and model.airspeed_m_s is None:
         raise ConfigError(f"{model.name}: turbulence: not modelled, got {turbulence.sigma_m_s:g} m/s; leave it out")
     elif discretisation != "zoh":
         raise ConfigError(f"{model.name}: discretisation: held inputs only, got '{discretisation}'; leave it out")
     else:
-        flown = model.fly(u, rate_hz)
+        flown = model.fly(u, rate_hz, _gusts(model, turbulence, len(u), rate_hz, gust_stream))
     signals = dict(zip(model.inputs, flown.inputs.T, strict=True))
     for name, values, stream in zip(model.outputs, flown.outputs.T, noise_streams, strict=True):
         noisy, step = values + noise_sd.get(name, 0.0) * stream.standard_normal(len(u)), quantum.get(name, 0.0)
@@ -241,6 +289,21 @@ def simulate(
         channels[name] = Channel(name=name, values=values, unit=unit, source=name, source_unit=unit)
     time_s = frozen_array(np.arange(len(u)) / rate_hz)
     return FlightLog(path=model.name, time_s=time_s, channels=channels, filters=(), notes=flown.notes)
+
+
+def _gusts(
+    model: NonlinearModel, turbulence: Dryden | None, n_samples: int, rate_hz: float, rng: np.random.Generator
+) -> FloatArray | None:
+    """Return gusts of a six-degrees-of-freedom flight, (n, 3): headwind, from the right, upward; None in calm air.
+
+    Across the flight path the spectrum is that of the upward gusts, as at medium and high altitudes.
+    """
+    if turbulence is None or model.airspeed_m_s is None:
+        return None
+    size = {"airspeed_m_s": model.airspeed_m_s, "rate_hz": rate_hz}
+    (across,) = rng.spawn(1)
+    ahead = dryden_gusts(turbulence, n_samples, rng=rng, **size)
+    return np.insert(ahead, 1, dryden_gusts(turbulence, n_samples, rng=across, **size)[:, 1], axis=1)
 
 
 def _fly_linear(

@@ -14,16 +14,27 @@ from .output import write_and_show
 __all__ = ["command"]
 
 SIZES = pairs("tas=0.01", float)
+RADIANS = 0.035  # two degrees, within the range of a linear model
+AMPLITUDE = f"""
+    Largest deflection, rad; of jsbsim the part of the stick's travel.  [default: {RADIANS}; of jsbsim 0.08]"""
+THROTTLE = "Size of a throttle doublet that follows the manoeuvre, of f16 and jsbsim; 1 is the lever's travel."
+WIND = "Steady wind in m/s to the north and east, of jsbsim.  [default: calm]"
 
 
 @click.command("simulate")
 @click.argument("name", metavar="[MODEL]", required=False)
 @click.option("--model", "model_file", metavar="FILE", help="Linear model of a YAML file, in place of MODEL.")
 @out_option
-@click.option("--manoeuvre", default="3211", show_default=True, help="3211, doublet, multisine or none.")
-@click.option("--amplitude", metavar="RAD", type=float, default=0.035, show_default=True, help="Largest deflection.")
+@click.option(
+    "--manoeuvre", default="3211", show_default=True, help="3211, doublet, multisine, none; of jsbsim also tour."
+)
+@click.option("--amplitude", metavar="SIZE", type=float, help=AMPLITUDE)
 @click.option("--start", metavar="S", type=float, default=0.2, show_default=True, help="When the manoeuvre starts.")
 @click.option("--step", metavar="S", type=float, default=1.0, show_default=True, help="The manoeuvre's unit step.")
+@click.option("--throttle", metavar="PART", type=float, default=0.0, show_default=True, help=THROTTLE)
+@click.option("--tas", metavar="M/S", type=float, help="True airspeed at the start, of f16 and jsbsim.")
+@click.option("--altitude", metavar="M", type=float, help="Altitude at the start, of f16 and jsbsim.")
+@click.option("--wind", metavar="NORTH EAST", nargs=2, type=float, default=(0.0, 0.0), help=WIND)
 @click.option("--duration", metavar="S", type=float, default=31.72, show_default=True, help="Length of the log.")
 @click.option("--rate", metavar="HZ", type=float, default=100.0, show_default=True, help="Samples per second.")
 @click.option("--noise", metavar="NAME=SD", multiple=True, callback=SIZES, help="White noise of an output; repeatable.")
@@ -37,9 +48,10 @@ SIZES = pairs("tas=0.01", float)
 def command(*, name: str | None, model_file: str | None, out: Path, force: bool, as_json: bool, **options: Any) -> None:
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
-    MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines), or
-    f16 (nonlinear, six degrees of freedom, without turbulence). --model takes any linear one, such as
-    configs/citation_model.yaml.
+    MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines),
+    f16 (nonlinear, six degrees of freedom, without turbulence), or jsbsim:NAME, an aircraft of JSBSim (jsbsim:c172p,
+    jsbsim:737; pip install 'bfi-cli[jsbsim]') whose pilot keeps the wings level, or flies climbs, descents and turns
+    (--manoeuvre tour). --model takes any linear one, such as configs/citation_model.yaml.
     Noise and steps are in the output's unit, m/s or rad: --noise tas=0.01 --quantum tas=0.03.
     """
     import numpy as np
@@ -48,21 +60,39 @@ def command(*, name: str | None, model_file: str | None, out: Path, force: bool,
     from ..files import check_files
 
     check_files([out], inputs=() if model_file is None else (model_file,), force=force)
+    tour = options["manoeuvre"] == "tour"
+    plan = aircraft.FlightPlan(
+        tas_m_s=options["tas"], altitude_m=options["altitude"], wind_m_s=options["wind"], tour=tour
+    )
     model: aircraft.LinearModel | aircraft.NonlinearModel
     if model_file is None and name is not None:
-        model = aircraft.find_model(name)
+        model = aircraft.find_model(name, plan)
     elif model_file is not None and name is None:
         from ..aircraft.model_file import load_model
 
         model = load_model(model_file)
+        if plan != aircraft.FlightPlan():
+            raise ConfigError(
+                f"{model.name}: flies straight from its own trim; leave out --tas, --altitude, --wind and the tour"
+            )
     else:
         given = "no model given" if name is None else f"one model is flown, got '{name}' and --model {model_file}"
-        raise ConfigError(f"bfi simulate: {given}; give one of {', '.join(aircraft.MODELS)}, or --model FILE")
+        raise ConfigError(
+            f"bfi simulate: {given}; give one of {', '.join(aircraft.MODELS)}, {aircraft.PREFIX}NAME, or --model FILE"
+        )
     time_s = aircraft.time_axis(duration_s=options["duration"], rate_hz=options["rate"])
-    steps = {"amplitude_rad": options["amplitude"], "start_s": options["start"], "step_s": options["step"]}
+    usual = aircraft.STICK if model.name.startswith(aircraft.PREFIX) else RADIANS
     log = aircraft.simulate(
         model,
-        aircraft.manoeuvre(options["manoeuvre"], time_s, **steps),
+        aircraft.deviations(
+            model,
+            "none" if tour else options["manoeuvre"],
+            time_s,
+            amplitude=usual if options["amplitude"] is None else options["amplitude"],
+            start_s=options["start"],
+            step_s=options["step"],
+            throttle=options["throttle"],
+        ),
         rng=np.random.default_rng(options["seed"]),
         rate_hz=options["rate"],
         discretisation=options["discretisation"],

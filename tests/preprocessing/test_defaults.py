@@ -39,7 +39,7 @@ def with_rates(log: FlightLog, **rates_hz: float) -> FlightLog:
     return replace(log, channels=channels)
 
 
-@pytest.mark.parametrize("rest", [{}, {"cas": SPEED, "pitch": WAVE, "throttle": WAVE, "longitudinal_acc": WAVE}])
+@pytest.mark.parametrize("rest", [{}, {"cas": SPEED, "pitch": WAVE, "throttle": 0.02 * WAVE, "longitudinal_acc": WAVE}])
 def test_a_log_with_the_defaults_is_left_as_it_is(rest: dict):
     log, config = log_of(tas=100.0 + WAVE, elevator=WAVE, **rest), Config()
     assert with_defaults_of(log, config) == (config, ())
@@ -82,6 +82,22 @@ def test_inputs_in_place_of_an_elevator_are_those_that_move(channels: dict, inpu
     assert [note for note in notes if "inputs" in note] == (
         [] if inputs == ("elevator",) else [note for note in notes if ", ".join(inputs) in note]
     )
+
+
+@pytest.mark.parametrize("lever", ["throttle", "n1_left"])
+def test_a_lever_that_is_moved_is_an_input_beside_the_elevator(lever: str):
+    """And pitch and acceleration, since thrust lags behind it; only if it moves in the window."""
+    moved = np.where(TIME_S < 600.0, 0.6, 0.7)
+    log = log_of(tas=100.0 + WAVE, elevator=WAVE, pitch=WAVE, longitudinal_acc=WAVE, **{lever: moved + 0.001 * WAVE})
+    config, (said,) = with_defaults_of(log, Config())
+    assert config.inputs == ("elevator", lever, "pitch", "longitudinal_acc")
+    assert said == (
+        f"'{lever}' moves, which changes the airspeed too: the inputs are elevator, {lever}, pitch, longitudinal_acc"
+    )
+    before = merge(Config(), {"window.to_s": 500.0})
+    assert with_defaults_of(log, before) == (before, ())
+    asked = merge(Config(), {"inputs": ["elevator"]})
+    assert with_defaults_of(log, asked) == (asked, ())
 
 
 @pytest.mark.parametrize("witness", ["ground_speed", "altitude"])

@@ -10,7 +10,7 @@ from __future__ import annotations
 from .airframe import AIRFRAME, BOOK_AIRFRAME, CONTROLS, STATES, Airframe
 from .closed_loop import Flights, Inversion, Observation, observe
 from .loads import Body
-from .motion import F16, SteadyFlight, Trim, derivatives, trim
+from .motion import CRUISE, F16, SteadyFlight, Trim, derivatives, fly, trim
 
-__all__ = ["AIRFRAME", "BOOK_AIRFRAME", "CONTROLS", "F16", "STATES", "Airframe", "Body", "Flights", "Inversion"]
-__all__ += ["Observation", "SteadyFlight", "Trim", "derivatives", "observe", "trim"]
+__all__ = ["AIRFRAME", "BOOK_AIRFRAME", "CONTROLS", "CRUISE", "F16", "STATES", "Airframe", "Body", "Flights"]
+__all__ += ["Inversion", "Observation", "SteadyFlight", "Trim", "derivatives", "fly", "observe", "trim"]

@@ -35,7 +35,7 @@ from .airframe import (
 )
 from .loads import AOA_RANGE, Body, Conditions, commanded_power, conditions_at, power_rate
 
-__all__ = ["F16", "SteadyFlight", "Trim", "derivatives", "fly", "rate_derivatives", "translation", "trim"]
+__all__ = ["CRUISE", "F16", "SteadyFlight", "Trim", "derivatives", "fly", "rate_derivatives", "translation", "trim"]
 
 FloatArray = NDArray[np.float64]
 
@@ -136,6 +136,9 @@ class SteadyFlight:
     pull_up_rate: float = 0.0
 
 
+CRUISE = SteadyFlight()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trim:
     """State, (13,), and controls, (6,), of a steady flight, in the orders of `STATES` and `CONTROLS`."""
@@ -194,25 +197,29 @@ def trim(flight: SteadyFlight, body: Body) -> Trim:
 
 
 @cache
-def _cruise() -> Trim:
-    return trim(SteadyFlight(), STABLE)
+def _cruise(start: SteadyFlight) -> Trim:
+    return trim(start, STABLE)
 
 
-def fly(deviations: FloatArray, rate_hz: float) -> Flown:
+def fly(
+    deviations: FloatArray, rate_hz: float, gusts: FloatArray | None = None, *, start: SteadyFlight = CRUISE
+) -> Flown:
     """Return the flight from level trim with input deviations, (n, 4), held between samples; Runge-Kutta of order 4.
 
     Raises
     ------
-    ConfigError : angle of attack or sideslip leave the tables.
+    ConfigError : no such trim; angle of attack or sideslip leave the tables.
     """
-    wanted = _cruise().controls[:4] + deviations
+    assert gusts is None, "the model has no airspeed_m_s, so that nobody asks for gusts"
+    trimmed = _cruise(start)
+    wanted = trimmed.controls[:4] + deviations
     inputs = np.clip(wanted, LEAST, MOST)
     u = np.zeros((len(CONTROLS), len(inputs)))
     u[:4] = inputs.T
     states = np.empty((len(STATES), len(inputs)))
     steps = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_STEP))))
     h = 1.0 / (rate_hz * steps)
-    x = _cruise().state[:, None].copy()
+    x = trimmed.state[:, None].copy()
     for k in range(len(inputs)):
         states[:, k] = x[:, 0]
         for name, row, (low, high) in (("aoa", AOA, AOA_RANGE), ("sideslip", SIDESLIP, SIDESLIP_RANGE)):

@@ -1,0 +1,95 @@
+"""The aircraft of JSBSim as models that fly from a trim: `jsbsim:c172p` and any other that trims in level flight."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..airdata import HIGHEST
+from ..errors import ConfigError
+from ..jsbsim import CONTROLS, OUTPUTS, run
+from .model import FlightPlan, Flown, NonlinearModel
+
+__all__ = ["PREFIX", "STICK", "jsbsim_model"]
+
+FloatArray = NDArray[np.float64]
+
+PREFIX = "jsbsim:"
+ALTITUDE_M = 1500.0  # where light aircraft fly and jets can
+# Part of a stick's travel that a manoeuvre moves it where nothing else is said: 0.02 to 0.04 rad of elevator, 0.1 to
+# 0.4 g, as the 0.035 rad of the other models.
+STICK = 0.08
+SHOWN = 5  # close names
+
+
+def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
+    """Return an aircraft of JSBSim, trimmed where the plan says; its inputs are parts of the sticks' travel.
+
+    Where the plan names no airspeed it is trimmed at one that suits it; no altitude, at 1500 m.
+
+    Raises
+    ------
+    ConfigError : JSBSim is not installed, has no such aircraft, or it does not trim.
+    """
+    who = f"{PREFIX}{name}"
+    known = _names()
+    if name not in known:
+        close = difflib.get_close_matches(name.lower(), [one.lower() for one in known], n=SHOWN, cutoff=0.5)
+        spelt = [one for one in known if one.lower() in close]
+        said = f"did you mean {' or '.join(repr(one) for one in spelt)}?" if spelt else f"known: {', '.join(known)}"
+        raise ConfigError(f"jsbsim: no such aircraft, got '{name}'; {said}")
+    altitude = ALTITUDE_M if plan.altitude_m is None else plan.altitude_m
+    if not 0.0 < altitude <= HIGHEST:
+        raise ConfigError(
+            f"{who}: the altitude must lie above 0 and up to {HIGHEST:g} m, got {altitude:g} m; change it"
+        )
+    if not np.isfinite([0.0 if plan.tas_m_s is None else plan.tas_m_s, *plan.wind_m_s]).all():
+        raise ConfigError(f"{who}: airspeed and wind must be numbers, got {plan.tas_m_s} and {plan.wind_m_s} m/s")
+    tas = _airspeed(name, plan.tas_m_s, altitude)
+    start = {"do": "fly", "name": name, "tas_m_s": tas, "altitude_m": altitude, "tour": plan.tour}
+
+    def fly(deviations: FloatArray, rate_hz: float, gusts: FloatArray | None) -> Flown:
+        """Return the flight in gusts and in the plan's wind."""
+        still = np.zeros((0, 3)) if gusts is None else gusts
+        _, flown = run(who, {**start, "rate_hz": rate_hz}, {"sticks": deviations, "gusts": still})
+        outputs = flown["outputs"].copy()
+        # A wind that is the same everywhere carries the aircraft along with its air.
+        for channel, blowing in zip(("velocity_north", "velocity_east"), plan.wind_m_s, strict=True):
+            outputs[:, OUTPUTS.index(channel)] += blowing
+        return Flown(inputs=flown["controls"], outputs=outputs, notes=_notes(deviations, flown))
+
+    return NonlinearModel(
+        name=who,
+        title=f"{name} of JSBSim, from level flight at {tas:g} m/s and {altitude:g} m",
+        inputs=CONTROLS,
+        outputs=OUTPUTS,
+        fly=fly,
+        source="JSBSim, an open-source flight dynamics model, and the aircraft that it brings",
+        airspeed_m_s=tas,
+        manoeuvred=("elevator",),
+    )
+
+
+def _notes(deviations: FloatArray, flown: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    moved = bool(np.ptp(deviations[:, 0])) and not np.ptp(flown["controls"][:, 0])
+    said = "'elevator' stands still: of this aircraft JSBSim states no deflection of it in radians"
+    return (said,) if moved else ()
+
+
+@cache
+def _names() -> tuple[str, ...]:
+    answer, _ = run("jsbsim", {"do": "names"})
+    return tuple(answer["names"])
+
+
+@cache
+def _airspeed(name: str, tas_m_s: float | None, altitude_m: float) -> float:
+    """Return the airspeed at which the aircraft trims, m/s."""
+    request: dict[str, Any] = {"do": "cruise", "name": name, "tas_m_s": tas_m_s, "altitude_m": altitude_m}
+    answer, _ = run(f"{PREFIX}{name}", request)
+    return float(answer["tas_m_s"])

@@ -1,0 +1,72 @@
+"""Which of JSBSim's properties are the channels of a log, and in which units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["CONTROLS", "ENGINES", "FOOT", "RECORDED", "Recorded"]
+
+FOOT = 0.3048  # m
+RANKINE = 5.0 / 9.0  # K
+POUND = 0.453_592_37  # kg
+PSF = 47.880_258_980_335_84  # Pa
+G = 9.80665  # m/s^2
+
+# Inputs, in the order of a flight's controls, and what moves them in parts of their travel: a positive stick lowers
+# the nose, rolls right, and a positive pedal is JSBSim's, which yaws left or right by aircraft.
+CONTROLS = {
+    "elevator": "fcs/elevator-cmd-norm",
+    "aileron": "fcs/aileron-cmd-norm",
+    "rudder": "fcs/rudder-cmd-norm",
+    "throttle": "fcs/throttle-cmd-norm",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """An output: its standard name, JSBSim's property, and value = property x scale + offset in SI.
+
+    `per_mass` marks a force, lb, that is divided by the mass in slugs first.
+    """
+
+    name: str
+    property: str
+    scale: float = 1.0
+    offset: float = 0.0
+    per_mass: bool = False
+
+
+# Of all engines together.
+ENGINES = ("fuel_flow",)
+
+# Pressures, temperatures and airspeeds are those of JSBSim's own equations. Forces without the weight, per mass, are
+# what accelerometers at the centre of gravity feel; `normal_acc` is upward, with gravity taken out, as the other two
+# are not.
+_PROPERTIES = (
+    ("tas", "velocities/vtrue-fps", FOOT),
+    ("cas", "velocities/vc-fps", FOOT),
+    ("mach", "velocities/mach", 1.0),
+    ("altitude", "atmosphere/pressure-altitude", FOOT),
+    ("altitude_rate", "velocities/h-dot-fps", FOOT),
+    ("p_static", "atmosphere/P-psf", PSF),
+    ("p_total", "propulsion/pt-lbs_sqft", PSF),
+    ("tat", "propulsion/tat-r", RANKINE),
+    ("sat", "atmosphere/T-R", RANKINE),
+    ("aoa", "aero/alpha-rad", 1.0),
+    ("sideslip", "aero/beta-rad", 1.0),
+    ("roll", "attitude/phi-rad", 1.0),
+    ("pitch", "attitude/theta-rad", 1.0),
+    ("yaw", "attitude/psi-rad", 1.0),
+    ("roll_rate", "velocities/p-rad_sec", 1.0),
+    ("pitch_rate", "velocities/q-rad_sec", 1.0),
+    ("yaw_rate", "velocities/r-rad_sec", 1.0),
+    ("velocity_north", "velocities/v-north-fps", FOOT),
+    ("velocity_east", "velocities/v-east-fps", FOOT),
+    ("fuel_flow", "fuel-flow-rate-pps", POUND),
+)
+RECORDED = (
+    *(Recorded(name=name, property=source, scale=scale) for name, source, scale in _PROPERTIES),
+    Recorded(name="longitudinal_acc", property="forces/fbx-total-lbs", scale=FOOT, per_mass=True),
+    Recorded(name="lateral_acc", property="forces/fby-total-lbs", scale=FOOT, per_mass=True),
+    Recorded(name="normal_acc", property="forces/fbz-total-lbs", scale=-FOOT, offset=-G, per_mass=True),
+)

@@ -1,0 +1,248 @@
+"""A flight of JSBSim in a process of its own, `python -m bfi_cli.jsbsim.flight FOLDER`.
+
+JSBSim writes to stdout, some of its aircraft write files into the working folder, and an aircraft that it cannot read
+may end the process: none of that reaches the caller, who starts this module in a folder that is deleted afterwards.
+FOLDER holds `request.json` and, for a flight, `request.npz`; `answer.json` and `answer.npz` are added.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .channels import CONTROLS, ENGINES, FOOT, RECORDED
+from .pilot import Pilot
+
+__all__ = ["FlightError", "fly", "main", "names", "trimmed"]
+
+FloatArray = NDArray[np.float64]
+
+# True airspeeds, m/s, at which level flight is sought where none is asked for: from a light aircraft's to a jet's.
+SPEEDS = (20.0, 30.0, 45.0, 65.0, 90.0, 120.0, 160.0, 200.0, 240.0)
+# rad; of the speeds at which an aircraft trims that is taken whose angle of attack is nearest to this: neither slow
+# flight near the stall nor a dive at full throttle.
+CRUISE_AOA = 0.04
+HEADING = 45.0  # degrees; a heading of 0 would be recorded as 0 and 360 in turns
+FULL_THROTTLE = 0.97  # above it a trim has no thrust left to fly a manoeuvre with
+# JSBSim's kind of trim (1 with wings and pedals, 0 lengthwise only) and the lever of a propeller's pitch: some aircraft
+# have thrust with the one setting of it, some with the other.
+ATTEMPTS = ((1, 0.0), (1, 1.0), (0, 0.0))
+LEAD_IN_S = 1.0  # flown before the log begins, in calm air, in which fuel flow and forces settle after the trim
+INTEGRATION_HZ = 120.0  # at least; JSBSim's own default
+# Of a flight that is no longer one, rad: a spin or a tumble, beyond the tables of most aircraft.
+LARGEST_AOA = 0.6
+LARGEST_ROLL = 1.4
+RETRACTABLE = re.compile(r"<\s*retractable\s*>\s*1|retractable\?:\s*yes|RETRACT")
+
+
+class FlightError(Exception):
+    """What the user is told, without the name of the aircraft."""
+
+
+def names() -> list[str]:
+    """Return the aircraft that the package brings, by name."""
+    import jsbsim
+
+    folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
+    return sorted(one.name for one in folder.iterdir() if (one / f"{one.name}.xml").is_file())
+
+
+def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> Any:
+    """Return JSBSim with the aircraft in steady level flight to the northeast, its gear up; None for no trim.
+
+    Parameters
+    ----------
+    tas_m_s, altitude_m : true airspeed, and altitude above the sea.
+    rate_hz : of the integration.
+
+    Raises
+    ------
+    FlightError : the aircraft cannot be read.
+    """
+    import jsbsim
+
+    quiet: Any = jsbsim.FGJSBBase
+    quiet().debug_lvl = 0
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_debug_level(0)
+    try:
+        readable = fdm.load_model(name)
+    except (jsbsim.BaseError, RuntimeError, KeyError) as error:
+        raise FlightError(f"JSBSim cannot read this aircraft, {_first_line(error)}; give another") from None
+    engines = fdm.get_propulsion().get_num_engines() if readable else 0
+    if engines == 0:
+        raise FlightError("has no engine to fly level with; give another")
+    fdm.disable_output()
+    fdm.set_dt(1.0 / rate_hz)
+    if _gear_goes_up(name):
+        fdm["gear/gear-cmd-norm"] = fdm["gear/gear-pos-norm"] = 0.0
+    fdm["ic/h-sl-ft"] = altitude_m / FOOT
+    fdm["ic/psi-true-deg"] = HEADING
+    fdm["ic/vt-fps"] = tas_m_s / FOOT
+    fdm["ic/gamma-deg"] = 0.0
+    for kind, fine_pitch in ATTEMPTS:
+        try:
+            fdm.run_ic()
+        except (jsbsim.BaseError, RuntimeError) as error:
+            raise FlightError(f"JSBSim cannot fly this aircraft, {_first_line(error)}; give another") from None
+        for k in range(engines):
+            fdm[f"fcs/advance-cmd-norm[{k}]"] = fine_pitch
+        fdm["propulsion/set-running"] = -1.0
+        # A trim that was not found leaves the controls anywhere; the next attempt begins anew.
+        with suppress(jsbsim.BaseError, RuntimeError):
+            fdm.do_trim(kind)
+            return fdm
+    return None
+
+
+def _gear_goes_up(name: str) -> bool:
+    import jsbsim
+
+    text = (Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml").read_text("utf-8", "replace")
+    return RETRACTABLE.search(text) is not None
+
+
+def cruise(name: str, *, tas_m_s: float | None, altitude_m: float) -> dict[str, float]:
+    """Return the airspeed, m/s, at which the aircraft is trimmed: the one asked for, or one that suits it.
+
+    Raises
+    ------
+    FlightError : it does not trim.
+    """
+    best: dict[str, float] | None = None
+    for speed in SPEEDS if tas_m_s is None else (tas_m_s,):
+        fdm = trimmed(name, tas_m_s=speed, altitude_m=altitude_m, rate_hz=INTEGRATION_HZ)
+        if fdm is None or (tas_m_s is None and fdm["fcs/throttle-cmd-norm"] > FULL_THROTTLE):
+            continue
+        off = abs(fdm["aero/alpha-rad"] - CRUISE_AOA)
+        if best is None or off < best["off"]:
+            best = {"tas_m_s": speed, "off": off}
+    if best is not None:
+        return {"tas_m_s": best["tas_m_s"]}
+    if tas_m_s is not None:
+        raise FlightError(
+            f"does not trim in level flight at {tas_m_s:g} m/s and {altitude_m:g} m; change --tas or leave it out"
+        )
+    tried = f"{SPEEDS[0]:g} to {SPEEDS[-1]:g} m/s"
+    raise FlightError(
+        f"does not trim in level flight at {altitude_m:g} m at any of {tried}; give --tas, or change --altitude"
+    )
+
+
+def fly(name: str, request: Mapping[str, Any], sticks: FloatArray, gusts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the positions of the controls, (n, 4), and the recorded outputs, (n, n_y), in the order of `channels`.
+
+    Parameters
+    ----------
+    request : tas_m_s, altitude_m, rate_hz, tour (whether the pilot flies climbs and turns).
+    sticks : (n, 4) added to the trimmed positions of `CONTROLS`, in parts of their travel, held between samples.
+    gusts : (n, 3) headwind, gust from the right and upward, m/s, interpolated between samples; (0, 3) for calm air.
+
+    Raises
+    ------
+    FlightError : the aircraft does not trim, or leaves normal flight.
+    """
+    rate = float(request["rate_hz"])
+    steps = max(1, math.ceil(INTEGRATION_HZ / rate))
+    tas, altitude = float(request["tas_m_s"]), float(request["altitude_m"])
+    fdm = trimmed(name, tas_m_s=tas, altitude_m=altitude, rate_hz=rate * steps)
+    if fdm is None:
+        raise FlightError(f"does not trim in level flight at {tas:g} m/s and {altitude:g} m; change --tas")
+    throttles = range(fdm.get_propulsion().get_num_engines())
+    start = np.array([fdm[command] for command in CONTROLS.values()])
+    pilot = Pilot(
+        tas_m_s=tas, pitch_rad=fdm["attitude/theta-rad"], step_s=1.0 / (rate * steps), tour=bool(request["tour"])
+    )
+    n = len(sticks)
+    controls, outputs = np.empty((n, len(CONTROLS))), np.empty((n, len(RECORDED)))
+    for _ in range(round(LEAD_IN_S * rate) * steps):
+        _move(fdm, start + pilot.sticks(0.0, fdm), throttles)
+        fdm.run()
+    for k in range(n):
+        controls[k], outputs[k] = _read(fdm, throttles)
+        aoa, roll = fdm["aero/alpha-rad"], fdm["attitude/phi-rad"]
+        if not (abs(aoa) <= LARGEST_AOA and abs(roll) <= LARGEST_ROLL and np.isfinite(outputs[k]).all()):
+            raise FlightError(
+                f"leaves normal flight at {k / rate:.3g} s, angle of attack {math.degrees(aoa):.3g} and roll "
+                f"{math.degrees(roll):.3g} degrees; give a smaller --amplitude or --turbulence, or another --tas"
+            )
+        for i in range(steps if k < n - 1 else 0):
+            if len(gusts):
+                _blow(fdm, gusts[k] + (gusts[k + 1] - gusts[k]) * i / steps)
+            _move(fdm, start + sticks[k] + pilot.sticks(k / rate + i / (rate * steps), fdm), throttles)
+            fdm.run()
+    return controls, outputs
+
+
+def _move(fdm: Any, sticks: FloatArray, engines: range) -> None:
+    """Move the controls to where they are wanted, within their stops."""
+    for position, command in zip(np.clip(sticks[:3], -1.0, 1.0), CONTROLS.values(), strict=False):
+        fdm[command] = float(position)
+    for engine in engines:
+        fdm[f"{CONTROLS['throttle']}[{engine}]"] = float(np.clip(sticks[3], 0.0, 1.0))
+
+
+def _blow(fdm: Any, gust: FloatArray) -> None:
+    """Turn a gust (headwind, from the right, upward) into the axes of the earth, along the aircraft's heading."""
+    along, across, heading = -float(gust[0]) / FOOT, -float(gust[1]) / FOOT, fdm["attitude/psi-rad"]
+    fdm["atmosphere/gust-north-fps"] = along * math.cos(heading) - across * math.sin(heading)
+    fdm["atmosphere/gust-east-fps"] = along * math.sin(heading) + across * math.cos(heading)
+    fdm["atmosphere/gust-down-fps"] = -float(gust[2]) / FOOT
+
+
+def _read(fdm: Any, engines: range) -> tuple[FloatArray, FloatArray]:
+    surfaces = [fdm["fcs/elevator-pos-rad"], _aileron(fdm), fdm["fcs/rudder-pos-rad"], fdm["fcs/throttle-pos-norm"]]
+    values = []
+    for channel in RECORDED:
+        if channel.name in ENGINES:
+            total = sum(fdm[f"propulsion/engine[{k}]/{channel.property}"] for k in engines)
+            values.append(total * channel.scale)
+        else:
+            value = fdm[channel.property]
+            values.append(
+                (value / fdm["inertia/mass-slugs"] if channel.per_mass else value) * channel.scale + channel.offset
+            )
+    return np.array(surfaces), np.array(values)
+
+
+def _aileron(fdm: Any) -> float:
+    """Return the right aileron, trailing edge down; where only the left one has a name, that one turned over."""
+    right = float(fdm["fcs/right-aileron-pos-rad"])
+    return right if right != 0.0 else -float(fdm["fcs/left-aileron-pos-rad"])
+
+
+def _first_line(error: Exception) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return (lines[0] if lines else type(error).__name__)[:120]
+
+
+def main(folder: Path) -> None:
+    """Answer the request in `folder`."""
+    request = json.loads((folder / "request.json").read_text(encoding="utf-8"))
+    answer: dict[str, Any]
+    try:
+        if request["do"] == "names":
+            answer = {"names": names()}
+        elif request["do"] == "cruise":
+            answer = cruise(request["name"], tas_m_s=request["tas_m_s"], altitude_m=request["altitude_m"])
+        else:
+            with np.load(folder / "request.npz") as arrays:
+                controls, outputs = fly(request["name"], request, arrays["sticks"], arrays["gusts"])
+            np.savez(folder / "answer.npz", controls=controls, outputs=outputs)
+            answer = {}
+    except FlightError as error:
+        answer = {"error": str(error)}
+    (folder / "answer.json").write_text(json.dumps(answer), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

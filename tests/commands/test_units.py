@@ -104,7 +104,8 @@ def test_what_was_injected_is_told_in_knots_and_the_log_stays_in_si(bfi: Callabl
     assert "tas [m/s]" in converted.stdout
 
 
-def test_a_drift_is_never_a_bare_multiplier(bfi: Callable, tmp_path: Path):
+def test_a_drift_is_never_a_bare_multiplier(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COLUMNS", "200")
     (tmp_path / "d.yaml").write_text("atoms: [{shape: drift, name: ramp, slope: 0.23, onset_s: 12}]\n")
     fault = "drift,magnitude=-4,slope=0.23,onset_s=12"
     bfi("inject", CLEAN, "--fault", fault, "-o", tmp_path / "log.h5")

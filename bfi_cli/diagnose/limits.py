@@ -32,7 +32,7 @@ def limits_of(
     """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts.
 
     Stretches in which flaps and gear are moved are left out, since nothing is declared there, and windows with a
-    declared fault, which exclude no other of its size.
+    declared fault, which exclude no other of its size. What may last excludes nothing of its own after it.
     """
     left_out = [
         (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
@@ -51,7 +51,8 @@ def limits_of(
 
     for one, threshold, _ in judgements:
         window = (one.from_s, one.to_s)
-        for fault in () if overlaps(window, (*flight.moved, *left_out)) else one.magnitude:
+        told = () if overlaps(window, (*flight.moved, *left_out)) else one.magnitude
+        for fault in [name for name in told if name not in one.lasting]:
             slope, reached = one.largest_hidden(fault, threshold.level)
             offer(_flight_limit(flight, fault, slope, reached, window))
             if fault in AIRSPEEDS and fault == flight.record.airspeed and "q_impact" not in one.magnitude:

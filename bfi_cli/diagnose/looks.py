@@ -87,14 +87,26 @@ def rates_of(false_alarm: float) -> dict[float, float]:
     return {length_s: 0.5 * false_alarm * length_s / 120.0 for length_s in LENGTHS_S}
 
 
-def scan_flight(flight: Flight, windows: Sequence[Window], *, report: Report = silent) -> list[Scanned]:
-    """Return the scans of windows in their order; those without a residual are left out."""
+def scan_flight(
+    flight: Flight, windows: Sequence[Window], *, kept: Sequence[Scanned] = (), report: Report = silent
+) -> list[Scanned]:
+    """Return the scans of windows in their order; those without a residual are left out.
+
+    Parameters
+    ----------
+    kept : scans at the same angle of zero lift, used again where the same faults last.
+    """
+    done = {(one.from_s, one.to_s, one.lasting): one for one in kept}
     found = []
     for k, window in enumerate(windows):
         report(k / len(windows))
+        lasting = flight.lasting_in(window)
+        if (*window, lasting) in done:
+            found.append(done[*window, lasting])
+            continue
         scan = flight.scan(window)
         if scan is not None:
-            found.append(_reduced(scan, *window, lasting=flight.lasting_in(window)))
+            found.append(_reduced(scan, *window, lasting=lasting))
     return found
 
 

@@ -72,15 +72,16 @@ def find_slow_faults(
     for draft in known:
         flight = flight.with_lasting(_lasting(draft))
     drafts: list[Draft] = []
-    answer = _scan_all(flight, 1.0, report)
+    answer = _scan_all(flight, report)
     for _ in range(MOST):
         flagged = [
             (one, threshold)
             for one, threshold, _ in answer.looks
-            if one.statistic > threshold.level and not overlaps((one.from_s, one.to_s), held)
+            if one.statistic > threshold.level
+            and not overlaps((one.from_s, one.to_s), held)
+            and not any(_holds_onset(one, draft) for draft in (*known, *drafts))
         ]
         runs = [[flagged[k] for k in run] for run in clusters([(one.from_s, one.to_s) for one, _ in flagged])]
-        runs = [run for run in runs if not _is_explained(run, (*known, *drafts))]
         found = [one for run in runs if (one := _described(flight, run, static)) is not None]
         certain = [draft for draft in found if is_certain(draft)]
         if not certain:
@@ -88,16 +89,23 @@ def find_slow_faults(
         strongest = max(certain, key=lambda draft: draft.finding.statistic / draft.finding.threshold)
         drafts.append(strongest)
         flight = flight.with_lasting(_lasting(strongest))
-        answer = _scan_all(flight, answer.scale, silent)
+        answer = _scan_all(flight, silent, before=answer)
     return replace(answer, drafts=tuple(drafts))
 
 
-def _scan_all(flight: Flight, otherwise: float, report: Report) -> SlowFaults:
-    """Return every window scanned and judged, without drafts; `otherwise` is the scale if too few windows tell it."""
+def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = None) -> SlowFaults:
+    """Return every window scanned and judged, without drafts.
+
+    Parameters
+    ----------
+    before : with fewer faults known; windows that these do not concern are kept, and the scale where too few windows
+        tell it.
+    """
     every = [window for length_s in LENGTHS_S for window in flight.windows(length_s)]
-    scanned = scan_flight(flight, every, report=report)
+    kept = before.scanned if before is not None and before.flight.zero_lift == flight.zero_lift else ()
+    scanned = scan_flight(flight, every, kept=kept, report=report)
     throughout = scan_flight(flight, windows_in(flight.phases, SCALE_S, step_s=SCALE_S)) if flight.is_part else scanned
-    scale = scale_of(throughout, flight.tables, otherwise=otherwise)
+    scale = scale_of(throughout, flight.tables, otherwise=before.scale if before is not None else 1.0)
     looks = tuple(look_at(scanned, flight.tables, false_alarm=flight.false_alarm, scale=scale))
     return SlowFaults(flight=flight, drafts=(), scanned=tuple(scanned), looks=looks, scale=scale)
 
@@ -112,12 +120,10 @@ def is_certain(draft: Draft) -> bool:
     return excess >= TRACE if draft.lasting else draft.n_windows > 1 or excess >= NEAR
 
 
-def _is_explained(run: Sequence[tuple[Scanned, Threshold]], told: Sequence[Draft]) -> bool:
-    """Return whether every window of a run holds the onset of a fault that is named already."""
-    return all(
-        any(one.from_s < draft.finding.onset_ci95[1] and draft.finding.onset_ci95[0] < one.to_s for draft in told)
-        for one, _ in run
-    )
+def _holds_onset(one: Scanned, draft: Draft) -> bool:
+    """Return whether a window may hold the onset of a fault that is named already, and so shows that."""
+    first_s, last_s = draft.finding.onset_ci95
+    return one.from_s < last_s and first_s < one.to_s
 
 
 def _described(flight: Flight, run: Sequence[tuple[Scanned, Threshold]], static: StaticWindows) -> Draft | None:

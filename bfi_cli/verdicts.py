@@ -14,6 +14,7 @@ and `inconclusive` otherwise. The decision is the worst of the kinds that are re
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -30,6 +31,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 # A lag of 5 s reaches nine tenths of its size in 11.5 s, a ramp over 10 s in 9 s: those that a claim about steps covers
 # (`onset.claims.BUILT_UP`). What takes longer cannot be told from a drift in a window of a minute or two.
 BUILD_UP_S = 12.0
+# The note of a scan on the frequencies that it covers.
+BAND = re.compile(r"of \S+ to \S+ Hz")
 NOUNS: Mapping[Kind, tuple[str, str]] = {
     "abrupt": ("step", "a step"),
     "oscillating": ("oscillation", "an oscillation"),
@@ -127,7 +130,7 @@ def decide(verdicts: Mapping[Kind, Decision], required: Sequence[Kind]) -> Decis
 def summarise(verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate], units: Units = SI) -> str:
     """Return what the log says of the kinds of which no fault is declared, in one line.
 
-    "no step above 0.4 m/s; no oscillation above 0.2 m/s; a slow fault could reach 9 m/s unseen".
+    "no step above 0.4 m/s; no oscillation of 0.05 to 0.4 Hz above 0.2 m/s; a slow fault could reach 9 m/s unseen".
     """
     return "; ".join(_of_kind(kind, verdicts[kind], candidates, units) for kind in KINDS if verdicts[kind] != "fault")
 
@@ -142,7 +145,9 @@ def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], uni
     on = f" on {worst.channel}" if len({one.channel for one in of_kind}) > 1 else ""
     limit = shown_limit(worst, units)
     if verdict == "no_fault":
-        return f"no {noun} above {limit}{on}"
+        # The claim of a scan ends with the frequencies that it looked at; those of a dictionary are in its table.
+        band = next((f" {one.note}" for one in of_kind if one.onset_s is None and BAND.fullmatch(one.note or "")), "")
+        return f"no {noun}{band} above {limit}{on}"
     if suspects:
         return f"{one_noun} is suspected ({', '.join(suspects[:3])}{', ...' if len(suspects) > 3 else ''})"
     if limit is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import pytest
 
@@ -90,6 +91,8 @@ def test_the_first_line_names_every_kind_without_a_fault():
     assert summarise(verdicts_of(candidates), candidates) == (
         "no step above 0.41 m/s; no oscillation above 0.2 m/s; a slow fault could reach 9.3 m/s unseen"
     )
+    scanned = [replace(candidate("oscillating", "excluded", effect=0.2), note="of 0.05 to 0.4 Hz")]
+    assert "no oscillation of 0.05 to 0.4 Hz above 0.2 m/s" in summarise(verdicts_of(scanned), scanned)
     declared = [candidate("abrupt", "declared"), candidate("slow", "not_seen")]
     assert summarise(verdicts_of(declared), declared) == (
         "an oscillation was not looked for; a slow fault of any size could be there unseen"

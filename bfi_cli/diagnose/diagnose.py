@@ -20,7 +20,7 @@ from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from ..verdicts import State
 from .corrected import corrected_channels, course_of
-from .events import Draft, as_one, join, merge_stages, with_ends
+from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
 from .limits import limits_of
@@ -29,7 +29,7 @@ from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
-from .slow_faults import find_slow_faults, is_certain
+from .slow_faults import find_slow_faults
 from .verdict import decision_of, sentence_of, verdicts_of
 
 __all__ = ["diagnose_flight"]
@@ -202,9 +202,9 @@ def _event(flight: Flight, draft: Draft) -> Event:
 def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     """Return whether an event is declared, or only suspected since something else may imitate it."""
     one = draft.finding
-    if one.stage == "parity" and draft.lasting and not is_certain(draft):
+    if draft.lasting and not is_certain(draft):
         return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
-    if one.stage == "parity" and not is_certain(draft):
+    if not is_certain(draft):
         return "suspected", "a single window shows it, just above its threshold"
     if one.stage == "scan" and one.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"

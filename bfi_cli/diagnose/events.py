@@ -9,7 +9,7 @@ import numpy as np
 
 from ..parity import Finding
 
-__all__ = ["Draft", "as_one", "clusters", "join", "merge_stages", "with_ends"]
+__all__ = ["Draft", "as_one", "clusters", "is_certain", "join", "merge_stages", "with_ends"]
 
 Window = tuple[float, float]
 
@@ -19,6 +19,11 @@ BEFORE_S = 15.0
 FREQUENCY_TOLERANCE = 0.05
 # Of a step, by which one back may miss where it came from.
 STEP_BACK = 0.1
+# A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
+NEAR = 1.2
+# While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
+# half of its angle leaves 1.8 in a phugoid (tests/measurements/test_lasting_faults.py).
+TRACE = 2.5
 # The order of trust: what a line or a relation shows is exact, what windows of a regression show is not. A line that is
 # held goes before the relations that it disturbs.
 STAGES = ("sensors", "holds", "static relations", "parity", "scan")
@@ -105,6 +110,14 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
     return found
 
 
+def is_certain(draft: Draft) -> bool:
+    """Return whether a draft is more than a single window just above its threshold, or the trace of another fault."""
+    if draft.finding.stage != "parity":
+        return True
+    excess = draft.finding.statistic / draft.finding.threshold
+    return excess >= TRACE if draft.lasting else draft.n_windows > 1 or excess >= NEAR
+
+
 def as_one(events: Sequence[Draft]) -> list[Draft]:
     """Return events in which what errs once and errs again is one: a sensor that failed may fail further, or recover.
 
@@ -114,7 +127,8 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
     found: list[Draft] = []
     for one in events:
         for k, earlier in enumerate(found):
-            if earlier.finding.offset_s is None and _fails_further(one.finding, earlier.finding):
+            begun = is_certain(earlier) and earlier.finding.offset_s is None
+            if begun and _fails_further(one.finding, earlier.finding):
                 back = _is_step_back(one.finding, earlier.finding)
                 finding = replace(earlier.finding, offset_s=one.finding.onset_s) if back else earlier.finding
                 found[k] = replace(

@@ -15,14 +15,14 @@ import numpy as np
 from ..kernels.progress import Report, silent
 from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain
 from ..parity.windows import Window, flight_stretches, overlaps, windows_in
-from .events import Draft, clusters
+from .events import Draft, clusters, is_certain
 from .flight import Flight, LastingFault
 from .looks import SCALE_S, Scanned, look_at, scale_of, scan_flight
 from .naming import contradicted, finding_of_fit, hypotheses_of
 from .relations import StaticWindows, intact_channels
 from .result import Look
 
-__all__ = ["SlowFaults", "find_slow_faults", "is_certain"]
+__all__ = ["SlowFaults", "find_slow_faults"]
 
 # A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier
 # where the one moved would lose too much of the fault.
@@ -30,11 +30,6 @@ NEAR_START_S = 20.0
 # Where in the window that describes an event its onset lies.
 ONSET_SHARE = 0.4
 MOVES = 3
-# A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
-NEAR = 1.2
-# While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
-# half of its angle leaves 1.8 in a phugoid (tests/measurements/test_lasting_faults.py).
-TRACE = 2.5
 # Faults of one flight; with more of them it is the log that is wrong.
 MOST = 6
 
@@ -112,12 +107,6 @@ def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = Non
 
 def _lasting(draft: Draft) -> LastingFault:
     return LastingFault(faults=hypotheses_of(draft.finding), from_s=draft.finding.onset_ci95[1])
-
-
-def is_certain(draft: Draft) -> bool:
-    """Return whether what stands out is more than a single window just above its threshold, or the trace of another."""
-    excess = draft.finding.statistic / draft.finding.threshold
-    return excess >= TRACE if draft.lasting else draft.n_windows > 1 or excess >= NEAR
 
 
 def _holds_onset(one: Scanned, draft: Draft) -> bool:

@@ -159,6 +159,11 @@ def test_a_sensor_that_fails_further_is_one_event():
     assert as_one([first, other]) == [first, other]
 
 
+def test_what_is_only_suspected_takes_no_fault_in():
+    suspect, fault = draft(statistic=33.0), draft(900.0, (860.0, 980.0), statistic=90.0)
+    assert as_one([suspect, fault]) == [suspect, fault]
+
+
 def test_a_step_back_is_the_end_and_what_follows_another_event():
     step = {"stage": "static relations", "shape": "bias", "unit": "m/s", "sd": 0.05}
     up, down = draft(magnitude=2.0, **step), draft(500.0, (460.0, 580.0), magnitude=-1.95, **step)

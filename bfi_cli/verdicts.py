@@ -140,7 +140,7 @@ def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], uni
     of_kind = [one for one in candidates if one.kind == kind and one.state not in (None, "declared")]
     if not of_kind:
         return f"{one_noun} was not looked for"
-    suspects = [one.name for one in of_kind if one.state == "suspected"]
+    suspects = [one.name for one in sorted(of_kind, key=_prominence, reverse=True) if one.state == "suspected"]
     worst = max(of_kind, key=_share)
     on = f" on {worst.channel}" if len({one.channel for one in of_kind}) > 1 else ""
     limit = shown_limit(worst, units)
@@ -153,6 +153,13 @@ def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], uni
     if limit is None:
         return f"{one_noun} of any size could be there unseen{on}"
     return f"{one_noun} could reach {limit}{on} unseen"
+
+
+def _prominence(one: Candidate) -> float:
+    """Return how far a candidate stands out of what could be declared; what a scan declares has no such size."""
+    if one.minimal_detectable is None or one.magnitude is None:
+        return math.inf
+    return abs(one.magnitude) / one.minimal_detectable if one.minimal_detectable else math.inf
 
 
 def _share(one: Candidate) -> float:

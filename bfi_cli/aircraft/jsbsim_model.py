@@ -40,7 +40,7 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
     known = _names()
     if name not in known:
         close = difflib.get_close_matches(name.lower(), [one.lower() for one in known], n=SHOWN, cutoff=0.5)
-        spelt = [one for one in known if one.lower() in close]
+        spelt = [next(one for one in known if one.lower() == match) for match in close]
         said = f"did you mean {' or '.join(repr(one) for one in spelt)}?" if spelt else f"known: {', '.join(known)}"
         raise ConfigError(f"jsbsim: no such aircraft, got '{name}'; {said}")
     altitude = ALTITUDE_M if plan.altitude_m is None else plan.altitude_m

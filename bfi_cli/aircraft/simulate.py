@@ -78,7 +78,7 @@ def manoeuvre(
     ConfigError : no such manoeuvre, a step that is not positive, or a number that is not finite.
     """
     if name not in MANOEUVRES:
-        raise ConfigError(f"manoeuvre: unknown, got '{name}'{did_you_mean(name, tuple(MANOEUVRES))}")
+        raise ConfigError(f"manoeuvre: unknown, got '{name}'{did_you_mean(name, (*MANOEUVRES, 'tour'))}")
     if not (np.isfinite([amplitude_rad, start_s, step_s]).all() and step_s > 0):
         raise ConfigError(
             f"manoeuvre: needs finite numbers and a positive step, got amplitude {amplitude_rad:g} rad, "

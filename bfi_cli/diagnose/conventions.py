@@ -38,7 +38,8 @@ def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[
         if abs(off) > MEAN_RATE:
             said.append(
                 f"'longitudinal_acc' and attitude give {off:.2g} m/s^2 more acceleration than the airspeed shows in "
-                "the mean over the flight: it was not used; it should be the specific force along body x, forward"
+                "the mean over the flight: it was not used; it should be the specific force along body x, "
+                "forward, and the pitch be right"
             )
             log = _without(log, "longitudinal_acc")
     return log, tuple(said)

@@ -72,13 +72,15 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
         flight = slow.flight
         drafts += slow.drafts
+        notes += slow.notes
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
             "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not used"
         )
     if slow.scale >= 1.005:
         notes.append(
-            f"this flight shows {slow.scale:.3g} times what the flights of the tables do: thresholds are raised by that"
+            f"this flight shows {slow.scale:.3g} times what the flights of the tables do, as rough air would, or a "
+            "fault through most of it: thresholds are raised by that"
         )
     glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
     drafts += glanced

@@ -80,7 +80,10 @@ def merge_stages(drafts: Sequence[Draft]) -> list[Draft]:
     wrong with its inputs, so that it joins any event of its time.
     """
     events: list[Draft] = []
-    for one in sorted(drafts, key=lambda draft: (STAGES.index(draft.finding.stage), draft.finding.onset_s)):
+    # What is only suspected describes no event that is certain.
+    ranks = {stage: k for k, stage in enumerate(STAGES)}
+    order = sorted(drafts, key=lambda one: (not is_certain(one), ranks[one.finding.stage], one.finding.onset_s))
+    for one in order:
         for k, event in enumerate(events):
             if _belongs(one, event):
                 events[k] = replace(
@@ -144,9 +147,11 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
 
 
 def _fails_further(one: Finding, earlier: Finding) -> bool:
-    """Return whether an event names what an earlier one of the slow kind names: the same sensors, or fewer of them."""
+    """Return whether an event of the slow kind names the sensor of an earlier one, or cannot tell it from that."""
     slow = ("static relations", "parity")
-    return one.stage in slow and earlier.stage in slow and bool({*one.among} & {*earlier.among})
+    if one.stage not in slow or earlier.stage not in slow:
+        return False
+    return one.fault == earlier.fault or (len(one.among) > 1 and earlier.fault in one.among)
 
 
 def _is_step_back(one: Finding, earlier: Finding) -> bool:
@@ -170,7 +175,7 @@ def _belongs(one: Draft, event: Draft) -> bool:
         return False
     # While a line is held, whatever is compared with its pressure disagrees.
     if event.finding.stage == "holds":
-        return True
+        return one.finding.onset_ci95[1] >= event.from_s - BEFORE_S
     if one.finding.stage == "scan":
         # Relations between channels say nothing of an oscillation that all of them have, but of one that errs alone.
         swings = one.finding.frequency_hz is not None and event.finding.frequency_hz is None

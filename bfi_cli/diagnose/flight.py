@@ -54,9 +54,16 @@ TELL_ZERO_LIFT = {"aoa", "normal_acc", *IMPACT_SOURCES}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastingFault:
-    """A fault that was found and may last to the end of the log: hypotheses of the parity scan, and since when."""
+    """A fault that was found and may last to the end of the log.
+
+    Attributes
+    ----------
+    faults : hypotheses of the parity scan.
+    begun_s, from_s : the earliest and the latest that it began.
+    """
 
     faults: tuple[str, ...]
+    begun_s: float
     from_s: float
 
 
@@ -203,7 +210,7 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
         (one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S)
         for one in flight.held.findings
     ]
-    spoilt: list[Window] = [(one.from_s, np.inf) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
+    spoilt: list[Window] = [(one.begun_s, np.inf) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
     without += spoilt
     outside = (OUTSIDE, [*without, (flight.from_s, flight.to_s)])
     for origin, left_out in (*([outside] if flight.is_part else []), (BEFORE if spoilt else WHOLE, without)):

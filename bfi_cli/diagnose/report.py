@@ -34,7 +34,8 @@ EVENT_COLUMNS = (
 TIMELINE = (
     "The flight: its phases, what was measured (blue) and what it would have been without the declared faults (red), "
     "and how near each analysis came to its threshold in every window (1 is the threshold). Dashed lines are onsets "
-    "and ends of declared (red) and suspected (orange) faults."
+    "and ends of declared (red) and suspected (orange) faults. A fault without an end may last to the end of the "
+    "flight; its correction ends with the window that describes it."
 )
 
 
@@ -154,6 +155,16 @@ def _magnitude(event: Plain, units: Units) -> str:
     return with_unit(value, shown.unit)
 
 
+def _interval(event: Plain, units: Units) -> str:
+    """Return the 95 % interval of a magnitude in words, "" where none is known."""
+    if event["ci95"] is None:
+        return ""
+    shown = units.of(event["unit"], channel=_channel(event["fault"]))
+    spread = 1.96 * float(shown.change(event["sd"]) or 0.0)
+    low, high = (number(shown.change(value), spread=spread, extra=1) for value in event["ci95"])
+    return f" ({low} to {high})"
+
+
 def _channel(fault: str) -> str:
     """Return the channel that a fault is named after, "" for a fault of a pressure line."""
     return fault if fault in STANDARD else ""
@@ -171,14 +182,16 @@ def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
                 among,
                 one["state"],
                 f"{_time(one['onset_s'])} ({_time(low)} to {_time(high)})",
-                "-" if one["offset_s"] is None else _time(one["offset_s"]),
-                f"{one['shape']} {_magnitude(one, units)}" if one["magnitude"] is not None else "held",
-                effect or "-",
+                "may last" if one["offset_s"] is None else _time(one["offset_s"]),
+                f"{one['shape']} {_magnitude(one, units)}{_interval(one, units)}"
+                if one["magnitude"] is not None
+                else "held",
+                f"{effect} by {instant(round(one['window_s'][1]))} s" if effect else "-",
                 "-" if one["p_value"] is None else f"{one['p_value']:.2g}",
                 evidence or "-",
             )
         )
-    heads = ("fault (or)", "state", "from [s]", "to [s]", "course", "largest error", "p", "evidence")
+    heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
     return (Table(name="events", title="Events", heads=heads, rows=tuple(rows)),) if rows else ()
 
 
@@ -196,7 +209,7 @@ def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
         for one in limits
     )
     heads = ("fault", "shape", "excluded above", "could hide", "tolerance", "within", "worst window [s]")
-    title = "What could not have been missed, in the worst stretch without a fault, flaps and gear at rest"
+    title = "How large a fault could be there unseen, in the worst stretch without one, flaps and gear at rest"
     return (Table(name="limits", title=title, heads=heads, rows=rows),) if rows else ()
 
 

@@ -32,6 +32,7 @@ ONSET_SHARE = 0.4
 MOVES = 3
 # Faults of one flight; with more of them it is the log that is wrong.
 MOST = 6
+SHOWN = 3  # of what is set aside, in a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +44,7 @@ class SlowFaults:
     flight : with the faults that may last.
     scanned : every window; looks : of each its threshold and what is reported of it.
     scale : by how much the thresholds are raised.
+    notes : what was set aside.
     """
 
     flight: Flight
@@ -50,6 +52,7 @@ class SlowFaults:
     scanned: tuple[Scanned, ...]
     looks: tuple[tuple[Scanned, Threshold, Look], ...]
     scale: float
+    notes: tuple[str, ...] = ()
 
 
 def find_slow_faults(
@@ -65,10 +68,12 @@ def find_slow_faults(
     held = [(draft.from_s, draft.until_s) for draft in before if draft.finding.stage == "holds"]
     known = [draft for draft in before if draft.finding.stage == "static relations"]
     for draft in known:
-        flight = flight.with_lasting(_lasting(draft))
+        if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway
+            flight = flight.with_lasting(_lasting(draft))
     drafts: list[Draft] = []
+    stood_out: list[Draft] = []
     answer = _scan_all(flight, report)
-    for _ in range(MOST):
+    while True:
         flagged = [
             (one, threshold)
             for one, threshold, _ in answer.looks
@@ -79,13 +84,36 @@ def find_slow_faults(
         runs = [[flagged[k] for k in run] for run in clusters([(one.from_s, one.to_s) for one, _ in flagged])]
         found = [one for run in runs if (one := _described(flight, run, static)) is not None]
         certain = [draft for draft in found if is_certain(draft)]
-        if not certain:
-            return replace(answer, drafts=(*drafts, *found))
+        if not certain or len(drafts) == MOST:
+            told = (*known, *drafts, *found)
+            return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, told, drafts))
         strongest = max(certain, key=lambda draft: draft.finding.statistic / draft.finding.threshold)
         drafts.append(strongest)
+        stood_out += [one for one in certain if one.finding.onset_s > strongest.finding.onset_ci95[1]]
         flight = flight.with_lasting(_lasting(strongest))
         answer = _scan_all(flight, silent, before=answer)
-    return replace(answer, drafts=tuple(drafts))
+
+
+def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Sequence[Draft]) -> tuple[str, ...]:
+    """Return a sentence on what stood out after a fault until what that may still do was left out."""
+    gone = [one for one in stood_out if not any(_same_onset(one, other) for other in told)]
+    strongest: list[Draft] = []
+    for one in sorted(gone, key=lambda draft: -draft.finding.statistic / draft.finding.threshold):
+        if not any(_same_onset(one, other) for other in strongest):
+            strongest.append(one)
+    if not strongest:
+        return ()
+    said = ", ".join(f"{one.finding.fault} from {one.finding.onset_s:.0f} s" for one in strongest[:SHOWN])
+    last = " and ".join(dict.fromkeys(one.finding.fault for one in lasting))
+    return (
+        f"what may still be wrong with {last} is left out of the windows that follow; with it they would also show "
+        f"{said}: its traces, or a second fault that this log cannot tell from them",
+    )
+
+
+def _same_onset(one: Draft, other: Draft) -> bool:
+    (first, last), (begun, ended) = one.finding.onset_ci95, other.finding.onset_ci95
+    return first <= ended and begun <= last
 
 
 def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = None) -> SlowFaults:
@@ -106,7 +134,8 @@ def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = Non
 
 
 def _lasting(draft: Draft) -> LastingFault:
-    return LastingFault(faults=hypotheses_of(draft.finding), from_s=draft.finding.onset_ci95[1])
+    first_s, last_s = draft.finding.onset_ci95
+    return LastingFault(faults=hypotheses_of(draft.finding), begun_s=first_s, from_s=last_s)
 
 
 def _holds_onset(one: Scanned, draft: Draft) -> bool:
@@ -157,6 +186,8 @@ def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold
     """Return the window, moved or begun earlier until the onset lies well inside while it stands out, and its scan."""
     stretches = flight_stretches(flight.part_phases)
     low, high = next((one for one in stretches if one[0] <= onset_s < one[1]), window)
+    # Not back to before a fault that is named already: the window would show that.
+    low = max(low, *(one.from_s for one in flight.lasting if one.from_s <= window[0]), -np.inf)
     scan = flight.scan(window)
     for _ in range(MOVES):
         length_s = window[1] - window[0]

@@ -53,13 +53,15 @@ def sentence_of(
         worst = max(slow, key=lambda one: one.effect)
         verb = "no slow fault above" if verdicts["slow"] == "no_fault" else "a slow fault could reach"
         end = "" if verdicts["slow"] == "no_fault" else " unseen"
-        said.append(f"{verb} {worst.effect:.2g} m/s on {worst.channel}{end}")
+        size = f"{worst.effect:.0f}" if worst.effect >= 99.5 else f"{worst.effect:.2g}"  # no exponent
+        said.append(f"{verb} {size} m/s on {worst.channel}{end} within {worst.to_s - worst.from_s:.0f} s")
     elif verdicts["slow"] != "fault":
         said.append("a slow fault of any size could be there unseen")
     unseen_kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
     if unseen_kinds and looked_for_steps:
         beside = " beside these events" if events else ""
-        said.append(f"{' or '.join(unseen_kinds)} was looked for and not found{beside}; bfi start-time says how small")
+        none = " and ".join(f"no {noun.split(' ', 1)[1]}" for noun in unseen_kinds)
+        said.append(f"{none} was found{beside}; bfi start-time says how large one could be unseen")
     elif unseen_kinds:
         said.append(f"{' or '.join(unseen_kinds)} was not looked for")
     return "; ".join(said)

@@ -287,7 +287,9 @@ def _lost(flight: _Flight) -> BoolArray:
     for first, end in _runs(flight.speed < TAXI * flight.cruise):
         heights = flight.height[first:end]
         heights = heights[np.isfinite(heights)]
-        if heights.size and np.ptp(heights) > LOST * flight.scale_m:
+        # Not the extremes: an altimeter may begin at 0, and a sample may be wrong.
+        low, high = np.percentile(heights, (20.0, 80.0)) if heights.size else (0.0, 0.0)
+        if high - low > LOST * flight.scale_m:
             lost[first:end] = True
     return lost
 

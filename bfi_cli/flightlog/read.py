@@ -172,6 +172,9 @@ def _assemble(
     for column, match in _by_precedence(columns, channel_map, unit_map):
         stated = column.unit if column.unit is not None else (match.unit if match else None)
         name = column.source
+        own = columns[name].unit
+        if own and own != stated and si_unit(own) is not None:
+            notes.append(f"'{name}' is in '{own}' by the file and was read in '{stated}', as --unit asks")
         if match is not None:
             if match.rank >= 0 and not _fits(match.name, stated):
                 notes.append(f"'{name}' is in '{stated}', so it is not taken for {match.name}")

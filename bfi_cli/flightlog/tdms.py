@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -83,6 +83,8 @@ def read_tdms(path: str, *, group: str | None, channel_map: Mapping[str, str], u
         untimed = [one.source for one in signals if one.clock is None]
         signals = [one for one in signals if one.clock is not None]
         notes += [left_out(name, "has no wf_increment beside channels that have one") for name in untimed]
+    if is_cut:
+        notes.append("the file is cut off before its end: samples are missing there; copy it again")
     if is_cut and len({one.group if has_time or one.clock is None else one.clock for one in signals}) == 1:
         signals, cut = _cut_to_the_shortest(signals)
         notes += cut
@@ -207,18 +209,8 @@ def _cut_to_the_shortest(signals: Sequence[_Signal]) -> tuple[list[_Signal], lis
     shortest, longest = (which(one.values.size for one in signals) for which in (min, max))
     if shortest == longest:
         return list(signals), []
-    cut = [
-        _Signal(
-            source=one.source,
-            group=one.group,
-            values=one.values[:shortest],
-            unit=one.unit,
-            clock=one.clock,
-            is_moment=one.is_moment,
-        )
-        for one in signals
-    ]
-    return cut, [f"the file is cut off; of {longest} samples {shortest} are there of every channel and are read"]
+    cut = [replace(one, values=one.values[:shortest]) for one in signals]
+    return cut, [f"of {longest} samples {shortest} are there of every channel and are read"]
 
 
 def _track(

@@ -136,7 +136,7 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     if not fits:
         fits = [_best_course(scan, record, one) for one in contenders]
     fits.sort(key=lambda fit: -fit.ratio)
-    close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), 0.5 * fits[0].ratio)
+    close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), 0.5 * max(fits[0].ratio, 0.0))
     likeliest = max(_with_odds(fit) for fit in fits)
     kept = [fit for fit in fits if fit.ratio >= fits[0].ratio - close or _with_odds(fit) >= likeliest - close]
     return tuple(sorted(kept, key=lambda fit: (fit.ratio < fits[0].ratio - close, -_with_odds(fit))))

@@ -11,7 +11,7 @@ from ..flightlog import FlightLog
 
 __all__ = ["tolerance_of", "tolerances_of"]
 
-KNOT, FOOT, DEGREE = 0.514444, 0.3048, np.pi / 180.0
+KNOT, FOOT, DEGREE = 1852.0 / 3600.0, 0.3048, np.pi / 180.0
 AIRSPEEDS = ("tas", "cas", "ias", "lift_speed", "ground_airspeed")
 # CS/FAR 25.1323(b): the error of an airspeed may be 3 % or 5 kt, whichever is greater; of a slow aircraft that would
 # be most of its speed, so no more than a tenth.

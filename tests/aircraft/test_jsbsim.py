@@ -194,7 +194,7 @@ def test_the_command_writes_the_librarys_log(tmp_path: Path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["jsbsim:c172"], "jsbsim: no such aircraft, got 'c172'; did you mean 'c172p' or "),
+        (["jsbsim:c172"], "jsbsim: no such aircraft, got 'c172'; did you mean 'c172x' or "),
         (["jsbsim:zzz"], "jsbsim: no such aircraft, got 'zzz'; known: 737, "),
         (
             ["jsbsim:c172p", "--tas", "200"],

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_diagnoses import ONSET_S, PART, Diagnoses
-from made_journeys import ZERO_LIFT
 
 from bfi_cli.config import Config
 from bfi_cli.diagnose import diagnose_flight
@@ -99,12 +98,11 @@ def test_a_vane_that_drifts_is_named(diagnoses: Diagnoses):
     assert event["evidence"]["ground_speed"] == 0.0
 
 
-def test_windows_lie_in_the_part_and_the_angle_of_zero_lift_is_from_before_the_fault(diagnoses: Diagnoses):
+def test_windows_lie_in_the_part_and_a_fault_tells_no_zero_lift(diagnoses: Diagnoses):
     document = diagnoses.of(ICING)
     assert all(240.0 - 1e-6 <= one["from_s"] < one["to_s"] <= 700.0 + 1e-6 for one in document["windows"])
-    # Flight outside of the part is too short to tell it, and with the fault lift does not follow the angle of attack.
-    assert document["zero_lift_from"] == "the flight before the fault"
-    assert document["zero_lift_rad"] == pytest.approx(ZERO_LIFT, abs=np.radians(0.3))
+    # Flight outside of the part, and before the fault, is too short to tell it.
+    assert (document["zero_lift_rad"], document["zero_lift_from"]) == (None, "free in every window")
 
 
 def test_exit_codes(diagnoses: Diagnoses):

@@ -29,6 +29,11 @@ def bare(journey: FlightLog) -> FlightLog:
     return replace(journey, channels={name: one for name, one in journey.channels.items() if name not in LACKING})
 
 
+def without_elevator(log: FlightLog) -> FlightLog:
+    """Return the log without the input that the scan for steps, which takes its time, asks for."""
+    return replace(log, channels={name: one for name, one in log.channels.items() if name != "elevator"})
+
+
 def diagnosed(log: FlightLog, *faults: Fault) -> DiagnoseResult:
     return diagnose_flight(inject(log, faults) if faults else log, Config())
 
@@ -57,7 +62,7 @@ def test_the_angle_of_zero_lift_is_from_before_a_vane_fails(bare: FlightLog) -> 
 
 
 def test_a_drift_to_the_end_is_told_from_its_beginning(journey: FlightLog) -> None:
-    log = replace(journey, channels={name: one for name, one in journey.channels.items() if name != "elevator"})
+    log = without_elevator(journey)
     (event,) = diagnosed(plus(log, "tas", lambda t: 0.03 * np.maximum(t - ONSET_S, 0.0))).events
     assert (event.fault, event.state, event.shape) == ("tas", "declared", "drift")
     assert event.onset_s == pytest.approx(ONSET_S, abs=5.0)
@@ -66,7 +71,7 @@ def test_a_drift_to_the_end_is_told_from_its_beginning(journey: FlightLog) -> No
 
 
 def test_a_step_that_goes_back_ends_there(journey: FlightLog) -> None:
-    log = replace(journey, channels={name: one for name, one in journey.channels.items() if name != "elevator"})
+    log = without_elevator(journey)
     (event,) = diagnosed(plus(log, "tas", lambda t: 2.0 * ((t >= ONSET_S) & (t < 550.0)))).events
     assert (event.fault, event.shape) == ("tas", "bias")
     assert event.onset_s == pytest.approx(ONSET_S, abs=1.5)
@@ -82,3 +87,31 @@ def test_an_airspeed_that_is_lost_in_flight_is_said(journey: FlightLog) -> None:
     answer = diagnosed(failed)
     assert [one.phase for one in answer.phases if one.to_s > 600.0 and one.from_s < 700.0] == ["cruise", "no airspeed"]
     assert any("airspeed is that of an aircraft at rest while the altitude changes" in one for one in answer.missing)
+
+
+def test_a_spike_of_the_altitude_on_the_ground_is_no_loss_of_airspeed(journey: FlightLog) -> None:
+    higher = plus(without_elevator(journey), "altitude", lambda t: np.where(t < 2.0, 0.0, 500.0))
+    answer = diagnosed(plus(higher, "altitude", lambda t: np.where(np.abs(t - 5.0) < 0.2, 2500.0, 0.0)))
+    assert not answer.events
+    assert answer.phases[0].phase == "ground"
+
+
+def test_a_second_fault_is_named_beside_a_computation_that_is_off(journey: FlightLog) -> None:
+    off = plus(without_elevator(journey), "tas", lambda t: 2.0 * (t >= 250.0))
+    answer = diagnosed(off, Fault(shape="pitot_icing", magnitude=0.001, onset_s=520.0))
+    assert [one.fault for one in answer.events if one.state == "declared"] == ["tas", "pitot_icing"]
+
+
+def test_a_fault_found_again_is_described_once(journey: FlightLog) -> None:
+    """A window of the second fault is not moved back to before the first."""
+    rate = Fault(shape="drift", channel="altitude_rate", magnitude=0.1, onset_s=400.0)
+    vane = Fault(shape="drift", channel="aoa", magnitude=float(np.radians(0.1)), onset_s=490.0)
+    answer = diagnosed(without_elevator(journey), rate, vane)
+    onsets = {one.fault: one.onset_s for one in answer.events if one.state == "declared"}
+    assert onsets == {"altitude_rate": pytest.approx(400.0, abs=5.0), "aoa": pytest.approx(490.0, abs=5.0)}
+
+
+def test_a_fault_before_a_hold_is_an_event_of_its_own(journey: FlightLog) -> None:
+    ice = Fault(shape="pitot_icing", magnitude=0.001, onset_s=480.0)
+    answer = diagnosed(without_elevator(journey), ice, Fault(shape="pitot_blocked", onset_s=740.0))
+    assert [one.fault for one in answer.events if one.state == "declared"] == ["pitot_icing", "pitot_blocked"]

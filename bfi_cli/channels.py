@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from .units import si_unit, to_si
 
-__all__ = ["INPUTS", "STANDARD", "NameMatch", "StandardChannel", "match_name", "split_unit", "to_si"]
+__all__ = ["INPUTS", "LARGEST_ERROR", "STANDARD", "NameMatch", "StandardChannel", "match_name", "split_unit", "to_si"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,6 +21,18 @@ class StandardChannel:
     unit: str
     description: str
     aliases: tuple[str, ...]
+
+
+# The largest error that a reading can have, in the standard unit: of an airspeed below the speed of sound that speed at
+# sea level (ISO 2533), of an angle half a turn, of a height and a pressure all of the atmosphere that is flown in. An
+# analysis that would let more than that pass says nothing about the channel.
+LARGEST_ERROR = {
+    **dict.fromkeys(("tas", "cas", "ias", "ground_speed", "altitude_rate"), 340.294),
+    "mach": 1.0,
+    **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle"), 3.141592653589793),
+    "altitude": 30_000.0,
+    **dict.fromkeys(("p_static", "p_total", "q_impact"), 110_000.0),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
 """The units in which tables, figures and reports show what is stored in SI: SI itself, or those of a cockpit.
 
-Files stay SI. `Units` is a value that whoever writes for people is given, nothing here is remembered between two calls.
+Files stay SI, with radians where people are shown degrees (`IN_FILES`). `Units` is a value that whoever writes for
+people is given, nothing here is remembered between two calls.
 """
 
 from __future__ import annotations
@@ -16,16 +17,19 @@ from numpy.typing import ArrayLike, NDArray
 from .channels import STANDARD
 from .units import factor_and_offset
 
-__all__ = ["AVIATION", "SI", "UNITS", "Shown", "Units", "UnitsName"]
+__all__ = ["AVIATION", "IN_FILES", "SI", "UNITS", "Shown", "Units", "UnitsName"]
 
 FloatArray = NDArray[np.float64]
 UnitsName = Literal["si", "aviation"]
 
 # Heights and their rates: these are flown in ft/min, other velocities in kt.
 VERTICAL = ("altitude", "altitude_rate")
-# A number with a unit in a sentence, or two that one unit belongs to, and the channel that a limit is on. What follows
-# a letter, an equals sign or a quotation mark is a part of a name or of a command.
+# A number with a unit in a sentence, or two that one unit belongs to, and the channel that a limit is on. What stands
+# between quotation marks is a name or a text as it was given (an apostrophe within a word is none); what follows a
+# letter, an equals sign or a quotation mark is a part of a name or of a command.
+QUOTED = r"(?<!\w)'.*?'(?!\w)|(?<!\w)\".*?\"(?!\w)"
 AMOUNT = re.compile(
+    rf"{QUOTED}|"
     r"(?<![\w.='/-])(?:(?P<low>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) to )?(?P<high>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) "
     r"(?P<unit>m/s\^2|m/s|m|rad/s|rad|Pa)(?![\w/^])(?= on (?P<channel>\w+))?"
 )
@@ -54,12 +58,15 @@ class Shown:
         return None if value is None else value / self.factor
 
     def readings(self, values: ArrayLike) -> FloatArray:
-        """Return readings of any shape, as new values."""
+        """Return readings of any shape; the same array where nothing changes."""
+        if self.offset == 0.0:
+            return self.changes(values)
         return (np.asarray(values, dtype=np.float64) - self.offset) / self.factor
 
     def changes(self, values: ArrayLike) -> FloatArray:
-        """Return differences of readings, of any shape, as new values."""
-        return np.asarray(values, dtype=np.float64) / self.factor
+        """Return differences of readings, of any shape; the same array where nothing changes."""
+        array = np.asarray(values, dtype=np.float64)
+        return array if self.factor == 1.0 else array / self.factor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,6 +132,8 @@ class Units:
         return AMOUNT.sub(lambda found: self._amount(found, channel), text)
 
     def _amount(self, found: re.Match[str], channel: str) -> str:
+        if found["unit"] is None:  # quoted
+            return found[0]
         shown = self.of(found["unit"], channel=found["channel"] or channel)
         if shown.unit == found["unit"]:
             return found[0]
@@ -159,5 +168,7 @@ AVIATION = Units(
     },
     climb="ft/min",
 )
+# Of CSV files: as stored, angles in radians.
+IN_FILES = Units(name="si", names={})
 UNITS: Mapping[str, Units] = {one.name: one for one in (SI, AVIATION)}
 assert tuple(UNITS) == get_args(UnitsName)

@@ -14,9 +14,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DictionaryError
+from .channels import STANDARD
+from .errors import DictionaryError, LogError
+from .kernels.piecewise import Tail
 from .printable import shortened
-from .shapes import KEY_RULES, SHAPES, Shape, Tail
+from .shapes import KEY_RULES, SHAPES, Shape
+from .units import change_in_si
 
 __all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "course", "did_you_mean"]
 __all__ += [
@@ -51,12 +54,13 @@ _ABRIDGED.maxlevel = 3  # what lies deeper does not fit beside the rest
 class Fault:
     """A sensor fault, most often additive, `magnitude * signal(t)`, zero before `onset_s` and from `offset_s` on.
 
-    Times are seconds on the axis the fault was stated on (see `relative_to` of a dictionary). `channel` is "" for a
-    fault of a pressure line.
+    Times are seconds on the axis the fault was stated on (see `relative_to` of a dictionary). `channel` is "tas" where
+    none is given. A fault of a pressure line has none, but for an entry of a dictionary, whose `channel` is the output
+    that it is looked for in.
     """
 
     shape: Shape
-    channel: str = "tas"
+    channel: str = ""
     magnitude: float = 1.0
     onset_s: float = 0.0
     offset_s: float | None = None
@@ -73,8 +77,8 @@ class Fault:
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise DictionaryError(f"fault: shape: {_unknown_shape(self.shape)}")
-        if not has_channel(self.shape):
-            object.__setattr__(self, "channel", "")
+        if not self.channel and has_channel(self.shape):
+            object.__setattr__(self, "channel", "tas")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,7 +232,7 @@ def fault_from_dict(data: Mapping[str, Any], *, where: str = "fault") -> Fault:
 
 
 def parse_spec(text: str, *, where: str = "--fault") -> Fault:
-    """Return the fault of a command-line SPEC, "bias,channel=tas,magnitude=4,onset_s=13.8".
+    """Return the fault of a command-line SPEC, "bias,channel=tas,magnitude=4,onset_s=13.8" or "...,magnitude=8kt,...".
 
     Raises
     ------
@@ -247,7 +251,37 @@ def parse_spec(text: str, *, where: str = "--fault") -> Fault:
         if key not in TEXT_KEYS:
             with contextlib.suppress(ValueError):  # what is no number is said by its key
                 given[key] = float(value)
+    if isinstance(given.get("magnitude"), str):
+        given["magnitude"] = _magnitude_in_si(given, where=f"{where}: magnitude")
     return fault_from_dict(given, where=where)
+
+
+def _magnitude_in_si(given: Mapping[str, Any], *, where: str) -> float | str:
+    """Return a magnitude that states its unit, "4kt", as a number in SI; what is no such text as it is.
+
+    Raises
+    ------
+    DictionaryError : the unit is unknown, or not that of a magnitude of this shape on this channel.
+    """
+    text = given["magnitude"]
+    try:
+        value, unit = change_in_si(text)
+    except ValueError:
+        return str(text)
+    except LogError as error:
+        raise DictionaryError(f"{where}: {str(error).removeprefix('unit: ')}") from None
+    if any(_problems({**given, "magnitude": value})):  # of other keys, which are told instead
+        return value
+    fault = fault_from_dict({**given, "magnitude": value})
+    channel = STANDARD.get(fault.channel)
+    if channel is None and magnitude_unit(fault, "m") != magnitude_unit(fault, "K"):
+        return value  # the unit of that channel is the log's to say
+    expected = magnitude_unit(fault, "" if channel is None else channel.unit) or "1"
+    if unit != expected:
+        is_in = "is a pure number" if expected == "1" else f"is in {expected}"
+        hint = "leave the unit out" if expected == "1" else "give a unit of that kind, or none for SI"
+        raise DictionaryError(f"{where}: {is_in}, got {shown(text)}; {hint}")
+    return value
 
 
 def _problems(given: Mapping[str, Any]) -> Iterator[str]:

@@ -7,8 +7,6 @@ part of the channel's own reading, and a fault of a pressure line moves every ch
 
 from __future__ import annotations
 
-import cmath
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,12 +14,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernels.piecewise import Tail
 from .sample_file import read_samples
+from .units import per_second
 
 __all__ = [
     "ADDITIVE",
     "IN_DICTIONARY",
     "KEY_RULES",
+    "OF_LINES",
     "SCANNED",
     "SHAPES",
     "FaultShape",
@@ -29,15 +30,11 @@ __all__ = [
     "Kind",
     "ScannedShape",
     "Shape",
-    "Tail",
 ]
 
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]
 Kind = Literal["abrupt", "oscillating", "slow"]
-
-# Time constants that a filter may reach beside a sample: e^50 of a signal is far from the largest number.
-LONGEST_REACH = 50.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,54 +51,6 @@ class Key:
     rule: Rule
     required: bool = False
     description: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tail:
-    """What a signal is from some time on: ``level + rate t + Re(amplitude exp(exponent t))``.
-
-    A filter makes of it another of the same kind, so that a filtered signal of hours is made without filtering.
-
-    Attributes
-    ----------
-    from_s : the time from which it is that.
-    level, rate, amplitude, exponent : per second where they count by time; t are the seconds of `FaultShape.signal`.
-    """
-
-    from_s: float = 0.0
-    level: float = 0.0
-    rate: float = 0.0
-    amplitude: complex = 0.0
-    exponent: complex = 0.0
-
-    def at(self, since_s: FloatArray) -> FloatArray:
-        """Return (n,) the signal at these seconds."""
-        signal = np.asarray(self.level + self.rate * since_s, dtype=np.float64)
-        if self.amplitude != 0.0:
-            size, phase = cmath.polar(self.amplitude)
-            decay, angle = complex(self.exponent).real, complex(self.exponent).imag
-            wave = size * np.cos(angle * since_s + phase)
-            signal += wave if decay == 0.0 else wave * np.exp(decay * since_s)
-        return signal
-
-    def filtered(self, taps: FloatArray, beside_s: FloatArray) -> Tail:
-        """Return what a filter makes of it, whose taps act on the signal so many seconds beside.
-
-        Raises
-        ------
-        ValueError : the filter reaches further than the numbers of an exponential.
-        """
-        reach = float(np.max(np.abs(complex(self.exponent).real * beside_s), initial=0.0))
-        if reach > LONGEST_REACH:
-            raise ValueError(f"the filter reaches {reach:.3g} time constants")
-        gain = complex(np.sum(taps * np.exp(self.exponent * beside_s)))
-        return Tail(
-            from_s=self.from_s,
-            level=float(self.level * taps.sum() + self.rate * (taps @ beside_s)),
-            rate=float(self.rate * taps.sum()),
-            amplitude=self.amplitude * gain,
-            exponent=self.exponent,
-        )
 
 
 def _same_unit(channel_unit: str, **_: Any) -> str:
@@ -148,6 +97,8 @@ class FaultShape:
     has_magnitude : whether it has one; without, it is whole.
     lines : from static and total pressure (n_samples,), the same at the onset, the cabin's pressure, Pa, and
         magnitude x signal (n_samples,), the static and total pressure that the instruments get.
+    loss : of a line that still follows the pressure outside, 1 or -1: loss x magnitude x signal is the share of it that
+        the line has lost. None where nothing is left that tells the pressure outside, as in a trapped line.
     """
 
     signal: Callable[..., FloatArray]
@@ -163,6 +114,7 @@ class FaultShape:
     acts_on: Literal["channel", "reading", "p_static", "p_total", "course"] = "channel"
     has_magnitude: bool = True
     lines: Callable[..., tuple[FloatArray, FloatArray]] | None = None
+    loss: float | None = None
 
 
 def _drift(elapsed_s: FloatArray, *, slope: float | None) -> FloatArray:
@@ -170,18 +122,11 @@ def _drift(elapsed_s: FloatArray, *, slope: float | None) -> FloatArray:
 
 
 def _drift_unit(channel_unit: str, *, slope: float | None) -> str:
-    return _per_second(channel_unit) if slope is None else ""
+    return per_second(channel_unit) if slope is None else ""
 
 
 def _drift_physical(magnitude: float, channel_unit: str, *, slope: float | None) -> tuple[float, str]:
-    return magnitude * (1.0 if slope is None else slope), _per_second(channel_unit)
-
-
-def _per_second(unit: str) -> str:
-    stem, power = (unit or "1"), 1
-    if found := re.fullmatch(r"(.+)/s(?:\^(\d+))?", stem):
-        stem, power = found[1], int(found[2] or 1) + 1
-    return f"{stem}/s" if power == 1 else f"{stem}/s^{power}"
+    return magnitude * (1.0 if slope is None else slope), per_second(channel_unit)
 
 
 def _ramp_hold(elapsed_s: FloatArray, *, slope: float | None, duration_s: float) -> FloatArray:
@@ -390,6 +335,7 @@ SHAPES: Mapping[str, FaultShape] = {
         acts_on="p_total",
         has_magnitude=False,
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, amount)),
+        loss=1.0,
     ),
     "pitot_icing": FaultShape(
         signal=lambda elapsed_s: elapsed_s,
@@ -403,6 +349,7 @@ SHAPES: Mapping[str, FaultShape] = {
             static,
             _towards(total, static, np.minimum(amount, 1.0)),
         ),
+        loss=1.0,
     ),
     "pitot_water": FaultShape(
         signal=lambda since_s, *, frequency_hz: np.sin(_angle(since_s, frequency_hz, 0.0)),
@@ -414,6 +361,7 @@ SHAPES: Mapping[str, FaultShape] = {
         physical=_share,
         acts_on="p_total",
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, -amount)),
+        loss=-1.0,
     ),
     "static_blocked": FaultShape(
         signal=_ones,
@@ -444,13 +392,16 @@ SHAPES: Mapping[str, FaultShape] = {
         acts_on="p_static",
         has_magnitude=False,
         lines=lambda static, total, *, first, cabin, amount: (_towards(static, cabin, amount), total),
+        loss=1.0,
     ),
 }
-# Those whose signal is the same whatever the log shows. A dictionary holds them, and those of one channel that depend
-# on its reading or are estimated; a trapped line leaves no trace of the pressure that its signal would need.
+# Those whose signal is the same whatever the log shows. A dictionary holds them, and those that depend on the reading
+# of a channel, on pressures that the log still tells, or are estimated; a trapped line leaves no trace of the pressure
+# that its signal would need.
 ADDITIVE: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.acts_on == "channel")
+OF_LINES: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.lines is not None)
 IN_DICTIONARY: tuple[str, ...] = tuple(
-    name for name, shape in SHAPES.items() if shape.acts_on in ("channel", "reading", "course")
+    name for name, shape in SHAPES.items() if shape.lines is None or shape.loss is not None
 )
 SCANNED: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.is_scanned)
 # A key means the same in every shape that has it; only its description may differ.

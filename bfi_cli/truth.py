@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .faults import Fault, FaultEstimate
+from .faults import Fault, FaultEstimate, fault_to_dict
 
-__all__ = ["Comparison", "compare_by_onset", "compare_faults", "name_of"]
+__all__ = ["Comparison", "compare_by_onset", "compare_faults", "is_same_fault", "name_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +54,16 @@ def name_of(injected: Fault) -> str:
     """Return the name of an injected fault, or what tells it from the others of the log."""
     on = f", channel={injected.channel}" if injected.channel else ""
     return injected.name or f"{injected.shape}{on}, onset_s={injected.onset_s:g}"
+
+
+def is_same_fault(one: Fault, other: Fault) -> bool:
+    """Say whether two faults have the same definition but for name and magnitude, times on the same axis."""
+    mine, others = ({**fault_to_dict(fault), "name": None, "magnitude": None} for fault in (one, other))
+    # A cabin that no altitude is given of is held at sea level.
+    return {**mine, "cabin_altitude_m": one.cabin_altitude_m or 0.0} == {
+        **others,
+        "cabin_altitude_m": other.cabin_altitude_m or 0.0,
+    }
 
 
 def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault], *, tolerance_s: float) -> Comparison:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import LogError
 
-__all__ = ["factor_and_offset", "si_unit", "to_si"]
+__all__ = ["change_in_si", "factor_and_offset", "per_second", "si_unit", "to_si"]
 
 FloatArray = NDArray[np.float64]
 
@@ -86,6 +86,8 @@ CONVERSIONS = (
 )
 CASE_MATTERS = {"kN": Conversion(1000.0, "N"), "MPa": Conversion(1e6, "Pa"), "mPa": Conversion(1e-3, "Pa")}
 BY_SPELLING = {spelling: conversion for conversion, spellings in CONVERSIONS for spelling in spellings.split()}
+# "5kt", "1.5e1 ft": a number and a unit that begins with no digit.
+AMOUNT = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.].*)")
 RESPELL = str.maketrans({"°": "deg", "º": "deg", "µ": "u", "μ": "u", "²": "2", "·": ".", "⁻": "-", "¹": "1"})
 
 
@@ -130,6 +132,34 @@ def factor_and_offset(unit: str) -> tuple[float, float]:
     if conversion is None:
         raise LogError(_unknown(unit, "unit"))
     return conversion.factor, conversion.offset
+
+
+def change_in_si(text: str) -> tuple[float, str]:
+    """Return a difference with its unit, "5kt", "0.5 kt/s" or "2 degC", in SI, and its SI unit; it has no offset.
+
+    Raises
+    ------
+    ValueError : that is no number with a unit.
+    LogError : the unit is not known.
+    """
+    amount = AMOUNT.fullmatch(text.strip())
+    if amount is None:
+        raise ValueError(text)
+    unit = amount["unit"].strip()
+    rate = re.fullmatch(r"(.+)/s(?:ec)?", unit) if _conversion(unit) is None else None
+    conversion = _conversion(unit if rate is None else rate[1])
+    if conversion is None:
+        raise LogError(_unknown(unit, "unit"))
+    si = conversion.si if rate is None else per_second(conversion.si)
+    return conversion.factor * float(amount["number"]), si
+
+
+def per_second(unit: str) -> str:
+    """Return the unit of the rate of what is in `unit`: "m/s^2" for "m/s", "1/s" for ""."""
+    stem, power = (unit or "1"), 1
+    if found := re.fullmatch(r"(.+)/s(?:\^(\d+))?", stem):
+        stem, power = found[1], int(found[2] or 1) + 1
+    return f"{stem}/s" if power == 1 else f"{stem}/s^{power}"
 
 
 def si_unit(unit: str) -> str | None:

@@ -19,12 +19,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from .channels import LARGEST_ERROR
 from .display_units import SI, Units
 from .faults import Decision, Fault, build_up_s
 from .shapes import SHAPES, Kind
 
 __all__ = ["BUILD_UP_S", "KINDS", "Candidate", "State", "decide", "kind_of", "shown_limit", "state_of", "summarise"]
-__all__ += ["verdicts_of"]
+__all__ += ["two_digits", "verdicts_of"]
 
 State = Literal["declared", "suspected", "excluded", "not_seen"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -78,6 +79,13 @@ class Candidate:
     note: str | None = None
     physical_scale: float | None = None
     physical_unit: str | None = None
+
+    @property
+    def limit(self) -> float | None:
+        """The largest error that may hide, None where that is as large as any reading of the channel can be wrong."""
+        if self.effect is None or not math.isfinite(self.effect):
+            return None
+        return None if self.effect > LARGEST_ERROR.get(self.channel, math.inf) else self.effect
 
     @property
     def meaning(self) -> tuple[float, str]:
@@ -151,7 +159,9 @@ def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], uni
     if suspects:
         return f"{one_noun} is suspected ({', '.join(suspects[:3])}{', ...' if len(suspects) > 3 else ''})"
     if limit is None:
-        return f"{one_noun} of any size could be there unseen{on}"
+        # The worst of the entries of a dictionary decides, and the others may be bounded well.
+        which = f" ({worst.name}: {worst.note})" if worst.note and worst.onset_s is not None else ""
+        return f"{one_noun} of any size could be there unseen{on}{which}"
     return f"{one_noun} could reach {limit}{on} unseen"
 
 
@@ -171,9 +181,13 @@ def _share(one: Candidate) -> float:
 
 def shown_limit(one: Candidate, units: Units = SI) -> str | None:
     """Return the largest error that may hide, to two digits with its unit; None where any may."""
-    if one.effect is None or not math.isfinite(one.effect):
+    if one.limit is None:
         return None
     shown = units.of(one.channel_unit, channel=one.channel)
-    value = one.effect / shown.factor
-    text = f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"  # no exponent
-    return text if shown.unit == "1" else f"{text} {shown.unit}".rstrip()
+    value = one.limit / shown.factor
+    return two_digits(value) if shown.unit == "1" else f"{two_digits(value)} {shown.unit}".rstrip()
+
+
+def two_digits(value: float) -> str:
+    """Return a size to two digits, from a hundred on to the whole number: it has no exponent."""
+    return f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"

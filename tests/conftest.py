@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,8 @@ from threadpoolctl import threadpool_limits
 from bfi_cli.commands import run_command
 
 threadpool_limits(1)
+# Answers are as wide as in a pipe, whatever terminal the tests are started from.
+os.environ.pop("COLUMNS", None)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell's background job ignores interruptions, and so would every program that a test starts and interrupts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -41,6 +43,38 @@ def bfi(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         return Outcome(code, printed.out, printed.err)
 
     return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Let the programs that tests start share compiled modules, where the environment keeps none beside the sources."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with pytest.MonkeyPatch.context() as patch:
+        if os.environ.get("PYTHONDONTWRITEBYTECODE"):
+            patch.delenv("PYTHONDONTWRITEBYTECODE")
+            patch.setenv("PYTHONPYCACHEPREFIX", str(shared / "compiled"))
+        yield
+
+
+@pytest.fixture
+def unscanned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the scan beside the identification, two thirds of the time, where a test does not look at it."""
+    monkeypatch.setattr("bfi_cli.onset.beside.MOST_SAMPLES", 0)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the pages of all figures blank where a test looks at the other files."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    def blank(drawing: object) -> Figure:
+        figure = Figure(figsize=(1.0, 1.0))
+        FigureCanvasAgg(figure)
+        return figure
+
+    monkeypatch.setattr("bfi_cli.report.figures.draw", blank)
 
 
 @pytest.fixture(scope="session")

@@ -24,11 +24,11 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels", "printable"),
-    ("airdata", "jsbsim", "sample_file"),
-    ("shapes",),
-    ("units", "faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),
-    ("filters",),
-    ("channels", "serialization", "truth", "validation"),
+    ("airdata", "sample_file", "units"),
+    ("channels", "shapes"),
+    ("faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),
+    ("filters", "jsbsim"),
+    ("serialization", "truth", "validation"),
     ("display_units",),
     ("verdicts",),
     ("dictionary", "identify.result"),
@@ -57,6 +57,8 @@ HOME = {
     "yaml": {"yaml12"},
 }
 SLOW = ("dask", "distributed", "h5py", "jinja2", "matplotlib", "rich")
+# The parts of scipy that are imported in tenths of a second; the others take one second and are not always needed.
+SCIPY = {"fft", "linalg", "special"}
 VAGUE = {"utils", "util", "helpers", "helper", "common", "base", "core", "misc"}
 
 FILES = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in sorted(PACKAGE.rglob("*.py"))}
@@ -68,8 +70,13 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def imports(path: Path) -> Iterator[tuple[str, ast.stmt]]:
-    """Yield the modules a file imports, those of this package as ".name"."""
+@cache
+def imports(path: Path) -> tuple[tuple[str, ast.stmt], ...]:
+    """Return the modules a file imports, those of this package as ".name"."""
+    return tuple(_imports(path))
+
+
+def _imports(path: Path) -> Iterator[tuple[str, ast.stmt]]:
     package = path.relative_to(PACKAGE).parent.parts
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
@@ -168,6 +175,19 @@ def test_what_takes_long_to_import_is_imported_where_it_is_used():
     assert wrong == []
 
 
+def test_little_of_scipy_is_imported_before_it_is_used():
+    """On the way to an answer scipy.signal and scipy.stats would take longer than the analysis."""
+    wrong = {
+        f"{name}: scipy.{part}"
+        for name, path in MODULES.items()
+        for node in tree(path).body
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "scipy"
+        for part in ([one.name for one in node.names] if node.module == "scipy" else [node.module.split(".")[1]])
+        if part not in SCIPY
+    }
+    assert wrong == set()
+
+
 HELP = """
 import json, sys
 before = set(sys.modules)
@@ -203,19 +223,25 @@ def test_no_module_has_a_vague_name():
     assert [name for name in MODULES if VAGUE & set(name.split("."))] == []
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_what_is_public_is_described(name: str):
-    module = tree(FILES[name])
-    assert ast.get_docstring(module)
-    definitions = [node for node in module.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
-    public = [node for node in definitions if not node.name.startswith("_")]
-    assert [node.name for node in public if not ast.get_docstring(node)] == []
+def test_what_is_public_is_described():
+    definitions = [
+        (f"{name}.{node.name}", node)
+        for name, path in FILES.items()
+        for node in tree(path).body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
+    ]
+    described = [(name, tree(path)) for name, path in FILES.items()] + definitions
+    assert [name for name, node in described if not ast.get_docstring(node)] == []
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
-def test_what_a_module_offers_exists(name: str):
-    module = importlib.import_module(f"bfi_cli.{name}")
-    assert [offered for offered in getattr(module, "__all__", ()) if not hasattr(module, offered)] == []
+def test_what_a_module_offers_exists():
+    modules = {name: importlib.import_module(f"bfi_cli.{name}") for name in sorted(MODULES)}
+    assert [
+        f"{name}.{offered}"
+        for name, module in modules.items()
+        for offered in getattr(module, "__all__", ())
+        if not hasattr(module, offered)
+    ] == []
 
 
 def test_tests_import_no_private_names():

@@ -160,6 +160,14 @@ DICTIONARIES = {
     "atoms:\n- {shape: sine, frequency_hz: 0}": "d.yaml: atoms[0].frequency_hz: must be greater than 0, got 0",
     "atoms:\n- {shape: bias, onset_s: no}": "d.yaml: atoms[0].onset_s: must be a number, got 'no'",
     "atoms:\n- {shape: bias, onset_s: 3, offset_s: 2}": "d.yaml: atoms[0]: offset_s must be after onset_s",
+    "atoms:\n- {shape: pitot_blocked}": "d.yaml: atoms[0].shape: no log tells the signal of a trapped line, which "
+    "keeps no trace of the pressure outside, got 'pitot_blocked'; use bfi diagnose, which",
+    "atoms:\n- {shape: pitot_icing, time_constant_s: 3}": "d.yaml: atoms[0].time_constant_s: ",
+    "atoms:\n- {shape: pitot_leak, onset_s: 3}": "d.yaml: atoms[0].time_constant_s: missing; add it",
+    "atoms:\n- {shape: pitot_leak, time_constant_s: 3, magnitude: 2}": "d.yaml: atoms[0].magnitude: this fault is w",
+    "atoms:\n- {shape: pitot_water, frequency_hz: 0.0}": "d.yaml: atoms[0].frequency_hz: must be greater than 0, got 0",
+    "atoms:\n- {shape: pitot_icing, onset_s: 3}": "no live atom: fault 'pitot_icing_tas_3': p_static needs one of "
+    "p_static, altitude; the log has: elevator, tas; map one with --channel altitude=NAME",
     "atoms:\n- {shape: samples, file: none.csv}": "d.yaml: atoms[0].file: no such file, got 'none.csv'; give a CSV",
     **{
         f"atoms: [{{shape: samples, file: {file}}}]": f"d.yaml: atoms[0].file: '{file}' {OUTSIDE}\n"
@@ -316,7 +324,10 @@ COMMANDS = {
     "plot good.csv --json --channel tas=": (2, "--channel: expected NAME|STD=NAME, got 'tas='; write --channel tas="),
     "plot good.csv --json --channel =": (3, "good.csv: no channel '='; the log has: elevator, tas"),
     "plot good.csv --json --from 100": (3, "good.csv: no samples between 100 s"),
-    "plot good.csv --json --from 20 --to 5": (2, "--from/--to: to_s must be after from_s (20 s), got 5 s; give a la"),
+    "plot good.csv --json --from 20 --to 5": (
+        2,
+        "--from/--to: to_s must be after from_s (20 s), got 5 s; give a later",
+    ),
     "plot good.csv --json --to later": (2, "--to: not a number, got 'later'; give one like 12.5"),
     "plot good.csv --json --events absent.json": (2, "absent.json: no such file or directory; give the result.json"),
     "plot good.csv --json --events good.csv": (2, "good.csv: not JSON"),
@@ -440,9 +451,12 @@ COMMANDS = {
     ),
     "identify good.csv -d good.yaml --require abrupt,sloww": (2, "--require: not one of the choices, got 'sloww'; did"),
     "start-time good.csv --require abrupt,abrupt": (2, "--require: a value stands twice"),
-    "identify good.csv -d good.yaml --tolerance aoa=1": (2, "--tolerance: 'aoa' is no output, got outputs tas; leave"),
+    "identify good.csv -d good.yaml --tolerance aoa=1": (
+        2,
+        "--tolerance: 'aoa' is no output of this analysis; known: tas",
+    ),
     "start-time good.csv --tolerance tas": (2, "--tolerance: expected CHANNEL=VALUE, got 'tas'; write --tolerance tas"),
-    "identify good.csv -d good.yaml --tolerance tas=-1": (2, "tolerances.tas: must be greater than 0, got -1"),
+    "identify good.csv -d good.yaml --tolerance tas=-1": (2, "--tolerance: tas: must be greater than 0, got -1.0"),
     "identify good.csv -d good.yaml --onset-tolerance -1": (2, "--onset-tolerance: must be greater than or equal to 0"),
     "report damaged.json": (2, "damaged.json: no key 'faults'; the file is damaged or of another program"),
 }

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.dictionary import dead_reason, json_schema, load_dictionary, signals
+from bfi_cli.dictionary import dead_reason, dead_sentences, json_schema, load_dictionary, signals
 from bfi_cli.dictionary.document import MAX_ATOMS
 from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import COMMON_KEYS, Fault, fault_from_dict, unit_signal
-from bfi_cli.shapes import IN_DICTIONARY, KEY_RULES, SHAPES
+from bfi_cli.shapes import IN_DICTIONARY, KEY_RULES, OF_LINES, SHAPES
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -54,14 +54,21 @@ def test_the_document_and_the_command_line_accept_the_same_faults(shape, keys):
     atom = {"frequency_hz": 1.0, "time_constant_s": 1.0, "duration_s": 1.0}
     atom = {"shape": shape} | {key.name: atom[key.name] for key in SHAPES[shape].keys if key.name in atom} | keys
     atom = {key: value for key, value in atom.items() if value is not None}
+    # The channel of an entry of a pressure line is the output that it is looked for in; a fault of one has none.
+    output = {"channel": atom.pop("channel")} if shape in OF_LINES and atom.get("channel") in ("tas", "1") else {}
     try:
         one = fault_from_dict(atom)
     except DictionaryError:
         one = None
     try:
-        (other,) = load_dictionary({"atoms": [atom]}).atoms
+        (other,) = load_dictionary({"atoms": [{**atom, **output}]}).atoms
     except DictionaryError:
         other = None
+    if shape in OF_LINES and other is not None:
+        assert other.channel == output.get("channel", atom.get("channel", "tas"))
+        if "channel" in atom:
+            return
+        other = replace(other, channel="")
     assert (one is None) == (other is None)
     assert one is None or replace(other, name=one.name) == one
 
@@ -300,6 +307,23 @@ def test_dead_atoms(keys, reason):
     assert found is None if reason is None else found.startswith(reason)
     time_s = np.arange(100, 317) / 10.0
     assert (reason is None or "acts on" in reason) == unit_signal(fault, time_s, window_start_s=10.0).any()
+
+
+def test_what_is_true_of_several_entries_is_said_once_with_all_their_names():
+    late = [Fault(shape="bias", name=name, onset_s=at) for name, at in (("a", 40.0), ("b", 35.0), ("c", 40.0))]
+    others = [
+        Fault(shape="bias", name="seen", onset_s=20.0),
+        *(Fault(shape="bias", name=name, offset_s=5.0) for name in "de"),
+        *(Fault(shape="bias", name=name, channel="aoa") for name in "fg"),
+    ]
+    assert dead_sentences([*late, *others], 10.0, 31.7, outputs=("tas",)) == (
+        "'a', 'b', 'c' start at 35 to 40 s, after the window ends (31.7 s); move their onsets or widen the window",
+        "'d', 'e' end at 5 s, before the window starts (10 s); move their offsets or widen the window",
+        "'f', 'g' act on 'aoa', which is no output (tas); add --output aoa",
+    )
+    every = [dead_reason(one, 10.0, 31.7, outputs=("tas",)) for one in (*late, *others)]
+    alone = [dead_sentences([one], 10.0, 31.7, outputs=("tas",)) for one in (*late, *others)]
+    assert alone == [() if reason is None else (reason,) for reason in every]
 
 
 @pytest.mark.parametrize("name", ["thesis_dictionary", "listing_dictionary", "airdata_dictionary"])

@@ -124,6 +124,14 @@ def test_absent_stays_absent():
         ("in 240 s, at 4.5 Hz, 0.02 1/s, 3 metres", "in 240 s, at 4.5 Hz, 0.02 1/s, 3 metres"),
         ("flight_5 m.csv, '4 m', tas=4 m", "flight_5 m.csv, '4 m', tas=4 m"),
         (
+            "'probe 12 m/s aft' differs from 'it's 3 m' and \"4 m\" by 5 m/s",
+            "'probe 12 m/s aft' differs from 'it's 3 m' and \"4 m\" by 9.7 kt",
+        ),
+        (
+            "the log's limit of 5 m/s is the aircraft's, not the pilots' 10 m/s",
+            "the log's limit of 9.7 kt is the aircraft's, not the pilots' 19 kt",
+        ),
+        (
             "'tas' reaches 500 m/s, which no aircraft does: is it in km/h or kt? --unit tas=UNIT states another",
             "'tas' reaches 500 m/s, which no aircraft does: is it in km/h or kt? --unit tas=UNIT states another",
         ),

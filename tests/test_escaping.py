@@ -83,6 +83,9 @@ def run(
     monkeypatch.chdir(desk)
     monkeypatch.setenv("COLUMNS", "500")
     monkeypatch.setenv("TERM", "dumb")  # no colours of our own
+    if request.param == "table":  # the same files are drawn with --json
+        request.getfixturevalue("undrawn")
+        request.getfixturevalue("unscanned")
 
     def command(*argv: object, code: int = 0) -> object:
         if request.param == "table":

@@ -60,6 +60,10 @@ def needed(shape):
     return [key.name for key in SHAPES[shape].keys if key.required]
 
 
+def drift_of(magnitude):
+    return Fault(shape="drift", channel="altitude_rate", magnitude=pytest.approx(magnitude, rel=1e-14))
+
+
 def signal(shape, time_s=TIME_S, *, window_start_s=0.0, **keys):
     return unit_signal(Fault(shape=shape, **keys), time_s, window_start_s=window_start_s)
 
@@ -257,6 +261,13 @@ def test_the_physical_value_is_what_the_signal_shows(slope):
             Fault(shape="sine", frequency_hz=1.15, phase_reference="window"),
         ),
         ("samples,file=12", Fault(shape="samples", file="12")),
+        ("bias,magnitude=-36 km/h", Fault(shape="bias", magnitude=-10.0)),
+        ("bias,channel=tat,magnitude=2degC", Fault(shape="bias", channel="tat", magnitude=2.0)),
+        ("drift,channel=altitude_rate,magnitude=3000 ft/min/s", drift_of(3000 * 0.3048 / 60)),
+        ("drift,channel=altitude_rate,magnitude=2 m/s^2", drift_of(2.0)),
+        ("scale,magnitude=5%", Fault(shape="scale", magnitude=0.05)),
+        ("pitot_icing,magnitude=1%/s", Fault(shape="pitot_icing", channel="", magnitude=0.01)),
+        ("bias,channel=my_speed,magnitude=18 km/h", Fault(shape="bias", channel="my_speed", magnitude=5.0)),
     ],
 )
 def test_specs(text, fault):
@@ -278,6 +289,12 @@ def test_specs(text, fault):
         ("pitot_water,magnitude=0.025", "frequency_hz: missing; a pitot_water needs it"),
         ("bias,slope=2", "slope: not a key of this shape; known: shape, name, channel"),
         ("bias,magnitude=four", "magnitude: must be a finite number, got 'four'"),
+        ("bias,magnitude=4deg", "magnitude: is in m/s, got '4deg'; give a unit of that kind, or none for SI"),
+        ("drift,magnitude=4kt", "magnitude: is in m/s^2, got '4kt'; give a unit of that kind, or none for SI"),
+        ("drift,slope=2,magnitude=4kt/s", "magnitude: is a pure number, got '4kt/s'; leave the unit out"),
+        ("pitot_icing,magnitude=1kt", "magnitude: is in 1/s, got '1kt'"),
+        ("bias,magnitude=4 knts", "magnitude: unknown unit 'knts'; did you mean 'knots'?"),
+        ("bias,slop=2,magnitude=4deg", "slop: unknown key"),
         ("bias,magnitude=nan", "magnitude: must be a finite number, got nan"),
         ("bias,magnitude=", "magnitude: must be a finite number, got ''"),
         ("bias,channel=", "channel: must be text, got ''"),
@@ -326,8 +343,11 @@ def test_any_object_is_a_fault_or_a_dictionary_error(data, spoilt):
 
 @pytest.mark.parametrize("shape", [shape for shape in SHAPES if not has_channel(shape)])
 def test_a_fault_of_a_pressure_line_names_no_channel(shape):
-    fault = Fault(shape=shape, channel="cas")
+    """But as an entry of a dictionary, whose channel is the output that it is looked for in."""
+    fault = Fault(shape=shape)
     assert fault.channel == ""
+    assert Fault(shape="bias").channel == "tas"
+    assert fault_to_dict(fault) == fault_to_dict(Fault(shape=shape, channel="cas"))
     assert fault_to_dict(fault)["channel"] is None
     assert (fault_to_dict(fault)["magnitude"] is None) == (not SHAPES[shape].has_magnitude)
 

@@ -85,6 +85,7 @@ def test_files_the_user_names_are_read_wherever_they_lie(bfi: Callable, desk: Pa
     assert outcome.code == 0, outcome.stderr
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_a_log_opens_no_file(bfi: Callable, desk: Path):
     """The truth of a log may name a file; it is compared only where the dictionary names the same file."""
     (desk / "d.yaml").write_text("atoms: [{name: own, shape: samples, file: shape.csv, onset_s: 20}]")

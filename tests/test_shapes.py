@@ -109,9 +109,9 @@ def test_a_dictionary_holds_no_shape_that_depends_on_the_flight(part, name):
     entries = [{"shape": "bias"}, {"shape": name, "onset_s": 3.0}]
     with pytest.raises(DictionaryError) as refusal:
         load_dictionary({part: entries})
-    assert str(refusal.value).startswith(
-        f"dictionary: {part}[1].shape: a dictionary holds shapes whose signal the log tells, got '{name}'; "
-        "bfi inject adds it to a log; known: bias, drift, "
+    assert str(refusal.value) == (
+        f"dictionary: {part}[1].shape: no log tells the signal of a trapped line, which keeps no trace of the pressure "
+        f"outside, got '{name}'; use bfi diagnose, which holds the line's pressure against lift and altitude"
     )
 
 

@@ -97,6 +97,15 @@ def test_the_first_line_names_every_kind_without_a_fault():
     assert summarise(verdicts_of(declared), declared) == (
         "an oscillation was not looked for; a slow fault of any size could be there unseen"
     )
+    at_the_end = replace(
+        candidate("abrupt", "not_seen"), name="late", onset_s=59.0, note="too near an end of the window"
+    )
+    both = [at_the_end, candidate("abrupt", "excluded", effect=0.4)]
+    assert summarise(verdicts_of(both), both).startswith(
+        "a step of any size could be there unseen (late: too near an end of the window); an oscillation was not"
+    )
+    vast = [candidate("slow", "not_seen", effect=363.0)]  # more than an airspeed can be wrong
+    assert summarise(verdicts_of(vast), vast).endswith("; a slow fault of any size could be there unseen")
     suspected = [candidate("slow", "suspected"), candidate("slow", "excluded", effect=1.0)]
     assert summarise(verdicts_of(suspected), suspected).endswith("a slow fault is suspected (slow_suspected)")
     angles = [candidate("abrupt", "excluded", effect=0.0175, channel="aoa", unit="rad")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..airdata import HIGHEST
 from ..errors import ConfigError
 from ..jsbsim import CONTROLS, OUTPUTS, run
+from ..kernels.progress import Report, silent
 from .model import FlightPlan, Flown, NonlinearModel
 
 __all__ = ["PREFIX", "STICK", "jsbsim_model"]
@@ -53,15 +54,15 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
     tas = _airspeed(name, plan.tas_m_s, altitude)
     start = {"do": "fly", "name": name, "tas_m_s": tas, "altitude_m": altitude, "tour": plan.tour}
 
-    def fly(deviations: FloatArray, rate_hz: float, gusts: FloatArray | None) -> Flown:
+    def fly(deviations: FloatArray, rate_hz: float, gusts: FloatArray | None, report: Report = silent) -> Flown:
         """Return the flight in gusts and in the plan's wind."""
         still = np.zeros((0, 3)) if gusts is None else gusts
-        _, flown = run(who, {**start, "rate_hz": rate_hz}, {"sticks": deviations, "gusts": still})
+        answer, flown = run(who, {**start, "rate_hz": rate_hz}, {"sticks": deviations, "gusts": still}, report)
         outputs = flown["outputs"].copy()
         # A wind that is the same everywhere carries the aircraft along with its air.
         for channel, blowing in zip(("velocity_north", "velocity_east"), plan.wind_m_s, strict=True):
             outputs[:, OUTPUTS.index(channel)] += blowing
-        return Flown(inputs=flown["controls"], outputs=outputs, notes=_notes(deviations, flown))
+        return Flown(inputs=flown["controls"], outputs=outputs, notes=_notes(deviations, flown, answer["stops"]))
 
     return NonlinearModel(
         name=who,
@@ -72,13 +73,14 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
         source="JSBSim, an open-source flight dynamics model, and the aircraft that it brings",
         airspeed_m_s=tas,
         manoeuvred=("elevator",),
+        travel={"elevator": 1.0, "throttle": 1.0},
     )
 
 
-def _notes(deviations: FloatArray, flown: Mapping[str, FloatArray]) -> tuple[str, ...]:
+def _notes(deviations: FloatArray, flown: Mapping[str, FloatArray], stops: Sequence[str]) -> tuple[str, ...]:
     moved = bool(np.ptp(deviations[:, 0])) and not np.ptp(flown["controls"][:, 0])
     said = "'elevator' stands still: of this aircraft JSBSim states no deflection of it in radians"
-    return (said,) if moved else ()
+    return (*(f"{name} is held at its stop" for name in stops), *((said,) if moved else ()))
 
 
 @cache

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from ..channels import STANDARD
 from ..flightlog.record import frozen_array
+from ..kernels.progress import Report
 
 __all__ = [
     "Discretisation",
@@ -110,7 +110,9 @@ class NonlinearModel:
     inputs, outputs : standard channel names.
     units : of every input and output, by name; those of standard channels need not be given.
     fly : returns the flight from trim for input deviations, (n_samples, n_u), held between samples, at a rate in Hz, in
-        gusts, (n_samples, 3) headwind, from the right and upward in m/s, or in calm air (None).
+        gusts, (n_samples, 3) headwind, from the right and upward in m/s, or in calm air (None); tells a report the part
+        that is flown.
+    travel : by input, how far it can be moved to either side, in its own measure.
     source : where the numbers come from.
     airspeed_m_s : true airspeed of the trimmed flight; None where gusts are not modelled.
     manoeuvred : inputs that a manoeuvre moves, all alike; the first one where none is named.
@@ -120,11 +122,12 @@ class NonlinearModel:
     title: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    fly: Callable[[FloatArray, float, FloatArray | None], Flown]
+    fly: Callable[[FloatArray, float, FloatArray | None, Report], Flown]
     source: str
     airspeed_m_s: float | None = None
     manoeuvred: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    travel: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "units", _all_units(self.units, (*self.inputs, *self.outputs)))
@@ -140,9 +143,11 @@ def discretise(model: LinearModel, *, rate_hz: float, rule: Discretisation = "zo
     "zoh" is exact for an input held between samples and keeps D. "bilinear" (Tustin, the trapezoidal rule; that of the
     thesis's listing and of its eq. 5-5) lets the input act in the same sample too. "euler" is x + (A x + B u) / rate.
     """
+    from scipy.signal import cont2discrete
+
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise ValueError(f"the rate must be positive, got {rate_hz:g} Hz")
-    A, B, C, D, _ = signal.cont2discrete((model.A, model.B, model.C, model.D), 1.0 / rate_hz, method=rule)
+    A, B, C, D, _ = cont2discrete((model.A, model.B, model.C, model.D), 1.0 / rate_hz, method=rule)
     return A, B, C, D
 
 

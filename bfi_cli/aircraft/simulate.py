@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, frozen_array
+from ..kernels.progress import Report, silent
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
 
 __all__ = [
@@ -81,7 +82,7 @@ def manoeuvre(
         raise ConfigError(f"manoeuvre: unknown, got '{name}'{did_you_mean(name, (*MANOEUVRES, 'tour'))}")
     if not (np.isfinite([amplitude_rad, start_s, step_s]).all() and step_s > 0):
         raise ConfigError(
-            f"manoeuvre: needs finite numbers and a positive step, got amplitude {amplitude_rad:g} rad, "
+            f"manoeuvre: needs finite numbers and a positive step, got amplitude {amplitude_rad:g}, "
             f"start {start_s:g} s, step {step_s:g} s; change --amplitude, --start or --step"
         )
     units = (np.asarray(time_s, dtype=np.float64) - start_s) / step_s
@@ -110,9 +111,19 @@ def deviations(
 
     Raises
     ------
-    ConfigError : see `manoeuvre`; a doublet of a throttle that the model does not have.
+    ConfigError : see `manoeuvre`; a doublet of a throttle that the model does not have; more than the travel of a
+        control.
     """
     moved = model.manoeuvred or model.inputs[:1]
+    travel = model.travel if isinstance(model, NonlinearModel) else {}
+    for what, size, control in (("amplitude", amplitude, moved[0]), ("throttle", throttle, "throttle")):
+        most = travel.get(control, np.inf)
+        if abs(size) > most:
+            unit = f" {model.units[control]}" if model.units[control] != "1" and most != 1.0 else ""
+            raise ConfigError(
+                f"{model.name}: {what}: more than the travel of the {control}, {most:.3g}{unit} to either side, got "
+                f"{size:g}; give a smaller --{what}"
+            )
     course = manoeuvre(name, time_s, amplitude_rad=amplitude, start_s=start_s, step_s=step_s)
     u = np.outer(course, [float(one in moved) for one in model.inputs])
     if throttle != 0.0:
@@ -224,6 +235,7 @@ def simulate(
     turbulence: Dryden | None = None,
     noise_sd: Mapping[str, float] | None = None,
     quantum: Mapping[str, float] | None = None,
+    report: Report = silent,
 ) -> FlightLog:
     """Fly `model` from its trim with the input deviations `u` and record it.
 
@@ -241,6 +253,7 @@ def simulate(
     turbulence : gusts acting on the aircraft and on its air-data sensors.
     noise_sd : standard deviation of white measurement noise by output, in the output's unit.
     quantum : step of the recorded values by output, in the output's unit; zero for none.
+    report : of a nonlinear model told the part that is flown.
 
     Returns
     -------
@@ -278,7 +291,7 @@ def simulate(
     elif discretisation != "zoh":
         raise ConfigError(f"{model.name}: discretisation: held inputs only, got '{discretisation}'; leave it out")
     else:
-        flown = model.fly(u, rate_hz, _gusts(model, turbulence, len(u), rate_hz, gust_stream))
+        flown = model.fly(u, rate_hz, _gusts(model, turbulence, len(u), rate_hz, gust_stream), report)
     signals = dict(zip(model.inputs, flown.inputs.T, strict=True))
     for name, values, stream in zip(model.outputs, flown.outputs.T, noise_streams, strict=True):
         noisy, step = values + noise_sd.get(name, 0.0) * stream.standard_normal(len(u)), quantum.get(name, 0.0)

@@ -7,7 +7,6 @@ along body x, forward. Sideslip is neglected.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G
 from .domain import FloatArray
@@ -115,6 +114,8 @@ def constant_wind(north: FloatArray, east: FloatArray, horizontal: FloatArray) -
     ------
     ValueError : no sample is left.
     """
+    from scipy.optimize import least_squares
+
     kept = np.isfinite(north) & np.isfinite(east) & np.isfinite(horizontal)
     if not kept.any():
         raise ValueError("a wind needs ground velocity and airspeed, got no sample with both")

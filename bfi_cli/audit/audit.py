@@ -14,7 +14,7 @@ from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, with
 from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
-from ..shapes import SHAPES
+from ..shapes import ADDITIVE
 from .comparison import advised, compare, own_channel, sentences
 from .entries import (
     AuditWindow,
@@ -71,7 +71,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     values = None if theta is None else own_channel(theta)
     dead = ((j, dead_reason(fault, span.start_s, span.stop_s)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
-    reasons |= {j: no_signal(one) for j, one in enumerate(faults) if SHAPES[one.shape].acts_on in ("course", "reading")}
+    reasons |= {j: no_signal(one) for j, one in enumerate(faults) if one.shape not in ADDITIVE}
     if theta is not None and values is not None:
         rest = [j for j in range(len(faults)) if j not in reasons]
         reasons |= advised(unusable_atoms(theta, names, rest), values)
@@ -159,6 +159,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     window = prepare_window(clean, dictionary, config)
     fitted = fit_fault_free(window, config)
     given, faults, names, live = window.signals, window.faults, window.names, list(window.live)
+    theta = np.asarray(given.theta)
     channels, first = window.log.channels, fitted.regression.layout.first
     span = AuditWindow(
         start_s=window.window_start_s,
@@ -170,16 +171,16 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
         faults=faults,
         names=names,
         units=tuple(channels[f.channel].unit if f.channel in channels else unit_of(f.channel) for f in faults),
-        reasons=reasons_of(faults, names, advised(window.reasons, own_channel(given.theta))),
+        reasons=reasons_of(faults, names, advised(window.reasons, own_channel(theta))),
         remarks=remarks_of(
             {j: faults[j] for j in live},
             span,
-            own_channel(given.theta[first:, :, live]),
+            own_channel(theta[first:, :, live]),
             largest_model=max(fitted.regression.orders),
             n_outputs=len(window.outputs),
         ),
     )
-    theta = given.theta[:, :, live]
+    theta = theta[:, :, live]
     left = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1))
     raw_norm = fitted.unfolded.raw_norm
     detectable, exactly = fault_free_limits(window, config)

@@ -22,7 +22,7 @@ from .options import (
     with_options,
 )
 from .output import emit
-from .progress import stages
+from .progress import stage, stages
 
 __all__ = ["command"]
 
@@ -50,19 +50,21 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
 
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
-    from ..files import check_folder
-    from ..identify.document import identify_document
-    from ..identify.from_scan import identify_and_scan, identify_from_scan
-    from ..identify.report import DRAWINGS, TABLES, identify_content
-    from ..provenance import provenance
-    from ..report.files import content_names
-
     config = config_of(config_path, options)
     dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     inputs = inputs_of(config, log, dictionary=dictionary)
-    if options["out"] is not None:
-        check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
-    flight = log_of(log, config)
+    with stage("reading the log", wanted=options["progress"]):
+        # What is imported here takes as long as a short log.
+        from ..files import check_folder
+        from ..identify.document import identify_document
+        from ..identify.from_scan import identify_and_scan, identify_from_scan
+        from ..identify.report import DRAWINGS, TABLES, identify_content
+        from ..provenance import provenance
+        from ..report.files import content_names
+
+        if options["out"] is not None:
+            check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
+        flight = log_of(log, config)
     config, notes = settled(flight, config)
     if dictionary is not None:  # its entries may act on the output, which is known now
         dictionary = config.load_dictionary(allow_outside=options["allow_outside"])

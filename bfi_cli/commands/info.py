@@ -10,16 +10,7 @@ import click
 from ..flightlog import inspect_log, read_log
 from ..flightlog.report import info_content, info_document
 from ..provenance import provenance
-from .options import (
-    CHANNELS,
-    channel_options,
-    json_option,
-    log_argument,
-    out_options,
-    units_of,
-    units_option,
-    window_options,
-)
+from .options import CHANNELS, config_of, inputs_of, log_argument, source_of, units_of, with_options
 from .output import emit
 
 __all__ = ["command"]
@@ -29,20 +20,22 @@ TABLES = ("channels", "derived", "phases", "excitation", "windows", "segments")
 
 @click.command("info")
 @log_argument
-@channel_options
-@window_options
-@units_option
-@out_options
-@json_option
-def command(log: str, *, from_s: float | None, to_s: float | None, units: str | None, **options: Any) -> None:
-    """Show channels, units, rate, gaps, held samples, excitation of a log, its phases and windows to analyse."""
+@with_options("config_path", *CHANNELS, "from_s", "to_s", "allow_outside", "units", "out", "force", "as_json")
+def command(log: str, *, config_path: str | None, **options: Any) -> None:
+    """Show channels, units, rate, gaps, held samples, excitation of a log, its phases and windows to analyse.
+
+    Of a configuration file counts what says how the log is read, its window and the units to show.
+    """
+    config = config_of(config_path, options)
+    inputs, window = inputs_of(config, log), config.window
     if options["out"] is not None:
         from ..files import check_folder
         from ..report.files import content_names
 
-        check_folder(options["out"], content_names(("phases",), TABLES), inputs=(log,), force=options["force"])
-    source = {key: options[key] for key in CHANNELS}
-    flight = read_log(log, from_s=from_s, to_s=to_s, **source).window(from_s, to_s)
-    origin = provenance(log_sha256=flight.sha256)
+        check_folder(options["out"], content_names(("phases",), TABLES), inputs=inputs, force=options["force"])
+    flight = read_log(log, from_s=window.from_s, to_s=window.to_s, **source_of(config))
+    flight = flight.window(window.from_s, window.to_s)
+    origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
     document = info_document(inspect_log(flight), origin)
-    emit(partial(info_content, document), document, options, units=units_of(units), origin=origin, inputs=(log,))
+    units = units_of(config.shown_units)
+    emit(partial(info_content, document), document, options, units=units, origin=origin, inputs=inputs)

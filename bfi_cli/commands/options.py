@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "doubts"]
 __all__ += ["exit_code"]
 __all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
-__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "units_of", "units_option"]
-__all__ += ["window_options", "with_options"]
+__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "source_of", "units_of"]
+__all__ += ["units_option", "window_options", "with_options"]
 
 Command = Callable[..., Any]
 Callback = Callable[[click.Context, click.Parameter, Any], Any]
@@ -364,10 +364,12 @@ def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
     config = load_config(path, allow_outside=given["allow_outside"]) if path is not None else Config()
     named = {OPTIONS[name].key: value for name, value in given.items() if name in OPTIONS}
     values = {key: value for key, value in named.items() if key and value is not None and value not in ((), {})}
+    flags = {key: FLAGS[key] for key in values}
     for key in {"channels", "units", "tolerances"} & values.keys():
+        flags |= {f"{key}.{name}": FLAGS[key] for name in values[key]}
         values[key] = {**getattr(config, key), **values[key]}
     try:
-        return merge(config, values)
+        return merge(config, values, flags=flags)
     except ConfigError as error:
         complaints = str(error).partition(": ")[2].split(" | ")
         raise ConfigError(" | ".join(_by_option(complaint, values) for complaint in complaints)) from None
@@ -377,6 +379,9 @@ def _by_option(complaint: str, values: Mapping[str, Any]) -> str:
     """Return a complaint about a key, or about a whole section, with the options that were given for it."""
     place, colon, what = complaint.partition(": ")
     key = place.partition("[")[0]
+    section, _, name = key.partition(".")
+    if name and section in values:  # an entry of a mapping
+        key, what = section, f"{name}: {what}"
     flags = [flag for one, flag in FLAGS.items() if one in values and (one == key or one.startswith(f"{key}."))]
     return f"{'/'.join(flags)}: {what}" if colon and flags else f"command line: {complaint}"
 
@@ -402,16 +407,18 @@ def log_of(path: str, config: Config) -> FlightLog:
     if config.detect.train is not None and from_s is not None:
         from_s = min(from_s, config.detect.train[0])
     from_s, to_s = with_reach(rate if isinstance(rate, float) else None, from_s, to_s)
-    return read_log(
-        path,
-        group=config.group,
-        channel_map=dict(config.channels),
-        unit_map=dict(config.units),
-        from_s=from_s,
-        to_s=to_s,
-        sample_rate_hz=config.sample_rate_hz,
-        fill_s=config.fill_s,
-    )
+    return read_log(path, from_s=from_s, to_s=to_s, **source_of(config))
+
+
+def source_of(config: Config) -> dict[str, Any]:
+    """Return what the configuration says of how a file is read, for `bfi_cli.flightlog.read_log`."""
+    return {
+        "group": config.group,
+        "channel_map": dict(config.channels),
+        "unit_map": dict(config.units),
+        "sample_rate_hz": config.sample_rate_hz,
+        "fill_s": config.fill_s,
+    }
 
 
 def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
@@ -429,13 +436,16 @@ def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]
     They say what was taken, which windows a long log has unless one was asked for, and ask about values that cannot be
     and units that nobody has stated; the terminal is told too.
     """
-    from ..flightlog.quality import advice_on_windows
+    from ..flightlog.quality import advice_on_the_ground, advice_on_windows
     from ..preprocessing.defaults import with_defaults_of
 
     asked = (config.window.from_s, config.window.to_s) != (None, None)
     config, notes = with_defaults_of(flight, config)
     whole = (config.window.from_s, config.window.to_s) == (None, None)
     if not asked and (advice := advice_on_windows(flight, whole=whole)) is not None:
+        notes = (advice, *notes)
+    span = config.window
+    if (advice := advice_on_the_ground(flight, span.from_s, span.to_s, suspects=config.outputs)) is not None:
         notes = (advice, *notes)
     for sentence in notes:
         note(sentence)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..display_units import SI, Units
+from ..display_units import IN_FILES, Units
 from ..errors import ConfigError
 from ..printable import printable
 from .progress import stages
@@ -52,7 +52,7 @@ def emit(
     inputs : the files that the command reads.
     """
     content = content_in(units)
-    plain = content if units.name == "si" or options["out"] is None else content_in(SI)
+    plain = content if options["out"] is None else content_in(IN_FILES)
     write(content, document, options, plain=plain, origin=origin, inputs=inputs)
     show(document, content, as_json=options["as_json"], series=options.get("series", False))
 
@@ -69,7 +69,7 @@ def write(
 ) -> None:
     """Write the files of an answer to the folder of --out, if given, the document under the name `stored`.
 
-    `plain` is the content in SI, where `content` is in other units.
+    `plain` is the content as stored, in SI and radians, where `content` is in other units.
     """
     if options["out"] is None:
         return

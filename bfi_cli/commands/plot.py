@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..errors import ConfigError
-from .options import CHANNELS, pairs, units_of, units_option, window_options, with_options
+from .options import CHANNELS, config_of, inputs_of, pairs, source_of, units_of, with_options
 from .output import emit
 
 __all__ = ["command"]
@@ -38,8 +38,7 @@ def _channels(context: click.Context, option: click.Parameter, texts: tuple[str,
     help="Draw this channel; repeatable. STD=NAME takes the channel NAME of the file as STD.  [default: airspeed, "
     "altitude, attitude, angle of attack, normal acceleration, elevator, throttle]",
 )
-@with_options(*OF_THE_FILE)
-@window_options
+@with_options("config_path", *OF_THE_FILE, "from_s", "to_s", "allow_outside")
 @click.option(
     "--events",
     "results",
@@ -48,34 +47,33 @@ def _channels(context: click.Context, option: click.Parameter, texts: tuple[str,
     type=click.Path(),
     help="Draw what this result of identify, start-time, detect or diagnose declares and suspects; repeatable.",
 )
-@units_option
-@with_options("out", out="Write figures, zoom.html, report, tables and result; needed without --json.")
-@with_options("force")
-@with_options("as_json", "series")
+@with_options(
+    *("units", "out", "force", "as_json", "series"),
+    out="Write figures, zoom.html, report, tables and result; needed without --json.",
+)
 def command(
     logs: tuple[str, ...],
     channels: tuple[tuple[str, ...], dict[str, str]],
     results: tuple[str, ...],
-    from_s: float | None,
-    to_s: float | None,
-    units: str | None,
+    config_path: str | None,
     **options: Any,
 ) -> None:
     """Draw the channels of one LOG, or of several over each other, before anything is analysed.
 
     Above the channels stand the phases of the flight, its manoeuvres, the windows that are worth an analysis, ranked,
     and the events of stored results. zoom.html shows the same in a browser, to zoom and to move; it needs no network.
+    Of a configuration file counts what says how the logs are read, its window and the units to show.
     """
     if options["out"] is None and not options["as_json"]:
         raise ConfigError("bfi plot: --out is missing; give --out DIR, or --json for phases and windows alone")
-    if from_s is not None and to_s is not None and not to_s > from_s:
-        raise ConfigError(f"--from/--to: to_s must be after from_s ({from_s:g} s), got {to_s:g} s; give a later --to")
     from ..flightlog import read_log
     from ..flightlog.events import read_events
     from ..flightlog.plot import MOST_PANELS, plot_content, plot_document
     from ..provenance import provenance
 
     names, channel_map = channels
+    config = config_of(config_path, {**options, "channel_map": channel_map})
+    inputs, from_s, to_s = (*inputs_of(config, *logs), *results), config.window.from_s, config.window.to_s
     if options["out"] is not None:
         from ..files import check_folder
         from ..report.files import content_names
@@ -84,12 +82,11 @@ def command(
         files = content_names(
             ("channels", *(f"channels_{i + 1}" for i in pages)), ("events", "windows", "phases"), zoom=True
         )
-        check_folder(options["out"], files, inputs=(*logs, *results), force=options["force"])
+        check_folder(options["out"], files, inputs=inputs, force=options["force"])
     found = [(path, *read_events(path)) for path in results]
-    source = {"channel_map": channel_map, **{key: options[key] for key in OF_THE_FILE}}
-    flights = [read_log(log, from_s=from_s, to_s=to_s, **source) for log in logs]
+    flights = [read_log(log, from_s=from_s, to_s=to_s, **source_of(config)) for log in logs]
     known = {flight.sha256 for flight in flights}
-    origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights))
+    origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
     document = plot_document(
         flights,
         names,
@@ -103,5 +100,5 @@ def command(
             if sha256 and sha256 not in known
         ],
     )
-    content_in = partial(plot_content, document)
-    emit(content_in, document, options, units=units_of(units), origin=origin, inputs=(*logs, *results))
+    content_in, units = partial(plot_content, document), units_of(config.shown_units)
+    emit(content_in, document, options, units=units, origin=origin, inputs=inputs)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..display_units import IN_FILES
 from ..errors import ConfigError
 from ..provenance import Provenance
 from ..serialization import from_plain, member
@@ -57,14 +58,32 @@ WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 @force_option
 @series_option
 def command(result: Path, out: Path | None, *, units: str | None, force: bool, as_json: bool, series: bool) -> None:
-    """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin), in any units."""
+    """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin), in any units.
+
+    With --json, and without --out, nothing is drawn: the document goes to stdout.
+    """
+    document, where = _read(result), str(result)
+    content = _content(document, where, units_of(units))
+    origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
+    if out is not None or not as_json:
+        _draw(document, (content, _content(document, where, IN_FILES)), origin, out, result, force=force)
+    show(document, content, as_json=as_json, series=series)
+
+
+def _draw(
+    document: Mapping[str, Any],
+    contents: tuple[ReportContent, ReportContent],
+    origin: Provenance,
+    out: Path | None,
+    result: Path,
+    *,
+    force: bool,
+) -> None:
+    """Write the files of a document, as it is shown and as files have it, to `out` or beside its `result`."""
     from ..files import replace_files, same_file
     from ..report.files import content_files
 
-    document, where = _read(result), str(result)
-    content = _content(document, where, units_of(units))
-    plain = content if units in (None, "si") else _content(document, where, units_of(None))
-    origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
+    content, plain = contents
     stored = STORED.get(document["kind"], "result.json")
     files = content_files(content, document, origin, plain=plain, stored=stored)
     folder = out if out is not None else result.parent
@@ -74,7 +93,6 @@ def command(result: Path, out: Path | None, *, units: str | None, force: bool, a
         del files[stored]
     replace_files(files, folder, inputs=[result], force=force or beside)
     note(f"wrote {folder / 'report.html'}")
-    show(document, content, as_json=as_json, series=series)
 
 
 def _content(document: object, where: str, units: Units) -> ReportContent:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from ..errors import ConfigError
-from .options import json_option, out_option, pairs, units_of
+from .options import json_option, out_option, pairs, progress_option, units_of
 from .output import write_and_show
+from .progress import stages
 
 __all__ = ["command"]
 
@@ -19,6 +23,40 @@ AMPLITUDE = f"""
     Largest deflection, rad; of jsbsim the part of the stick's travel.  [default: {RADIANS}; of jsbsim 0.08]"""
 THROTTLE = "Size of a throttle doublet that follows the manoeuvre, of f16 and jsbsim; 1 is the lever's travel."
 WIND = "Steady wind in m/s to the north and east, of jsbsim.  [default: calm]"
+
+
+def _check(context: click.Context, options: dict[str, Any]) -> None:
+    """Refuse options that cannot be, or that move nothing.
+
+    Raises
+    ------
+    ConfigError : names the option and what to do.
+    """
+    from ..aircraft.simulate import THROTTLE_AFTER
+
+    given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+    manoeuvre, throttle = options["manoeuvre"], options["throttle"]
+    start, step, end = options["start"], options["step"], options["duration"]
+    still = manoeuvre in ("none", "tour")
+    if still and "amplitude" in given:
+        raise ConfigError(f"--amplitude: moves nothing with --manoeuvre {manoeuvre}; leave one of the two out")
+    for name in ("start", "step"):
+        if still and not throttle and name in given:
+            what = f"times a manoeuvre or a throttle doublet, and --manoeuvre {manoeuvre} has none"
+            raise ConfigError(f"--{name}: {what}; leave it out, or give --throttle")
+    if options["amplitude"] == 0.0 and not throttle:
+        raise ConfigError("--amplitude: moves nothing, got 0; give another size, or --manoeuvre none")
+    if start < 0.0:
+        raise ConfigError(f"--start: must be 0 or more, got {start:g} s; give when the manoeuvre begins in the log")
+    if not still and 0.0 < end <= start < math.inf:
+        what = f"the manoeuvre begins at {start:g} s, and the log ends at {end:g} s"
+        raise ConfigError(f"--start: {what}; give an earlier --start or a longer --duration")
+    begins = start + THROTTLE_AFTER * step
+    if throttle and 0.0 < end <= begins < math.inf:
+        what = (
+            f"its doublet begins at {begins:g} s, {THROTTLE_AFTER:g} steps after --start, and the log ends at {end:g} s"
+        )
+        raise ConfigError(f"--throttle: {what}; give a longer --duration or a shorter --step")
 
 
 @click.command("simulate")
@@ -44,8 +82,20 @@ WIND = "Steady wind in m/s to the north and east, of jsbsim.  [default: calm]"
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and turbulence."
 )
+@progress_option
 @json_option
-def command(*, name: str | None, model_file: str | None, out: Path, force: bool, as_json: bool, **options: Any) -> None:
+@click.pass_context
+def command(
+    context: click.Context,
+    /,
+    *,
+    name: str | None,
+    model_file: str | None,
+    out: Path,
+    force: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
     MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines),
@@ -59,6 +109,7 @@ def command(*, name: str | None, model_file: str | None, out: Path, force: bool,
     from .. import aircraft
     from ..files import check_files
 
+    _check(context, options)
     check_files([out], inputs=() if model_file is None else (model_file,), force=force)
     tour = options["manoeuvre"] == "tour"
     plan = aircraft.FlightPlan(
@@ -82,22 +133,25 @@ def command(*, name: str | None, model_file: str | None, out: Path, force: bool,
         )
     time_s = aircraft.time_axis(duration_s=options["duration"], rate_hz=options["rate"])
     usual = aircraft.STICK if model.name.startswith(aircraft.PREFIX) else RADIANS
-    log = aircraft.simulate(
+    moved = aircraft.deviations(
         model,
-        aircraft.deviations(
-            model,
-            "none" if tour else options["manoeuvre"],
-            time_s,
-            amplitude=usual if options["amplitude"] is None else options["amplitude"],
-            start_s=options["start"],
-            step_s=options["step"],
-            throttle=options["throttle"],
-        ),
-        rng=np.random.default_rng(options["seed"]),
-        rate_hz=options["rate"],
-        discretisation=options["discretisation"],
-        turbulence=aircraft.Dryden(sigma_m_s=options["turbulence"]) if options["turbulence"] else None,
-        noise_sd=options["noise"],
-        quantum=options["quantum"],
+        "none" if tour else options["manoeuvre"],
+        time_s,
+        amplitude=usual if options["amplitude"] is None else options["amplitude"],
+        start_s=options["start"],
+        step_s=options["step"],
+        throttle=options["throttle"],
     )
+    with stages(wanted=options["progress"]) as progress:
+        log = aircraft.simulate(
+            model,
+            moved,
+            rng=np.random.default_rng(options["seed"]),
+            rate_hz=options["rate"],
+            discretisation=options["discretisation"],
+            turbulence=aircraft.Dryden(sigma_m_s=options["turbulence"]) if options["turbulence"] else None,
+            noise_sd=options["noise"],
+            quantum=options["quantum"],
+            report=partial(progress, "flight"),
+        )
     write_and_show(log, out, kind="simulate", seed=options["seed"], as_json=as_json, units=units_of(None))

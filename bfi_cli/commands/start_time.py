@@ -22,7 +22,7 @@ from .options import (
     with_options,
 )
 from .output import emit
-from .progress import stages
+from .progress import stage, stages
 
 __all__ = ["command"]
 
@@ -39,16 +39,18 @@ DRAWINGS, TABLES = ("hidden", "profile", "outputs"), ("faults", "candidates", "p
 @click.pass_context
 def command(context: click.Context, /, log: str, config_path: str | None, **options: Any) -> None:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
-    from ..files import check_folder
-    from ..onset import find_onset, onset_content, onset_document
-    from ..provenance import provenance
-    from ..report.files import content_names
-
     config = config_of(config_path, options)
     inputs = inputs_of(config, log)
-    if options["out"] is not None:
-        check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
-    flight = log_of(log, config)
+    with stage("reading the log", wanted=options["progress"]):
+        # What is imported here takes as long as a short log.
+        from ..files import check_folder
+        from ..onset import find_onset, onset_content, onset_document
+        from ..provenance import provenance
+        from ..report.files import content_names
+
+        if options["out"] is not None:
+            check_folder(options["out"], content_names(DRAWINGS, TABLES), inputs=inputs, force=options["force"])
+        flight = log_of(log, config)
     config, notes = settled(flight, config)
     with stages(wanted=options["progress"]) as progress:
         result = find_onset(flight, config, progress)

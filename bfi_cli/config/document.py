@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -31,7 +30,7 @@ from ..errors import ConfigError, LogError
 from ..faults import did_you_mean, shown
 from ..identify.methods import METHODS
 from ..shapes import SCANNED, Kind, ScannedShape
-from ..units import factor_and_offset, si_unit
+from ..units import change_in_si
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
 from ..verdicts import KINDS
 from ..yaml12 import load_yaml, read_text
@@ -41,8 +40,6 @@ __all__ += ["Diagnose", "DictionarySource", "Dmae", "Model", "Names", "Natural",
 __all__ += ["StartTime", "Window", "json_schema", "load_config", "merge"]
 
 
-# "5kt", "1.5e1 ft": a number and a unit that begins with no digit.
-AMOUNT = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.].*)")
 # What editors know of keys that hold more than one kind of value.
 UNITS_SCHEMA = {
     "anyOf": [
@@ -89,16 +86,18 @@ def _in_si(tolerances: Any) -> Any:
 
 
 def _tolerance(name: str, text: str) -> float:
-    amount = AMOUNT.fullmatch(text.strip())
-    if amount is None:
-        raise ValueError(f"{name}: not a number with a unit, got {shown(text)}; write one like 2.6 or 5kt")
     try:
-        factor, _ = factor_and_offset(amount["unit"])  # an error of a temperature has no offset
+        size, unit = change_in_si(text)
+    except ValueError:
+        what = f"{name}: not a number with a unit, got {shown(text)}"
+        raise ValueError(f"{what}; write one like 2.6 or 5kt") from None
     except LogError as error:
         raise ValueError(f"{name}: {str(error).removeprefix('unit: ')}") from None
-    if name in STANDARD and si_unit(amount["unit"]) != STANDARD[name].unit:
+    if name in STANDARD and unit != STANDARD[name].unit:
         raise ValueError(f"{name}: is in {STANDARD[name].unit}, got {shown(text)}; give a unit of that kind")
-    return factor * float(amount["number"])
+    if not size > 0.0:
+        raise ValueError(f"{name}: must be greater than 0, got {shown(text)}")
+    return size
 
 
 PathText = Annotated[Text, WrapValidator(_path)]
@@ -129,7 +128,7 @@ class Window(Rules):
     @model_validator(mode="after")
     def _is_not_empty(self) -> Window:
         if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
-            raise ValueError(f"to_s must be after from_s ({self.from_s:g} s), got {self.to_s:g} s")
+            raise ValueError(f"to_s must be after from_s ({self.from_s:g} s), got {self.to_s:g} s; give a later one")
         return self
 
 
@@ -393,6 +392,7 @@ class Config(Rules):
 
     _path: str | None = PrivateAttr(default=None)
     _sha256: str | None = PrivateAttr(default=None)
+    _flags: Mapping[str, str] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="before")
     @classmethod
@@ -434,6 +434,10 @@ class Config(Rules):
         """Of the file, None for the defaults."""
         return self._sha256
 
+    def place(self, key: str) -> str:
+        """Return where the value of a key stands, for a message: an option, or the key itself behind its file."""
+        return self._flags.get(key) or (f"{self._path}: {key}" if self._path else key)
+
     def load_dictionary(self, *, allow_outside: bool = False) -> Dictionary | None:
         """Return the dictionary the configuration names or holds, None where there is none.
 
@@ -473,12 +477,19 @@ def load_config(path: str | Path, *, allow_outside: bool = False) -> Config:
     return _with_origin(config, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
 
 
-def merge(config: Config, overrides: Mapping[str, Any], *, where: str = "command line") -> Config:
+def merge(
+    config: Config,
+    overrides: Mapping[str, Any],
+    *,
+    where: str = "command line",
+    flags: Mapping[str, str] | None = None,
+) -> Config:
     """Return the configuration with values of the command line in place of its own.
 
     Parameters
     ----------
     overrides : value by dotted path ("model.order"); None means not given. Paths are relative to the working directory.
+    flags : by dotted path the option of the command line that a value came with, see `Config.place`.
 
     Raises
     ------
@@ -494,7 +505,9 @@ def merge(config: Config, overrides: Mapping[str, Any], *, where: str = "command
                 section[parent] = dict(below) if isinstance(below, Mapping) else {}
                 section = section[parent]
             section[key] = value
-    return _with_origin(validate(Config, data, where=where, error=ConfigError), config.path, config.sha256)
+    merged = _with_origin(validate(Config, data, where=where, error=ConfigError), config.path, config.sha256)
+    merged._flags = {**config._flags, **(flags or {})}
+    return merged
 
 
 def _with_origin(config: Config, path: str | None, sha256: str | None) -> Config:

@@ -13,6 +13,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.nullspace import criteria
+from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
@@ -35,6 +36,10 @@ NARROWEST, SPARE = 10, 5
 # Share of the largest criterion below which a channel is not declared: what a failure inside the window leaves in the
 # other channels is smaller by orders of magnitude (H, after eq. 29).
 SELECTIVE = 1e-2
+# Samples per second and Hz of a recorder's edge above which its low-pass spreads a step over several of them. At 10 Hz
+# behind an edge of 0.75 Hz limits of sharp steps excluded 0.006 m/s where a step of 0.5 m/s raised no alarm; at the
+# rate of an identification, 4.5 per edge, a step of 1 m/s is declared and the limits are above it.
+RATE_PER_EDGE = 1.1 * SAMPLES_PER_EDGE["estimate"]
 SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
 # What must be excluded for a "no fault" where the user does not say: nothing but steps is looked for.
 REQUIRED: tuple[Kind, ...] = ("abrupt",)
@@ -59,7 +64,7 @@ def detect_faults(
     """
     with threadpool_limits(1):
         prepared = prepare_record(log, config)
-        tolerances = tolerances_of(log, prepared.part, prepared.outputs, config.tolerances)
+        tolerances = tolerances_of(log, prepared.part, prepared.outputs, config)
         if config.detect.method == "exact" or (config.detect.method == "auto" and prepared.exact):
             result, limits = _exact_result(prepared, config)
             if result.is_calibrated or config.detect.method == "exact":
@@ -113,6 +118,8 @@ def _with_verdicts(
 
 def _helps(prepared: PreparedRecord, config: Config, limits: StepLimits | None) -> list[str]:
     """Return what lowers the limits, or lets them pass."""
+    if limits is None and prepared.recorder_hz is not None and config.detect.method != "exact":
+        return [f"--rate {SAMPLES_PER_EDGE['estimate'] * prepared.recorder_hz:.2g}"]
     if limits is None:
         return ["--method parity"]
     if not len(limits.onset_s):
@@ -161,6 +168,7 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResul
                 statistic=float(channel[i, k]),
                 threshold=LEVEL,
                 size=None,
+                ci95=None,
                 unit=prepared.units[k],
             )
             for k in np.flatnonzero(above & (last < i - width))
@@ -218,8 +226,8 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResul
 
 def _parity_result(
     prepared: PreparedRecord, config: Config, report: Callable[[int, int], None]
-) -> tuple[DetectResult, StepLimits]:
-    """Return what the parity residuals say at the rate of the analysis, and its limits.
+) -> tuple[DetectResult, StepLimits | None]:
+    """Return what the parity residuals say at the rate of the analysis, and its limits, None where it has none.
 
     The calibration is that of the first pass.
     """
@@ -234,6 +242,7 @@ def _parity_result(
             statistic=failure.deviate,
             threshold=failure.level,
             size=failure.size,
+            ci95=failure.ci95,
             unit=prepared.units[failure.output],
         )
         for failure in failures
@@ -287,6 +296,14 @@ def _parity_result(
         commands=_identify_command(prepared, alarms),
         notes=(*prepared.notes, f"rate: {prepared.choice.reason}", SLOW, *_threshold_notes(prepared, threshold)),
     )
+    edge_hz = prepared.recorder_hz
+    if edge_hz is not None and samples.rate_hz > RATE_PER_EDGE * edge_hz:
+        note = (
+            f"the recorder's low-pass (gain one half at {edge_hz:.3g} Hz) spreads a step over several samples at "
+            f"{samples.rate_hz:.3g} Hz, and what a sharp one would show does not bound it: no step is excluded; "
+            f"--rate {SAMPLES_PER_EDGE['estimate'] * edge_hz:.2g} gives limits"
+        )
+        return replace(result, notes=(*result.notes, note)), None
     return result, parity_limits(samples, passes, factor=SMEARED if prepared.filtered else ABSORBED)
 
 

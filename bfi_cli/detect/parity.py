@@ -19,6 +19,7 @@ from ..kernels.lagged import lagged
 from ..kernels.parity import Drops, largest_drops, past_basis
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
 from ..kernels.running_weights import running_weights
+from ..kernels.step_height import StepHeight, step_height
 from .preparation import DecimatedRecord
 
 # A step is sought among the onsets of the last rows, or of the last second if that is more: a failure that shows later
@@ -72,6 +73,7 @@ class Predictor:
     lags, rank, forgetting : samples of the past, directions of it, weight of a row relative to the next.
     basis : (at least lags * n_outputs, r) maps the stacked past to the last r regressors.
     unit : (n_outputs,) standard deviation of the noise, the unit of the errors.
+    X, Y : (n_rows, n_regressors) and (n_rows, n_outputs), the regression.
     """
 
     samples: NDArray[np.intp]
@@ -82,6 +84,8 @@ class Predictor:
     basis: FloatArray
     unit: FloatArray
     errors: RecursiveResiduals
+    X: FloatArray
+    Y: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -151,6 +155,7 @@ def fit_predictor(path: str, samples: DecimatedRecord, channels: Sequence[int]) 
     chosen = _rows(data, lags, rank)
     rows = _with_unseen(data, chosen)
     kept = data.kept[rows.first :]
+    X, Y = rows.X[kept], rows.Y[kept]
     return Predictor(
         samples=rows.first + np.flatnonzero(kept),
         n_healthy=data.n_healthy - rows.first,
@@ -159,9 +164,9 @@ def fit_predictor(path: str, samples: DecimatedRecord, channels: Sequence[int]) 
         forgetting=forgetting,
         basis=rows.basis,
         unit=data.unit,
-        errors=recursive_residuals(
-            rows.X[kept], rows.Y[kept], start=data.half - rows.first, forgetting=forgetting, prior=rows.prior
-        ),
+        errors=recursive_residuals(X, Y, start=data.half - rows.first, forgetting=forgetting, prior=rows.prior),
+        X=X,
+        Y=Y,
     )
 
 
@@ -281,14 +286,18 @@ class MonitoringPass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failure:
-    """A channel that fails: index of the output, samples of decision and onset, deviate and its level, step in SI."""
+    """A channel that fails: index of the output, samples of decision and onset, deviate and its level.
+
+    `size` and `ci95` are of the step, in SI; None where the record does not determine it.
+    """
 
     output: int
     sample: int
     onset: int
     deviate: float
     level: float
-    size: float
+    size: float | None
+    ci95: tuple[float, float] | None
 
 
 def detect_sequentially(
@@ -336,8 +345,7 @@ def detect_sequentially(
             break
         row = int(above[0])
         k = int(drops.deviate[row].argmax())
-        # The size of the step is read at once: from later rows the predictor has learnt, of a step of 20 standard
-        # deviations so much that its size is told twice too large.
+        height = _height(samples, model, row - int(drops.age[row, k]), k)
         failures.append(
             Failure(
                 output=channels.pop(k),
@@ -345,10 +353,49 @@ def detect_sequentially(
                 onset=int(at[row] - drops.age[row, k]),
                 deviate=float(drops.deviate[row, k]),
                 level=float(threshold.level[k]),
-                size=float(drops.size[row, k] * model.unit[k]),
+                size=None if height is None else height.height * float(model.unit[k]),
+                ci95=None
+                if height is None
+                else (height.low * float(model.unit[k]), height.high * float(model.unit[k])),
             )
         )
     return failures, passes
+
+
+def _height(samples: DecimatedRecord, model: Predictor, onset: int, output: int) -> StepHeight | None:
+    """Return the height of a step in one of the watched outputs; None where the record does not determine it.
+
+    What goes on growing is no step and has no height: it is told over one stretch after the onset, and must be the same
+    over the next where the record has one.
+
+    Parameters
+    ----------
+    onset : row of the errors at which it begins to show; the filters smear it over `smear_s` to each side.
+    """
+    start, smear = model.errors.start, int(np.ceil(samples.smear_s * samples.rate_hz)) + 1
+    begin, n_shared = start + onset - smear, max(SHORTEST_WINDOW, round(WINDOW_S * samples.rate_hz))
+
+    def height_after(n_free: int) -> StepHeight | None:
+        rows = model.samples[max(begin, 0) : begin + n_free + n_shared]
+        if begin <= start or len(rows) < n_free + n_shared or rows[-1] - rows[0] >= len(rows):
+            return None
+        return step_height(
+            model.X,
+            model.Y,
+            model.errors.coefficients,
+            model.basis,
+            start=start,
+            begin=begin,
+            n_free=n_free,
+            n_shared=n_shared,
+            output=output,
+        )
+
+    first, then = height_after(2 * smear), height_after(2 * smear + n_shared)
+    if first is None or then is None:
+        return first
+    apart = np.hypot(first.high - first.height, then.high - then.height)
+    return first if abs(first.height - then.height) <= apart else None
 
 
 def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float, *, gusts: float) -> DetectionThreshold:

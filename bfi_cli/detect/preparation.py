@@ -14,7 +14,7 @@ from ..filters import response_of
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
 from ..kernels import FloatArray
-from ..kernels.decimation import WHITE, decimate, lost_samples
+from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
@@ -30,6 +30,11 @@ LATERAL = ("aileron", "rudder")
 FELT = ("longitudinal_acc", "normal_acc")
 # A failure shows at once, which a higher rate than that of an identification tells sooner.
 FASTEST_HZ = 20.0
+# Seconds to either side over which a recorder that nobody states may spread a step; the slowest that is known here, of
+# the recorded Citation flights, has a Gaussian of 0.25 s, which ends within 0.75 s.
+UNSTATED_S = 1.0
+# Share of a step that a filter may still hold back, or show too early, where its height is read.
+UNRISEN = 0.01
 # The channels that describe a turn, and the outputs that it changes.
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
@@ -56,7 +61,8 @@ class PreparedRecord:
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
-    filtered : what was recorded went through a low-pass, or may have.
+    filtered : what was recorded went through a low-pass, or may have; recorder_s : how far that reaches to either side;
+        recorder_hz : edge of the recorder's, None where it has none or none is stated.
     """
 
     part: FlightLog
@@ -71,6 +77,8 @@ class PreparedRecord:
     choice: RateChoice
     exact: bool
     filtered: bool
+    recorder_s: float
+    recorder_hz: float | None
     notes: tuple[str, ...]
 
 
@@ -81,6 +89,7 @@ class DecimatedRecord:
     Attributes
     ----------
     time_s : (n,) of the samples; reach_s : how much later the last sample is that each of them was made of.
+    smear_s : the time to either side over which the filters, the recorder's among them, spread a step.
     y : (n, n_outputs).
     u : (n, k) mean and first moment, over the time since the sample before, of each direction the inputs move in.
     weak : (k,) which of them hardly stand out of the noise in the healthy time.
@@ -90,6 +99,7 @@ class DecimatedRecord:
     rate_hz: float
     time_s: FloatArray
     reach_s: float
+    smear_s: float
     y: FloatArray
     u: FloatArray
     weak: BoolArray
@@ -133,6 +143,11 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     recorder = [one for one in log.filters or () if one.stage == "recorder"]
     ahead_s = response_of(recorder, log.rate_hz).before / log.rate_hz
     until_s = float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf
+    if log.filters is None:
+        recorder_s = UNSTATED_S
+    else:
+        through = response_of(log.filters, log.rate_hz)
+        recorder_s = _spread(through.taps, through.before) / log.rate_hz
     if watch_s >= min(last_s, until_s):
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
     signals = [part.channel(name).values for name in inputs]
@@ -155,7 +170,11 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     )
     before = part.time_s < train[1]
     healthy = replace(
-        record, time_s=part.time_s[before], u=record.u[before], y=record.y[before], theta=record.theta[before]
+        record,
+        time_s=part.time_s[before],
+        u=record.u[before],
+        y=record.y[before],
+        theta=np.zeros((int(before.sum()), len(outputs), 0)),
     )
     notes = []
     if config.detect.train is None:
@@ -191,6 +210,8 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         choice=choose_rate(healthy, (), exact=False, asked=rate_hz, fastest_hz=FASTEST_HZ),
         exact=is_exact(healthy),
         filtered=log.filters is None or len(log.filters) > 0,
+        recorder_s=recorder_s,
+        recorder_hz=min((one.edge_hz for one in recorder), default=None),
         notes=tuple(notes),
     )
 
@@ -218,12 +239,26 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
         rate_hz=record.rate_hz / factor,
         time_s=time_s,
         reach_s=reach_s,
+        smear_s=prepared.recorder_s + (_spread(lowpass_taps(factor, WHITE)) / record.rate_hz if factor > 1 else 0.0),
         y=y,
         u=u[:, kept],
         weak=np.resize(weak, u.shape[1])[kept],
         healthy=time_s + reach_s < prepared.train[1],
         watched=(time_s + reach_s >= prepared.watch_s) & (time_s + reach_s <= prepared.until_s),
     )
+
+
+def _spread(taps: FloatArray, before: int | None = None) -> int:
+    """Return the samples to either side of a step beyond which a filter leaves less than UNRISEN of it.
+
+    Parameters
+    ----------
+    taps : (n,), sum 1; before : of them act before the input does, None for half of them.
+    """
+    course = np.cumsum(taps)
+    beyond = np.flatnonzero(np.minimum(np.abs(course), np.abs(1.0 - course)) > UNRISEN)
+    middle = (len(taps) - 1) // 2 if before is None else before
+    return int(np.max(np.abs(beyond - middle), initial=0)) + 1
 
 
 def directions(u: FloatArray, healthy: BoolArray) -> tuple[FloatArray, BoolArray]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..channels import LARGEST_ERROR
 from ..display_units import SI, Units
 from ..provenance import Provenance
 from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
-from ..report.text import change, instant, number, shortened
+from ..report.text import change, instant, interval, number, shortened, with_unit
 from ..serialization import from_plain, to_plain
 from ..verdicts import Candidate
 from .result import DetectResult
@@ -20,6 +21,7 @@ __all__ = ["SCHEMA", "detect_content", "detect_document"]
 
 SCHEMA = 2
 Plain = Mapping[str, Any]
+UNKNOWN = "size not determined"
 HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "inconclusive": "Inconclusive"}
 METHODS = {"exact": "right null space of the last samples", "parity": "parity residuals (left null space)"}
 # Round-off: what is drawn of a criterion of 0 on a logarithmic axis.
@@ -54,8 +56,8 @@ def detect_content(document: Plain, units: Units = SI) -> ReportContent:
     summary = shown_summary(document["summary"], document["verdicts"], candidates, units)
     failing = []
     for alarm in alarms:
-        step = change(alarm["size"], units.of(alarm["unit"], channel=alarm["channel"]))
-        what = "a failure" if alarm["size"] is None else f"a step of {step}"
+        size = _step(alarm, units)
+        what = f"a failure ({size})" if size.startswith(UNKNOWN) else f"a step of {size}"
         failing.append(f"{what} on {shortened(alarm['channel'], 40)} from {instant(alarm['onset_s'])} s")
 
     facts = [
@@ -77,7 +79,10 @@ def detect_content(document: Plain, units: Units = SI) -> ReportContent:
         facts.append(("Level", f"{number(use['level'])} (white noise: {number(use['white_level'])})"))
 
     spans = [] if train is None else [Span(label="healthy time", low=train[0], high=train[1])]
-    spans += [Span(label="alarm", low=alarm["time_s"], high=alarm["time_s"]) for alarm in alarms]
+    spans += [
+        Span(label=f"alarm of {shortened(alarm['channel'], 20)}", low=alarm["time_s"], high=alarm["time_s"])
+        for alarm in alarms
+    ]
     rows, panels = [], []
     for channel in series["channels"]:
         values = np.array(channel["statistic"], dtype=np.float64)
@@ -99,7 +104,7 @@ def detect_content(document: Plain, units: Units = SI) -> ReportContent:
     heads = ("channel", "prediction error", "largest statistic", "threshold")
     tables = list(candidate_tables(candidates, units))
     if alarms:
-        alarm_heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step")
+        alarm_heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step, 95 % interval")
         declared = tuple(
             (
                 str(alarm["channel"]),
@@ -107,7 +112,7 @@ def detect_content(document: Plain, units: Units = SI) -> ReportContent:
                 f"{instant(alarm['time_s'])} s",
                 number(alarm["statistic"]),
                 number(alarm["threshold"]),
-                change(alarm["size"], units.of(alarm["unit"], channel=alarm["channel"])),
+                _step(alarm, units).removeprefix("size "),
             )
             for alarm in alarms
         )
@@ -126,5 +131,48 @@ def detect_content(document: Plain, units: Units = SI) -> ReportContent:
         tables=tuple(tables),
         drawings=(*hidden, Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2)),
         notes=(*map(units.sentence, document["notes"]), *(f"next: {command}" for command in document["commands"])),
-        data={"candidates.csv": listed},
+        data={"candidates.csv": listed, **_files(alarms, series["channels"], model)},
     )
+
+
+def _step(alarm: Plain, units: Units) -> str:
+    """Return the size of a step with its interval, "4.00 m/s (3.95 to 4.05)"; documents of before have no interval.
+
+    A size that may as well be of the other sign is not determined.
+    """
+    shown = units.of(alarm["unit"], channel=alarm["channel"])
+    ends = alarm.get("ci95")
+    if alarm["size"] is None:
+        return UNKNOWN
+    if ends is None:
+        return change(alarm["size"], shown)
+    low, high = shown.change(ends[0]) or 0.0, shown.change(ends[1]) or 0.0
+    if low <= 0.0 <= high:
+        if max(-ends[0], ends[1]) > LARGEST_ERROR.get(alarm["channel"], np.inf):
+            return UNKNOWN
+        return f"{UNKNOWN}, {with_unit(interval((low, high)), shown.unit)}"
+    size = number(shown.change(alarm["size"]), spread=0.5 * (high - low), extra=1)
+    return f"{with_unit(size, shown.unit)} ({interval((low, high), extra=1)})"
+
+
+def _files(alarms: Sequence[Plain], channels: Sequence[Plain], model: Plain | None) -> dict[str, dict[str, list[Any]]]:
+    """Return the tables of alarms and channels at full precision, in SI."""
+    ends = [alarm.get("ci95") or (None, None) for alarm in alarms]
+    alarm_keys = ("channel", "onset_s", "time_s", "statistic", "threshold", "size")
+    names = [one["channel"] for one in channels]
+    listed = {
+        "channel": names,
+        "unit": [one["unit"] for one in channels],
+        "noise_sd": [None if model is None else model["noise_sd"].get(name) for name in names],
+        "largest_statistic": [_largest(one["statistic"]) for one in channels],
+        "threshold": [one["threshold"] for one in channels],
+    }
+    declared = {key: [alarm[key] for alarm in alarms] for key in alarm_keys}
+    declared |= {"ci95_low": [low for low, _ in ends], "ci95_high": [high for _, high in ends]}
+    declared["unit"] = [alarm["unit"] for alarm in alarms]
+    return {**({"alarms.csv": declared} if alarms else {}), "channels.csv": listed}
+
+
+def _largest(statistic: Sequence[float | None]) -> float | None:
+    known = [value for value in statistic if value is not None]
+    return max(known, default=None)

@@ -23,7 +23,8 @@ class Alarm:
     onset_s : estimated beginning of the failure.
     statistic, threshold : at that time; the deviate of the parity residuals, or the criterion relative to the
         channel's own size.
-    size : estimated step in the channel's unit, None where the method gives none.
+    size, ci95 : estimated step in the channel's unit and its 95 % interval; None where they are not determined: the
+        method gives none, or too little of the step was seen.
     """
 
     channel: str
@@ -32,6 +33,7 @@ class Alarm:
     statistic: float
     threshold: float
     size: float | None
+    ci95: tuple[float, float] | None
     unit: str
 
 

@@ -41,6 +41,10 @@ ATOM_HEADS = (
     *("fault", "magnitude", "divergence, bit", "minimal detectable", "most like", "told apart, bit"),
     *("in one sample, bit", "note"),
 )
+FAULT_COLUMNS = (
+    *("name", "channel", "magnitude", "unit", "physical_scale", "physical_unit", "divergence_bits"),
+    *("minimal_detectable", "most_like", "apart_bits", "sample_bits", "note"),
+)
 MANOEUVRE_HEADS = ("manoeuvre", "told, bit", "standard error", "weakest fault", "its bits", "note")
 
 
@@ -66,12 +70,13 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
 
 def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi diagnosability` holds, in `units`."""
+    stored = sorted(document["atoms"], key=_rank)
     document = {**document, "atoms": [_in_units(atom, units) for atom in document["atoms"]]}
     best, atoms, manoeuvres, log, model = (document[key] for key in ("best", "atoms", "manoeuvres", "log", "model"))
     live = [j for j, atom in enumerate(atoms) if atom["divergence_bits"] is not None]
     names = tuple(_short(atoms[j]["name"]) for j in live)
 
-    ranked = sorted(atoms, key=lambda atom: (atom["divergence_bits"] is None, -(atom["divergence_bits"] or 0.0)))
+    ranked = sorted(atoms, key=_rank)
     rows = tuple(
         (
             atom["name"],
@@ -143,7 +148,13 @@ def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
         tables=tuple(tables),
         drawings=tuple(drawings),
         notes=tuple(map(units.sentence, document["notes"])),
+        data={"faults.csv": {key: [atom.get(key) for atom in stored] for key in FAULT_COLUMNS}},
     )
+
+
+def _rank(atom: Plain) -> tuple[bool, float]:
+    """Return the key by which entries stand, the easiest to see first."""
+    return atom["divergence_bits"] is None, -(atom["divergence_bits"] or 0.0)
 
 
 def _in_units(atom: Plain, units: Units) -> dict[str, Any]:

@@ -38,7 +38,8 @@ def corrected_channels(record: Record, events: Sequence[Event]) -> dict[str, Flo
         if event.state != "declared" or event.magnitude is None or "parity" not in event.stages[:1]:
             continue
         fault, amount = _amount(event, record.time_s)
-        inside = (record.time_s >= event.onset_s) & (record.time_s < event.window_s[1])
+        until_s = event.window_s[1] if event.offset_s is None else min(event.offset_s, event.window_s[1])
+        inside = (record.time_s >= event.onset_s) & (record.time_s < until_s)
         clean = without_fault(record, fault, np.where(inside, amount, 0.0))
         for name in SHOWN:
             if name in record.channels and name in {*event.channels}:

@@ -14,7 +14,7 @@ from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
 from ..parity import LENGTHS_S, Threshold
-from ..parity.static_relations import RelationAnswer
+from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import overlaps
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
@@ -67,8 +67,9 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     with threadpool_limits(1):
         drafts = _holds(flight)
         notes += flight.held.missing
-        static = find_relations(flight, report=partial(progress, "static relations"))
-        drafts += drafts_of_relations(flight, static)
+        series = relation_series(log)
+        static = find_relations(flight, series, report=partial(progress, "static relations"))
+        drafts += drafts_of_relations(flight, series, static)
         slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
         flight = slow.flight
         drafts += slow.drafts
@@ -204,6 +205,8 @@ def _event(flight: Flight, draft: Draft) -> Event:
 def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     """Return whether an event is declared, or only suspected since something else may imitate it."""
     one = draft.finding
+    if one.doubt:
+        return "suspected", one.doubt
     if draft.lasting and not is_certain(draft):
         return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
     if not is_certain(draft):

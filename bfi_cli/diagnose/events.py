@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..parity import Finding
+from ..parity.explain import COURSES
 
-__all__ = ["Draft", "as_one", "clusters", "is_certain", "join", "merge_stages", "with_ends"]
+__all__ = ["NEAR", "Draft", "as_one", "clusters", "is_certain", "is_return", "join", "merge_stages", "with_ends"]
 
 Window = tuple[float, float]
 
@@ -17,8 +18,9 @@ Window = tuple[float, float]
 BEFORE_S = 15.0
 # Relative, of the frequency of an oscillation where it begins and where it ends.
 FREQUENCY_TOLERANCE = 0.05
-# Of a step, by which one back may miss where it came from.
-STEP_BACK = 0.1
+# Of what a fault has grown to, by which a step back may miss where it came from: so much where the intervals say
+# nothing, standard deviations of both where they do, and never more than that share, which would be a part of a return.
+STEP_BACK, SURE, MOST_LEFT = 0.1, 3.0, 0.5
 # A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
 NEAR = 1.2
 # While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
@@ -67,7 +69,7 @@ def join(drafts: Sequence[Draft]) -> list[Draft]:
     found = []
     for cluster in clusters([one.window for one in drafts]):
         members = [drafts[k] for k in cluster]
-        best = max(members, key=lambda one: one.finding.statistic / one.finding.threshold)
+        best = max(members, key=lambda one: (not one.finding.doubt, one.finding.statistic / one.finding.threshold))
         until_s = max(one.until_s for one in members)
         found.append(replace(best, until_s=until_s, n_windows=len(members)))
     return found
@@ -114,9 +116,9 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
 
 
 def is_certain(draft: Draft) -> bool:
-    """Return whether a draft is more than a single window just above its threshold, or the trace of another fault."""
+    """Return whether a draft is more than a single window just above its threshold, a trace, or what others explain."""
     if draft.finding.stage != "parity":
-        return True
+        return not draft.finding.doubt
     excess = draft.finding.statistic / draft.finding.threshold
     return excess >= TRACE if draft.lasting else draft.n_windows > 1 or excess >= NEAR
 
@@ -132,7 +134,7 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
         for k, earlier in enumerate(found):
             begun = is_certain(earlier) and earlier.finding.offset_s is None
             if begun and _fails_further(one.finding, earlier.finding):
-                back = _is_step_back(one.finding, earlier.finding)
+                back = is_return(one.finding, earlier.finding)
                 finding = replace(earlier.finding, offset_s=one.finding.onset_s) if back else earlier.finding
                 found[k] = replace(
                     earlier,
@@ -151,16 +153,42 @@ def _fails_further(one: Finding, earlier: Finding) -> bool:
     slow = ("static relations", "parity")
     if one.stage not in slow or earlier.stage not in slow:
         return False
-    return one.fault == earlier.fault or (len(one.among) > 1 and earlier.fault in one.among)
+    return _line_of(one.fault) == _line_of(earlier.fault) or (len(one.among) > 1 and earlier.fault in one.among)
 
 
-def _is_step_back(one: Finding, earlier: Finding) -> bool:
-    if one.shape != "bias" or earlier.shape != "bias" or one.fault != earlier.fault:
+def _line_of(fault: str) -> str:
+    """Return what errs: a loss of impact pressure is icing, and its return a gain of that."""
+    return "q_impact" if fault == "pitot_icing" else fault
+
+
+def is_return(one: Finding, earlier: Finding) -> bool:
+    """Return whether a finding is the end of an earlier one: its sensor goes back to where it was before that.
+
+    It goes back at once or within seconds, in the other direction, by what the earlier fault has grown to by then.
+    """
+    if one.magnitude is None or earlier.magnitude is None or earlier.offset_s is not None:
         return False
-    assert one.magnitude is not None
-    assert earlier.magnitude is not None
-    left = abs(one.magnitude + earlier.magnitude)
-    return left <= max(STEP_BACK * abs(earlier.magnitude), 3.0 * float(np.hypot(one.sd or 0.0, earlier.sd or 0.0)))
+    courses = [COURSES.get((found.shape, found.constant_s)) for found in (one, earlier)]
+    if _line_of(one.fault) != _line_of(earlier.fault) or one.shape == "drift" or None in courses:
+        return False
+    since_s = one.onset_s - earlier.onset_s
+    back, gone = courses
+    assert back is not None
+    assert gone is not None
+    if since_s <= 0.0:
+        return False
+    grown = float(gone(np.array([since_s]))[0])
+    size, step = (_signed(found) for found in (earlier, one))
+    size *= grown
+    # Of an impact pressure both are shares, the second of what the first has left.
+    left = (1.0 + size) * (1.0 + step) - 1.0 if _line_of(one.fault) == "q_impact" else size + step
+    sd = float(np.hypot(one.sd or 0.0, grown * (earlier.sd or 0.0)))
+    return size * step < 0.0 and abs(left) <= min(max(STEP_BACK * abs(size), SURE * sd), MOST_LEFT * abs(size))
+
+
+def _signed(found: Finding) -> float:
+    assert found.magnitude is not None
+    return -found.magnitude if found.fault == "pitot_icing" else found.magnitude
 
 
 def _same_frequency(one: Finding, other: Finding) -> bool:

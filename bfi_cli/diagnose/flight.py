@@ -46,30 +46,36 @@ UNHELD_S = 60.0
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 # Where an angle of zero lift that no calibration gives is from.
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
-BEFORE = "the flight before the fault"
-ORIGINS = (OUTSIDE, WHOLE, BEFORE, NOWHERE)
+BEFORE, BESIDE = "the flight before the fault", "the flight before and after the fault"
+ORIGINS = (OUTSIDE, WHOLE, BEFORE, BESIDE, NOWHERE)
 # Faults that spoil that angle where they last.
 TELL_ZERO_LIFT = {"aoa", "normal_acc", *IMPACT_SOURCES}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastingFault:
-    """A fault that was found and may last to the end of the log.
+    """A fault that was found and may last to the end of the log, where no return of its sensor was found.
 
     Attributes
     ----------
     faults : hypotheses of the parity scan.
     begun_s, from_s : the earliest and the latest that it began.
+    until_s : the latest that it ended, infinite where it may last.
     """
 
     faults: tuple[str, ...]
     begun_s: float
     from_s: float
+    until_s: float = np.inf
+
+    def is_in(self, window: Window) -> bool:
+        """Return whether it began before a window and may still last in it."""
+        return self.from_s <= window[0] < self.until_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flight:
-    """What every step of a diagnosis needs: the log, its seconds, its phases, and how its windows are judged.
+    """What every step of a diagnosis needs: the log, its seconds, its phases, and the tables of its thresholds.
 
     Attributes
     ----------
@@ -130,12 +136,16 @@ class Flight:
         )
 
     def lasting_in(self, window: Window) -> tuple[str, ...]:
-        """Return the faults known so far that began before a window."""
-        return tuple(dict.fromkeys(name for one in self.lasting if one.from_s <= window[0] for name in one.faults))
+        """Return the faults known so far that began before a window and may last in it."""
+        return tuple(dict.fromkeys(name for one in self.lasting if one.is_in(window) for name in one.faults))
 
     def with_lasting(self, fault: LastingFault) -> Flight:
-        """Return the flight in which a fault is known, its angle of zero lift from the time before it."""
-        flight = replace(self, lasting=(*self.lasting, fault))
+        """Return the flight in which a fault is known, its angle of zero lift from the time without it.
+
+        A fault that was known already is the same but for its end.
+        """
+        others = tuple(one for one in self.lasting if (one.faults, one.begun_s) != (fault.faults, fault.begun_s))
+        flight = replace(self, lasting=(*others, fault))
         if self.zero_lift_from not in ORIGINS or not TELL_ZERO_LIFT & {*fault.faults}:
             return flight
         zero_lift, origin = _zero_lift(flight)
@@ -210,10 +220,12 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
         (one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S)
         for one in flight.held.findings
     ]
-    spoilt: list[Window] = [(one.begun_s, np.inf) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
+    spoilt: list[Window] = [(one.begun_s, one.until_s) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
     without += spoilt
     outside = (OUTSIDE, [*without, (flight.from_s, flight.to_s)])
-    for origin, left_out in (*([outside] if flight.is_part else []), (BEFORE if spoilt else WHOLE, without)):
+    lasts = any(end_s == np.inf for _, end_s in spoilt)
+    rest = WHOLE if not spoilt else BEFORE if lasts else BESIDE
+    for origin, left_out in (*([outside] if flight.is_part else []), (rest, without)):
         angle = zero_lift_of(flight.record, flight.phases, without=left_out)
         if angle is not None:
             return angle, origin

@@ -15,6 +15,7 @@ from ..errors import BfiError
 from ..flightlog import FlightLog
 from ..kernels.progress import Report, silent
 from ..onset.glance import Glance, glance
+from ..preprocessing.window import TRUSTED
 
 __all__ = ["GLANCE_S", "INPUTS", "STEP_S", "glance_at_flight", "inputs_for", "summary_of"]
 
@@ -46,7 +47,8 @@ def glance_at_flight(
     ----------
     config : with inputs and outputs.
     """
-    names = (*config.inputs, *config.outputs)
+    # What stands out is confirmed with the other trusted channels.
+    names = dict.fromkeys((*config.inputs, *config.outputs, *(name for name in TRUSTED if name in log.channels)))
     slim = replace(log, channels={name: log.channels[name] for name in names}, truth=None, notes=())
     parts = [slim.window(from_s, to_s) for from_s, to_s in windows]
     work = partial(_glance_in, config=config)

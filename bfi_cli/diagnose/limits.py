@@ -54,20 +54,20 @@ def limits_of(
         told = () if overlaps(window, (*flight.moved, *left_out)) else one.magnitude
         for fault in [name for name in told if name not in one.lasting]:
             slope, reached = one.largest_hidden(fault, threshold.level)
-            offer(_flight_limit(flight, fault, slope, reached, window))
+            offer(_of_drift(flight, fault, slope, reached, window))
             if fault in AIRSPEEDS and fault == flight.record.airspeed and "q_impact" not in one.magnitude:
                 # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
-                limit = _flight_limit(flight, fault, slope, reached, window)
+                limit = _of_drift(flight, fault, slope, reached, window)
                 relative = 2.0 * slope / _speed(flight, window, fault)
                 offer(replace(limit, fault="pitot_icing", excluded_above=relative, unit="1/s"))
     for window, answer in static:
         for of_relation in () if overlaps(window, left_out) else answer.limits:
-            offer(_of_limit(flight, of_relation, window))
+            offer(_flight_limit(flight, of_relation, window))
     worst = (max((one for one in kept if one is not None), key=lambda one: one.effect) for kept in best.values())
     return tuple(sorted(worst, key=lambda one: (one.shape, one.fault)))
 
 
-def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, window: Window) -> FlightLimit:
+def _of_drift(flight: Flight, fault: str, slope: float, reached: float, window: Window) -> FlightLimit:
     name, channel, unit, effect = fault, fault, STANDARD["tas"].unit, reached
     if fault == "q_impact":
         name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * _speed(flight, window)
@@ -75,28 +75,16 @@ def _flight_limit(flight: Flight, fault: str, slope: float, reached: float, wind
         channel = "ground_speed"
     else:
         unit = STANDARD[fault].unit
-    tolerance = _tolerance(flight, channel, window)
     per_second = {"1": "1/s", "m/s": "m/s^2", "rad": "rad/s", "m/s^2": "m/s^3", "Pa": "Pa/s"}[unit]
-    return FlightLimit(
-        fault=name,
-        shape="drift",
-        channel=channel,
-        excluded_above=slope,
-        unit=per_second,
-        effect=effect,
-        effect_unit=STANDARD[channel].unit,
-        tolerance=tolerance,
-        within_tolerance=tolerance is not None and effect <= tolerance,
-        from_s=window[0],
-        to_s=window[1],
-    )
+    limit = Limit(fault=name, shape="drift", channel=channel, excluded_above=slope, unit=per_second, effect=effect)
+    return _flight_limit(flight, limit, window)
 
 
 def _speed(flight: Flight, window: Window, channel: str = "tas") -> float:
     return float(np.nanmean(flight.record.between(*window).channels[channel]))
 
 
-def _of_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
+def _flight_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
     tolerance = _tolerance(flight, one.channel, window)
     return FlightLimit(
         fault=one.fault,

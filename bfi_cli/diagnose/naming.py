@@ -118,6 +118,7 @@ def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bo
         threshold=found.threshold,
         p_value=found.p_value,
         evidence={"steps and oscillations": round(found.statistic, 2)},
+        doubt=found.doubt,
     )
 
 

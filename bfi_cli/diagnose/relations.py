@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..kernels.progress import Report, silent
-from ..parity.static_relations import StaticRelations, find_static, relation_series
+from ..parity.static_relations import RelationSeries, StaticRelations, find_static
 from ..parity.windows import Window, flight_stretches, overlaps
 from .events import Draft, clusters, join
 from .flight import Flight
@@ -14,15 +14,15 @@ from .flight import Flight
 __all__ = ["StaticWindows", "drafts_of_relations", "find_relations", "intact_channels"]
 
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
+Series = tuple[tuple[RelationSeries, ...], tuple[str, ...]]  # of the whole log, and what was not compared
 
 # Windows of two minutes in a row in which a drift is described: a longer one tells a slow onset better, and holds more
 # of what a healthy relation follows.
 LONGEST = 4
 
 
-def find_relations(flight: Flight, *, report: Report = silent) -> StaticWindows:
+def find_relations(flight: Flight, series: Series, *, report: Report = silent) -> StaticWindows:
     """Return what the static relations say on every window of two minutes, of one in a shorter flight."""
-    series = relation_series(flight.log)
     windows = flight.windows(120.0) or flight.windows(60.0)
     answers = []
     for k, window in enumerate(windows):
@@ -31,7 +31,7 @@ def find_relations(flight: Flight, *, report: Report = silent) -> StaticWindows:
     return answers
 
 
-def drafts_of_relations(flight: Flight, answers: StaticWindows) -> list[Draft]:
+def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) -> list[Draft]:
     """Return what the static relations found, windows that overlap joined.
 
     A drift changes its relation in every window that follows; the first of these, with what came before, tell it.
@@ -42,17 +42,17 @@ def drafts_of_relations(flight: Flight, answers: StaticWindows) -> list[Draft]:
         members = [Draft(finding=found[k][1], window=found[k][0], until_s=found[k][0][1]) for k in run]
         (joined,) = join(members)
         if len(members) > 2:
-            joined = _from_the_start(flight, joined, members[0])
+            joined = _from_the_start(flight, series, joined, members[0])
         drafts.append(joined)
     return drafts
 
 
-def _from_the_start(flight: Flight, joined: Draft, first: Draft) -> Draft:
+def _from_the_start(flight: Flight, series: Series, joined: Draft, first: Draft) -> Draft:
     """Return the draft of a run of windows in a longer one, about the first of these, where that names the same."""
     length_s = first.window[1] - first.window[0]
     stretch = next((one for one in flight_stretches(flight.part_phases) if overlaps(first.window, [one])), first.window)
     window = (max(stretch[0], first.window[0] - length_s), min(joined.until_s, first.window[0] + LONGEST * length_s))
-    answer = find_static(flight.log, *window)
+    answer = find_static(flight.log, *window, series=series)
     if not answer.findings or not {*answer.findings[0].among} & {*joined.finding.among}:
         return replace(joined, finding=first.finding, window=first.window)
     return replace(joined, finding=answer.findings[0], window=window)

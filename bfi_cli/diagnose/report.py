@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..channels import STANDARD
+from ..channels import LARGEST_ERROR, STANDARD
 from ..display_units import SI, Shown, Units
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import bands_of, lanes_of, phase_table
@@ -91,8 +92,16 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
             *(f"{_name(one)}: next time, {one['repeat']}" for one in events if one["repeat"]),
             *map(units.sentence, document["notes"]),
         ),
-        data={"events.csv": {key: [_cell(one[key]) for one in events] for key in EVENT_COLUMNS}},
+        data={
+            "events.csv": {key: [_cell(one[key]) for one in events] for key in EVENT_COLUMNS},
+            **({"limits.csv": _columns(document["limits"])} if document["limits"] else {}),
+        },
     )
+
+
+def _columns(rows: Sequence[Plain]) -> dict[str, list[Any]]:
+    """Return the columns of rows that have the same keys."""
+    return {key: [_cell(one[key]) for one in rows] for key in rows[0]}
 
 
 def _cell(value: Any) -> Any:
@@ -201,9 +210,11 @@ def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
             str(one["fault"]),
             str(one["shape"]),
             change(one["excluded_above"], units.of(one["unit"], channel=_channel(one["fault"]))),
-            change(one["effect"], units.of(one["effect_unit"], channel=one["channel"])),
+            "any"
+            if one["effect"] is not None and one["effect"] > LARGEST_ERROR.get(one["channel"], math.inf)
+            else change(one["effect"], units.of(one["effect_unit"], channel=one["channel"])),
             change(one["tolerance"], units.of(one["effect_unit"], channel=one["channel"])),
-            "yes" if one["within_tolerance"] else "no",
+            "-" if one["tolerance"] is None else "yes" if one["within_tolerance"] else "no",
             f"{instant(round(one['from_s']))} to {instant(round(one['to_s']))}",
         )
         for one in limits

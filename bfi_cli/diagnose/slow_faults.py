@@ -2,7 +2,8 @@
 
 A fault that has begun may last to the end of the flight, and whatever its channel is compared with then disagrees. So
 the strongest run is named first; what it names is a nuisance in all later windows, which are scanned again, and the
-strongest of what still stands out is next.
+strongest of what still stands out is next. Where that is the return of a sensor that failed, the windows after it have
+no nuisance.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..kernels.progress import Report, silent
-from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain
+from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
+from ..parity.explain import COURSES
+from ..parity.scan import without_lasting
 from ..parity.windows import Window, flight_stretches, overlaps, windows_in
-from .events import Draft, clusters, is_certain
+from .events import NEAR, Draft, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import SCALE_S, Scanned, look_at, scale_of, scan_flight
 from .naming import contradicted, finding_of_fit, hypotheses_of
@@ -30,6 +33,10 @@ NEAR_START_S = 20.0
 # Where in the window that describes an event its onset lies.
 ONSET_SHARE = 0.4
 MOVES = 3
+# Windows in which the return of a sensor is sought; of those that stand out so many are explained, since the first tell
+# it where there is one.
+RETURN_S, MOST_EXPLAINED = 120.0, 12
+MOST_LOST = -0.9  # of an impact pressure
 # Faults of one flight; with more of them it is the log that is wrong.
 MOST = 6
 SHOWN = 3  # of what is set aside, in a sentence
@@ -69,29 +76,113 @@ def find_slow_faults(
     known = [draft for draft in before if draft.finding.stage == "static relations"]
     for draft in known:
         if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway
-            flight = flight.with_lasting(_lasting(draft))
-    drafts: list[Draft] = []
+            back = next((one for one in known if is_return(one.finding, draft.finding)), None)
+            flight = flight.with_lasting(_lasting(draft, back))
+    start, named = flight, list[Named]()
     stood_out: list[Draft] = []
     answer = _scan_all(flight, report)
-    while True:
+    for _ in range(2 * MOST):
+        drafts = [fault.as_told for fault in named]
+        ends = [fault.back for fault in named if fault.back is not None]
         flagged = [
             (one, threshold)
             for one, threshold, _ in answer.looks
             if one.statistic > threshold.level
             and not overlaps((one.from_s, one.to_s), held)
-            and not any(_holds_onset(one, draft) for draft in (*known, *drafts))
+            and not any(_holds_onset(one, draft) for draft in (*known, *drafts, *ends))
         ]
         runs = [[flagged[k] for k in run] for run in clusters([(one.from_s, one.to_s) for one, _ in flagged])]
         found = [one for run in runs if (one := _described(flight, run, static)) is not None]
         certain = [draft for draft in found if is_certain(draft)]
         if not certain or len(drafts) == MOST:
-            told = (*known, *drafts, *found)
-            return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, told, drafts))
+            break
         strongest = max(certain, key=lambda draft: draft.finding.statistic / draft.finding.threshold)
-        drafts.append(strongest)
         stood_out += [one for one in certain if one.finding.onset_s > strongest.finding.onset_ci95[1]]
-        flight = flight.with_lasting(_lasting(strongest))
+        named = _with_named(named, strongest, flight, answer)
+        flight = start
+        for fault in named:
+            flight = flight.with_lasting(_lasting(fault.draft, fault.back))
         answer = _scan_all(flight, silent, before=answer)
+    told = (*known, *drafts, *found, *ends)
+    return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, told, drafts))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Named:
+    """A fault that was named, and the return of its sensor, None where none was found."""
+
+    draft: Draft
+    back: Draft | None = None
+
+    @property
+    def as_told(self) -> Draft:
+        """The fault with its end."""
+        if self.back is None:
+            return self.draft
+        return replace(self.draft, finding=replace(self.draft.finding, offset_s=self.back.finding.onset_s))
+
+
+def _with_named(named: Sequence[Named], strongest: Draft, flight: Flight, answer: SlowFaults) -> list[Named]:
+    """Return the faults named so far with another, which may be the return of one of them, or one of them its return.
+
+    What was found after an end as if the fault still lasted is left out, since it can be found without that.
+    """
+    going = [one for one in named if one.back is None]
+    ended = next((one for one in going if is_return(strongest.finding, one.draft.finding)), None)
+    if ended is not None:
+        others, pair = [one for one in named if one is not ended], Named(draft=ended.draft, back=strongest)
+    else:
+        own = next((one for one in going if is_return(one.draft.finding, strongest.finding)), None)
+        others = [one for one in named if one is not own]
+        back = own.draft if own is not None else _return_of(flight, strongest, answer)
+        pair = Named(draft=strongest, back=back)
+    if pair.back is None:
+        return [*others, pair]
+    end_s = pair.back.finding.onset_s
+    return [*(one for one in others if not (one.draft.lasting and one.draft.window[0] >= end_s)), pair]
+
+
+def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | None:
+    """Return the return of a sensor that failed to where it was before, None where none is found.
+
+    The windows after the onset are scanned with the fault taken out as if it lasted. There a return is a step of the
+    same sensor the other way, by what the fault has grown to. A course that grows is known in its own window only, and
+    for as long again.
+
+    Parameters
+    ----------
+    scanned : the windows, before the fault was known.
+    """
+    one = draft.finding
+    if one.magnitude is None or (one.shape, one.constant_s) not in COURSES:
+        return None
+    (fault,) = hypotheses_of(replace(one, among=(one.fault,)))
+    sign = -1.0 if one.fault == "pitot_icing" else 1.0
+    course = COURSES[one.shape, one.constant_s]
+    stretches = flight_stretches(flight.part_phases)
+    stretch = next((part for part in stretches if overlaps(draft.window, [part])), draft.window)
+    length_s = draft.window[1] - draft.window[0]
+    last_s = draft.window[1] + length_s if one.shape == "drift" else stretch[1]
+    explained = 0
+    for look, threshold, _ in scanned.looks:
+        window = (look.from_s, look.to_s)
+        if round(look.length_s) != RETURN_S or window[1] <= one.onset_s + NEAR_START_S or window[0] >= last_s:
+            continue
+        part = flight.record.between(*window)
+        amount = sign * one.magnitude * course(part.time_s - one.onset_s)
+        try:
+            part = without_lasting(part, fault, np.maximum(amount, MOST_LOST) if fault == "q_impact" else amount)
+        except ValueError:  # of that size the fault cannot have lasted until here
+            continue
+        scan = scan_window(part, zero_lift=flight.zero_lift, only=look.residuals)
+        if scan is None or scan.statistic < NEAR * threshold.level or explained == MOST_EXPLAINED:
+            continue
+        explained += 1
+        fits = explain(scan, part)
+        back = finding_of_fit(fits, part, threshold, flight.recorded, scan)
+        if back.onset_s > one.onset_ci95[1] and is_return(back, one):
+            return Draft(finding=back, window=window, until_s=window[1])
+    return None
 
 
 def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Sequence[Draft]) -> tuple[str, ...]:
@@ -117,7 +208,7 @@ def _same_onset(one: Draft, other: Draft) -> bool:
 
 
 def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = None) -> SlowFaults:
-    """Return every window scanned and judged, without drafts.
+    """Return every window scanned, with its threshold, without drafts.
 
     Parameters
     ----------
@@ -133,9 +224,11 @@ def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = Non
     return SlowFaults(flight=flight, drafts=(), scanned=tuple(scanned), looks=looks, scale=scale)
 
 
-def _lasting(draft: Draft) -> LastingFault:
+def _lasting(draft: Draft, back: Draft | None = None) -> LastingFault:
+    """Return what a fault is to later windows; `back` is its return, where one was found."""
     first_s, last_s = draft.finding.onset_ci95
-    return LastingFault(faults=hypotheses_of(draft.finding), begun_s=first_s, from_s=last_s)
+    until_s = np.inf if back is None else back.finding.onset_ci95[1]
+    return LastingFault(faults=hypotheses_of(draft.finding), begun_s=first_s, from_s=last_s, until_s=until_s)
 
 
 def _holds_onset(one: Scanned, draft: Draft) -> bool:
@@ -186,8 +279,9 @@ def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold
     """Return the window, moved or begun earlier until the onset lies well inside while it stands out, and its scan."""
     stretches = flight_stretches(flight.part_phases)
     low, high = next((one for one in stretches if one[0] <= onset_s < one[1]), window)
-    # Not back to before a fault that is named already: the window would show that.
-    low = max(low, *(one.from_s for one in flight.lasting if one.from_s <= window[0]), -np.inf)
+    # Not back to before a fault that is named already, nor its end: the window would show that.
+    known_s = (time_s for one in flight.lasting for time_s in (one.from_s, one.until_s))
+    low = max(low, *(time_s for time_s in known_s if time_s <= window[0]), -np.inf)
     scan = flight.scan(window)
     for _ in range(MOVES):
         length_s = window[1] - window[0]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ..channels import LARGEST_ERROR
 from ..faults import Decision
 from ..shapes import Kind
-from ..verdicts import KINDS, decide
+from ..verdicts import KINDS, decide, two_digits
 from .limits import AIRSPEEDS
 from .result import Event, FlightLimit
 
@@ -49,12 +50,18 @@ def sentence_of(
     """Return what a reader is told of the kinds of faults that were not found, with their sizes."""
     slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
     said = []
-    if verdicts["slow"] != "fault" and _bounds_line(slow):
-        worst = max(slow, key=lambda one: one.effect)
+    worst = max(slow, key=lambda one: one.effect, default=None)
+    if (
+        verdicts["slow"] != "fault"
+        and worst is not None
+        and _bounds_line(slow)
+        and worst.effect <= LARGEST_ERROR["tas"]
+    ):
         verb = "no slow fault above" if verdicts["slow"] == "no_fault" else "a slow fault could reach"
         end = "" if verdicts["slow"] == "no_fault" else " unseen"
-        size = f"{worst.effect:.0f}" if worst.effect >= 99.5 else f"{worst.effect:.2g}"  # no exponent
-        said.append(f"{verb} {size} m/s on {worst.channel}{end} within {worst.to_s - worst.from_s:.0f} s")
+        said.append(
+            f"{verb} {two_digits(worst.effect)} m/s on {worst.channel}{end} within {worst.to_s - worst.from_s:.0f} s"
+        )
     elif verdicts["slow"] != "fault":
         said.append("a slow fault of any size could be there unseen")
     unseen_kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]

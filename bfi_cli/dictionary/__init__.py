@@ -5,6 +5,7 @@ from .document import (
     Dictionary,
     DictionaryDocument,
     dead_reason,
+    dead_sentences,
     expand,
     is_shipped,
     json_schema,
@@ -13,5 +14,5 @@ from .document import (
     signals,
 )
 
-__all__ = ["SHIPPED", "Dictionary", "DictionaryDocument", "dead_reason", "expand", "is_shipped", "json_schema"]
-__all__ += ["load_dictionary", "no_signal", "signals"]
+__all__ = ["SHIPPED", "Dictionary", "DictionaryDocument", "dead_reason", "dead_sentences", "expand"]
+__all__ += ["is_shipped", "json_schema", "load_dictionary", "no_signal", "signals"]

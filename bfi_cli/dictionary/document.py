@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, cas
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, create_model, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    create_model,
+    model_validator,
+)
 
 from ..errors import DictionaryError
 from ..faults import Fault, shown
@@ -27,7 +36,16 @@ from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["MAX_ATOMS", "SHIPPED", "AtomEntry", "Dictionary", "DictionaryDocument", "GridEntry", "Range"]
-__all__ += ["dead_reason", "expand", "is_shipped", "json_schema", "load_dictionary", "no_signal", "signals"]
+__all__ += [
+    "dead_reason",
+    "dead_sentences",
+    "expand",
+    "is_shipped",
+    "json_schema",
+    "load_dictionary",
+    "no_signal",
+    "signals",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -84,6 +102,11 @@ def _nonzero(value: Any) -> Any:
     return value
 
 
+def _no_magnitude(value: Any) -> None:
+    if value is not None:
+        raise ValueError(f"this fault is whole and has none, got {shown(value)}; leave it out")
+
+
 def _existing(file: str, info: ValidationInfo) -> str:
     path = path_beside(file, info, "dictionary")  # first: whether a file outside exists is not told
     with contextlib.suppress(OSError):  # a name that is too long
@@ -110,7 +133,7 @@ class _Entry(Rules, Generic[N, C]):
     name: Text | None = None
     """What results call it; default shape_channel_onset. In a grid, what replaces the shape in that."""
     channel: C | None = None
-    """The faulty channel; default the dictionary's `channel`."""
+    """The faulty channel; default the dictionary's `channel`. Of a pressure line, the output to look for it in."""
     magnitude: N | None = None
     """The multiplier; for `bfi inject`, an analysis estimates it."""
     onset_s: N | None = None
@@ -140,6 +163,9 @@ def _entry_of(name: str, number: Any, names: Any, suffix: str) -> type[Rules]:
         value = values[key.rule]
         kind, default = (value, ...) if key.required else (value | None, None)
         fields[key.name] = (kind, Field(default, description=key.description))
+    if not SHAPES[name].has_magnitude and SHAPES[name].lines is not None:
+        whole = Annotated[None, BeforeValidator(_no_magnitude)]
+        fields["magnitude"] = (whole, Field(None, description="None: this fault is whole."))
     shape = {"shape": (Literal[name], ...)}
     # Messages and the schema list the keys in this order: an oscillation's own first.
     fields = fields | shape if SHAPES[name].kind == "oscillating" else shape | fields
@@ -180,8 +206,9 @@ class DictionaryDocument(Rules):
                 shape = entry.get("shape") if isinstance(entry, Mapping) else None
                 if isinstance(shape, str) and shape in SHAPES and shape not in IN_DICTIONARY:
                     raise ValueError(
-                        f"{part}[{i}].shape: a dictionary holds shapes whose signal the log tells, got "
-                        f"'{shape}'; bfi inject adds it to a log; known: {', '.join(IN_DICTIONARY)}"
+                        f"{part}[{i}].shape: no log tells the signal of a trapped line, which keeps no trace of the "
+                        f"pressure outside, got '{shape}'; use bfi diagnose, which holds the line's pressure against "
+                        "lift and altitude"
                     )
         return given
 
@@ -360,7 +387,8 @@ def signals(
     columns = np.zeros((np.size(time_s), len(outputs), len(faults)))
     for j, fault in enumerate(faults):
         if fault.channel not in outputs:
-            raise DictionaryError(f"dictionary: {_not_an_output(fault, outputs)}")
+            name = f"'{fault.name or fault.shape}'"
+            raise DictionaryError(f"dictionary: {name} acts on {_not_an_output(fault.channel, outputs)}")
         signal = recorded_signal(fault, time_s, response, window_start_s=window_start_s)
         columns[:, outputs.index(fault.channel), j] = signal
     return columns
@@ -375,29 +403,58 @@ def dead_reason(fault: Fault, start_s: float, stop_s: float, *, outputs: Sequenc
     start_s, stop_s : the analysed window.
     outputs : the analysed channels; None not to look.
     """
-    name = f"'{fault.name or fault.shape}'"
-    if outputs is not None and fault.channel not in outputs:
-        return _not_an_output(fault, outputs)
-    if fault.onset_s >= stop_s:
-        late = f"{name} starts at {fault.onset_s:g} s, after the window ends ({stop_s:g} s)"
-        return f"{late}; move its onset or widen the window"
-    if fault.offset_s is not None and fault.offset_s <= start_s:
-        early = f"{name} ends at {fault.offset_s:g} s, before the window starts ({start_s:g} s)"
-        return f"{early}; move its offset or widen the window"
-    return None
+    return next(iter(dead_sentences([fault], start_s, stop_s, outputs=outputs)), None)
+
+
+def dead_sentences(
+    faults: Sequence[Fault], start_s: float, stop_s: float, *, outputs: Sequence[str] | None = None
+) -> tuple[str, ...]:
+    """Return why faults leave no trace in the window, a sentence for all of which the same is true.
+
+    Parameters
+    ----------
+    faults, start_s, stop_s, outputs : see `dead_reason`; faults that may leave a trace are not spoken of.
+    """
+    heard = [one for one in faults if outputs is None or one.channel in outputs]
+    late = [one for one in heard if one.onset_s >= stop_s]
+    early = [one for one in heard if one.offset_s is not None and one.offset_s <= start_s]
+    starts, ends = [one.onset_s for one in late], [one.offset_s or 0.0 for one in early]
+    sentences = []
+    for group, verb, key, times_s, where in (
+        (late, "start", "onset", starts, f"after the window ends ({stop_s:g} s)"),
+        (early, "end", "offset", ends, f"before the window starts ({start_s:g} s)"),
+    ):
+        if group:
+            s, move = ("s", f"its {key}") if len(group) == 1 else ("", f"their {key}s")
+            sentences.append(
+                f"{_named(group)} {verb}{s} at {_times(times_s)}, {where}; move {move} or widen the window"
+            )
+    for channel in dict.fromkeys(one.channel for one in faults if one not in heard):
+        group = [one for one in faults if one.channel == channel]
+        sentences.append(f"{_named(group)} act{'s' * (len(group) == 1)} on {_not_an_output(channel, outputs or ())}")
+    return tuple(sentences)
+
+
+def _named(faults: Sequence[Fault]) -> str:
+    return ", ".join(f"'{one.name or one.shape}'" for one in faults)
+
+
+def _times(times_s: Sequence[float]) -> str:
+    first, last = min(times_s), max(times_s)
+    return f"{first:g} s" if first == last else f"{first:g} to {last:g} s"
 
 
 def no_signal(fault: Fault) -> str:
     """Return why an analysis that needs signals, and has no log, leaves out a fault that has none, as a sentence."""
     if SHAPES[fault.shape].acts_on == "course":
         return f"'{fault.name or fault.shape}' has no signal of its own; bfi identify estimates its course"
+    if SHAPES[fault.shape].lines is not None:
+        return f"'{fault.name or fault.shape}' follows from the pressures that the log shows; give the log"
     return f"'{fault.name or fault.shape}' is a share of what the log shows; give the log"
 
 
-def _not_an_output(fault: Fault, outputs: Sequence[str]) -> str:
-    name = f"'{fault.name or fault.shape}'"
-    has = ", ".join(outputs)
-    return f"{name} acts on '{fault.channel}', which is no output ({has}); add --output {fault.channel}"
+def _not_an_output(channel: str, outputs: Sequence[str]) -> str:
+    return f"'{channel}', which is no output ({', '.join(outputs)}); add --output {channel}"
 
 
 def json_schema() -> dict[str, Any]:

@@ -1,10 +1,10 @@
-"""Known faults added to a log: to one channel, or to every channel that follows from a pressure."""
+"""Known faults added to a log and taken out of it: of one channel, or of every channel that follows from a pressure."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,16 @@ from ..kernels.low_pass import Response
 from ..shapes import SHAPES
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
-__all__ = ["added_by", "inject"]
+__all__ = ["LineSignal", "added_by", "inject", "line_signals", "without_line_fault"]
 
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
+# The share of a pressure by which a derivative is taken: its square is far below, and round-off far above, what counts.
+SMALL = 1e-4
+# Of a line's pressure: with less of it left the airspeed is mostly the noise of what is left. A line that has lost as
+# much is what the stage of holds calls leaking (`bfi_cli.parity.holds`).
+LEAST_LEFT = 0.15
+RATES = ("altitude_rate", "tas_rate")  # of channels that follow from a pressure; they change with its rate as well
+ELSEWHERE_M = 20_000.0  # the highest that the equations hold for, far from any cabin
 
 
 def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None = None) -> FlightLog:
@@ -51,9 +58,8 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None
 
 def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog:
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
-    fault = declared
-    if has_channel(declared.shape):
-        fault = replace(declared, channel=log.channel(declared.channel).name)
+    channel = log.channel(declared.channel).name if has_channel(declared.shape) else ""
+    fault = replace(declared, channel=channel)
     if fault.phase_reference != "onset" and fault.frequency_hz is not None:
         # Counted from the onset, so that the truth stays true where the log is cut.
         phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
@@ -190,7 +196,10 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
             f"{time_s[k]:.6g} s, {impossible.why}; end the fault before with offset_s, or give its unit with --unit"
         )
     first = _at_onset(log, fault, air, time_s)
-    cabin = float(pressure_at(fault.cabin_altitude_m or 0.0))
+    try:
+        cabin = float(pressure_at(fault.cabin_altitude_m or 0.0))
+    except ValueError as error:
+        raise DictionaryError(f"{log.path}: fault '{name}': cabin_altitude_m: {error}; give one of air") from None
     p_static, p_total = shape.lines(air.p_static, air.p_total, first=first, cabin=cabin, amount=amount)
     same = max(
         np.nanmax(np.abs(one / other - 1.0)) for one, other in ((p_static, air.p_static), (p_total, air.p_total))
@@ -241,3 +250,139 @@ def _at_onset(log: FlightLog, fault: Fault, air: AirData, time_s: FloatArray) ->
     pressures = (air.p_static, air.p_total)
     static, total = (float(np.interp(onset_s, time_s[known], one[known])) for one in pressures)
     return static, total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LineSignal:
+    """What a fault of a pressure line does to one channel, per unit of its size, by (n_samples,) of a log that has it.
+
+    Attributes
+    ----------
+    values : the channel less size x values is what it would show without the fault.
+    slopes : by how much `values` changes with the channel itself; the density of the channel is that of the corrected
+        one times |1 - size x slopes|. Where these were not asked for, and for the rate of a channel, 0.
+    """
+
+    values: FloatArray
+    slopes: FloatArray
+
+
+def line_signals(
+    log: FlightLog, fault: Fault, through: Response, *, size: float = 0.0, with_slopes: bool = True
+) -> dict[str, LineSignal]:
+    """Return by channel the signal of a fault of a pressure line, told by the log that has it; {} where it acts not.
+
+    Of a line that has lost a known share of its pressure the pressure outside follows, and with it every channel as it
+    was: by differences, as in `inject`. A fault without a magnitude is whole, so that its signal is that of all of it.
+    For others the channels are not proportional to the size; the signal is the secant to a size, or the derivative.
+
+    Parameters
+    ----------
+    fault : its magnitude does not count.
+    through : the filters that the log went through.
+    size : magnitude to take the secant to, 0 for the derivative at no fault.
+
+    Raises
+    ------
+    LogError : see `inject`.
+    DictionaryError : the line keeps no trace of the pressure outside, or too little of it.
+    """
+    shape, active = SHAPES[fault.shape], active_samples(fault, log.time_s)
+    assert shape.lines is not None
+    name = fault.name or fault.shape
+    if shape.loss is None:
+        raise DictionaryError(
+            f"{log.path}: fault '{name}': a trapped line keeps no trace of the pressure outside; use bfi diagnose, "
+            "which holds the line's pressure against lift and altitude"
+        )
+    size = size if shape.has_magnitude else 1.0
+    part = _around(active, 2 * len(through.taps)) if active.any() else slice(0, 0)
+    lost = shape.loss * course(fault, log.time_s[part])
+    if not np.any(lost[active[part]]):
+        return {}
+    gone = active[part] & (size * lost > 1.0 - LEAST_LEFT)
+    if gone.any():
+        raise DictionaryError(
+            f"{log.path}: fault '{name}': leaves less than {100.0 * LEAST_LEFT:.0f} % of the line's pressure from "
+            f"{log.time_s[part][np.argmax(gone)]:.6g} s on, which tells no airspeed or altitude; end the window or the "
+            "fault before, or use bfi diagnose"
+        )
+    # The fault is taken out of the log; secant or derivative, per unit of its size.
+    small = SMALL / float(np.max(np.abs(lost[active[part]])))
+    sizes = (size,) if size else (small, -small)
+    shares = [np.minimum(one * lost, 1.0 - LEAST_LEFT) for one in sizes]
+    amounts = [-shape.loss * share / (1.0 - share) for share in shares]
+
+    def per_size(corrections: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
+        return {
+            channel: -np.mean([one[channel] / taken for one, taken in zip(corrections, sizes, strict=True)], axis=0)
+            for channel in corrections[0]
+            if all(channel in one for one in corrections)
+        }
+
+    values = per_size([_stored(log, fault, one, active, part, through) for one in amounts])
+    slopes: Mapping[str, FloatArray] = {}
+    if with_slopes:
+        slopes = _slopes(log, fault, part, lambda one: per_size([_changes(one, fault, x, part) for x in amounts]))
+    signals = {}
+    for channel, own in values.items():
+        whole = np.zeros(log.n_samples)
+        if channel in slopes:
+            whole[part] = np.where(active[part], slopes[channel], 0.0)
+        signals[channel] = LineSignal(values=frozen_array(own), slopes=frozen_array(whole))
+    return signals
+
+
+def without_line_fault(log: FlightLog, fault: Fault, through: Response) -> FlightLog:
+    """Return the log less what a fault of a pressure line, of its magnitude, changed in every channel that follows.
+
+    A log that does not tell so large a loss is corrected to first order.
+
+    Raises
+    ------
+    LogError, DictionaryError : see `line_signals`.
+    """
+    try:
+        signals = line_signals(log, fault, through, size=fault.magnitude, with_slopes=False)
+    except DictionaryError:
+        signals = line_signals(log, fault, through, with_slopes=False)
+    corrected = {
+        channel: replace(
+            log.channels[channel],
+            values=frozen_array(log.channels[channel].values - fault.magnitude * signal.values),
+        )
+        for channel, signal in signals.items()
+    }
+    return replace(log, channels={**log.channels, **corrected}, truth=None)
+
+
+def _slopes(
+    log: FlightLog, fault: Fault, part: slice, signals: Callable[[FlightLog], Mapping[str, FloatArray]]
+) -> dict[str, FloatArray]:
+    """Return by channel, (samples of the part,), by how much a signal changes with the channel.
+
+    The channel changes as the flight would change it: one of airspeed with the impact pressure, one of altitude with
+    the static pressure.
+
+    Parameters
+    ----------
+    signals : of a log.
+    """
+    here, slopes = signals(log), dict[str, FloatArray]()
+    for line in ("pitot_leak", "static_leak") if SHAPES[fault.shape].acts_on == "p_static" else ("pitot_leak",):
+        follow = {name for name, pressures in DEPENDS_ON.items() if ("p_total" in pressures) == (line == "pitot_leak")}
+        wanted = (follow & here.keys()) - {*RATES}
+        if not wanted:
+            continue
+        little = replace(fault, shape=line, cabin_altitude_m=ELSEWHERE_M)
+        moved = _changes(log, little, np.full(log.time_s[part].shape, SMALL), part)
+        other = dict(log.channels)
+        for channel, change in moved.items():
+            changed = log.channels[channel].values.copy()
+            changed[part] += change
+            other[channel] = replace(log.channels[channel], values=frozen_array(changed))
+        there = signals(replace(log, channels=other))
+        for channel in wanted & there.keys() & moved.keys():
+            change = np.where(moved[channel] == 0.0, np.inf, moved[channel])
+            slopes[channel] = np.nan_to_num((there[channel] - here[channel]) / change)
+    return slopes

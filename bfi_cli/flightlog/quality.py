@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +20,21 @@ from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 
 __all__ = ["UNEVEN", "ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport"]
-__all__ += ["advice_on_windows", "gap_starts", "held_hz", "hold_of", "inspect_log", "is_uniform", "ranked_windows"]
+__all__ += [
+    "advice_on_the_ground",
+    "advice_on_windows",
+    "gap_starts",
+    "held_hz",
+    "hold_of",
+    "inspect_log",
+    "is_uniform",
+    "ranked_windows",
+]
 __all__ += ["require_usable", "time_jitter"]
 
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
 PIECE = 1_000_000  # samples whose steps are looked at together, for memory
+MOSTLY = 0.5  # of a window
 GAP = 1.75  # median time steps, between one and two: a sample is missing from here on
 # Seconds. In a longer record the dynamics change and a scan takes minutes, so windows are suggested, this many.
 LONG_S, MOST_NAMED = 600.0, 3
@@ -255,6 +265,30 @@ def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:
     return (
         f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}"
         f"{'; the whole record is analysed' * whole}"
+    )
+
+
+def advice_on_the_ground(
+    log: FlightLog, from_s: float | None, to_s: float | None, *, suspects: Collection[str] = ()
+) -> str | None:
+    """Return a sentence where most of the window is on the ground, as the phases of the log have it; else None.
+
+    Parameters
+    ----------
+    from_s, to_s : the window; None for the ends of the log.
+    suspects : see `bfi_cli.flightlog.phases.phases_of`.
+    """
+    first = float(log.time_s[0]) if from_s is None else from_s
+    last = float(log.time_s[-1]) if to_s is None else to_s
+    phases = phases_of(log, suspects=suspects)
+    grounds = [(max(one.from_s, first), min(one.to_s, last)) for one in phases if one.phase == "ground"]
+    if not sum(max(stop - start, 0.0) for start, stop in grounds) > MOSTLY * (last - first):
+        return None
+    flown = [one for one in phases if one.phase not in UNFIT]
+    aloft = f" (in flight from {flown[0].from_s:.6g} to {flown[-1].to_s:.6g} s)" if flown else ""
+    return (
+        f"the aircraft is on the ground for most of the window, {first:.6g} to {last:.6g} s{aloft}: an airspeed shows "
+        "wind and noise there, and what is said of it is not said of a flight"
     )
 
 

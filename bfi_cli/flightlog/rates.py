@@ -278,10 +278,10 @@ def _about(base: Track, ranked: Sequence[Track], slow: Sequence[Track], grid: Fl
         yield f"held between values of their own: {named}"
     late = [t for t in ranked if t.time_s[0] > grid[0] + _patience(t)]
     early = [t for t in ranked if t.time_s[-1] < grid[-1] - _patience(t)]
-    for name, tracks, which in (("begin", late, 0), ("end", early, -1)):
+    for words, tracks, which in (("starts later than the log", late, 0), ("ends before the log", early, -1)):
         if tracks:
             named = ", ".join(f"{_name(t, ranked)} ({t.time_s[which]:.6g} s)" for t in tracks)
-            yield f"missing where the log {name}s: {named}"
+            yield f"what {words} is missing there: {named}"
     offset_s = float(grid[0] - min(t.time_s[0] for t in ranked))
     if offset_s > 2.0 / mean_rate(base.time_s):
         yield f"the log starts at {grid[0]:.6g} s, {offset_s:.3g} s after its first signal, when all are there"

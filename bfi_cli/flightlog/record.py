@@ -215,7 +215,10 @@ class FlightLog:
         """Return (n_samples, len(names)) of channel values, of one channel those themselves."""
         if len(names) == 1:
             return self.channel(names[0]).values[:, None]
-        return np.column_stack([self.channel(name).values for name in names])
+        signals = np.empty((self.n_samples, len(names)))
+        for i, name in enumerate(names):  # of a large log one is in memory at a time
+            signals[:, i] = self.channel(name).values
+        return signals
 
     def window(self, from_s: float | None, to_s: float | None) -> FlightLog:
         """Return the samples with from_s <= time < to_s (to_s inclusive where it is the last sample)."""

@@ -78,7 +78,7 @@ def read_tdms(path: str, *, group: str | None, channel_map: Mapping[str, str], u
         raise
     except Exception as error:  # a damaged file can make the parser raise anything
         raise LogError(f"{path}: damaged or truncated TDMS file, {first_line(error)}; export it again") from None
-    has_time = _has_time(signals)
+    has_time = any(_is_time(one) for one in signals)
     if not has_time and any(one.clock is not None for one in signals):
         untimed = [one.source for one in signals if one.clock is None]
         signals = [one for one in signals if one.clock is not None]
@@ -187,10 +187,6 @@ def _seconds(moments: np.ndarray) -> FloatArray:
     seconds = np.asarray(1e-6 * moments.astype("datetime64[us]").astype(np.int64), dtype=np.float64)
     seconds[np.isnat(moments)] = np.nan
     return seconds
-
-
-def _has_time(signals: Sequence[_Signal]) -> bool:
-    return any(_is_time(one) for one in signals)
 
 
 def _claim(signal: _Signal) -> int:

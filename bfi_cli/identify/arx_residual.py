@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 
 from ..config import Config
-from ..kernels.covariance import unfold_support
 from ..kernels.model_selection import ScoredFit
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
@@ -59,7 +58,7 @@ def identify_by_residual(
     z = estimates.value[list(atoms)] / regression.magnitude_unit[list(atoms)]
     with_faults = fit_magnitudes(regression.problem(fit.order), atoms, z, max_iterations=1)
     together = magnitudes_of_fit(regression, ScoredFit(criterion=0.0, fit=with_faults), plain.penalty)
-    unfolded = unfold_support(regression.layout, with_faults)
+    unfolded = regression.unfold(with_faults)
     shown = ", ".join(f"{time_s:.6g}" for time_s in alarms_s[:5])
     return MethodResult(
         atoms=atoms,

@@ -13,6 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..faults import magnitude_unit, meaning
+from ..kernels.lagged import signals_factor
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -183,7 +185,11 @@ def _onset_is_covered(window: PreparedWindow, order: int, onset_s: float) -> boo
 
 def _twins(window: PreparedWindow) -> dict[int, int]:
     """Return, for entries left out because they are another's signal, that other entry."""
-    flat = window.signals.theta.reshape(-1, len(window.faults))
+    theta = window.signals.theta
+    if isinstance(theta, PiecewiseSignals):
+        flat = signals_factor(theta)[:, theta.n_outputs :] if window.reasons else np.zeros((0, len(window.faults)))
+    else:
+        flat = theta.reshape(-1, len(window.faults))
     norms = np.linalg.norm(flat, axis=0)
     twins = {}
     for entry in window.reasons:

@@ -21,6 +21,8 @@ IDENTIFY_SCHEMA = 2
 # Samples of the series of a document, more than any figure shows: 80 minutes at 10 Hz. Chosen for its size, 10 MB.
 MOST_SAMPLES = 50_000
 GIVE = "give the result.json of bfi identify --out"
+# Series of an output that the document has beside those it is made of.
+DERIVED = ("corrected", "predicted")
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 FAULT_KEYS = tuple(field.name for field in fields(Fault) if field.name not in ("name", "magnitude"))
 
@@ -31,7 +33,12 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
     `order_selection`, `residuals`, `truth` and `series` hold what the figures of the report are drawn from; of a very
     long record `series` has every k-th sample.
     """
-    whole = to_plain(_thinned(result))
+    thinned = _thinned(result)
+    whole = to_plain(thinned)
+    whole["outputs"] = [
+        {**entry, **{key: to_plain(getattr(series, key)) for key in DERIVED}}
+        for entry, series in zip(whole["outputs"], thinned.outputs, strict=True)
+    ]
     truth = whole["truth"]
     vaf_fault = None if truth is None else truth.pop("vaf_fault")
     curve = {key: whole["model"].pop(key) for key in ORDER_KEYS}
@@ -104,9 +111,15 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
     """
     whole = _checked(document, where)
     faults = from_plain(tuple[Any, ...], member(whole, "faults", where=where), where=f"{where}: faults")
+    series = dict(_mapping_at(whole, "series", where))
+    if isinstance(series.get("outputs"), list):  # made of the others
+        series["outputs"] = [
+            {key: value for key, value in entry.items() if key not in DERIVED} if isinstance(entry, dict) else entry
+            for entry in series["outputs"]
+        ]
     flat = {
         **whole,
-        **_mapping_at(whole, "series", where),
+        **series,
         "faults": [_fault_from(entry, f"{where}: faults[{i}]") for i, entry in enumerate(faults)],
         "model": {**_mapping_at(whole, "model", where), **_mapping_at(whole, "order_selection", where)},
         "vaf_output": member(whole, "vaf.output", where=where),

@@ -164,7 +164,7 @@ def _course_of(
         (
             one
             for support in supports
-            if _independent(regression.layout.theta[:, 0, list(support)], line)
+            if _independent(np.asarray(regression.layout.theta)[:, 0, list(support)], line)
             for one in _models(regression, penalty, line, walk, support)
         ),
         key=lambda one: one.criterion,

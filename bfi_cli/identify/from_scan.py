@@ -14,6 +14,7 @@ from ..dictionary import Dictionary
 from ..faults import FaultEstimate
 from ..filters import response_of
 from ..flightlog import FlightLog, inject
+from ..flightlog.injection import without_line_fault
 from ..flightlog.recorder import recorder_filters
 from ..kernels.progress import Progress, unseen
 from ..onset import (
@@ -27,7 +28,7 @@ from ..onset import (
 )
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
-from ..shapes import SHAPES
+from ..shapes import OF_LINES, SHAPES
 from ..truth import Comparison, compare_by_onset
 from ..verdicts import KINDS, Candidate, decide, kind_of, summarise, verdicts_of
 from .identify import NOT_CONVERGED, identify_faults
@@ -120,8 +121,12 @@ def _corrected(log: FlightLog, result: IdentifyResult, config: Config) -> Flight
     response = response_of(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0], log.rate_hz)
     # A channel that is derived from others is made of them anew in the scan.
     known = [one for one in result.faults if one.magnitude and one.fault.channel in part.channels]
-    faults = [replace(one.fault, magnitude=-one.magnitude) for one in known]
-    return replace(inject(part, faults, response=response), truth=None) if faults else part
+    of_lines = [one for one in known if one.fault.shape in OF_LINES]
+    faults = [replace(one.fault, magnitude=-one.magnitude) for one in known if one not in of_lines]
+    part = replace(inject(part, faults, response=response), truth=None) if faults else part
+    for one in of_lines:
+        part = without_line_fault(part, replace(one.fault, magnitude=one.magnitude), response)
+    return part
 
 
 def identify_from_scan(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from operator import attrgetter
@@ -25,7 +26,7 @@ from .claims import claims_of
 from .free_shape import identify_with_courses
 from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
-from .reconstruction import against_truth, output_series, residual_summaries, true_faults
+from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
 from .result import IdentifyResult, ScanSummary
 from .warnings import hidden_atoms, warnings_of
 
@@ -90,6 +91,11 @@ def identify_faults(
                 )
             identify = partial(identify_with_courses, identify=identify)
         outcome = identify(window, regression, config, progress)
+        # A long record makes room for what is told of it.
+        regression = regression.without_record()
+        if outcome.analysed is not None:
+            outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
+        outcome = with_heads(outcome, len(regression.signals.time_s))
         return assemble_result(log, window, regression, config, outcome)
 
 
@@ -125,7 +131,7 @@ def assemble_result(
         )
         faults.append(estimate)
     faults += [_of_course(window, one, magnitudes.quantile) for one in outcome.free if one.declared]
-    tolerances = tolerances_of(log, window.log, config.outputs, config.tolerances)
+    tolerances = tolerances_of(log, window.log, config.outputs, config)
     candidates = claims_of(window, regression, outcome, config.method, tolerances)
     verdicts = verdicts_of(candidates)
     decision = decide(verdicts, config.require)
@@ -138,9 +144,12 @@ def assemble_result(
     elif decision == "inconclusive" and hidden and all(hidden):
         unanswered.append(UNANSWERABLE)
     helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
-    series = output_series(window, outcome, true_faults(window))
     residuals = residual_summaries(window, outcome)
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
+    vaf = [
+        float(100.0 * (1.0 - np.var(error) / np.var(y))) for error, y in zip(outcome.error.T, explained.T, strict=True)
+    ]
+    series = output_series(window, outcome, true_faults(window))
     return IdentifyResult(
         log=window.summary,
         decision=decision,
@@ -160,10 +169,7 @@ def assemble_result(
             criterion_no_fault=outcome.criterion_no_fault,
             criterion_best=outcome.criterion_best,
         ),
-        vaf_output={
-            name: float(100.0 * (1.0 - np.var(error) / np.var(y)))
-            for name, error, y in zip(config.outputs, outcome.error.T, explained.T, strict=True)
-        },
+        vaf_output=dict(zip(config.outputs, vaf, strict=True)),
         solver=outcome.solver,
         notes=(
             *unanswered,

@@ -8,19 +8,19 @@ and moved to another one where this lowers the criterion by more than the price 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..config import Config
 from ..kernels import FloatArray
-from ..kernels.covariance import Regressors, regressors_of, single_additions, unfold
 from ..kernels.lagged import compress, restrict
 from ..kernels.model_selection import Penalty
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.magnitudes import searched
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow, regression_of, shifted_signals, shifts_within, with_onsets
+from ..preprocessing.regression import Adding, RegressionData
+from ..preprocessing.window import PreparedWindow, shifted_signals, shifts_within, with_onsets
 from .selection import Selection
 
 __all__ = ["Moved", "move_onsets"]
@@ -73,11 +73,11 @@ def move_onsets(
             break
         n, shift_s, price = found
         shifts_s, prices = {**now.shifts_s, n: shift_s}, {**now.prices, n: price}
-        moved = _at(window, config, shifts_s, prices, select)
+        moved = _at(window, regression, shifts_s, prices, select)
         chosen = moved.selection.best.fit.atoms
         left = {one: shift for one, shift in shifts_s.items() if one in chosen}
         if len(left) < len(shifts_s):  # one that is not declared stays where the dictionary states it
-            moved = _at(window, config, left, {one: prices[one] for one in left}, select)
+            moved = _at(window, regression, left, {one: prices[one] for one in left}, select)
         penalty = now.selection.penalty
         if n not in moved.selection.best.fit.atoms or _cost(moved, penalty) >= _cost(now, penalty):
             break
@@ -87,13 +87,13 @@ def move_onsets(
 
 def _at(
     window: PreparedWindow,
-    config: Config,
+    regression: RegressionData,
     shifts_s: Mapping[int, float],
     prices: Mapping[int, float],
     select: Callable[[RegressionData], Selection],
 ) -> Moved:
     moved = with_onsets(window, {window.live[n]: shift for n, shift in shifts_s.items()})
-    regression = regression_of(moved, config)
+    regression = regression.with_dictionary(moved.signals.theta, moved.live, slopes=moved.signals.slopes)
     return Moved(window=moved, regression=regression, selection=select(regression), shifts_s=shifts_s, prices=prices)
 
 
@@ -106,41 +106,40 @@ def _best_move(now: Moved, window: PreparedWindow, config: Config) -> tuple[int,
     """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does."""
     best, penalty = now.selection.best, now.selection.penalty
     lowest, found = best.criterion, None
-    supports: dict[tuple[int, ...], tuple[Fit, Regressors]] = {}
+    supports: dict[tuple[int, ...], Adding] = {}
     for n, entry in enumerate(window.live):
         shifts = shifts_within(window, entry, config.onset_tolerance_s)
         if n in now.shifts_s or not shifts.size:
             continue
         price = searched(penalty, shifts.size).evidence - penalty.evidence
-        theta = shifted_signals(window, entry, shifts.tolist())[0]
-        theta = theta / now.regression.unit[:, None] * now.regression.magnitude_unit[n]
+        theta = now.regression.over_unit(shifted_signals(window, entry, shifts.tolist())[0])
+        unit = float(now.regression.magnitude_unit[n])
+        theta = theta.scaled(np.full(len(shifts), unit)) if isinstance(theta, PiecewiseSignals) else theta * unit
         atoms = best.fit.atoms
         # An entry that is declared moves; another is added, or takes the place of a declared one.
         bases = [tuple(a for a in atoms if a != n)]
         bases += [tuple(a for a in atoms if a != m) for m in atoms if n not in atoms]
         for base in bases:
             support = supports.get(base) or _support(now.regression, best.fit, base)
-            if (1 + len(supports)) * support[1].Q.nbytes <= KEPT:
+            if (1 + len(supports)) * support.n_bytes <= KEPT:
                 supports[base] = support
-            for k, fit in _hopeful_fits(now.regression, *support, base, theta, penalty, price):
+            for k, fit in _hopeful_fits(now.regression, support, theta, penalty, price):
                 if (criterion := penalty.criterion(fit) + price) < lowest:
                     lowest, found = criterion, (n, float(shifts[k]), price)
     return found
 
 
-def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> tuple[Fit, Regressors]:
-    """Return the fit of a support at the order of another fit, and its regressors, to which signals are added."""
+def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Adding:
+    """Return the fit of a support at the order of another fit, to which signals are added."""
     known = dict(zip(fit.atoms, fit.z, strict=True))
     without = fit_magnitudes(regression.problem(fit.order), base, np.array([known.get(atom, 0.0) for atom in base]))
-    return without, regressors_of(regression.layout, without)
+    return regression.adding_to(without)
 
 
 def _hopeful_fits(
     regression: RegressionData,
-    without: Fit,
-    regressors: Regressors,
-    base: tuple[int, ...],
-    theta: FloatArray,
+    support: Adding,
+    theta: FloatArray | PiecewiseSignals,
     penalty: Penalty,
     price: float,
 ) -> list[tuple[int, Fit]]:
@@ -148,30 +147,29 @@ def _hopeful_fits(
 
     Parameters
     ----------
-    without, regressors : the fit of the support, and what it is on the rows; base : the support.
+    support : its fit.
     theta : (n_samples, n_outputs, n_signals), scaled.
     price : of the choice among them.
     """
-    own = regression.layout.theta[:, :, list(base)]
-    layout = replace(regression.layout, theta=np.concatenate([own, theta], axis=2))
-    same = replace(without, atoms=tuple(range(len(base))))
-    added = single_additions(same, unfold(layout, same, regressors))
-    gains = np.nan_to_num((added.magnitude**2 / added.variance)[len(base) :])
+    added, without = support.each_of(theta), support.fit
+    gains = np.nan_to_num(added.magnitude**2 / added.variance)
     needed = penalty.per_parameter + penalty.per_atom + price
     if float(gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows < HOPEFUL * needed:
         return []
     fits = []
     for k in np.argsort(-gains)[:FITTED].tolist():
+        layout = support.with_signals(theta.of([k]) if isinstance(theta, PiecewiseSignals) else theta[:, :, [k]])
         data = compress(
             layout.u,
             layout.y,
-            np.concatenate([own, theta[:, :, [k]]], axis=2),
+            layout.theta,
             order=layout.first,
             feedthrough=layout.feedthrough,
             weights=layout.weights,
+            segments=regression.segments,
         )
         if without.order < layout.first:
             data = restrict(data, order=without.order)
         problem = project_inputs(data, without.order, floor=regression.floor)
-        fits.append((k, fit_magnitudes(problem, range(len(base) + 1), np.append(without.z, 0.0))))
+        fits.append((k, fit_magnitudes(problem, range(len(without.atoms) + 1), np.append(without.z, 0.0))))
     return fits

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +12,21 @@ from numpy.typing import NDArray
 from ..faults import Fault, active_samples, unit_signal
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
-from ..shapes import ADDITIVE, SHAPES
-from ..truth import compare_faults, name_of
+from ..shapes import ADDITIVE
+from ..truth import compare_faults, is_same_fault, name_of
 from .magnitudes import MethodResult
 from .result import AgainstTruth, OutputSeries, ResidualSummary
 
-__all__ = ["against_truth", "output_series", "residual_summaries", "true_faults"]
+__all__ = ["against_truth", "output_series", "residual_summaries", "true_faults", "with_heads"]
 
 FloatArray = NDArray[np.float64]
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6
+AT_ONCE = 100_000  # samples of which the faults are made at once, for memory
 MAX_LAGS = 40  # of the autocorrelation: over more the Ljung-Box test loses power; chosen without tuning record
 
 
@@ -38,31 +41,59 @@ def output_series(
     """
     y = window.signals.y
     atoms = list(outcome.atoms)
-    theta = window.signals.theta[:, :, [window.live[n] for n in atoms]]
-    fault = theta @ outcome.magnitudes.value[atoms]
-    variance = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
+    entries, every = [window.live[n] for n in atoms], window.signals.theta
+    fault, variance = np.zeros(y.shape), np.zeros(y.shape)
+    for start in range(0, len(y) if atoms else 0, AT_ONCE):
+        rows = slice(start, min(start + AT_ONCE, len(y)))
+        if isinstance(every, PiecewiseSignals):
+            theta = every.of(entries).between(rows.start, rows.stop)
+        else:
+            theta = every[rows][:, :, entries]
+        fault[rows] = theta @ outcome.magnitudes.value[atoms]
+        variance[rows] = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
     for one in outcome.free:
         if one.declared:
             fault[:, one.output] += one.value
             variance[:, one.output] += one.sd**2
-    spread = np.sqrt(np.maximum(variance, 0.0))
-    head = np.full((len(y) - len(outcome.error), y.shape[1]), np.nan)
-    error, plain = np.vstack([head, outcome.error]), np.vstack([head, outcome.plain_error])
+    spread = np.sqrt(np.maximum(variance, 0.0, out=variance), out=variance)
+    error, plain = (_with_head(rows, len(y)) for rows in (outcome.error, outcome.plain_error))
     return tuple(
         OutputSeries(
             channel=name,
             unit=window.log.channel(name).unit,
-            measured=frozen_array(y[:, i]),
-            corrected=frozen_array(y[:, i] - fault[:, i]),
-            predicted=frozen_array(y[:, i] - error[:, i]),
-            fault=frozen_array(fault[:, i]),
-            fault_sd=frozen_array(spread[:, i]),
-            prediction_error=frozen_array(error[:, i]),
-            plain_residual=frozen_array(plain[:, i]),
+            measured=_read_only(y[:, i]),
+            fault=_read_only(fault[:, i]),
+            fault_sd=_read_only(spread[:, i]),
+            prediction_error=_read_only(error[:, i]),
+            plain_residual=_read_only(plain[:, i]),
             true_fault=frozen_array(true[name]) if name in true else None,
         )
         for i, name in enumerate(window.outputs)
     )
+
+
+def with_heads(outcome: MethodResult, n_samples: int) -> MethodResult:
+    """Return the result with errors that are the end of arrays (n_samples, n_outputs), NaN before the first row."""
+    first = n_samples - len(outcome.error)
+    error, plain = (_with_head(rows, n_samples)[first:] for rows in (outcome.error, outcome.plain_error))
+    return replace(outcome, error=error, plain_error=plain)
+
+
+def _with_head(rows: FloatArray, n_samples: int) -> FloatArray:
+    """Return (n_samples, n_outputs) rows behind samples of NaN; the same array where they are the end of one."""
+    known, first = rows.base, n_samples - len(rows)
+    if isinstance(known, np.ndarray) and known.shape == (n_samples, *rows.shape[1:]) and np.isnan(known[:first]).all():
+        return known
+    whole = np.full((n_samples, *rows.shape[1:]), np.nan)
+    whole[first:] = rows
+    return whole
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    """Return values that nobody else writes to, read-only without a copy: of a day at 100 Hz each is 70 MB."""
+    view = values.view()
+    view.setflags(write=False)
+    return view
 
 
 def residual_summaries(window: PreparedWindow, outcome: MethodResult) -> tuple[ResidualSummary, ...]:
@@ -109,7 +140,7 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     # No file is opened because a log names it.
     named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
-        if SHAPES[fault.shape].acts_on == "reading" and (entry := _same_entry(window, fault)) is not None:
+        if fault.shape not in ADDITIVE and (entry := _same_entry(window, fault)) is not None:
             wanted[entry] = wanted.get(entry, 0.0) + fault.magnitude
             continue
         if fault.shape not in ADDITIVE:  # no entry of a dictionary is such a fault
@@ -149,14 +180,12 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
 
 
 def _same_entry(window: PreparedWindow, fault: Fault) -> int | None:
-    """Return the live entry of the same shape, channel and times, None where there is none."""
-    channel = window.log.channel(fault.channel).name
-    for j in window.live:
-        one = window.faults[j]
-        same = (one.shape, window.log.channel(one.channel).name) == (fault.shape, channel)
-        if same and (one.onset_s, one.offset_s) == (fault.onset_s, fault.offset_s):
-            return j
-    return None
+    """Return the live entry that is a fault, None where there is none."""
+    return next((j for j in window.live if is_same_fault(_on_log(window, window.faults[j]), fault)), None)
+
+
+def _on_log(window: PreparedWindow, fault: Fault) -> Fault:
+    return replace(fault, channel=window.log.channel(fault.channel).name)
 
 
 def _begins_as(window: PreparedWindow, entry: int, channel: str, onset_s: float) -> bool:

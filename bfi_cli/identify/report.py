@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,11 +22,11 @@ from ..report.claims import (
     shown_summary,
     verdict_sentence,
 )
-from ..report.content import Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
-from ..report.text import HEADINGS, axis_label, change, instant, interval, number, quantity, with_unit
+from ..report.content import AT_ONCE, Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
+from ..report.text import HEADINGS, axis_label, change, counted, instant, interval, number, quantity, with_unit
 from ..shapes import SHAPES
 from ..verdicts import Candidate
-from .document import identify_from_document
+from .document import DERIVED, identify_from_document
 from .methods import METHODS
 from .result import IdentifyResult, OutputSeries, ResidualSummary
 
@@ -44,7 +45,7 @@ LINEAR_CRITERION = 10.0
 NAME_LETTERS = 40
 FAULT_HEADS = ("fault", "channel", "from", "magnitude", "95 % interval", "until", "shape", "sd", "multiplier")
 RESIDUAL_HEADS = ("output", "noise sd", "VAF", "whiteness", "5 σ without faults", "samples beyond 5 σ")
-READINGS = ("measured", "corrected", "predicted")
+READINGS = ("measured", *DERIVED)
 CHANGES = ("fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
 SERIES = (*READINGS, *CHANGES)
 MAGNITUDE_CAPTION = (
@@ -102,7 +103,7 @@ def _in_units(result: IdentifyResult, units: Units) -> IdentifyResult:
     outputs = []
     for one in result.outputs:
         here = shown[one.channel]
-        signals: dict[str, Any] = {key: here.readings(getattr(one, key)) for key in READINGS}
+        signals: dict[str, Any] = {"measured": here.readings(one.measured)}
         known = {key: values for key in CHANGES if (values := getattr(one, key)) is not None}
         signals |= {key: here.changes(values) for key, values in known.items()}
         outputs.append(replace(one, unit=here.unit, **signals))
@@ -129,15 +130,15 @@ def describe(estimate: FaultEstimate, units: Units = SI, *, own: str = "") -> st
     fault, shape = estimate.fault, SHAPES[estimate.fault.shape].label
     if fault.frequency_hz is not None:
         shape = f"{fault.frequency_hz:.4g} Hz {shape}"
+    article = "an" if shape[0] in "aeiou" else "a"
     scale, physical = _meaning(estimate, units, own)
     low, high = sorted(scale * bound for bound in estimate.ci95)
     unit = "" if physical.unit == "1" else f" {physical.unit}".rstrip()
     value = number(physical.change(estimate.physical_value), spread=0.5 * (high - low))
     within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
     until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)} s"
-    return (
-        f"a {shape} of {value}{unit}{within} on {shortened(fault.channel, 40)} from {instant(fault.onset_s)} s{until}"
-    )
+    where = f"on {shortened(fault.channel, 40)} from {instant(fault.onset_s)} s{until}"
+    return f"{article} {shape} of {value}{unit}{within} {where}"
 
 
 def _meaning(estimate: FaultEstimate, units: Units, own: str) -> tuple[float, Shown]:
@@ -185,7 +186,7 @@ def _facts(result: IdentifyResult, units: Units) -> tuple[tuple[str, str], ...]:
         ("Inputs act", "in the same sample too" if model.feedthrough else "from the next sample on"),
         ("Orders tried", ", ".join(map(str, model.orders)) or "this one only"),
         ("Method", METHODS[solver.method].summary if solver.method in METHODS else solver.method),
-        ("Termination", f"{solver.termination} ({solver.iterations} iterations)"),
+        ("Termination", f"{solver.termination} ({counted(solver.iterations, 'iteration')})"),
         ("Condition number", number(solver.condition_number, digits=3)),
     )
 
@@ -255,6 +256,14 @@ def _line(label: str, result: IdentifyResult, values: FloatArray, style: Style =
     return curve(label, result.time_s[kept], y, style=style, low=low, high=high)
 
 
+def _spread(values: FloatArray) -> float:
+    """Return the standard deviation of what is known of a signal, a part of it at a time."""
+    pieces = np.array_split(values, 1 + len(values) // AT_ONCE)
+    n = max(sum(int(np.isfinite(part).sum()) for part in pieces), 1)
+    mean = sum(float(np.nansum(part)) for part in pieces) / n
+    return float(np.sqrt(sum(float(np.nansum((part - mean) ** 2)) for part in pieces) / n))
+
+
 def _over_time(result: IdentifyResult, panels: Sequence[dict[str, Any]]) -> tuple[Panel, ...]:
     """Return panels over the analysed window, the time named under the lowest."""
     limits = (float(result.time_s[0]), float(result.time_s[-1]))
@@ -314,7 +323,7 @@ def _draw_fault(result: IdentifyResult) -> Drawing:
         if series.true_fault is not None:
             curves.insert(0, _line("injected", result, series.true_fault, "wide"))
         # A fifth of the output's spread keeps the zero in the middle of an empty panel.
-        room = 0.2 * max(float(np.nanstd(series.measured)), 1e-6)
+        room = 0.2 * max(_spread(series.measured), 1e-6)
         panels.append(
             {
                 "title": "" if declared else "no fault declared on this channel",
@@ -421,7 +430,8 @@ def _plain_test(
         return {"title": f"{name}: fault-free model", "curves": (residual,)}
     limit, alarms_s = 5.0 * summary.plain_sd, np.array(summary.plain_alarms_s)
     at = series.plain_residual[np.searchsorted(result.time_s, alarms_s).clip(0, result.time_s.size - 1)]
-    peak = float(np.nanmax(np.abs(np.append(series.plain_residual, limit)))) or 1.0
+    # A thinned curve has the least and the greatest value.
+    peak = float(np.nanmax(np.abs(np.append(residual.y, limit)))) or 1.0
     far = 0.0 < 3.0 * limit < peak
     return {
         "title": f"{name}: fault-free model, {alarms_s.size} samples beyond ±5 σ",
@@ -460,17 +470,20 @@ def _draw_orders(result: IdentifyResult) -> tuple[Drawing, ...]:
     return (Drawing(name="orders", caption=caption, panels=(panel,)),)
 
 
-def _data(result: IdentifyResult) -> dict[str, dict[str, Any]]:
+def _data(result: IdentifyResult) -> dict[str, dict[str, Any] | Callable[[], dict[str, Any]]]:
     faults, model = result.faults, result.model
-    series: dict[str, Any] = {"time [s]": result.time_s}
-    for name, values in result.inputs.items():
-        series[_column(name, result.input_units.get(name, ""))] = values
-    for one in result.outputs:
-        for kind in SERIES:
-            values = getattr(one, kind)
-            if values is not None:
-                series[_column(f"{one.channel}_{kind}", one.unit)] = values
+    own = {one.channel: one.unit for one in result.outputs}
+    residuals = {
+        "output": [one.channel for one in result.residuals],
+        "unit": [own.get(one.channel, "") for one in result.residuals],
+        "noise_sd": [model.noise_sd.get(one.channel) for one in result.residuals],
+        "vaf_percent": [result.vaf_output.get(one.channel) for one in result.residuals],
+        "ljung_box_p": [one.ljung_box_p for one in result.residuals],
+        "plain_sd": [one.plain_sd for one in result.residuals],
+        "plain_alarms_s": [" ".join(f"{time_s:g}" for time_s in one.plain_alarms_s) for one in result.residuals],
+    }
     return {
+        **({"residuals.csv": residuals} if result.residuals else {}),
         "faults.csv": {
             "name": [one.name for one in faults],
             **{key: [getattr(one.fault, key) for one in faults] for key in ("shape", "channel")},
@@ -486,8 +499,20 @@ def _data(result: IdentifyResult) -> dict[str, dict[str, Any]]:
             "criterion_no_fault": model.criterion_no_fault,
             "criterion_best": model.criterion_best,
         },
-        "series.csv": series,
+        "series.csv": partial(_series, result),
     }
+
+
+def _series(result: IdentifyResult) -> dict[str, Any]:
+    series: dict[str, Any] = {"time [s]": result.time_s}
+    for name, values in result.inputs.items():
+        series[_column(name, result.input_units.get(name, ""))] = values
+    for one in result.outputs:
+        for kind in SERIES:
+            values = getattr(one, kind)
+            if values is not None:
+                series[_column(f"{one.channel}_{kind}", one.unit)] = values
+    return series
 
 
 def _column(name: str, unit: str) -> str:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import LogError
-from ..kernels.covariance import unfold_support
 from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import VarxSolution
@@ -114,7 +113,7 @@ def _by_stage(
         atoms=fit.atoms,
         magnitudes=magnitudes_of_fit(regression, selection.best, penalty),
         error=selection.unfolded.error * regression.unit,
-        plain_error=unfold_support(regression.layout, lowest.fit).error * regression.unit,
+        plain_error=regression.unfold(lowest.fit).error * regression.unit,
         order=fit.order,
         feedthrough=regression.layout.feedthrough,
         condition_number=selection.unfolded.condition_number,
@@ -168,7 +167,7 @@ def _by_rule(
     whole = fit_magnitudes(problem, range(n_atoms), solution.z, max_iterations=1)
     estimates = magnitudes_of_fit(regression, ScoredFit(criterion=criteria[order], fit=whole), penalty)
     fit = fit_magnitudes(problem, active, solution.z[active])
-    unfolded = unfold_support(regression.layout, fit)
+    unfolded = regression.unfold(fit)
     plain = select(regression, evidence=0.0, extended=True, max_active=0)
     notes = ["the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"]
     published = as_published(config)

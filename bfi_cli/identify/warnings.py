@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from ..dictionary import dead_reason, dead_sentences
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.whiteness import exceedances
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.window import PreparedWindow
@@ -31,12 +34,14 @@ BLIND_NOTE = "only a fault larger than the output's whole movement would be seen
 
 def hidden_atoms(window: PreparedWindow, magnitudes: MagnitudeEstimates) -> tuple[bool, ...]:
     """Say for each live atom whether only a fault far larger than the output's whole movement could be seen."""
-    hidden = []
-    for j, detectable in zip(window.live, magnitudes.minimal_detectable, strict=True):
-        theta = np.abs(window.signals.theta[:, :, j])
-        output = int(np.argmax(np.max(theta, axis=0)))
-        smallest = detectable * float(np.max(theta[:, output]))
-        movement = float(np.ptp(window.signals.y[:, output]))
+    hidden, theta, moved = [], window.signals.theta, np.ptp(window.signals.y, axis=0)
+    if isinstance(theta, PiecewiseSignals):
+        peaks, outputs = theta.of(window.live).peaks(), [theta.outputs[j] for j in window.live]
+    else:
+        largest = [np.max(np.abs(theta[:, :, j]), axis=0) for j in window.live]
+        peaks, outputs = np.array([np.max(one) for one in largest]), [int(np.argmax(one)) for one in largest]
+    for peak, output, detectable in zip(peaks, outputs, magnitudes.minimal_detectable, strict=True):
+        smallest, movement = detectable * float(peak), float(moved[output])
         hidden.append(not np.isfinite(smallest) or smallest > BLIND * movement)
     return tuple(hidden)
 
@@ -87,7 +92,10 @@ def warnings_of(
     notes.append(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}")
     if unseen:
         notes.append(f"{_named(unseen)}: {BLIND_NOTE}")
-    notes += [reason for _, reason in sorted(window.reasons.items())]
+    ends: dict[str, Any] = {"start_s": window.window_start_s, "stop_s": window.window_stop_s}
+    ends["outputs"] = window.outputs
+    notes += dead_sentences([window.faults[j] for j in sorted(window.reasons)], **ends)
+    notes += [reason for j, reason in sorted(window.reasons.items()) if dead_reason(window.faults[j], **ends) is None]
     if outcome.condition_number > ILL_CONDITIONED:
         notes.append(
             f"the regressors are nearly dependent (condition number {outcome.condition_number:.1e}): the inputs hardly "

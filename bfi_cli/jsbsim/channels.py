@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CONTROLS", "ENGINES", "FOOT", "RECORDED", "Recorded"]
+from ..units import FOOT, POUND, G
 
-FOOT = 0.3048  # m
+__all__ = ["CONTROLS", "FLOWN", "RECORDED", "Recorded"]
+
+# The file of a flight's folder that says which part of it is flown.
+FLOWN = "flown.txt"
+
 RANKINE = 5.0 / 9.0  # K
-POUND = 0.453_592_37  # kg
-PSF = 47.880_258_980_335_84  # Pa
-G = 9.80665  # m/s^2
+PSF = POUND * G / FOOT**2  # Pa, pounds per square foot
 
 # Inputs, in the order of a flight's controls, and what moves them in parts of their travel: a positive stick lowers
 # the nose, rolls right, and a positive pedal is JSBSim's, which yaws left or right by aircraft.
@@ -26,7 +28,8 @@ CONTROLS = {
 class Recorded:
     """An output: its standard name, JSBSim's property, and value = property x scale + offset in SI.
 
-    `per_mass` marks a force, lb, that is divided by the mass in slugs first.
+    `per_mass` marks a force, lb, that is divided by the mass in slugs first, `per_engine` a property that each engine
+    has and all together are recorded.
     """
 
     name: str
@@ -34,10 +37,8 @@ class Recorded:
     scale: float = 1.0
     offset: float = 0.0
     per_mass: bool = False
+    per_engine: bool = False
 
-
-# Of all engines together.
-ENGINES = ("fuel_flow",)
 
 # Pressures, temperatures and airspeeds are those of JSBSim's own equations. Forces without the weight, per mass, are
 # what accelerometers at the centre of gravity feel; `normal_acc` is upward, with gravity taken out, as the other two
@@ -62,10 +63,10 @@ _PROPERTIES = (
     ("yaw_rate", "velocities/r-rad_sec", 1.0),
     ("velocity_north", "velocities/v-north-fps", FOOT),
     ("velocity_east", "velocities/v-east-fps", FOOT),
-    ("fuel_flow", "fuel-flow-rate-pps", POUND),
 )
 RECORDED = (
     *(Recorded(name=name, property=source, scale=scale) for name, source, scale in _PROPERTIES),
+    Recorded(name="fuel_flow", property="fuel-flow-rate-pps", scale=POUND, per_engine=True),
     Recorded(name="longitudinal_acc", property="forces/fbx-total-lbs", scale=FOOT, per_mass=True),
     Recorded(name="lateral_acc", property="forces/fby-total-lbs", scale=FOOT, per_mass=True),
     Recorded(name="normal_acc", property="forces/fbz-total-lbs", scale=-FOOT, offset=-G, per_mass=True),

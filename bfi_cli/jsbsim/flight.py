@@ -2,7 +2,8 @@
 
 JSBSim writes to stdout, some of its aircraft write files into the working folder, and an aircraft that it cannot read
 may end the process: none of that reaches the caller, who starts this module in a folder that is deleted afterwards.
-FOLDER holds `request.json` and, for a flight, `request.npz`; `answer.json` and `answer.npz` are added.
+FOLDER holds `request.json` and, for a flight, `request.npz`; `answer.json` and `answer.npz` are added, and while it
+flies, in a file of its own, the part of the flight that is flown.
 """
 
 from __future__ import annotations
@@ -19,10 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .channels import CONTROLS, ENGINES, FOOT, RECORDED
+from ..errors import first_line
+from ..kernels.progress import Report, silent
+from ..units import FOOT
+from .channels import CONTROLS, FLOWN, RECORDED
 from .pilot import Pilot
 
-__all__ = ["FlightError", "fly", "main", "names", "trimmed"]
+__all__ = ["FlightError", "aircraft_names", "cruise_airspeed", "fly", "main", "trimmed"]
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +40,8 @@ FULL_THROTTLE = 0.97  # above it a trim has no thrust left to fly a manoeuvre wi
 # JSBSim's kind of trim (1 with wings and pedals, 0 lengthwise only) and the lever of a propeller's pitch: some aircraft
 # have thrust with the one setting of it, some with the other.
 ATTEMPTS = ((1, 0.0), (1, 1.0), (0, 0.0))
+# The stops of the controls, in parts of their travel, and what of a position is round-off.
+LEAST, MOST, ROUND_OFF = np.array([-1.0, -1.0, -1.0, 0.0]), np.ones(4), 1e-9
 LEAD_IN_S = 1.0  # flown before the log begins, in calm air, in which fuel flow and forces settle after the trim
 INTEGRATION_HZ = 120.0  # at least; JSBSim's own default
 # Of a flight that is no longer one, rad: a spin or a tumble, beyond the tables of most aircraft.
@@ -48,7 +54,7 @@ class FlightError(Exception):
     """What the user is told, without the name of the aircraft."""
 
 
-def names() -> list[str]:
+def aircraft_names() -> list[str]:
     """Return the aircraft that the package brings, by name."""
     import jsbsim
 
@@ -77,7 +83,7 @@ def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> 
     try:
         readable = fdm.load_model(name)
     except (jsbsim.BaseError, RuntimeError, KeyError) as error:
-        raise FlightError(f"JSBSim cannot read this aircraft, {_first_line(error)}; give another") from None
+        raise FlightError(f"JSBSim cannot read this aircraft, {first_line(error)}; give another") from None
     engines = fdm.get_propulsion().get_num_engines() if readable else 0
     if engines == 0:
         raise FlightError("has no engine to fly level with; give another")
@@ -93,7 +99,7 @@ def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> 
         try:
             fdm.run_ic()
         except (jsbsim.BaseError, RuntimeError) as error:
-            raise FlightError(f"JSBSim cannot fly this aircraft, {_first_line(error)}; give another") from None
+            raise FlightError(f"JSBSim cannot fly this aircraft, {first_line(error)}; give another") from None
         for k in range(engines):
             fdm[f"fcs/advance-cmd-norm[{k}]"] = fine_pitch
         fdm["propulsion/set-running"] = -1.0
@@ -111,23 +117,23 @@ def _gear_goes_up(name: str) -> bool:
     return RETRACTABLE.search(text) is not None
 
 
-def cruise(name: str, *, tas_m_s: float | None, altitude_m: float) -> dict[str, float]:
+def cruise_airspeed(name: str, *, tas_m_s: float | None, altitude_m: float) -> float:
     """Return the airspeed, m/s, at which the aircraft is trimmed: the one asked for, or one that suits it.
 
     Raises
     ------
     FlightError : it does not trim.
     """
-    best: dict[str, float] | None = None
+    best, least_off = None, math.inf
     for speed in SPEEDS if tas_m_s is None else (tas_m_s,):
         fdm = trimmed(name, tas_m_s=speed, altitude_m=altitude_m, rate_hz=INTEGRATION_HZ)
         if fdm is None or (tas_m_s is None and fdm["fcs/throttle-cmd-norm"] > FULL_THROTTLE):
             continue
         off = abs(fdm["aero/alpha-rad"] - CRUISE_AOA)
-        if best is None or off < best["off"]:
-            best = {"tas_m_s": speed, "off": off}
+        if off < least_off:
+            best, least_off = speed, off
     if best is not None:
-        return {"tas_m_s": best["tas_m_s"]}
+        return best
     if tas_m_s is not None:
         raise FlightError(
             f"does not trim in level flight at {tas_m_s:g} m/s and {altitude_m:g} m; change --tas or leave it out"
@@ -138,14 +144,23 @@ def cruise(name: str, *, tas_m_s: float | None, altitude_m: float) -> dict[str, 
     )
 
 
-def fly(name: str, request: Mapping[str, Any], sticks: FloatArray, gusts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the positions of the controls, (n, 4), and the recorded outputs, (n, n_y), in the order of `channels`.
+def fly(
+    name: str,
+    request: Mapping[str, Any],
+    sticks: FloatArray,
+    gusts: FloatArray,
+    report: Report = silent,
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    """Return the positions of the controls, (n, 4), the recorded outputs, (n, n_y), and the controls that met a stop.
+
+    Outputs are in the order of `channels`.
 
     Parameters
     ----------
     request : tas_m_s, altitude_m, rate_hz, tour (whether the pilot flies climbs and turns).
     sticks : (n, 4) added to the trimmed positions of `CONTROLS`, in parts of their travel, held between samples.
     gusts : (n, 3) headwind, gust from the right and upward, m/s, interpolated between samples; (0, 3) for calm air.
+    report : told the part that is flown, at every sample.
 
     Raises
     ------
@@ -164,10 +179,12 @@ def fly(name: str, request: Mapping[str, Any], sticks: FloatArray, gusts: FloatA
     )
     n = len(sticks)
     controls, outputs = np.empty((n, len(CONTROLS))), np.empty((n, len(RECORDED)))
+    beyond = np.zeros(len(CONTROLS), dtype=bool)
     for _ in range(round(LEAD_IN_S * rate) * steps):
         _move(fdm, start + pilot.sticks(0.0, fdm), throttles)
         fdm.run()
     for k in range(n):
+        report(k / n)
         controls[k], outputs[k] = _read(fdm, throttles)
         aoa, roll = fdm["aero/alpha-rad"], fdm["attitude/phi-rad"]
         if not (abs(aoa) <= LARGEST_AOA and abs(roll) <= LARGEST_ROLL and np.isfinite(outputs[k]).all()):
@@ -178,17 +195,20 @@ def fly(name: str, request: Mapping[str, Any], sticks: FloatArray, gusts: FloatA
         for i in range(steps if k < n - 1 else 0):
             if len(gusts):
                 _blow(fdm, gusts[k] + (gusts[k + 1] - gusts[k]) * i / steps)
-            _move(fdm, start + sticks[k] + pilot.sticks(k / rate + i / (rate * steps), fdm), throttles)
+            wanted = start + sticks[k] + pilot.sticks(k / rate + i / (rate * steps), fdm)
+            beyond |= (wanted < LEAST - ROUND_OFF) | (wanted > MOST + ROUND_OFF)
+            _move(fdm, wanted, throttles)
             fdm.run()
-    return controls, outputs
+    return controls, outputs, tuple(name for name, held in zip(CONTROLS, beyond, strict=True) if held)
 
 
 def _move(fdm: Any, sticks: FloatArray, engines: range) -> None:
     """Move the controls to where they are wanted, within their stops."""
-    for position, command in zip(np.clip(sticks[:3], -1.0, 1.0), CONTROLS.values(), strict=False):
+    positions = np.clip(sticks, LEAST, MOST)
+    for position, command in zip(positions[:3], CONTROLS.values(), strict=False):
         fdm[command] = float(position)
     for engine in engines:
-        fdm[f"{CONTROLS['throttle']}[{engine}]"] = float(np.clip(sticks[3], 0.0, 1.0))
+        fdm[f"{CONTROLS['throttle']}[{engine}]"] = float(positions[3])
 
 
 def _blow(fdm: Any, gust: FloatArray) -> None:
@@ -203,14 +223,13 @@ def _read(fdm: Any, engines: range) -> tuple[FloatArray, FloatArray]:
     surfaces = [fdm["fcs/elevator-pos-rad"], _aileron(fdm), fdm["fcs/rudder-pos-rad"], fdm["fcs/throttle-pos-norm"]]
     values = []
     for channel in RECORDED:
-        if channel.name in ENGINES:
-            total = sum(fdm[f"propulsion/engine[{k}]/{channel.property}"] for k in engines)
-            values.append(total * channel.scale)
+        if channel.per_engine:
+            value = sum(fdm[f"propulsion/engine[{k}]/{channel.property}"] for k in engines)
         else:
             value = fdm[channel.property]
-            values.append(
-                (value / fdm["inertia/mass-slugs"] if channel.per_mass else value) * channel.scale + channel.offset
-            )
+        if channel.per_mass:
+            value /= fdm["inertia/mass-slugs"]
+        values.append(value * channel.scale + channel.offset)
     return np.array(surfaces), np.array(values)
 
 
@@ -220,9 +239,17 @@ def _aileron(fdm: Any) -> float:
     return right if right != 0.0 else -float(fdm["fcs/left-aileron-pos-rad"])
 
 
-def _first_line(error: Exception) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return (lines[0] if lines else type(error).__name__)[:120]
+def _written_to(file: Path) -> Report:
+    """Return what writes the part that is done to a file, a hundred times on the way."""
+    told = 0
+
+    def write(done: float) -> None:
+        nonlocal told
+        if int(100.0 * done) > told:
+            told = int(100.0 * done)
+            file.write_text(f"{done:.4f}", encoding="ascii")
+
+    return write
 
 
 def main(folder: Path) -> None:
@@ -231,14 +258,16 @@ def main(folder: Path) -> None:
     answer: dict[str, Any]
     try:
         if request["do"] == "names":
-            answer = {"names": names()}
+            answer = {"names": aircraft_names()}
         elif request["do"] == "cruise":
-            answer = cruise(request["name"], tas_m_s=request["tas_m_s"], altitude_m=request["altitude_m"])
+            wanted = {"tas_m_s": request["tas_m_s"], "altitude_m": request["altitude_m"]}
+            answer = {"tas_m_s": cruise_airspeed(request["name"], **wanted)}
         else:
             with np.load(folder / "request.npz") as arrays:
-                controls, outputs = fly(request["name"], request, arrays["sticks"], arrays["gusts"])
+                told = _written_to(folder / FLOWN)
+                controls, outputs, stops = fly(request["name"], request, arrays["sticks"], arrays["gusts"], told)
             np.savez(folder / "answer.npz", controls=controls, outputs=outputs)
-            answer = {}
+            answer = {"stops": stops}
     except FlightError as error:
         answer = {"error": str(error)}
     (folder / "answer.json").write_text(json.dumps(answer), encoding="utf-8")

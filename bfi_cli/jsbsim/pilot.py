@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .channels import FOOT
+from ..units import FOOT
 
 __all__ = ["TOUR", "Leg", "Pilot"]
 

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigError
+from ..kernels.progress import Report, silent
+from .channels import FLOWN
 
 __all__ = ["run"]
 
@@ -24,8 +27,15 @@ FloatArray = NDArray[np.float64]
 PACKAGE_FOLDER = Path(__file__).resolve().parents[2]
 
 
+# Seconds between two looks at how far a flight is.
+LOOK_S = 0.1
+
+
 def run(
-    who: str, request: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None
+    who: str,
+    request: Mapping[str, Any],
+    arrays: Mapping[str, FloatArray] | None = None,
+    report: Report = silent,
 ) -> tuple[dict[str, Any], dict[str, FloatArray]]:
     """Return what a request to JSBSim gives: values and arrays by name.
 
@@ -34,6 +44,7 @@ def run(
     who : what the messages begin with.
     request : see `bfi_cli.jsbsim.flight.main`.
     arrays : of a flight, its `sticks` and `gusts`.
+    report : told the part of the flight that is flown.
 
     Raises
     ------
@@ -47,18 +58,23 @@ def run(
         (folder / "request.json").write_text(json.dumps(dict(request)), encoding="utf-8")
         if arrays is not None:
             np.savez(folder / "request.npz", sticks=arrays["sticks"], gusts=arrays["gusts"])
-        done = subprocess.run(
+        flight = subprocess.Popen(
             [sys.executable, "-P", "-m", "bfi_cli.jsbsim.flight", str(folder)],
             cwd=folder,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
             stdin=subprocess.DEVNULL,
-            capture_output=True,
-            check=False,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
-        answered = folder / "answer.json"
-        if not answered.is_file():
-            raise ConfigError(f"{who}: JSBSim stopped, exit code {done.returncode}; give another aircraft or start")
-        answer = json.loads(answered.read_text(encoding="utf-8"))
+        try:
+            code = _wait(flight, folder / FLOWN, report)
+        finally:  # also where the wait is interrupted
+            flight.kill()
+            flight.wait()
+        answer_file = folder / "answer.json"
+        if not answer_file.is_file():
+            raise ConfigError(f"{who}: JSBSim stopped, exit code {code}; give another aircraft or start")
+        answer = json.loads(answer_file.read_text(encoding="utf-8"))
         if "error" in answer:
             raise ConfigError(f"{who}: {answer['error']}")
         flown: dict[str, FloatArray] = {}
@@ -66,3 +82,12 @@ def run(
             with np.load(folder / "answer.npz") as stored:
                 flown = {key: stored[key] for key in stored.files}
         return answer, flown
+
+
+def _wait(flight: subprocess.Popen[bytes], flown: Path, report: Report) -> int:
+    """Return the exit code of a flight, and tell `report` the number that it leaves in the file `flown`."""
+    while True:
+        with suppress(subprocess.TimeoutExpired):
+            return flight.wait(LOOK_S)
+        with suppress(OSError, ValueError):  # not there yet, or being written
+            report(float(flown.read_text(encoding="ascii")))

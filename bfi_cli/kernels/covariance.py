@@ -1,4 +1,9 @@
-"""The covariance of the magnitudes, with serially correlated errors admitted, from a fit evaluated row by row."""
+"""The covariance of the magnitudes, with serially correlated errors admitted, from a fit evaluated row by row.
+
+Inner products over the rows are those over the rows of the record's triangular factor, so that a record of any length
+is unfolded on its factor (`unfold_factor`) but for what depends on time: its prediction error, and the sums of scores
+over neighbouring rows. Both are taken in a second pass, some rows at a time (`unfold_rows`, `covariance_of_rows`).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,9 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 from .coherence import whiten
-from .lagged import lagged
+from .lagged import Compressed, lagged
+from .piecewise import PiecewiseSignals
+from .scaled import ScaledSignals
 from .variable_projection import Fit
 
 # An atom whose power the regressors absorb but for less than this share is not seen: the rest is round-off.
@@ -28,15 +35,16 @@ class Layout:
 
     Attributes
     ----------
-    u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms), all scaled.
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms), all scaled. The
+        signals of a long record are piecewise.
     first : sample of the first row, the largest of the orders that are compared.
     feedthrough : inputs act in the same sample too.
     weights : (n_samples,) of the rows, None for 1.
     """
 
-    u: FloatArray
-    y: FloatArray
-    theta: FloatArray
+    u: FloatArray | ScaledSignals
+    y: FloatArray | ScaledSignals
+    theta: FloatArray | PiecewiseSignals
     first: int
     feedthrough: bool
     weights: FloatArray | None = None
@@ -74,6 +82,7 @@ class FitRows:
     coefficients : (n_regressors, n_outputs) of [1, u lags, corrected y lags].
     condition_number : of the regressors, columns scaled.
     n_regressors : per output.
+    n_rows : of the record. The arrays have fewer where it was unfolded on its triangular factor.
     """
 
     error: FloatArray
@@ -83,6 +92,7 @@ class FitRows:
     coefficients: FloatArray
     condition_number: float
     n_regressors: int
+    n_rows: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,14 +106,19 @@ class SingleAdditions:
 def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     """Return the regressors of a fit on the rows of its record, for several `unfold` that differ in other atoms."""
     first, n = layout.first, len(layout.y)
-    corrected = layout.y - layout.theta[:, :, list(fit.atoms)] @ fit.z
+    corrected = np.asarray(layout.y) - np.asarray(layout.theta)[:, :, list(fit.atoms)] @ fit.z
     input_lags, output_lags = range(0 if layout.feedthrough else 1, fit.order + 1), range(1, fit.order + 1)
     n_base = 1 + len(input_lags) * layout.u.shape[1]
     X = np.ones((n - first, n_base + fit.order * layout.y.shape[1]), order="F")
-    X[:, 1:n_base] = lagged(layout.u, input_lags, first=first)
+    X[:, 1:n_base] = lagged(np.asarray(layout.u), input_lags, first=first)
     X[:, n_base:] = lagged(corrected, output_lags, first=first)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
     X *= weights[:, None]
+    return _orthogonalised(X, corrected[first:] * weights[:, None], weights)
+
+
+def _orthogonalised(X: FloatArray, now: FloatArray, weights: FloatArray) -> Regressors:
+    """Return regressors X (n_rows, n_regressors), which are overwritten, of outputs `now` (n_rows, n_outputs)."""
     scale = np.linalg.norm(X, axis=0) if X.size <= MOST_VALUES else np.array([np.linalg.norm(one) for one in X.T])
     scale[scale == 0.0] = 1.0
     X /= scale
@@ -111,7 +126,7 @@ def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     keep = s > RANK_TOLERANCE * s[0]
     return Regressors(
         Q=U if keep.all() else U[:, keep],
-        now=corrected[first:] * weights[:, None],
+        now=now,
         singular=s,
         Vt=Vt[keep],
         scale=scale,
@@ -138,31 +153,129 @@ def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> Fi
     regressors : of the fit on this record where they are known, see `regressors_of`.
     """
     made = regressors_of(layout, fit) if regressors is None else regressors
-    first, n, n_y = layout.first, len(layout.y), layout.y.shape[1]
-    Q, now, s, weights = made.Q, made.now, made.singular, made.weights
-    g = layout.theta[first:].copy()
+    first, n, theta = layout.first, len(layout.y), np.asarray(layout.theta)
+    g = theta[first:].copy()
     for i, K in enumerate(fit.K, start=1):
-        g -= np.einsum("io,koj->kij", K, layout.theta[first - i : n - i])
-    g *= weights[:, None, None]
-    flat = g.reshape(n - first, -1)
+        g -= np.einsum("io,koj->kij", K, theta[first - i : n - i])
+    g *= made.weights[:, None, None]
+    return _projected(made, g, n - first)
+
+
+def _projected(made: Regressors, g: FloatArray, n_rows: int) -> FitRows:
+    """Return the rows of a fit with weighted signatures g (n, n_outputs, n_atoms), which are overwritten."""
+    Q, now, s = made.Q, made.now, made.singular
+    flat = g.reshape(len(g), -1)
     weighted_error = now - Q @ (Q.T @ now)
     raw_norm = np.sqrt(np.einsum("koj,koj->j", g, g))
     flat -= Q @ (Q.T @ flat)
     return FitRows(
-        error=weighted_error / weights[:, None],
+        error=weighted_error / made.weights[:, None],
         weighted_error=weighted_error,
-        signatures=flat.reshape(n - first, n_y, -1),
+        signatures=flat.reshape(g.shape),
         raw_norm=raw_norm,
-        coefficients=(made.Vt.T @ ((Q.T @ now) / s[: Q.shape[1], None])) / made.scale[:, None],
+        coefficients=_coefficients(made, now),
         condition_number=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
         n_regressors=made.scale.size,
+        n_rows=n_rows,
     )
+
+
+def _coefficients(made: Regressors, x: FloatArray) -> FloatArray:
+    """Return (n_regressors, n) least-squares coefficients of x (n_rows, n) on the regressors."""
+    rank = made.Q.shape[1]
+    return np.asarray((made.Vt.T @ ((made.Q.T @ x) / made.singular[:rank, None])) / made.scale[:, None])
+
+
+def unfold_factor(data: Compressed, fit: Fit, beside: FloatArray | None = None) -> FitRows:
+    """Evaluate a fit on the rows of the triangular factor of its record: an orthogonal transform of the record's.
+
+    Parameters
+    ----------
+    data : of the order of the fit or a higher one, with its atoms.
+    beside : (n, n_beside * n_outputs) on the rows of R, filtered signatures of others: what the first leaves on every
+        output, then the second, ... (`PiecewiseSignals.filtered`).
+
+    Returns
+    -------
+    The rows with the signatures of the atoms of `data`, then of those beside; error and weighted error are the same.
+    """
+    made, g = _on_factor(data, fit)
+    if beside is not None:
+        g = np.concatenate([g, beside.reshape(len(g), -1, g.shape[1]).transpose(0, 2, 1)], axis=2)
+    return _projected(made, np.ascontiguousarray(g), data.n_rows)
+
+
+def _on_factor(data: Compressed, fit: Fit) -> tuple[Regressors, FloatArray]:
+    """Return the regressors of a fit and (n, n_outputs, n_atoms) filtered signatures, on the rows of a factor."""
+    columns, R, n_y = data.columns, data.R, data.columns.n_outputs
+    signals = np.zeros((len(R), fit.order + 1, n_y, columns.n_atoms))
+    lags = R[:, columns.theta_lags].reshape(len(R), columns.order, -1)[:, : fit.order]
+    for n, (output, atom) in enumerate(columns.signals):
+        signals[:, 0, output, atom] = R[:, columns.theta][:, n]
+        signals[:, 1:, output, atom] = lags[:, :, n]
+    past = R[:, columns.y_lags].reshape(len(R), columns.order, n_y)[:, : fit.order]
+    corrected = np.concatenate([R[:, None, columns.y], past], axis=1) - signals[..., list(fit.atoms)] @ fit.z
+    n_base = 1 + (fit.order + columns.feedthrough) * columns.n_inputs
+    X = np.asfortranarray(np.hstack([R[:, :n_base], corrected[:, 1:].reshape(len(R), -1)]))
+    g = signals[:, 0] - np.einsum("iab,kibj->kaj", fit.K, signals[:, 1:])
+    return _orthogonalised(X, corrected[:, 0], np.ones(len(R))), g
 
 
 def unfold_support(layout: Layout, fit: Fit) -> FitRows:
     """Evaluate a fit on the rows of its record, with the signatures of its own support alone."""
-    atoms = list(fit.atoms)
-    return unfold(replace(layout, theta=layout.theta[:, :, atoms]), replace(fit, atoms=tuple(range(len(atoms)))))
+    atoms, theta = list(fit.atoms), layout.theta
+    own = theta.of(atoms) if isinstance(theta, PiecewiseSignals) else theta[:, :, atoms]
+    return unfold(replace(layout, theta=own), replace(fit, atoms=tuple(range(len(atoms)))))
+
+
+def unfold_rows(layout: Layout, fit: Fit, on_factor: FitRows) -> FitRows:
+    """Evaluate the prediction error of a fit row by row, some rows at a time, without its signatures.
+
+    Parameters
+    ----------
+    layout : with piecewise signals.
+    on_factor : the fit on the triangular factor of this record, see `unfold_factor`.
+    """
+    first, n, n_y = layout.first, len(layout.y), layout.y.shape[1]
+    error = np.empty((n - first, n_y))
+    for start in range(first, n, ROWS):
+        stop = min(start + ROWS, n)
+        corrected = _corrected(layout, fit, start - fit.order, stop)
+        error[start - first : stop - first] = corrected[fit.order :] - _predicted(
+            layout, fit, on_factor.coefficients, start, corrected
+        )
+    weighted = error if layout.weights is None else error * layout.weights[first:, None]
+    return replace(on_factor, error=error, weighted_error=weighted, signatures=np.zeros((n - first, n_y, 0)))
+
+
+def _corrected(layout: Layout, fit: Fit, start: int, stop: int) -> FloatArray:
+    """Return (stop - start, n_outputs) outputs without the faults of a fit."""
+    assert isinstance(layout.theta, PiecewiseSignals)
+    faults = layout.theta.of(fit.atoms).combined(fit.z, start, stop)
+    return np.asarray(layout.y[start:stop] - faults)
+
+
+def _predicted(layout: Layout, fit: Fit, coefficients: FloatArray, start: int, corrected: FloatArray) -> FloatArray:
+    """Return (n_rows, n) what coefficients (n_regressors, n) make of the regressors of the rows from `start` on.
+
+    Parameters
+    ----------
+    corrected : (fit.order + n_rows, n_outputs) outputs without faults, from sample start - fit.order on.
+    """
+    n_rows, n_inputs, n_y = len(corrected) - fit.order, layout.u.shape[1], layout.y.shape[1]
+    total = np.tile(coefficients[0], (n_rows, 1))
+    place, u = 1, layout.u[start - fit.order : start + n_rows]
+    for lag in range(0 if layout.feedthrough else 1, fit.order + 1):
+        total += u[fit.order - lag : fit.order - lag + n_rows] @ coefficients[place : place + n_inputs]
+        place += n_inputs
+    for lag in range(1, fit.order + 1):
+        total += corrected[fit.order - lag : fit.order - lag + n_rows] @ coefficients[place : place + n_y]
+        place += n_y
+    return total
+
+
+def _score_lags(n_rows: int) -> int:
+    return int(np.ceil(n_rows ** (1.0 / 3.0)))
 
 
 def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
@@ -183,13 +296,61 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
     scale = np.linalg.norm(G, axis=0)
     scale[scale == 0.0] = 1.0
     G = G / scale
-    bread = np.linalg.pinv(G.T @ G, rcond=RANK_TOLERANCE, hermitian=True)
     scores = (G * e).reshape(rows, n_y, -1).sum(axis=1)
-    lags = int(np.ceil(rows ** (1.0 / 3.0)))
+    lags = _score_lags(rows)
     meat = scores.T @ scores
     for lag in range(1, lags + 1):
         cross = scores[lag:].T @ scores[:-lag]
         meat += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
+    return _sandwich(fit, unfolded, G.T @ G, meat, scale)
+
+
+def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compressed) -> FloatArray:
+    """Return `covariance` of a record with piecewise signals, some rows at a time.
+
+    The sum over lags with Bartlett's weights is that of the squared sums of scores over as many rows, divided by them.
+
+    Parameters
+    ----------
+    on_factor : the fit on `data`, the triangular factor of this record.
+    """
+    if not fit.atoms:
+        return np.zeros((0, 0))
+    assert isinstance(layout.theta, PiecewiseSignals)
+    first, n, n_y, active = layout.first, len(layout.y), layout.y.shape[1], list(fit.atoms)
+    G = whiten(on_factor.signatures[:, :, active], fit.sigma)
+    scale = np.linalg.norm(G, axis=0)
+    scale[scale == 0.0] = 1.0
+    G = G / scale
+    # Signatures off the regressors: what the regressors make of them is taken off.
+    filtered = layout.theta.of(active).filtered(fit.K)
+    made, raw = _on_factor(data, fit)
+    absorbed = _coefficients(made, raw[:, :, active].transpose(0, 2, 1).reshape(len(raw), -1))
+    width = _score_lags(n - first) + 1
+    meat, sums = np.zeros((len(active), len(active))), np.zeros((width, len(active)))
+    for start in range(first, n, ROWS):
+        stop = min(start + ROWS, n)
+        corrected = _corrected(layout, fit, start - fit.order, stop)
+        error = corrected[fit.order :] - _predicted(layout, fit, on_factor.coefficients, start, corrected)
+        g = filtered.between(start, stop).sum(axis=1) - _predicted(layout, fit, absorbed, start, corrected)
+        g = g.reshape(stop - start, len(active), n_y).transpose(0, 2, 1)
+        if layout.weights is not None:
+            error, g = error * layout.weights[start:stop, None], g * layout.weights[start:stop, None, None]
+        white = whiten(g, fit.sigma) * whiten(error[:, :, None], fit.sigma) / scale
+        # The last `width` scores of the rows before, and zeros behind the last row, so that every sum is complete.
+        scores = white.reshape(stop - start, n_y, -1).sum(axis=1)
+        tail = np.zeros((width if stop == n else 0, len(active)))
+        scores = np.concatenate([sums, scores, tail])
+        summed = np.cumsum(scores, axis=0)
+        windows = summed[width:] - summed[:-width]
+        meat += windows.T @ windows
+        sums = scores[-width:]
+    return _sandwich(fit, on_factor, G.T @ G, meat / width, scale)
+
+
+def _sandwich(fit: Fit, unfolded: FitRows, information: FloatArray, meat: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return the covariance from information and scores of signatures that were divided by (n_active,) `scale`."""
+    bread = np.linalg.pinv(information, rcond=RANK_TOLERANCE, hermitian=True)
     ratio = np.diag(bread @ meat @ bread) / np.maximum(np.diag(bread), np.finfo(float).tiny)
     wider = np.sqrt(np.maximum(ratio, 1.0)) / scale
     return np.asarray(bread * np.outer(wider, wider) * _small_sample_factor(fit, unfolded))
@@ -210,25 +371,22 @@ def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
     )
 
 
-def additions_and_covariance(layout: Layout, fit: Fit) -> tuple[SingleAdditions, FloatArray]:
-    """Return `single_additions` of all atoms and `covariance`; of a long record some atoms at a time, for memory."""
-    rows, n_y, n_atoms = len(layout.y) - layout.first, *layout.theta.shape[1:]
-    n_parts = -(-rows * n_y * n_atoms // MOST_VALUES)
-    if n_parts <= 1:
-        unfolded = unfold(layout, fit)
-        return single_additions(fit, unfolded), covariance(fit, unfolded)
-    regressors, active = regressors_of(layout, fit), list(fit.atoms)
-    same = replace(fit, atoms=tuple(range(len(active))))
-    magnitude, variance = np.empty(n_atoms), np.empty(n_atoms)
-    scaled = covariance(same, unfold(replace(layout, theta=layout.theta[:, :, active]), same, regressors))
-    for some in np.array_split(np.arange(n_atoms), n_parts):
-        part = replace(layout, theta=layout.theta[:, :, [*active, *some.tolist()]])
-        added = single_additions(same, unfold(part, same, regressors))
-        magnitude[some], variance[some] = added.magnitude[len(active) :], added.variance[len(active) :]
-    return SingleAdditions(magnitude=magnitude, variance=variance), scaled
+def additions_and_covariance(layout: Layout, fit: Fit, data: Compressed) -> tuple[SingleAdditions, FloatArray]:
+    """Return `single_additions` of all atoms and `covariance`.
+
+    Parameters
+    ----------
+    data : the triangular factor of the record, of any order from that of the fit on; used where its signals are
+        piecewise.
+    """
+    if isinstance(layout.theta, PiecewiseSignals):
+        on_factor = unfold_factor(data, fit)
+        return single_additions(fit, on_factor), covariance_of_rows(layout, fit, on_factor, data)
+    unfolded = unfold(layout, fit)
+    return single_additions(fit, unfolded), covariance(fit, unfolded)
 
 
 def _small_sample_factor(fit: Fit, unfolded: FitRows) -> float:
     """Return the number of rows over the degrees of freedom; the covariance of the fit divides by the rows alone."""
-    rows, n_y = unfolded.error.shape
+    rows, n_y = unfolded.n_rows, unfolded.error.shape[1]
     return float(rows / max(rows - unfolded.n_regressors - len(fit.atoms) / n_y, 1.0))

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy import optimize, signal
 from scipy.linalg import lapack
 
 from . import FloatArray
@@ -107,12 +106,12 @@ def course_problem(
     """
     first, n = layout.first, len(layout.y)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
-    fixed = np.column_stack([layout.theta[:, 0, list(named)], line])
+    fixed = np.column_stack([np.asarray(layout.theta)[:, 0, list(named)], line])
     every = np.column_stack([layout.y[:, 0], fixed, walk])
     lags = lagged(every, range(order + 1), first=first).reshape(n - first, order + 1, -1)
     if unit_root:
         lags = lags[:, :-1] - lags[:, 1:]
-    inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, order + 1), first=first)
+    inputs = lagged(np.asarray(layout.u), range(0 if layout.feedthrough else 1, order + 1), first=first)
     base = np.hstack([np.ones((n - first, 1)), inputs]) * weights[:, None]
     norms = np.linalg.norm(base, axis=0)
     U, s, _ = np.linalg.svd(base / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
@@ -138,6 +137,8 @@ def fit_course(problem: CourseProblem, starts: Sequence[FloatArray] = ()) -> Cou
     ----------
     starts : (order,) each, predictors to begin at; default that of the record without a course.
     """
+    from scipy.optimize import minimize
+
     n, order = len(problem.y), problem.y.shape[1] - 1
     starts = starts or [np.asarray(np.linalg.lstsq(problem.y[:, 1:], problem.y[:, 0], rcond=RANK_TOLERANCE)[0])]
     # A step of unit length changes the prediction by about one prediction error, whatever the lags look like.
@@ -152,7 +153,7 @@ def fit_course(problem: CourseProblem, starts: Sequence[FloatArray] = ()) -> Cou
             return value / n, np.append(unit.T @ by_K, by_ratio) / n
 
         for ratio in START_RATIOS:
-            found = optimize.minimize(
+            found = minimize(
                 partial(target, at=start, unit=unit, size=size),
                 np.append(np.zeros(order), np.log(ratio)),
                 jac=True,
@@ -184,11 +185,15 @@ def redrawn(
     course : (n_samples,) of the fault of unknown shape; the named ones keep their magnitudes.
     named, unit_root : of the fit.
     """
+    from scipy.signal import lfilter, lfiltic
+
     first, y = layout.first, layout.y[:, 0]
     weights = np.ones(len(y)) if layout.weights is None else layout.weights
-    beside = layout.theta[:, 0, list(named)] @ fit.z
+    beside = np.asarray(layout.theta)[:, 0, list(named)] @ fit.z
     corrected = y - fit.value - beside
-    inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, len(fit.K) + unit_root + 1), first=first)
+    inputs = lagged(
+        np.asarray(layout.u), range(0 if layout.feedthrough else 1, len(fit.K) + unit_root + 1), first=first
+    )
     base = np.hstack([np.ones((len(y) - first, 1)), inputs])
     # Increments obey K where a root is held at 1: the predictor of the output itself has one lag more.
     taps = np.convolve([1.0, -1.0], np.concatenate([[1.0], -fit.K])) if unit_root else np.concatenate([[1.0], -fit.K])
@@ -198,7 +203,7 @@ def redrawn(
     sd = np.sqrt(error @ error / max(len(error) - fit.n_parameters, 1)) / weights[first:]
     driven = base @ coefficients + sd * rng.standard_normal(len(error))
     made = corrected.copy()
-    made[first:] = signal.lfilter([1.0], taps, driven, zi=signal.lfiltic([1.0], taps, made[:first][::-1]))[0]
+    made[first:] = lfilter([1.0], taps, driven, zi=lfiltic([1.0], taps, made[:first][::-1]))[0]
     return replace(layout, y=(made + course + beside)[:, None])
 
 

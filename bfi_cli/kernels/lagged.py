@@ -6,21 +6,35 @@ order up to s, any support and any magnitudes, is a least squares over R. Househ
 scaled, so R is in the caller's units. The constant and the inputs come first: the trailing block of R is the rest with
 these projected out. Faults enter outputs after theta, so adding a fault leaves R triangular. Where there are fewer rows
 than columns nothing is gained by triangularity beyond the constant and the inputs, and R stays full below those.
+
+The factor is accumulated block by block (tall and skinny QR: the factor so far stacked on the next rows; Demmel and
+others 2012). Between its onset, its bends and its end a fault is a sum of a line and exponentials, and so are its lags:
+there the columns of a whole dictionary are combinations of a few, which are factorised in their place
+(`_piecewise_factor`). The factors of such segments do not depend on the onsets, so that another dictionary on the same
+record costs its sharp rows alone (`SegmentFactors`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import cmath
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
+from .piecewise import PiecewiseSignals, Stretch, Stretches, Tail, regular_runs
 from .progress import Report, parts, silent
+from .scaled import ScaledSignals
 
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.
 PANEL = 16
+# Rows of the shortest segment that is kept, and of those that are formed at once; memory and speed only.
+SEGMENT, TAIL_ROWS = 16_384, 2048
+# A run of fewer rows between sharp parts is formed as it is: a segment leaves as many rows as it has columns.
+SHORTEST_RUN = 128
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,16 +154,163 @@ def triangular_first(rows: FloatArray, n_first: int) -> FloatArray:
     return rows
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SegmentFactors:
+    """The factors of segments of one record on which the signals of a dictionary are sums of few functions.
+
+    The columns are ``[1 | u lags | y lags | y | t | exponentials]``, rows weighted.
+
+    Attributes
+    ----------
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs), weights : (n_samples,) or None, as for `compress`.
+    step_s : from sample to sample.
+    exponents : of the exponentials, 1/s; one that oscillates is a cosine and a sine.
+    rows : of the shortest segment that is kept.
+    """
+
+    u: FloatArray | ScaledSignals
+    y: FloatArray | ScaledSignals
+    weights: FloatArray | None
+    order: int
+    feedthrough: bool
+    step_s: float
+    exponents: tuple[complex, ...]
+    rows: int = SEGMENT
+    _known: dict[tuple[int, int], FloatArray] = field(init=False, repr=False, default_factory=dict)
+
+    @property
+    def n_functions(self) -> int:
+        """Columns of the line's slope and of the exponentials."""
+        return 1 + sum(2 if one.imag else 1 for one in self.exponents)
+
+    @property
+    def record_columns(self) -> Columns:
+        """Where the columns of the record lie; the functions follow them."""
+        return Columns(
+            order=self.order,
+            n_inputs=self.u.shape[1],
+            n_outputs=self.y.shape[1],
+            n_atoms=0,
+            signals=(),
+            feedthrough=self.feedthrough,
+        )
+
+    def factor(self, start: int, stop: int) -> FloatArray:
+        """Return the factor of rows start..stop - 1, the functions' time counted from the oldest sample of the first.
+
+        Rows are taken together two by two, so that a run of any length is put together of few factors that are known.
+        """
+        pieces, at = list[tuple[int, FloatArray]](), start
+        while at < stop:
+            if at % self.rows or at + self.rows > stop:
+                until = min((at // self.rows + 1) * self.rows, stop)
+                pieces.append((at, self._made(at, until)))
+            else:
+                level = 0
+                while at % (self.rows << (level + 1)) == 0 and at + (self.rows << (level + 1)) <= stop:
+                    level += 1
+                pieces.append((at, self._node(level, at)))
+                until = at + (self.rows << level)
+            at = until
+        return self._together(pieces)
+
+    def _node(self, level: int, start: int) -> FloatArray:
+        """Return the factor of ``rows * 2^level`` rows."""
+        if (level, start) not in self._known:
+            if level == 0:
+                made = self._made(start, start + self.rows)
+            else:
+                middle = start + (self.rows << (level - 1))
+                halves = [(at, self._node(level - 1, at)) for at in (start, middle)]
+                made = self._together(halves)
+            self._known[level, start] = made
+        return self._known[level, start]
+
+    def _together(self, pieces: Sequence[tuple[int, FloatArray]]) -> FloatArray:
+        """Return the factor of factors, of which the first row is given, functions counted from the first of them."""
+        if len(pieces) == 1:
+            return pieces[0][1]
+        first, n = pieces[0][0], self.record_columns.size
+        rows = np.concatenate([factor for _, factor in pieces])
+        at = 0
+        for start, factor in pieces:
+            part, later_s = rows[at : at + len(factor)], self.step_s * (start - first)
+            at += len(factor)
+            part[:, n] += later_s * part[:, 0]
+            for place, exponent in self._places():
+                turned = cmath.exp(exponent * later_s)
+                if exponent.imag:
+                    real, imag = part[:, place].copy(), part[:, place + 1].copy()
+                    part[:, place] = turned.real * real - turned.imag * imag
+                    part[:, place + 1] = turned.imag * real + turned.real * imag
+                else:
+                    part[:, place] *= turned.real
+        return np.asarray(np.linalg.qr(rows, mode="r"))
+
+    def combinations(self, first: int, stretch: Stretch, lags: Sequence[int]) -> FloatArray:
+        """Return (n_columns, len(lags)) what lags of a tail are of the columns of a run from row `first` on."""
+        tail, own = stretch.made, self.record_columns
+        assert isinstance(tail, Tail)
+        into = np.zeros((own.size + self.n_functions, len(lags)))
+        place = {exponent: n for n, exponent in self._places()}
+        for i, lag in enumerate(lags):
+            since_s = (first - self.order - lag) * self.step_s + stretch.origin_s
+            level, rate, *waves = tail.coefficients(since_s).tolist()
+            into[0, i], into[own.size, i] = level, rate
+            if tail.amplitude != 0.0:
+                exponent = complex(tail.exponent)
+                n = place[exponent]
+                into[n : n + 1 + (exponent.imag != 0.0), i] = waves[: 1 + (exponent.imag != 0.0)]
+        return into
+
+    def _places(self) -> Iterator[tuple[int, complex]]:
+        """Yield the column, or the first of two, of each exponent."""
+        place = self.record_columns.size + 1
+        for exponent in self.exponents:
+            yield place, exponent
+            place += 2 if exponent.imag else 1
+
+    def _made(self, start: int, stop: int) -> FloatArray:
+        own, order = self.record_columns, self.order
+        R = np.zeros((own.size + self.n_functions,) * 2, order="F")
+        block = np.empty((len(R), min(TAIL_ROWS, stop - start)))
+        for first in range(start, stop, block.shape[1]):
+            last = min(first + block.shape[1], stop)
+            part = block[:, : last - first]
+            block[:, last - first :] = 0.0
+            rows = slice(first - order, last)
+            _fill_record(part, self.u[rows], self.y[rows], own)
+            since_s = self.step_s * (np.arange(first, last) - (start - order))
+            part[own.size] = since_s
+            for place, exponent in self._places():
+                part[place] = np.exp(exponent.real * since_s)
+                if exponent.imag:
+                    part[place + 1] = part[place] * np.sin(exponent.imag * since_s)
+                    part[place] *= np.cos(exponent.imag * since_s)
+            if self.weights is not None:
+                part *= self.weights[first:last]
+            R = add_rows(R, block.T, overwrite=True)
+        return R
+
+
+def exponents_of(theta: PiecewiseSignals) -> tuple[complex, ...]:
+    """Return the exponents of all tails of a dictionary, each once."""
+    tails = (stretch.made for stretches in theta.atoms for stretch in stretches if isinstance(stretch.made, Tail))
+    known = {complex(tail.exponent) for tail in tails if tail.amplitude != 0.0}
+    return tuple(sorted(known, key=lambda one: (one.real, one.imag)))
+
+
 def compress(
-    u: FloatArray,
-    y: FloatArray,
-    theta: FloatArray,
+    u: FloatArray | ScaledSignals,
+    y: FloatArray | ScaledSignals,
+    theta: FloatArray | PiecewiseSignals,
     *,
     order: int,
     feedthrough: bool = False,
     weights: FloatArray | None = None,
     block_rows: int = 1024,
     report: Report = silent,
+    segments: SegmentFactors | None = None,
 ) -> Compressed:
     """Return the triangular factor of the stacked lagged matrix, accumulated block by block.
 
@@ -163,48 +324,212 @@ def compress(
     weights : (n_samples,) of the rows, by which the whole row of a sample is multiplied; None for 1.
     block_rows : lagged rows formed at a time.
     report : called with the fraction that is done.
+    segments : of this record, order and these weights, with every exponent of `theta`, to be used and added to.
 
     Raises
     ------
     ValueError : shapes disagree, no row remains, or a value is not finite.
     """
-    u, y, theta = (np.asarray(x, dtype=np.float64) for x in (u, y, theta))
-    if u.ndim != 2 or y.ndim != 2 or theta.ndim != 3:
-        raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {u.ndim}, {y.ndim}, {theta.ndim}")
+    if not isinstance(theta, PiecewiseSignals):
+        theta = np.asarray(theta, dtype=np.float64)
+        if theta.ndim != 3:
+            raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {np.ndim(u)}, {np.ndim(y)}, {theta.ndim}")
+    u, y = (x if isinstance(x, ScaledSignals) else np.asarray(x, dtype=np.float64) for x in (u, y))
+    if len(u.shape) != 2 or len(y.shape) != 2:
+        raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {len(u.shape)}, {len(y.shape)}, 3")
     if len(u) != len(y) or theta.shape[:2] != y.shape:
         raise ValueError(f"shapes disagree: u {u.shape}, y {y.shape}, theta {theta.shape}")
     if not 1 <= order < len(y):
         raise ValueError(f"order must lie in 1..{len(y) - 1} for {len(y)} samples, got {order}")
-    signals = tuple((int(i), int(j)) for i, j in np.argwhere(np.any(theta, axis=0)))
     columns = Columns(
         order=order,
         n_inputs=u.shape[1],
         n_outputs=y.shape[1],
         n_atoms=theta.shape[2],
-        signals=signals,
+        signals=_signals_of(theta),
         feedthrough=feedthrough,
     )
-    picked = np.array([i * columns.n_atoms + j for i, j in signals], dtype=np.intp)
-    past = range(1, order + 1)
     n_rows = len(y) - order
     wide = n_rows <= columns.size
-    R = np.zeros((0 if wide else columns.size, columns.size), order="F")
-    block = np.empty((columns.size, n_rows if wide else min(block_rows, n_rows)))
-    for start, _ in parts(report, range(order, len(y), block.shape[1])):
-        rows = slice(start - order, start + block.shape[1])
-        atoms = theta[rows].reshape(len(y[rows]), -1)[:, picked]
-        part = block[:, : len(atoms) - order]
+    if isinstance(theta, PiecewiseSignals) and not wide:
+        segments = segments or SegmentFactors(
+            u=u,
+            y=y,
+            weights=weights,
+            order=order,
+            feedthrough=feedthrough,
+            step_s=theta.step_s,
+            exponents=exponents_of(theta),
+        )
+        R = _piecewise_factor(theta, columns, None, segments, block_rows, report)
+    else:
+        blocks = _blocks(u, y, np.asarray(theta), columns, weights, n_rows if wide else min(block_rows, n_rows), report)
+        R = np.zeros((0 if wide else columns.size, columns.size), order="F")
+        for block in blocks:
+            R = triangular_first(block, columns.n_base) if wide else add_rows(R, block, overwrite=True)
+    return _compressed(R, columns, n_rows)
+
+
+def compress_beside(
+    theta: PiecewiseSignals, beside: PiecewiseSignals, *, segments: SegmentFactors, block_rows: int = 1024
+) -> tuple[Compressed, FloatArray]:
+    """Return the factor of a record and a few signals, and the rows that others have beside it.
+
+    Parameters
+    ----------
+    theta : with all its lags.
+    beside : at lag 0 alone.
+    segments : of the record, with every exponent of both.
+
+    Returns
+    -------
+    The factor of the record with `theta`, whose R has more rows than columns, and (rows of R, n_beside).
+    """
+    columns = replace(segments.record_columns, n_atoms=theta.shape[2], signals=_signals_of(theta))
+    R = _piecewise_factor(theta, columns, beside, segments, block_rows, silent)
+    data = _compressed(R[:, : columns.size], columns, len(segments.y) - segments.order)
+    return data, R[:, columns.size :]
+
+
+def signals_factor(theta: PiecewiseSignals, *, block_rows: int = 1024) -> FloatArray:
+    """Return (n, n_outputs + n_atoms) rows with the inner products of the constant of every output and of all signals.
+
+    Samples of all outputs count as rows, each signal being zero on the others.
+    """
+    n_y, parts_of = theta.n_outputs, list[FloatArray]()
+    nothing = np.empty((theta.n_samples, 0))
+    segments = SegmentFactors(
+        u=nothing,
+        y=nothing,
+        weights=None,
+        order=0,
+        feedthrough=False,
+        step_s=theta.step_s,
+        exponents=exponents_of(theta),
+    )
+    for output in range(n_y):
+        own = [j for j, of in enumerate(theta.outputs) if of == output]
+        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(own), segments, block_rows, silent)
+        rows = np.zeros((len(R), n_y + theta.shape[2]))
+        rows[:, [output, *(n_y + j for j in own)]] = R
+        parts_of.append(rows)
+    return np.concatenate(parts_of)
+
+
+def _signals_of(theta: FloatArray | PiecewiseSignals) -> tuple[tuple[int, int], ...]:
+    """Return (output, atom) of the signals that are not zero everywhere."""
+    if not isinstance(theta, PiecewiseSignals):
+        return tuple((int(i), int(j)) for i, j in np.argwhere(np.any(theta, axis=0)))
+    seen = enumerate(zip(theta.outputs, theta.are_zero(), strict=True))
+    return tuple(sorted((output, j) for j, (output, is_zero) in seen if not is_zero))
+
+
+def _blocks(
+    u: FloatArray | ScaledSignals,
+    y: FloatArray | ScaledSignals,
+    theta: FloatArray,
+    columns: Columns,
+    weights: FloatArray | None,
+    n_at_once: int,
+    report: Report,
+) -> Iterator[FloatArray]:
+    """Yield (n_at_once, n_columns) rows of the stacked lagged matrix, the last filled up with zeros."""
+    order = columns.order
+    picked = np.array([i * columns.n_atoms + j for i, j in columns.signals], dtype=np.intp)
+    block = np.empty((columns.size, n_at_once))
+    for start, _ in parts(report, range(order, len(y), n_at_once)):
+        rows = slice(start - order, start + n_at_once)
+        now = y[rows]
+        part = block[:, : len(now) - order]
         block[:, part.shape[1] :] = 0.0
-        part[columns.ones] = 1.0
-        _fill(part[1 : columns.n_base], u[rows], columns.input_lags)
-        _fill(part[columns.theta_lags], atoms, past)
-        _fill(part[columns.y_lags], y[rows], past)
-        _fill(part[columns.theta], atoms, range(1))
-        _fill(part[columns.y], y[rows], range(1))
+        _fill_record(part, u[rows], now, columns)
+        _fill_signals(part, theta[rows].reshape(len(now), -1)[:, picked], columns)
         if weights is not None:
             part *= weights[start : start + part.shape[1]]
-        R = triangular_first(block.T, columns.n_base) if wide else add_rows(R, block.T, overwrite=True)
-    return _compressed(R, columns, n_rows)
+        yield block.T
+
+
+def _piecewise_factor(
+    theta: PiecewiseSignals,
+    columns: Columns,
+    beside: PiecewiseSignals | None,
+    segments: SegmentFactors,
+    block_rows: int,
+    report: Report,
+) -> FloatArray:
+    """Return the factor of the stacked lagged matrix, signals that are `beside` it after all others.
+
+    Rows on which a signal is sharp are formed as they are. On all others every signal is zero or a tail, and the
+    factor of a segment of the record with the functions that tails are made of is multiplied by what they are.
+    """
+    u, y, order = segments.u, segments.y, columns.order
+    kept = [theta.atoms[j] for _, j in columns.signals]
+    others = [] if beside is None else list(beside.atoms)
+    size = columns.size + len(others)
+    R = np.zeros((size, size), order="F")
+    sharp, regular = _runs([(one, order) for one in kept] + [(one, 0) for one in others], len(y), order)
+    record, lags = segments.record_columns, range(order + 1)
+    place = np.concatenate([np.arange(columns.n_base), np.r_[columns.y_lags], np.r_[columns.y]])
+    lagged_place = np.stack([np.r_[columns.theta], *np.r_[columns.theta_lags].reshape(order, len(kept))])
+    signals = [(one, lags, lagged_place[:, n]) for n, one in enumerate(kept)]
+    signals += [(one, range(1), np.array([columns.size + n])) for n, one in enumerate(others)]
+    total, done = max(len(y) - order, 1), 0
+    for start, stop in sharp:
+        for first in range(start, stop, block_rows):
+            last = min(first + block_rows, stop)
+            block, rows = np.zeros((size, last - first)), slice(first - order, last)
+            _fill_record(block, u[rows], y[rows], columns)
+            if kept:
+                atoms = theta.of([j for _, j in columns.signals]).between(first - order, last).sum(axis=1)
+                _fill_signals(block, atoms, columns)
+            if beside is not None:
+                block[columns.size :] = beside.between(first, last).sum(axis=1).T
+            if segments.weights is not None:
+                block *= segments.weights[first:last]
+            R = add_rows(R, np.asfortranarray(block.T), overwrite=True)
+            done += last - first
+            report(done / total)
+    for start, stop in regular:
+        forms = [
+            (stretch, own_lags, own)
+            for stretches, own_lags, own in signals
+            for stretch in stretches
+            if stretch.start <= start and stop <= stretch.stop
+        ]
+        factor = segments.factor(start, stop)
+        into = np.zeros((len(factor.T), size))
+        into[np.arange(record.size), place] = 1.0
+        for stretch, own_lags, own in forms:
+            into[:, own] = segments.combinations(start, stretch, own_lags)
+        R = add_rows(R, np.asfortranarray(factor @ into), overwrite=True)
+        done += stop - start
+        report(min(done / total, 1.0))
+    return R
+
+
+def _runs(
+    signals: Sequence[tuple[Stretches, int]], n_samples: int, order: int
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Return (start, stop) of the rows on which a signal is sharp, and of those on which all are zero or tails."""
+    edges = {order, n_samples}
+    changes: dict[int, int] = {}
+    for stretches, lags in signals:
+        for start, stop, what in regular_runs(stretches, n_samples, lags):
+            edges |= {min(max(start, order), n_samples), min(max(stop, order), n_samples)}
+            if what is None:
+                for at, change in ((start, 1), (stop, -1)):
+                    at = min(max(at, order), n_samples)
+                    changes[at] = changes.get(at, 0) + change
+    made: tuple[list[tuple[int, int]], list[tuple[int, int]]] = ([], [])
+    depth, ends = 0, sorted(edges)
+    for start, stop in pairwise(ends):
+        depth += changes.get(start, 0)
+        into = made[0] if depth or stop - start < SHORTEST_RUN else made[1]
+        if into and into is made[0] and into[-1][1] == start:
+            into[-1] = (into[-1][0], stop)
+        else:
+            into.append((start, stop))
+    return made
 
 
 def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int] | None = None) -> Compressed:
@@ -269,6 +594,20 @@ def with_scaled_outputs(data: Compressed, scale: FloatArray, shift: FloatArray) 
     for place, copies in ((columns.y_lags, columns.order), (columns.y, 1)):
         R[:, place] = R[:, place] * np.tile(scale, copies) + np.outer(ones, np.tile(shift, copies))
     return _compressed(R, columns, data.n_rows)
+
+
+def _fill_record(part: FloatArray, u: FloatArray, y: FloatArray, columns: Columns) -> None:
+    """Write the columns of the constant, the inputs and the outputs into `part`, one row each."""
+    part[columns.ones] = 1.0
+    _fill(part[1 : columns.n_base], u, columns.input_lags)
+    _fill(part[columns.y_lags], y, range(1, columns.order + 1))
+    _fill(part[columns.y], y, range(1))
+
+
+def _fill_signals(part: FloatArray, atoms: FloatArray, columns: Columns) -> None:
+    """Write the columns of (n_samples, n_signals) signals into `part`, one row each."""
+    _fill(part[columns.theta_lags], atoms, range(1, columns.order + 1))
+    _fill(part[columns.theta], atoms, range(1))
 
 
 def _fill(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:

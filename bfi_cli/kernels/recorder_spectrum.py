@@ -35,6 +35,9 @@ CLIFF = 1.0
 EXPLAINED = 0.3
 # A single channel may have a low-pass of its own, a sensor's; a recorder has all of them.
 FEWEST_CHANNELS, COMMON = 3, 0.5
+# F. J. Harris, On the use of windows for harmonic analysis with the discrete Fourier transform, Proc. IEEE 66 (1978),
+# table I; the signs are those of an angle from -pi.
+BLACKMAN_HARRIS = (0.35875, 0.48829, 0.14128, 0.01168)
 # Larger values are no measurements, and their squares no numbers.
 LARGEST = 1e100
 
@@ -63,17 +66,11 @@ def recorder_from_spectra(channels: Iterable[FloatArray], rate_hz: float) -> Spe
     ----------
     channels : each (n_samples,), at `rate_hz`.
     """
-    left, n_usable = [], 0
-    for values in channels:
-        deviation = _deviations(values)
-        if deviation is None:
-            continue
-        n_usable += 1
-        without, behind = deviation
-        if without > CLIFF:
-            left.append(np.minimum(behind / without, 1.0))
-    if len(left) < max(FEWEST_CHANNELS, COMMON * n_usable):
+    usable = [spectrum for values in channels if (spectrum := _spectrum(values)) is not None]
+    cliffs = [(spectrum, without) for spectrum in usable if (without := spectrum.deviation()) > CLIFF]
+    if len(cliffs) < max(FEWEST_CHANNELS, COMMON * len(usable)):
         return None
+    left = [np.minimum(spectrum.deviation_behind_filters() / without, 1.0) for spectrum, without in cliffs]
     mean = np.mean(left, axis=0)  # (n_kinds, n_edges)
     best = np.argsort(mean.min(axis=1))
     edges = EDGES[mean.argmin(axis=1)] * rate_hz
@@ -83,12 +80,37 @@ def recorder_from_spectra(channels: Iterable[FloatArray], rate_hz: float) -> Spe
         kind=RECORDERS[best[0]],
         edge_hz=float(edges[best[0]]),
         others=tuple((RECORDERS[i], float(edges[i])) for i in best[1:]),
-        n_channels=len(left),
+        n_channels=len(cliffs),
     )
 
 
-def _deviations(values: FloatArray) -> tuple[float, FloatArray] | None:
-    """Return the mean squared deviation from a power law without and behind every filter, (n_kinds, n_edges)."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Spectrum:
+    """A channel's spectrum up to where noise from behind the filter begins.
+
+    Attributes
+    ----------
+    n_segment : samples of a segment.
+    level : (n_bins,) logarithm of power; power_law : (n_bins, 2) orthonormal basis of a power law.
+    """
+
+    n_segment: int
+    level: FloatArray
+    power_law: FloatArray
+
+    def deviation(self) -> float:
+        """Return the mean squared deviation from a power law."""
+        return float(self._off(self.level))
+
+    def deviation_behind_filters(self) -> FloatArray:
+        """Return that of the spectrum in front of every filter, (n_kinds, n_edges)."""
+        return self._off(self.level - _gains(self.n_segment)[:, :, : len(self.level)])
+
+    def _off(self, y: FloatArray) -> FloatArray:
+        return np.asarray(np.mean((y - (y @ self.power_law) @ self.power_law.T) ** 2, axis=-1), dtype=np.float64)
+
+
+def _spectrum(values: FloatArray) -> _Spectrum | None:
     n = min(SEGMENT, 2 * (len(values) - 1) // (FEWEST_SEGMENTS + 1))
     if n < 4 * LOWEST_CYCLES or not np.abs(values).max() < LARGEST or np.ptp(values) == 0.0:
         return None
@@ -105,18 +127,16 @@ def _deviations(values: FloatArray) -> tuple[float, FloatArray] | None:
     if end < FEWEST_BINS:
         return None
     power_law, _ = np.linalg.qr(np.column_stack([np.ones(end), np.log(frequency[:end])]))
-
-    def deviation(y: FloatArray) -> FloatArray:
-        return np.asarray(np.mean((y - (y @ power_law) @ power_law.T) ** 2, axis=-1), dtype=np.float64)
-
-    return float(deviation(level[:end])), deviation(level[:end] - _gains(n)[:, :, :end])
+    return _Spectrum(n_segment=n, level=level[:end], power_law=power_law)
 
 
 def _taper(n: int) -> FloatArray:
-    from scipy.signal.windows import blackmanharris
+    """Return the periodic window of Blackman and Harris with four terms.
 
-    # Its side lobes lie 92 dB down, below the noise of any recorder.
-    return np.asarray(blackmanharris(n, sym=False), dtype=np.float64)
+    Its side lobes lie 92 dB down, below the noise of any recorder. scipy.signal has it too, a second of imports.
+    """
+    angle = np.linspace(-np.pi, np.pi, n + 1)[:-1]
+    return np.asarray(sum(a * np.cos(k * angle) for k, a in enumerate(BLACKMAN_HARRIS)), dtype=np.float64)
 
 
 @lru_cache(maxsize=8)

@@ -12,8 +12,10 @@ MAD = 1.4826
 # half-width of ten seconds on two recorded flights; weights from mean squares or a t-distribution take the transient
 # of a step for an outlier and lose the step (docs/theory.md, 7.5).
 LEAST = 0.35
-# Of the windows whose medians are taken at once, for memory.
+# Values of all windows together beyond which medians and means are taken by windows that move along; the speed only.
 MOST_VALUES = 10**6
+# Samples of which means are taken at once, for memory.
+BLOCK = 65_536
 
 
 def running_weights(error: FloatArray, half_width: int) -> FloatArray:
@@ -30,11 +32,40 @@ def running_weights(error: FloatArray, half_width: int) -> FloatArray:
     if half < 1 or not np.all(typical > 0.0):
         return np.ones(n)
     size = np.sqrt(np.mean((error / typical) ** 2, axis=1)) if error.shape[1] > 1 else np.abs(error[:, 0])
-    padded = np.pad(size, half, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
-    step = max(1, MOST_VALUES // (2 * half + 1))
-    median = MAD * np.concatenate([np.nanmedian(windows[k : k + step], axis=1) for k in range(0, n, step)])
-    box = np.ones(2 * half + 1)
-    deviation = np.convolve(median, box, "same") / np.convolve(np.ones(n), box, "same")
-    weights = 1.0 / np.maximum(deviation, LEAST * np.median(deviation))
-    return np.asarray(weights / np.sqrt(np.mean(weights**2)))
+    size = _running_median(size, half)
+    size *= MAD
+    size = _running_mean(size, half)
+    np.maximum(size, LEAST * np.median(size), out=size)
+    np.divide(1.0, size, out=size)
+    size /= np.sqrt(np.mean(size**2))
+    return size
+
+
+def _running_mean(x: FloatArray, half: int) -> FloatArray:
+    """Return (n,) means of x (n,) over `half` samples on each side, at the ends over those that are there."""
+    n, width = len(x), 2 * half + 1
+    if n * width > MOST_VALUES:
+        mean = np.empty(n)
+        for start in range(0, n, BLOCK):
+            k = np.arange(start, min(start + BLOCK, n))
+            first, stop = np.maximum(k - half, 0), np.minimum(k + half + 1, n)
+            total = np.concatenate([[0.0], np.cumsum(x[first[0] : stop[-1]])])
+            mean[k] = (total[stop - first[0]] - total[first - first[0]]) / (stop - first)
+        return mean
+    box = np.ones(width)
+    return np.asarray(np.convolve(x, box, "same") / np.convolve(np.ones(n), box, "same"))
+
+
+def _running_median(x: FloatArray, half: int) -> FloatArray:
+    """Return (n,) medians of x (n,) over `half` samples on each side, at the ends over those that are there."""
+    n, width = len(x), 2 * half + 1
+    if n * width > MOST_VALUES:
+        from scipy.ndimage import median_filter  # a tenth of a second of imports that a short window does not need
+
+        median = np.asarray(median_filter(x, width), dtype=np.float64)
+        head, tail = x[: 2 * half], x[n - 2 * half :]
+        for k in range(half):
+            median[k], median[n - 1 - k] = np.median(head[: half + 1 + k]), np.median(tail[half - 1 - k :])
+        return median
+    padded = np.pad(x, half, constant_values=np.nan)
+    return np.asarray(np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1))

@@ -44,6 +44,9 @@ class ProjectedRegression:
     scaling : by atom whose signal is the output itself from some row on: how many rows that are, and the share of the
         output that a magnitude of 1 is. The density of the output is that of the corrected one times ``|1 - share z|``
         a row; without that factor an output that is scaled down to nothing would be the likeliest.
+    slopes : the same where signals change with the output in another way: by atom, (n,), how much a signal of magnitude
+        1 changes with the output, and how many rows that is, (n,). The factor is then ``|1 - sum_j slopes_j z_j|`` a
+        row; None where `scaling` tells it.
     """
 
     theta: FloatArray
@@ -53,6 +56,7 @@ class ProjectedRegression:
     n_base: int
     floor: float
     scaling: Mapping[int, tuple[int, float]] = field(default_factory=dict)
+    slopes: tuple[Mapping[int, FloatArray], FloatArray] | None = None
 
     @property
     def order(self) -> int:
@@ -317,6 +321,11 @@ class _Support:
 
     def log_jacobian(self, z: FloatArray) -> float:
         """Return twice the logarithm of the density's factor per row, see `ProjectedRegression.scaling`."""
+        if self.problem.slopes is not None:
+            slopes, rows = self.problem.slopes
+            kept = [rows * 0.0] + [slopes[atom] * z[j] for j, atom in enumerate(self.atoms) if atom in slopes]
+            factor = np.maximum(np.abs(1.0 - sum(kept[1:], kept[0])), np.finfo(float).tiny)
+            return 2.0 * float(rows @ np.log(factor)) / self.problem.n_rows
         shares = [
             (self.problem.scaling[atom], z[j]) for j, atom in enumerate(self.atoms) if atom in self.problem.scaling
         ]

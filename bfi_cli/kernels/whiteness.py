@@ -7,6 +7,9 @@ from scipy import special
 
 from . import FloatArray, IntArray
 
+# Products beyond which autocorrelations are taken by Fourier transforms of blocks of so many rows; the speed only.
+MOST_PRODUCTS, BLOCK = 10**8, 65_536
+
 
 def autocorrelation(e: FloatArray, n_lags: int) -> FloatArray:
     """Return (n_lags,) autocorrelations of (n_rows,) `e` at lags 1..n_lags; zeros for a constant."""
@@ -14,7 +17,20 @@ def autocorrelation(e: FloatArray, n_lags: int) -> FloatArray:
     power = float(e @ e)
     if power == 0.0:
         return np.zeros(n_lags)
+    if len(e) * n_lags > MOST_PRODUCTS:
+        return _lagged_products(e, n_lags)[1:] / power
     return np.array([float(e[lag:] @ e[:-lag]) / power for lag in range(1, n_lags + 1)])
+
+
+def _lagged_products(e: FloatArray, n_lags: int) -> FloatArray:
+    """Return (n_lags + 1,) sums of e(k) e(k + lag), by the Fourier transforms of blocks and of what follows them."""
+    size = max(BLOCK, n_lags)
+    n = 1 << (size + n_lags).bit_length()  # the products of two blocks do not wrap around
+    total = np.zeros(n_lags + 1)
+    for start in range(0, len(e), size):
+        own, ahead = (np.fft.rfft(e[start : start + length], n) for length in (size, size + n_lags))
+        total += np.fft.irfft(own.conj() * ahead, n)[: n_lags + 1]
+    return total
 
 
 def ljung_box(e: FloatArray, n_lags: int, n_fitted: int) -> float:
@@ -41,10 +57,16 @@ def effective_rows(e: FloatArray) -> float:
 
 def robust_sd(e: FloatArray) -> float:
     """Standard deviation from the median absolute deviation, so that a step does not hide itself."""
-    return float(np.median(np.abs(e - np.median(e))) / special.ndtri(0.75))
+    deviation = e - np.median(e)
+    np.abs(deviation, out=deviation)
+    return float(np.median(deviation, overwrite_input=True) / special.ndtri(0.75))
 
 
 def exceedances(e: FloatArray, sigmas: float = 5.0) -> IntArray:
     """Return the indices where |e| exceeds `sigmas` robust standard deviations."""
     sd = robust_sd(e)
-    return np.flatnonzero(np.abs(e) > sigmas * sd) if sd > 0 else np.zeros(0, dtype=np.intp)
+    if not sd > 0:
+        return np.zeros(0, dtype=np.intp)
+    # A part at a time, for memory.
+    parts = [k + np.flatnonzero(np.abs(e[k : k + BLOCK]) > sigmas * sd) for k in range(0, len(e), BLOCK)]
+    return np.concatenate(parts)

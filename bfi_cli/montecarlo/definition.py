@@ -10,15 +10,21 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from ..aircraft import MANOEUVRES, MODELS
 from ..config import Config, DictionarySource, Natural
-from ..faults import did_you_mean
+from ..errors import DictionaryError
+from ..faults import Fault, did_you_mean, fault_from_dict
+from ..shapes import SHAPES
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema
 
-__all__ = ["FlownModel", "RecordedLog", "SweepRules", "json_schema"]
+__all__ = ["FlownModel", "InjectedFault", "RecordedLog", "SweepRules", "json_schema"]
 
 
 def _listed(value: object) -> object:
     """One value stands for a list of it."""
     return value if isinstance(value, list | tuple) else (value,)
+
+
+def _listed_or_none(value: object) -> object:
+    return None if value is None else _listed(value)
 
 
 def _mapping_or_list(value: object) -> str:
@@ -108,6 +114,53 @@ class RecordedLog(Rules):
         return Path(self.log).stem
 
 
+class InjectedFault(Rules):
+    """A fault that every trial of a scenario has, of any shape that `bfi inject` knows; times as the dictionary's."""
+
+    shape: Annotated[Text, _known("shape", [name for name, one in SHAPES.items() if one.acts_on != "course"])]
+    """bias, drift, scale, pitot_blocked, pitot_icing, ..."""
+    name: Text | None = None
+    """What results call it; default the entry of the dictionary that it is, else its shape."""
+    channel: Text | None = None
+    """The faulty channel; default tas. A fault of a pressure line has none."""
+    magnitude: Number | None = None
+    onset_s: Number = 0.0
+    offset_s: Number | None = None
+    """When it recovers; default never."""
+    onset_spread_s: NotNegative = 0.0
+    """The fault begins, and ends, up to so many seconds before or after: drawn in every trial."""
+    right: Annotated[tuple[Text, ...] | None, BeforeValidator(_listed_or_none)] = None
+    """Entries of the dictionary any of which is the right answer; default those that are this fault."""
+    slope: Number | None = None
+    frequency_hz: Positive | None = None
+    phase_rad: Number | None = None
+    time_constant_s: Positive | None = None
+    duration_s: Positive | None = None
+    cabin_altitude_m: Number | None = None
+
+    @model_validator(mode="after")
+    def _is_a_fault(self) -> InjectedFault:
+        try:
+            self.fault()
+        except DictionaryError as problem:
+            raise ValueError(str(problem).removeprefix("fault: ")) from None
+        return self
+
+    def fault(self) -> Fault:
+        """Return the fault, times as stated.
+
+        Raises
+        ------
+        DictionaryError : it is none.
+        """
+        given = self.model_dump(exclude={"right", "onset_spread_s"}, exclude_none=True)
+        return fault_from_dict(given)
+
+
+FaultOrNone = Annotated[
+    Annotated[InjectedFault, Tag("<fault>")] | Annotated[None, Tag("<none>")],
+    Discriminator(lambda value: "<none>" if value is None else "<fault>"),
+]
 RecordSource = Annotated[
     Annotated[FlownModel, Tag("<model>")] | Annotated[RecordedLog, Tag("<log>")], Discriminator(_log_or_model)
 ]
@@ -132,6 +185,8 @@ class SweepRules(Rules):
     """Channel: standard deviation of white noise added to it, in its unit; one or several."""
     active: Annotated[tuple[Count, ...], Some, BeforeValidator(_listed)]
     """How many faults of the dictionary act at once; one or several."""
+    inject: Annotated[tuple[FaultOrNone, ...], Some, BeforeValidator(_listed)] = (None,)
+    """A fault that is in every trial beside those drawn, whether the dictionary has it or not; one or several."""
     magnitudes: Magnitudes = Span(low=1, high=10)
     """What the magnitude of each is drawn from: {low, high} or a list."""
     trials: Natural = 100

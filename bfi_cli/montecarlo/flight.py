@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -16,11 +16,11 @@ from ..flightlog import FlightLog, read_log
 from ..flightlog.injection import added_by
 from ..flightlog.record import frozen_array
 from ..flightlog.recorder import recorder_filters
-from ..shapes import SHAPES
+from ..shapes import OF_LINES, SHAPES
 from .definition import FlownModel, RecordedLog
 from .scenarios import Setting
 
-__all__ = ["faulty", "is_shared", "largest_errors", "record_of"]
+__all__ = ["faults_of", "faulty", "is_shared", "largest_errors", "record_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -51,54 +51,85 @@ def record_of(setting: Setting, rng: np.random.Generator) -> FlightLog:
     return _flown(setting.record, rng)
 
 
-def faulty(log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np.random.Generator) -> FlightLog:
-    """Return the record with faults and noise added; times of a dictionary relative to the window count from its start.
+def faulty(log: FlightLog, setting: Setting, faults: Sequence[Fault], rng: np.random.Generator) -> FlightLog:
+    """Return the record with faults and noise added, each fault to all channels that it changes, as `bfi inject` does.
 
     Parameters
     ----------
-    truth : magnitude by name of the atom.
+    faults : with their magnitudes, times on the log's axis.
     rng : of the noise; each channel has a stream of its own.
 
     Raises
     ------
-    LogError : the log has no such channel.
+    LogError, DictionaryError : the log has no such channel, or does not tell what a fault changes.
     """
-    added: dict[str, FloatArray] = {}
-    for atom, signal in _recorded(log, setting, truth):
-        channel = log.channel(atom.channel)
-        added[channel.name] = added.get(channel.name, channel.values) + signal
+    for fault in faults:
+        added = {name: log.channels[name].values + change for name, change in _changes(log, setting, fault).items()}
+        log = _with_values(log, added)
+    noisy: dict[str, FloatArray] = {}
     for (name, sd), stream in zip(setting.noise, rng.spawn(len(setting.noise)), strict=True):
         channel = log.channel(name)
-        added[channel.name] = added.get(channel.name, channel.values) + sd * stream.standard_normal(log.n_samples)
-    channels = {name: replace(log.channels[name], values=frozen_array(values)) for name, values in added.items()}
+        noisy[channel.name] = noisy.get(channel.name, channel.values) + sd * stream.standard_normal(log.n_samples)
+    return _with_values(log, noisy)
+
+
+def _with_values(log: FlightLog, values: Mapping[str, FloatArray]) -> FlightLog:
+    channels = {name: replace(log.channels[name], values=frozen_array(one)) for name, one in values.items()}
     return replace(log, channels={**log.channels, **channels})
 
 
-def largest_errors(log: FlightLog, setting: Setting, truth: Mapping[str, float]) -> list[tuple[Fault, float]]:
-    """Return every fault of a truth with the largest error that it makes on its channel within the window.
+def largest_errors(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, float]:
+    """Return by channel the largest error that a fault of its magnitude makes within the window.
 
     Parameters
     ----------
-    truth : magnitude by name of the atom.
+    log : the record without it; fault : times on its axis.
     """
     window = setting.config.window
     inside = np.isin(log.time_s, log.window(window.from_s, window.to_s).time_s)
-    return [(atom, float(np.abs(signal[inside]).max())) for atom, signal in _recorded(log, setting, truth)]
+    return {name: float(np.abs(change[inside]).max()) for name, change in _changes(log, setting, fault).items()}
 
 
-def _recorded(log: FlightLog, setting: Setting, truth: Mapping[str, float]) -> Iterator[tuple[Fault, FloatArray]]:
-    """Yield every fault of a truth, times on the log's axis, and its signal as the log shows it."""
-    window, recorder = setting.config.window, setting.config.recorder
-    start_s = float(log.window(window.from_s, window.to_s).time_s[0])
+def faults_of(
+    log: FlightLog, setting: Setting, truth: Mapping[str, float], moved_s: float
+) -> tuple[list[Fault], Fault | None]:
+    """Return the drawn faults with their magnitudes, and the injected one, times on the log's axis.
+
+    Parameters
+    ----------
+    truth : magnitude by name of the entries drawn.
+    moved_s : by how much the injected fault begins later than stated.
+    """
+    start_s = _start_s(log, setting)
+    drawn = [
+        replace(atom, magnitude=truth[atom.name or atom.shape])
+        for atom in setting.dictionary.resolved(start_s)
+        if (atom.name or atom.shape) in truth
+    ]
+    if setting.injected is None:
+        return drawn, None
+    fault = setting.injected.fault()
+    later = moved_s + (start_s if setting.dictionary.relative_to == "window" else 0.0)
+    offset_s = None if fault.offset_s is None else fault.offset_s + later
+    return drawn, replace(fault, onset_s=fault.onset_s + later, offset_s=offset_s)
+
+
+def _start_s(log: FlightLog, setting: Setting) -> float:
+    window = setting.config.window
+    return float(log.window(window.from_s, window.to_s).time_s[0])
+
+
+def _changes(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, FloatArray]:
+    """Return by channel, (n_samples,), what the log shows of a fault."""
+    recorder = setting.config.recorder
     response = response_of(recorder_filters(log, recorder.edge_hz, recorder.kind)[0], log.rate_hz)
-    for atom in setting.dictionary.resolved(start_s):
-        name = atom.name or atom.shape
-        if name in truth:
-            if SHAPES[atom.shape].acts_on == "reading":
-                scaled = replace(atom, magnitude=truth[name], channel=log.channel(atom.channel).name)
-                yield atom, added_by(log, scaled, response).get(scaled.channel, np.zeros(log.n_samples))
-                continue
-            yield atom, truth[name] * recorded_signal(atom, log.time_s, response, window_start_s=start_s)
+    if fault.shape in OF_LINES:
+        return dict(added_by(log, replace(fault, channel=""), response))
+    channel = log.channel(fault.channel).name
+    if SHAPES[fault.shape].acts_on == "reading":
+        return dict(added_by(log, replace(fault, channel=channel), response))
+    signal = recorded_signal(fault, log.time_s, response, window_start_s=_start_s(log, setting))
+    return {channel: fault.magnitude * signal}
 
 
 @lru_cache(maxsize=KEPT_RECORDS)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..provenance import Provenance
 from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
-from ..report.text import number
+from ..report.text import counted, number
 from ..serialization import to_plain
 from .summary import Summary
 
@@ -86,8 +86,9 @@ def montecarlo_content(document: Plain) -> ReportContent:
     return ReportContent(
         category="Monte Carlo sweep",
         title=str(document["provenance"]["command"]),
-        heading=f"{len(scenarios)} scenarios",
-        verdict=f"{trials} trials of {len(scenarios)} scenarios; rates in % with their 95 % Wilson intervals.",
+        heading=counted(len(scenarios), "scenario"),
+        verdict=f"{counted(trials, 'trial')} of {counted(len(scenarios), 'scenario')}; "
+        "rates in % with their 95 % Wilson intervals.",
         tables=(
             Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(map(_row, scenarios))),
             Table(

@@ -16,12 +16,15 @@ from .. import __version__
 from ..config import Config, merge
 from ..dictionary import Dictionary, load_dictionary
 from ..errors import ConfigError
+from ..faults import Fault, did_you_mean
 from ..printable import printable
+from ..shapes import SHAPES
+from ..truth import is_same_fault
 from ..validation import validate
 from ..yaml12 import load_yaml, read_text
-from .definition import FlownModel, RecordedLog, SweepRules
+from .definition import FlownModel, InjectedFault, RecordedLog, SweepRules
 
-__all__ = ["Scenario", "Setting", "Sweep", "Trial", "load_sweep"]
+__all__ = ["Scenario", "Setting", "Sweep", "Trial", "load_sweep", "size_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +36,7 @@ class Setting:
     record : what the faults are added to; dictionary : what they are drawn from and looked for in.
     noise : (channel, standard deviation) of the noise added.
     config : of the analysis.
+    injected : the fault that every trial has, None for none.
     """
 
     digest: str
@@ -40,6 +44,24 @@ class Setting:
     dictionary: Dictionary = field(compare=False)
     noise: tuple[tuple[str, float], ...] = field(compare=False)
     config: Config = field(compare=False)
+    injected: InjectedFault | None = field(compare=False, default=None)
+
+    @property
+    def right(self) -> tuple[str, ...]:
+        """Entries of the dictionary that are right answers to the injected fault: the stated ones, else that fault."""
+        if self.injected is None:
+            return ()
+        if self.injected.right is not None:
+            return self.injected.right
+        fault = self.injected.fault()
+        return tuple(atom.name or atom.shape for atom in self.dictionary.atoms if is_same_fault(atom, fault))
+
+    @property
+    def injected_name(self) -> str:
+        """What the injected fault is called; "" without one."""
+        if self.injected is None:
+            return ""
+        return self.injected.name or (self.right[0] if self.right else self.injected.shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,6 +176,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         "dictionary": _labelled([Path(d.path).stem for d in dictionaries], list(enumerate(dictionaries))),
         **{f"noise.{name}": [(f"{sd:g}", sd) for sd in sizes] for name, sizes in rules.noise.items()},
         "active": [(str(n), n) for n in rules.active],
+        "inject": _labelled([_label_of(one) for one in rules.inject], rules.inject),
         "identify": [(label, config) for label, config in configs],
     }
     varying = [name for name, values in axes.items() if len(values) > 1]
@@ -165,18 +188,30 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         settings, config = value["identify"]
         noise = tuple((name, value[f"noise.{name}"]) for name in rules.noise)
         parts = [value["record"].model_dump(mode="json"), dictionary.sha256, noise, config.model_dump(mode="json")]
+        injected = value["inject"]
+        if injected is not None:
+            parts.append(injected.model_dump(mode="json"))
         words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
         name = printable(" ".join(words)) or "all"  # as trials.csv has it, where --resume looks for it
         if any(name == other.name for other in scenarios):
             raise ConfigError(f"{where}: a value stands twice, got two scenarios '{name}'; keep one")
+        setting = Setting(
+            digest=_digest(parts),
+            record=value["record"],
+            dictionary=dictionary,
+            noise=noise,
+            config=config,
+            injected=injected,
+        )
+        _check_injected(setting, value["active"], where, rules.inject.index(injected))
         labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
+        if rules.inject == (None,):
+            labels.pop("inject")
         scenarios.append(
             Scenario(
                 name=name,
                 axes={**labels, **{f"noise.{name}": sd for name, sd in noise}, "active": value["active"], **settings},
-                setting=Setting(
-                    digest=_digest(parts), record=value["record"], dictionary=dictionary, noise=noise, config=config
-                ),
+                setting=setting,
                 n_active=value["active"],
                 sizes=rules.sizes,
                 stream=(place, value["active"]),
@@ -203,6 +238,42 @@ def _configs(rules: SweepRules, where: str) -> list[tuple[str, tuple[dict[str, A
     if complaints:
         raise ConfigError(f"{where}: " + " | ".join(f"grid.{text}" for text in dict.fromkeys(complaints)))
     return found
+
+
+def size_of(fault: Fault) -> float:
+    """Return the magnitude of a fault, 1 of one that is whole."""
+    return fault.magnitude if SHAPES[fault.shape].has_magnitude else 1.0
+
+
+def _check_injected(setting: Setting, n_active: int, where: str, k: int) -> None:
+    """Refuse an injected fault whose right answers, or whose name, the dictionary does not leave clear."""
+    names = [atom.name or atom.shape for atom in setting.dictionary.atoms]
+    for name in setting.right:
+        if name not in names:
+            raise ConfigError(
+                f"{where}: inject[{k}].right: no entry of {setting.dictionary.path}, got '{name}'"
+                f"{did_you_mean(name, names)}"
+            )
+    if setting.injected_name in names and setting.injected_name not in setting.right:
+        raise ConfigError(
+            f"{where}: inject[{k}].name: is another entry of {setting.dictionary.path}, got '{setting.injected_name}'; "
+            "choose another, or name that entry in right"
+        )
+    if setting.injected is not None and size_of(setting.injected.fault()) == 0.0:
+        raise ConfigError(f"{where}: inject[{k}].magnitude: 0 is no fault; write null in its place for none")
+    left = len(names) - len(setting.right)
+    if n_active > left:
+        raise ConfigError(
+            f"{where}: active: more than the {left} faults of {setting.dictionary.path} beside the injected one, "
+            f"got {n_active}; lower it"
+        )
+
+
+def _label_of(injected: InjectedFault | None) -> str:
+    if injected is None:
+        return "none"
+    size = "" if injected.magnitude is None else f"_{injected.magnitude:g}"
+    return injected.name or f"{injected.shape}{size}"
 
 
 def _labelled(labels: Sequence[str], values: Sequence[Any]) -> list[tuple[str, Any]]:

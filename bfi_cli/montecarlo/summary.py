@@ -49,6 +49,7 @@ class ScenarioSummary:
         tolerance, in which the verdict that covers such a fault is no_fault.
     coverage : 95 % intervals of rightly declared faults that hold the truth.
     magnitude_error : quantiles over trials with an answer and faults, relative; empty where there are none.
+    onset_error_s : median size of the errors of the onsets of rightly declared faults.
     seconds : median time of a trial.
     """
 
@@ -65,6 +66,7 @@ class ScenarioSummary:
     coverage: Proportion
     magnitude_error: Mapping[str, float]
     detection_delay_s: float | None
+    onset_error_s: float | None
     seconds: float | None
 
 
@@ -108,6 +110,7 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
     faulty = [row for row in answered if row.truth]
     errors = [row.magnitude_error for row in faulty if row.magnitude_error is not None]
     delays = [row.detection_delay_s for row in answered if row.detection_delay_s is not None]
+    onsets = [abs(late) for row in answered for late in (row.onset_error_s or {}).values()]
     return ScenarioSummary(
         name=name,
         axes=axes,
@@ -122,6 +125,7 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
         coverage=_counted(sum(row.covered or 0 for row in answered), sum(row.intervals or 0 for row in answered)),
         magnitude_error={key: rounded(float(np.quantile(errors, q)), 6) for key, q in QUANTILES.items() if errors},
         detection_delay_s=float(np.median(delays)) if delays else None,
+        onset_error_s=float(np.median(onsets)) if onsets else None,
         seconds=float(np.median([seconds for _, seconds in done])) if done else None,
     )
 

@@ -27,11 +27,11 @@ from ..preprocessing.regression import RegressionData
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import prepare_window, regression_of
 from ..serialization import to_json
-from ..shapes import Kind
+from ..shapes import ADDITIVE, Kind
 from ..truth import compare_faults
 from ..verdicts import KINDS, State, kind_of
-from .flight import faulty, is_shared, largest_errors, record_of
-from .scenarios import Setting, Trial
+from .flight import faults_of, faulty, is_shared, largest_errors, record_of
+from .scenarios import Setting, Trial, size_of
 
 __all__ = [
     "COLUMNS",
@@ -73,6 +73,8 @@ class Row:
     intervals, covered : 95 % intervals of rightly declared faults, and how many of them hold the truth; None with
         method risro, which has none of its own.
     detection_delay_s : None for a dictionary, which states the onset.
+    onset_error_s : by name of the rightly declared faults, by how much later than the true onset each was said to
+        begin; None where the answer has no onsets of its own.
     error : why the trial failed.
     """
 
@@ -95,6 +97,7 @@ class Row:
     intervals: int | None = None
     covered: int | None = None
     detection_delay_s: float | None = None
+    onset_error_s: Mapping[str, float] | None = None
     error: str | None = None
 
     def cells(self) -> list[str]:
@@ -130,11 +133,15 @@ def rounded(value: float, digits: int = ESTIMATE_DIGITS) -> float:
 
 def run_trial(trial: Trial) -> Row:
     """Return the row of a trial; it depends on the trial alone. A trial that fails is a row that says why."""
-    faults, *streams = np.random.default_rng(trial.seed).spawn(3)
-    truth = draw(trial, faults)
+    faults, gusts, noise, onsets = np.random.default_rng(trial.seed).spawn(4)
+    truth, injected = draw(trial, faults), trial.scenario.setting.injected
+    moved_s = 0.0
+    if injected is not None:
+        moved_s = injected.onset_spread_s * float(onsets.uniform(-1.0, 1.0))
+        truth[trial.scenario.setting.injected_name] = size_of(injected.fault())
     row = Row(scenario=trial.scenario.name, trial=trial.number, seed=trial.seed, truth=truth)
     try:
-        return _identify(row, trial, streams)
+        return _identify(row, trial, (gusts, noise), moved_s)
     except BfiError as error:
         why = str(error)
     except Exception as error:
@@ -143,23 +150,34 @@ def run_trial(trial: Trial) -> Row:
 
 
 def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
-    """Return magnitude by name of the faults of a trial, in the order of the dictionary."""
-    atoms = trial.scenario.setting.dictionary.atoms
+    """Return magnitude by name of the faults of a trial, in the order of the dictionary; that of a whole one is 1."""
+    taken = trial.scenario.setting.right
+    atoms = [atom for atom in trial.scenario.setting.dictionary.atoms if _name(atom) not in taken]
     active = np.sort(rng.choice(len(atoms), trial.scenario.n_active, replace=False))
     sizes = rng.choice(trial.scenario.sizes, trial.scenario.n_active)
-    return {_name(atoms[j]): float(z) for j, z in zip(active, sizes, strict=True)}
+    return {_name(atoms[j]): size_of(replace(atoms[j], magnitude=float(z))) for j, z in zip(active, sizes, strict=True)}
 
 
-def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) -> Row:
-    """Return the row with the answer; where a shared record gives none, the whole one says if the data could tell."""
+def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator], moved_s: float) -> Row:
+    """Return the row with the answer; where a shared record gives none, the whole one says if the data could tell.
+
+    Parameters
+    ----------
+    moved_s : by how much later than stated the injected fault begins.
+    """
     setting, truth = trial.scenario.setting, row.truth
-    log = faulty(record_of(setting, streams[0]), setting, truth, streams[1])
-    faults = largest_errors(log, setting, truth)
+    record = record_of(setting, streams[0])
+    drawn, injected = faults_of(record, setting, truth, moved_s)
+    own, right = setting.injected_name, setting.right
+    called = {_name(fault): fault for fault in drawn} | ({} if injected is None else {own: injected})
+    log = faulty(record, setting, list(called.values()), streams[1])
     decision: Decision = "fault"
     estimate: dict[str, float] = {}
     verdicts: Mapping[Kind, Decision] = {}
     states: dict[str, State | None] = {}
-    hits = None
+    hits = onset_errors = None
+    # The entry that is taken for the injected fault: of the right ones the first declared.
+    entry = right[0] if right else None
     shared = shared_record(setting)
     if shared is not None:
         z = declared_magnitudes(shared, np.array([truth.get(name, 0.0) for name in shared.names]), setting)
@@ -175,16 +193,30 @@ def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) ->
         decision, estimate = result.decision, {fault.name: fault.magnitude for fault in result.faults}
         verdicts = result.verdicts
         states = {one.name: one.state for one in result.candidates}
+        entry = next((name for name in right if name in estimate), entry)
+        names = {name: own if name == entry else name for name in estimate}
+        estimate = {names[name]: z for name, z in estimate.items()}
+        told = {names[one.name]: one for one in result.faults if names[one.name] in called}
+        onset_errors = {name: rounded(one.fault.onset_s - called[name].onset_s) for name, one in told.items()}
         if METHODS[setting.config.method].intervals:
-            both = [(truth[fault.name], *fault.ci95) for fault in result.faults if fault.name in truth]
-            hits = [low <= z <= high for z, low, high in both]
-    comparison = compare_faults(estimate, truth)
+            alike = {name: one for name, one in told.items() if one.fault.shape == called[name].shape}
+            hits = [one.ci95[0] <= truth[name] <= one.ci95[1] for name, one in alike.items()]
+    outside = () if injected is None or right else (own,)
+    comparison = compare_faults(estimate, {k: z for k, z in truth.items() if k not in outside}, unknown=outside)
     error = comparison.magnitude_error
+    shapes = {_name(atom): atom.shape for atom in setting.dictionary.atoms}
+    if injected is not None and entry is not None and own in estimate and shapes[entry] != injected.shape:
+        error = None  # magnitudes of different shapes have nothing in common
     window = setting.config.window
-    tolerances = tolerances_of(
-        log, log.window(window.from_s, window.to_s), setting.config.outputs, setting.config.tolerances
-    )
-    beyond = [atom for atom, largest in faults if largest > tolerances.get(log.channel(atom.channel).name, np.inf)]
+    tolerances = tolerances_of(log, log.window(window.from_s, window.to_s), setting.config.outputs, setting.config)
+    beyond = {
+        name: fault
+        for name, fault in called.items()
+        if any(
+            largest > tolerances.get(channel, np.inf)
+            for channel, largest in largest_errors(record, setting, fault).items()
+        )
+    }
     return replace(
         row,
         estimate={name: rounded(z) for name, z in estimate.items()},
@@ -192,15 +224,18 @@ def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) ->
         abrupt=verdicts["abrupt"],
         oscillating=verdicts["oscillating"],
         slow=verdicts["slow"],
-        states={name: states[name] for name in truth},
-        beyond_tolerance=tuple(map(_name, beyond)),
-        wrong_no_fault=tuple(_name(one) for one in beyond if verdicts[kind_of(one, declared=False)] == "no_fault"),
+        states={name: states.get((entry or name) if name == own else name) for name in truth},
+        beyond_tolerance=tuple(beyond),
+        wrong_no_fault=tuple(
+            name for name, fault in beyond.items() if verdicts[kind_of(fault, declared=False)] == "no_fault"
+        ),
         isolated=comparison.isolated,
         false_alarms=comparison.false_alarms,
         missed=comparison.missed,
         magnitude_error=None if error is None else rounded(error, ERROR_DIGITS),
         intervals=None if hits is None else len(hits),
         covered=None if hits is None else sum(hits),
+        onset_error_s=onset_errors,
     )
 
 
@@ -229,7 +264,9 @@ def shared_record(setting: Setting) -> SharedRecord | None:
     published = config.method in ("risro", "risro-as-published") and decides_by_rule(config)
     asked = published and config.conditioning.rate_hz == "none" and config.model.order != "auto"
     silent = all(sd == 0.0 for _, sd in setting.noise)
-    if not (asked and silent and is_shared(setting) and len(config.outputs) == 1):
+    # A fault that depends on what the log shows is not one column of the factor in the clean and in the faulty record.
+    added = setting.injected is None and all(atom.shape in ADDITIVE for atom in setting.dictionary.atoms)
+    if not (asked and silent and added and is_shared(setting) and len(config.outputs) == 1):
         return None
     try:
         window = prepare_window(record_of(setting, np.random.default_rng(0)), setting.dictionary, config)

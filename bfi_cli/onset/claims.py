@@ -20,7 +20,9 @@ import numpy as np
 
 from ..faults import Fault, magnitude_unit
 from ..kernels import BoolArray, FloatArray, IntArray
+from ..kernels.onset.frequency import PEAKS, frequency_grid, screen_sine
 from ..kernels.onset.limits import SPAN, excluded_error, likelihood_ratios, mean_ratios, undeclared_magnitudes
+from ..kernels.onset.pairs import peaks
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES, Shape
@@ -40,6 +42,7 @@ POWER, LIMIT = 1.2815515655446004, 2.3263478740408408
 # onset: slower ones are bends, which a change of thrust or wind makes as well. With four cycles in place of six the
 # claim could be made in 67 instead of 80 % of 39 fault-free windows of two recorded flights.
 CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0
+# Frequencies spread over the band, for the sizes that a claim covers; those that stand out are looked at beside them.
 FREQUENCIES = 8
 # Of the onsets every so many are looked at: magnitudes change slowly with the onset, over several orders of samples.
 STRIDE = 3
@@ -157,7 +160,7 @@ def claims_of(
         channel, scale = settings.outputs[output], float(record.unit[output])
         own = [one for one in estimates if (one.form.shape, one.form.output) == (shape, output)]
         peak = None if shape in beside else _peak_of(first, shape, output)
-        form = own[0].form if own else _claimed(record, shape, output, peak)[0] if peak is None else peak.form
+        form = own[0].form if own else _built_up(record, shape, output)[0] if peak is None else peak.form
         if own:
             said = Said(z=own[0].z, sd=own[0].sd)
         else:
@@ -264,7 +267,8 @@ def _worst(views: Sequence[Said], tolerance: float) -> Said:
 def _sized(record: ScanRecord, scan: Scan, threshold: float, peak: Peak) -> Said:
     """Return what is said of a shape that is excluded by the size that it would have needed at the worst onset."""
     every = (
-        _limits(record, scan, form, threshold) for form in _claimed(record, peak.form.shape, peak.form.output, peak)
+        _limits(record, scan, form, threshold)
+        for form in _claimed(record, scan, peak.form.shape, peak.form.output, peak)
     )
     limits = [one for one in every if one is not None]
     if not limits:
@@ -290,7 +294,7 @@ def _weighed(
     peak : of the shape where it is looked for.
     tolerance : of the channel, SI.
     """
-    forms = _claimed(record, shape, output, peak)
+    forms = _claimed(record, scan, shape, output, peak)
     if not forms:
         return Said(note="the window is too short for an oscillation")
     detectable = None
@@ -418,27 +422,38 @@ def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> 
     return float(limits.excluded[worst]), float(limits.effect[worst])
 
 
-def _claimed(record: ScanRecord, shape: Shape, output: int, peak: Peak | None) -> list[ShapeHypothesis]:
+def _claimed(record: ScanRecord, scan: Scan, shape: Shape, output: int, peak: Peak | None) -> list[ShapeHypothesis]:
     """Return the hypotheses that a claim about a shape must cover: frequencies, time constants or durations.
+
+    Oscillations are those of some frequencies in the whole band, of those that stand out most on the scan's grid, which
+    one of any other frequency hardly does more, and of the likeliest.
 
     Parameters
     ----------
     peak : of the shape where it is looked for.
     """
     if shape in BUILT_UP:
-        longest_s = LARGEST_SHARE * record.settings.duration_s
-        lengths_s = sorted({min(seconds, longest_s) for seconds in BUILT_UP[shape]})
-        return [ShapeHypothesis(shape=shape, output=output, parameter=seconds) for seconds in lengths_s]
+        return _built_up(record, shape, output)
     if shape != "sine":
         return [one for one in record.forms if (one.shape, one.output) == (shape, output)]
     low, high = record.band_hz
     low = max(low, CLAIMED_CYCLES / record.settings.duration_s)
     if low >= high:
         return []
+    rate_hz = record.sampling.rate_hz
+    grid = frequency_grid(scan, (low / rate_hz, high / rate_hz))
+    stands_out = peaks(np.array([screen_sine(scan, f, silent) for f in grid.tolist()]), PEAKS)
+    values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *(rate_hz * grid[stands_out]).tolist()}
     likeliest = None if peak is None else peak.form.parameter
-    beside = [] if likeliest is None or not low <= likeliest <= high else [likeliest]
-    values = sorted([*np.geomspace(low, high, FREQUENCIES).tolist(), *beside])
-    return [ShapeHypothesis(shape=shape, output=output, parameter=f) for f in values]
+    values |= set() if likeliest is None or not low <= likeliest <= high else {likeliest}
+    return [ShapeHypothesis(shape=shape, output=output, parameter=f) for f in sorted(values)]
+
+
+def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypothesis]:
+    """Return the lags or ramps that a claim about steps covers."""
+    longest_s = LARGEST_SHARE * record.settings.duration_s
+    lengths_s = sorted({min(seconds, longest_s) for seconds in BUILT_UP[shape]})
+    return [ShapeHypothesis(shape=shape, output=output, parameter=seconds) for seconds in lengths_s]
 
 
 def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:

@@ -24,12 +24,11 @@ from ..verdicts import decide, summarise, verdicts_of
 from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets
 from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
-from .estimate import Estimate, estimate, subtract_faults
+from .estimate import Estimate, as_scanned, estimate, subtract_faults
 from .magnitudes import measure
 from .result import OnsetFault, OnsetResult, assemble_result
 from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
-from .shapes import signal
 from .thesis import find_onset_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
@@ -105,7 +104,7 @@ def find_onset(
         estimates = [one for i, one in enumerate(estimates) if i not in doubts]
         if not briefly:
             estimates = measure(log, record, estimates, config, partial(progress, "magnitudes"))
-        tolerances = tolerances_of(log, record.window.log, config.outputs, config.tolerances)
+        tolerances = tolerances_of(log, record.window.log, config.outputs, config)
         limits = partial(progress, "what could not have been seen")
         candidates = claims_of(record, first, estimates, rule, tolerances, order=order, doubted=doubted, report=limits)
         of_dictionary = limits_near_onsets(
@@ -161,22 +160,7 @@ def _at_a_glance(record: ScanRecord, first: HypothesisScan, rule: Rule) -> tuple
     verdict = rule.verdict(first)
     if not verdict.significant:
         return [], [], first.fault_free_order
-    peak = verdict.significant[0]
-    best, onset_s = peak.profile.best, record.onset_s(peak.onset)
-    z = float(peak.profile.z[best])
-    end = None if peak.end is None else (peak.end, 0)
-    estimate = Estimate(
-        form=peak.form,
-        onset_s=onset_s,
-        onset_ci95=(float("nan"), float("nan")),
-        offset_s=None if end is None else record.onset_s(*end),
-        z=z,
-        sd=float(peak.profile.sd[best]),
-        signal=z * signal(peak.form, record.sampling, (peak.onset, 0), end),
-        statistic=peak.statistic,
-        onset_spread=0.0,
-    )
-    return [verdict], [estimate], first.order
+    return [verdict], [as_scanned(record, verdict.significant[0])], first.order
 
 
 def detect_sequentially(

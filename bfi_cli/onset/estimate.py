@@ -67,6 +67,24 @@ class Estimate:
     frequency_is_known: bool = True
 
 
+def as_scanned(record: ScanRecord, peak: Peak) -> Estimate:
+    """Return the fault of a peak as the scan has it, on its samples and without an interval of the onset."""
+    best, onset_s = peak.profile.best, record.onset_s(peak.onset)
+    z = float(peak.profile.z[best])
+    end = None if peak.end is None else (peak.end, 0)
+    return Estimate(
+        form=peak.form,
+        onset_s=onset_s,
+        onset_ci95=(float("nan"), float("nan")),
+        offset_s=None if end is None else record.onset_s(*end),
+        z=z,
+        sd=float(peak.profile.sd[best]),
+        signal=z * signal(peak.form, record.sampling, (peak.onset, 0), end),
+        statistic=peak.statistic,
+        onset_spread=0.0,
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SubsampleProfile:
     """A profile over onsets that may lie between the conditioned samples; arrays are (n_onsets,)."""

@@ -8,7 +8,9 @@ from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..flightlog import FlightLog
+from .confirmation import unconfirmed
 from .decision import shipped_rule
+from .estimate import as_scanned
 from .scan import scan_hypotheses
 from .scan_record import prepare_record
 
@@ -24,6 +26,7 @@ class Glance:
     stands_out : whether it is declared.
     shape, channel, magnitude, sd, unit, onset_s, frequency_hz : as the scan has them, on its grid of onsets.
     statistic, threshold : of its shape; p_value is None where no shipped table fits the settings.
+    doubt : a sentence where the other trusted channels of the log explain it, else "".
     """
 
     stands_out: bool
@@ -36,12 +39,18 @@ class Glance:
     statistic: float
     threshold: float
     p_value: float | None
+    doubt: str = ""
 
 
 def glance(log: FlightLog, config: Config) -> Glance:
     """Return what stands out most in the window of the configuration.
 
-    The threshold is that of the shipped table which fits, or of the nearest, raised.
+    The threshold is that of the shipped table which fits, or of the nearest, raised. What stands out is confirmed as
+    `bfi start-time` does it: with all trusted channels of the log as inputs, too.
+
+    Parameters
+    ----------
+    log : with all its channels, of which the inputs of the configuration are looked at first.
 
     Raises
     ------
@@ -52,8 +61,11 @@ def glance(log: FlightLog, config: Config) -> Glance:
         record = prepare_record(log, config)
         scan = scan_hypotheses(record, record.y)
         rule = shipped_rule(record, config)
-    verdict = rule.verdict(scan)
-    peak = verdict.significant[0] if verdict.significant else scan.of(verdict.shape)
+        verdict = rule.verdict(scan)
+        peak = verdict.significant[0] if verdict.significant else scan.of(verdict.shape)
+        doubts: dict[int, str] = {}
+        if verdict.significant:
+            doubts = unconfirmed(log, record, [as_scanned(record, peak)], config, order=scan.order)
     best = peak.profile.best
     return Glance(
         stands_out=bool(verdict.significant),
@@ -66,4 +78,5 @@ def glance(log: FlightLog, config: Config) -> Glance:
         statistic=peak.statistic,
         threshold=rule.threshold(peak.form.shape),
         p_value=verdict.p_value if rule.use.matches else None,
+        doubt=doubts.get(0, ""),
     )

@@ -16,7 +16,6 @@ from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import DictionaryError, LogError
 from ..flightlog import FlightLog
-from ..kernels.covariance import unfold_support
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import fit_magnitudes
@@ -75,7 +74,7 @@ def measure(
         for order, _ in parts(fitting, regression.orders)
     ]
     best = min(fits, key=penalty.criterion)
-    effective = effective_rows(unfold_support(regression.layout, best).weighted_error)
+    effective = effective_rows(regression.unfold(best).weighted_error)
     least = 2.0 * best.n_parameters / regression.layout.y.shape[1]
     penalty = replace(penalty, n_effective=min(float(rows), max(effective, least)))
     scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]

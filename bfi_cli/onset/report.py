@@ -161,12 +161,23 @@ def _data(
         flat.append({**fault, **ends, **physical})
     columns = {key: [fault[key] for fault in flat] for key in FAULT_COLUMNS}
     lengths = [one["onset_s"].size for one in profiles]
-    points = {key: np.repeat([one[key] for one in profiles], lengths) for key in ("shape", "channel")}
+    points = {key: np.repeat([one[key] for one in profiles], lengths) for key in ("shape", "channel", "unit")}
     values = {
         key: np.concatenate([one[key] for one in profiles]) for key in ("onset_s", "statistic", "magnitude", "sd")
     }
     listed = {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
-    return {"faults.csv": columns, "candidates.csv": listed, "profile.csv": {**points, **values}}
+    best = [int(one["statistic"].argmax()) for one in profiles]
+    shapes: dict[str, list[Any]] = {
+        key: [one[key] for one in profiles] for key in ("shape", "channel", "frequency_hz", "threshold", "unit")
+    }
+    for key in ("onset_s", "magnitude", "sd", "statistic"):
+        shapes[key] = [float(one[key][k]) for one, k in zip(profiles, best, strict=True)]
+    return {
+        "faults.csv": columns,
+        "candidates.csv": listed,
+        "shapes.csv": shapes,
+        "profile.csv": {**points, **values},
+    }
 
 
 def _sentence(fault: Plain) -> str:

@@ -163,8 +163,8 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
         orders = fitting
     return ScanRecord(
         window=window,
-        u=layout.u,
-        y=layout.y,
+        u=np.asarray(layout.u),
+        y=np.asarray(layout.y),
         unit=regression.unit,
         orders=orders,
         feedthrough=layout.feedthrough,

@@ -28,6 +28,7 @@ class Finding:
     onset_s, offset_s : on the log's axis; onset_ci95 : interval of the onset. offset_s is None where it lasts.
     statistic, threshold, p_value : that it was declared by; p_value is None where no distribution is known.
     evidence : by residual, what it says for the fault: a log-likelihood ratio, or the residual's own statistic.
+    doubt : why it is only suspected, "" where nothing speaks against it.
     """
 
     fault: str
@@ -48,6 +49,7 @@ class Finding:
     p_value: float | None = None
     effect: Mapping[str, float] = field(default_factory=dict)
     evidence: Mapping[str, float] = field(default_factory=dict)
+    doubt: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Pressure lines that do not move with the flight: a blocked pitot tube, a blocked static port, a leaking pitot line.
+"""Pressure lines that do not move with the flight: a blocked pitot tube, a blocked static port, lines that leak.
 
 A trapped pressure is a line in time but for the noise of its transducer and the steps of the record; the same pressure
 in flight is moved by the air and by the aircraft. After a hold the channels that follow from the pressure are missing:
@@ -16,6 +16,7 @@ from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ..flightlog import FlightLog
 from ..kernels.stillness import noise_of_second_differences, sd_about_lines
 from .finding import Finding
+from .relaxation import Relaxation, relaxations
 from .sampled import Blocks, airborne, quanta_of
 
 __all__ = ["Holds", "LineReport", "Lines", "find_holds", "lines_of"]
@@ -68,6 +69,14 @@ NO_ROLL = 0.5
 # s before the onset, whose median is the level. Shares of the loss of airspeed that the ground speed, or the
 # accelerometer, shows up to which the aircraft does not brake, and from which it does.
 LEVEL_S, SLOWED = 5.0, (0.25, 0.5)
+# A static line that leaks to the cabin holds still within so many time constants and s of the onset, up to the longest,
+# at the pressure that the leak goes to but for this share of the change, by which a cabin may climb meanwhile.
+STILL_AFTER, STILL_AFTER_S, LONGEST_STILL_AFTER_S, SAME_LEVEL = 15.0, 15.0, 465.0, 0.15
+# The total pressure stays on its course meanwhile: it changes by at most this share of the static pressure's change
+# within so many time constants, where a climb changes both alike.
+LARGEST_SHARE_OF_TOTAL, COMPARED = 0.5, 2.0
+# s before its onset, from which on what the pitot line shows is the leak's.
+BEFORE_LEAK_S = 5.0
 # m; an aircraft that has landed does not climb or descend by this in the minute after.
 FLYING_M, AFTER_S = 15.0, 60.0
 
@@ -102,8 +111,9 @@ class Holds:
     Attributes
     ----------
     findings : in the order of their onsets. The statistic of a hold is the limit over the standard deviation about its
-        line, at most 1000, its threshold 1; of a leak, the share of the impact pressure that was lost, its threshold
-        85 %. The evidence of a leak holds its time constant, s.
+        line, at most 1000, its threshold 1; of a pitot line that leaks, the share of the impact pressure that was lost,
+        its threshold 85 %; of a static line that leaks, the change of its vertical speed at the onset, m/s, its
+        threshold 4 m/s. The evidence of a leak holds its time constant, s.
     lines : how each was watched.
     missing : sentences on what was not watched, or is seen less well, and why.
     """
@@ -268,6 +278,7 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
     by_name = {line.pressure: line for line in lines.lines}
     reports: list[LineReport] = []
     findings: list[Finding] = []
+    to_cabin = _static_leaks(log, lines, from_s, to_s)
     leaks, landings = _leaks(log, lines, from_s, to_s)
     for pressure in FAULT:
         if pressure not in by_name:
@@ -284,7 +295,9 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
         findings += held
         # A trapped tube loses its airspeed in a descent, a trapped port in a climb.
         leaks = [(leak, low_s) for leak, low_s in leaks if not any(one.onset_s < low_s for one in held)]
-    findings = sorted([*findings, *(leak for leak, _ in leaks)], key=lambda one: one.onset_s)
+    # While the static line shows the cabin it holds, and no impact pressure tells of the pitot tube.
+    others = [one for one in (*findings, *(leak for leak, _ in leaks)) if not any(_within(one, of) for of in to_cabin)]
+    findings = sorted([*others, *to_cabin], key=lambda one: one.onset_s)
     return Holds(findings=tuple(findings), lines=tuple(reports), missing=lines.missing)
 
 
@@ -460,6 +473,83 @@ def _channels(log: FlightLog, pressure: str) -> tuple[str, ...]:
         name
         for name in log.channels
         if pressure in DEPENDS_ON.get(name, ()) and not (name == "sat" and "tat" not in log.channels)
+    )
+
+
+def _within(finding: Finding, leak: Finding) -> bool:
+    """Say whether a finding begins while a static line leaks."""
+    end_s = np.inf if leak.offset_s is None else leak.offset_s
+    return leak.onset_s - BEFORE_LEAK_S <= finding.onset_s <= end_s
+
+
+def _static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> list[Finding]:
+    """Return the static pressures that go from their course to the cabin's at once, and hold it.
+
+    An aircraft that levels off reaches its altitude as an exponential too, but from the rate at which it climbed, with
+    its total pressure; and without a leak the pressure it holds is not still.
+    """
+    by_name = {one.pressure: one for one in lines.lines}
+    if by_name.keys() < FAULT.keys():
+        return []
+    line, total = by_name["p_static"], by_name["p_total"]
+    t = lines.time_s
+    own = _stretches(lines, line, LENGTH_S["p_static"], float(t[0]), np.inf)
+    # With the cabin's pressure there may be no airspeed, and nothing that shows the flight.
+    still = np.flatnonzero(own.sd <= own.limit)
+    if not still.size:
+        return []
+    following = still[np.minimum(np.searchsorted(still, np.arange(len(t))), still.size - 1)]
+    soon = (following >= np.arange(len(t))) & (t[following] - t <= LONGEST_STILL_AFTER_S)
+    least_jump = STOPPED_AT * G / (GAS_CONSTANT * TYPICAL_TEMPERATURE) * line.values
+    found: list[Finding] = []
+    for one in relaxations(t, line.values, soon & (t >= from_s - 1e-6) & (t < to_s), least_jump):
+        first = int(following[one.onset])
+        rests = float(np.mean(line.values[first : first + own.n]))
+        in_time = t[first] - t[one.onset] <= STILL_AFTER * one.time_constant_s + STILL_AFTER_S
+        same = abs(rests - one.level) <= SAME_LEVEL * abs(one.change)
+        if in_time and same and _leaves_total(lines, line, total, one):
+            # The line that is held goes on to the last of the stretches that touch.
+            _, last = next(run for run in _joined(_runs(own.sd <= own.limit), own.n) if run[1] >= first)
+            end = _edge(lines, line, last + own.n // 2, 1)
+            leak = _static_leak(log, lines, one, float(one.jump / least_jump[one.onset]), end, to_s)
+            found += [] if any(_within(leak, earlier) for earlier in found) else [leak]
+    return found
+
+
+def _leaves_total(lines: Lines, line: _Line, total: _Line, one: Relaxation) -> bool:
+    """Say whether a relaxation of the static pressure began in flight and did not take the total pressure with it.
+
+    Where the cabin's pressure is above the total pressure there is no airspeed left, and none of the latter to see.
+    """
+    t, q = lines.time_s, lines.q_impact
+    last = int(np.searchsorted(t, t[one.onset] + COMPARED * one.time_constant_s))
+    before = (t >= t[one.onset] - LEVEL_S) & (t < t[one.onset])
+    if q is None or last >= len(t) or not before.any() or not lines.borne[before].all():
+        return False
+    if q[last] < LEFT * float(np.median(q[before])):
+        return True
+    share = (total.values[last] - total.values[one.onset]) / (line.values[last] - line.values[one.onset])
+    return bool(abs(share) <= LARGEST_SHARE_OF_TOTAL)
+
+
+def _static_leak(log: FlightLog, lines: Lines, one: Relaxation, statistic: float, end: int, to_s: float) -> Finding:
+    t = lines.time_s
+    lasts = t[end] >= min(to_s, float(t[-1])) - 2.0 * lines.step_s
+    return Finding(
+        fault="static_leak",
+        among=("static_leak",),
+        channels=_channels(log, "p_static"),
+        stage="holds",
+        shape="static_leak",
+        magnitude=None,
+        sd=None,
+        unit="",
+        onset_s=float(t[one.onset]),
+        onset_ci95=(one.from_s - SMEARED_S, one.to_s + SMEARED_S),
+        offset_s=None if lasts else float(t[end]),
+        statistic=STOPPED_AT * abs(statistic),
+        threshold=STOPPED_AT,
+        evidence={"time_constant_s": one.time_constant_s},
     )
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model, settle
-from .record import STEP_S, Hypothesis, Record, hypotheses, with_fault
+from .record import STEP_S, Hypothesis, Record, hypotheses, with_fault, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of
 
-__all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window"]
+__all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window", "without_lasting"]
 
 FloatArray = NDArray[np.float64]
 
@@ -189,6 +189,15 @@ def residual_values(record: Record, original: Record, constants: Constants, kind
     if record is not original:
         values = values - _integral(_bridged(kind.rate(record) - kind.rate(original)))
     return values
+
+
+def without_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
+    """Return a record as it would be without a fault of `amount`, (n,), with the integral of its accelerations."""
+    clean = without_fault(record, fault, amount)
+    if record.gained is None:
+        return clean
+    (rate,) = (kind.rate for kind in RESIDUALS if kind.rate is not None)
+    return replace(clean, gained=record.gained + _integral(_bridged(rate(clean) - rate(record))))
 
 
 def _bridged(values: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..flightlog import FlightLog
 from ..kernels.coherence import detectable_deviations
-from ..kernels.covariance import FitRows, single_additions, unfold, unfold_support
+from ..kernels.covariance import FitRows, single_additions, unfold
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows, exceedances
@@ -80,7 +80,7 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
     regression = build_regression(window.signals, (), config, orders=window.orders)
     fits, penalty = fault_free_fits(regression, config, len(window.live))
     best = min(fits, key=lambda one: one.criterion).fit
-    theta = window.signals.theta[:, :, list(window.live)] / regression.unit[:, None]
+    theta = np.asarray(window.signals.theta)[:, :, list(window.live)] / regression.unit[:, None]
     unfolded = unfold(replace(regression.layout, theta=theta), best)
     return FaultFreeModel(
         regression=regression,
@@ -116,7 +116,7 @@ def fault_free_fits(regression: RegressionData, config: Config, n_candidates: in
     fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
     best = min(fits, key=penalty.criterion)
     effective = max(
-        effective_rows(unfold_support(regression.layout, best).weighted_error),
+        effective_rows(regression.unfold(best).weighted_error),
         2.0 * best.n_parameters / regression.layout.y.shape[1],
     )
     penalty = replace(penalty, n_effective=min(penalty.n_effective, effective))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -13,8 +14,9 @@ from ..faults import Fault, tail_of
 from ..filters import recorded_signal
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.low_pass import Response
+from ..kernels.piecewise import LONGEST_REACH, PiecewiseSignals, Stretch, Stretches, signal_of
 
-__all__ = ["FaultSignals", "decimated_fault"]
+__all__ = ["PIECEWISE", "FaultSignals", "LogSignal", "decimated_fault", "decimated_stretches"]
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +24,26 @@ FloatArray = NDArray[np.float64]
 BLOCK = 1_000_000
 # Of a step of the log, by which its times may lie beside even ones where a filtered signal is made from a formula.
 EVEN = 1e-6
+# Values of the signals of a dictionary, samples times entries (at least so many), beyond which they are kept in
+# stretches: more than any window has that is not a flight of hours.
+PIECEWISE, FEWEST = 1_000_000, 10
+# An exponential that falls by more than this from sample to sample is made sample by sample until nothing is left of
+# it, e^-64: over the lags of a model its numbers would leave double precision.
+STEEPEST, GONE = 0.25, 64.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LogSignal:
+    """The signal of an entry that depends on what the log shows.
+
+    Attributes
+    ----------
+    values : (n_samples, n_outputs).
+    slopes : (n_samples, n_outputs), by how much these change with the output; None where they are the output itself.
+    """
+
+    values: FloatArray
+    slopes: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,7 +56,7 @@ class FaultSignals:
     outputs : names; time_s : (n_samples,).
     window_start_s : what `phase_reference: window` counts from.
     response : of the filters that the log went through.
-    of_readings : by index, (n_samples,) the signals of entries that are a share of what the log shows.
+    of_log : by index, the signals of entries that depend on what the log shows.
     resampled : (n_samples, n_outputs, n_faults) where the log was resampled and they with it, else None.
     """
 
@@ -44,8 +66,15 @@ class FaultSignals:
     time_s: FloatArray
     window_start_s: float
     response: Response
-    of_readings: Mapping[int, FloatArray] = field(default_factory=dict)
+    of_log: Mapping[int, LogSignal] = field(default_factory=dict)
     resampled: FloatArray | None = None
+    _even: dict[int, bool] = field(init=False, repr=False, default_factory=dict)  # by factor, once it is known
+
+    def is_even(self, factor: int) -> bool:
+        """Say whether the samples that are left after a decimation have even steps."""
+        if factor not in self._even:
+            self._even[factor] = _is_even(self.time_s, factor)
+        return self._even[factor]
 
     def between(self, rows: slice) -> FloatArray:
         """Return (n_rows, n_outputs, n_faults) of these samples."""
@@ -53,7 +82,7 @@ class FaultSignals:
             return self.resampled[rows]
         time_s = self.time_s[rows]
         theta = np.zeros((len(time_s), len(self.outputs), len(self.faults)))
-        stated = [j for j in self.seen if j not in self.of_readings]
+        stated = [j for j in self.seen if j not in self.of_log]
         theta[:, :, stated] = signals(
             [self.faults[j] for j in stated],
             time_s,
@@ -61,52 +90,109 @@ class FaultSignals:
             window_start_s=self.window_start_s,
             response=self.response,
         )
-        for j, signal in self.of_readings.items():
-            theta[:, self.outputs.index(self.faults[j].channel), j] = signal[rows]
+        for j, signal in self.of_log.items():
+            theta[:, :, j] = signal.values[rows]
         return theta
 
-    def with_others(self, faults: Mapping[int, Fault], of_readings: Mapping[int, FloatArray]) -> FaultSignals:
+    @property
+    def slopes(self) -> Mapping[int, FloatArray]:
+        """By index, (n_samples, n_outputs), by how much the signal of a fault of a pressure line changes with them."""
+        return {j: one.slopes for j, one in self.of_log.items() if one.slopes is not None}
+
+    @property
+    def scaling(self) -> tuple[int, ...]:
+        """Entries whose signal is the output itself."""
+        return tuple(j for j, one in self.of_log.items() if one.slopes is None)
+
+    def with_others(self, faults: Mapping[int, Fault], of_log: Mapping[int, LogSignal]) -> FaultSignals:
         """Return the signals with other faults in place of some entries.
 
         Parameters
         ----------
-        faults : by index; of_readings : (n_samples,) the signals of those that are a share of what the log shows.
+        faults : by index; of_log : the signals of those that depend on what the log shows.
         """
         entries = list(faults)
         made = replace(
             self,
             faults=tuple(faults.get(j, fault) for j, fault in enumerate(self.faults)),
-            of_readings={**self.of_readings, **of_readings},
+            of_log={**self.of_log, **of_log},
         )
         if self.resampled is None:
             return made
-        own = replace(made, seen=tuple(entries), of_readings=of_readings, resampled=None).between(slice(None))
+        own = replace(made, seen=tuple(entries), of_log=of_log, resampled=None).between(slice(None))
         resampled = self.resampled.copy()
         resampled[:, :, entries] = own[:, :, entries]
         return replace(made, resampled=resampled)
 
-    def decimated(self, factor: int, lowpass: Lowpass) -> tuple[FloatArray, FloatArray]:
+    def decimated(self, factor: int, lowpass: Lowpass) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
         """Return (n_rows, n_outputs, n_faults), filtered and decimated, and (n_faults,) the largest native values.
 
         Raises
         ------
         ValueError : the window is shorter than the filter.
         """
+        n_rows = len(decimate(np.empty((len(self.time_s), 0)), factor, lowpass)) if factor > 1 else len(self.time_s)
+        # A fault of a pressure line acts on several outputs, and has no stretches that are known from a formula.
+        if n_rows * max(len(self.faults), FEWEST) > PIECEWISE and not self.slopes:
+            return self._stretches(factor, lowpass, n_rows)
         if self.resampled is not None:
             return decimate(self.resampled, factor, lowpass), np.abs(self.resampled).max(axis=(0, 1), initial=0.0)
-        n_rows = len(decimate(np.empty((len(self.time_s), 0)), factor, lowpass))
         theta, largest = np.zeros((n_rows, len(self.outputs), len(self.faults))), np.zeros(len(self.faults))
         for j in self.seen:
             fault = self.faults[j]
-            if j in self.of_readings:
-                signal = self.of_readings[j]
-                column, largest[j] = decimate(signal, factor, lowpass), np.max(np.abs(signal), initial=0.0)
-            else:
-                column, largest[j] = decimated_fault(
-                    fault, self.time_s, factor, lowpass, window_start_s=self.window_start_s, response=self.response
-                )
-            theta[:, self.outputs.index(fault.channel), j] = column
+            own = self.outputs.index(fault.channel)
+            if j in self.of_log:
+                signal = self.of_log[j].values
+                theta[:, :, j] = decimate(signal, factor, lowpass)
+                largest[j] = np.max(np.abs(signal[:, own]), initial=0.0)
+                continue
+            theta[:, own, j], largest[j] = decimated_fault(
+                fault, self.time_s, factor, lowpass, window_start_s=self.window_start_s, response=self.response
+            )
         return theta, largest
+
+    def _stretches(self, factor: int, lowpass: Lowpass, n_rows: int) -> tuple[PiecewiseSignals, FloatArray]:
+        atoms, outputs = list[Stretches](), list[int]()
+        largest = np.zeros(len(self.faults))
+        for j, fault in enumerate(self.faults):
+            output, stretches = 0, Stretches()
+            if j in self.seen:
+                output = self.outputs.index(fault.channel)
+                signal = None if j not in self.of_log else self.of_log[j].values[:, output]
+                if self.resampled is not None:
+                    signal = self.resampled[:, output, j]
+                if signal is None:
+                    stretches, largest[j] = self.stretches_of(fault, factor, lowpass)
+                else:
+                    stretches = signal_of(decimate(signal, factor, lowpass))
+                    largest[j] = np.max(np.abs(signal), initial=0.0)
+            atoms.append(stretches)
+            outputs.append(output)
+        theta = PiecewiseSignals(
+            n_samples=n_rows,
+            n_outputs=len(self.outputs),
+            step_s=factor * self.step_s,
+            outputs=tuple(outputs),
+            atoms=tuple(atoms),
+        )
+        return theta, largest
+
+    @property
+    def step_s(self) -> float:
+        """The mean time step."""
+        return float(self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1)
+
+    def stretches_of(self, fault: Fault, factor: int, lowpass: Lowpass) -> tuple[Stretches, float]:
+        """Return the signal of a fault on these samples, filtered and decimated, and its largest native value."""
+        return decimated_stretches(
+            fault,
+            self.time_s,
+            factor,
+            lowpass,
+            window_start_s=self.window_start_s,
+            response=self.response,
+            even=self.is_even(factor),
+        )
 
 
 def decimated_fault(
@@ -120,61 +206,115 @@ def decimated_fault(
 ) -> tuple[FloatArray, float]:
     """Return (n_rows,) the signal of a fault as the log shows it, decimated, and its largest native value.
 
-    In a record of more than a block, what is far from the fault's onset, bends and end is not filtered but evaluated:
-    a filter makes of a line or an exponential another one. There the largest value of an oscillation is its amplitude.
+    A record of more than a block is made in stretches, see `decimated_stretches`.
 
     Raises
     ------
     ValueError : there are fewer samples than the filter has taps.
     """
-    tail = tail_of(fault, window_start_s=window_start_s) if len(time_s) > BLOCK and _is_even(time_s, factor) else None
-    if tail is None:
+    if len(time_s) <= BLOCK or not _is_even(time_s, factor):
         return _in_blocks(fault, time_s, factor, lowpass, window_start_s=window_start_s, response=response)
+    stretches, largest = decimated_stretches(
+        fault, time_s, factor, lowpass, window_start_s=window_start_s, response=response, even=True
+    )
+    n_rows, step_s = _rows_of(time_s, factor, lowpass), float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    signal = PiecewiseSignals(n_samples=n_rows, n_outputs=1, step_s=factor * step_s, outputs=(0,), atoms=(stretches,))
+    return signal.between(0, n_rows)[:, 0, 0], largest
+
+
+def _rows_of(time_s: FloatArray, factor: int, lowpass: Lowpass) -> int:
+    return (len(time_s) - lowpass_taps(factor, lowpass).size) // factor + 1
+
+
+def decimated_stretches(
+    fault: Fault,
+    time_s: FloatArray,
+    factor: int,
+    lowpass: Lowpass,
+    *,
+    window_start_s: float,
+    response: Response,
+    even: bool,
+) -> tuple[Stretches, float]:
+    """Return the signal of a fault as the log shows it, decimated, and its largest native value.
+
+    What is far from the fault's onset, bends and end is not filtered but evaluated: a filter makes of a line or an
+    exponential another one. There the largest value of an oscillation is its amplitude.
+
+    Parameters
+    ----------
+    even : the steps of the time axis are even; else every sample is made.
+
+    Raises
+    ------
+    ValueError : there are fewer samples than the filter has taps.
+    """
+
+    def made(part: FloatArray) -> tuple[FloatArray, float]:
+        return _in_blocks(fault, part, factor, lowpass, window_start_s=window_start_s, response=response)
+
+    tail = tail_of(fault, window_start_s=window_start_s) if even else None
+    if tail is None:
+        column, largest = made(time_s)
+        return signal_of(column), largest
     form, since_s, holds_s = tail
     own, delay = lowpass_taps(factor, lowpass), lost_samples(factor, lowpass)[0] if factor > 1 else 0
     n_taps, taps = own.size, np.convolve(response.taps, own)
-    n_rows, step_s = (len(time_s) - n_taps) // factor + 1, float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
-    try:
-        first = n_taps - 1 - delay + response.before
-        filtered = form.filtered(taps, step_s * np.arange(first, first - taps.size, -1, dtype=np.float64))
-        recorded = form.filtered(
-            response.taps, step_s * np.arange(response.before, -response.after - 1, -1, dtype=np.float64)
-        )
-    except ValueError:
-        return _in_blocks(fault, time_s, factor, lowpass, window_start_s=window_start_s, response=response)
+    n_rows, step_s = _rows_of(time_s, factor, lowpass), float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    fall = -complex(form.exponent).real
+    if fall * max(factor * step_s / STEEPEST, step_s * taps.size / LONGEST_REACH) > 1.0:
+        holds_s += GONE / fall
+        form = replace(form, amplitude=0.0, exponent=0.0)
+    first = n_taps - 1 - delay + response.before
+    filtered = form.filtered(taps, step_s * np.arange(first, first - taps.size, -1, dtype=np.float64))
+    recorded = form.filtered(
+        response.taps, step_s * np.arange(response.before, -response.after - 1, -1, dtype=np.float64)
+    )
     # The first and the last time that a row holds something of, and a sample more for rounding.
-    first_s = time_s[::factor][:n_rows] - (response.after + 1) * step_s
-    last_s = time_s[n_taps - 1 :: factor][:n_rows] + (response.before + 1) * step_s
     stop_s = np.inf if fault.offset_s is None else fault.offset_s
+    earlier_s, later_s = (response.after + 1) * step_s, (response.before + 1) * step_s
+
+    def first_row(at_s: float, offset: int, shift_s: float) -> int:
+        """Return the first row of which sample `offset` is not before a time, less a shift."""
+        return bisect_left(range(n_rows), at_s, key=lambda row: float(time_s[offset + row * factor]) + shift_s)
+
     edges = [
-        np.searchsorted(last_s, fault.onset_s),
-        np.searchsorted(first_s, min(holds_s, stop_s)),
-        np.searchsorted(last_s, stop_s),
-        np.searchsorted(first_s, stop_s),
+        first_row(fault.onset_s, n_taps - 1, later_s),
+        first_row(min(holds_s, stop_s), 0, -earlier_s),
+        first_row(stop_s, n_taps - 1, later_s),
+        first_row(stop_s, 0, -earlier_s),
     ]
     begin, settled, ending, over = np.maximum.accumulate(edges).tolist()
-    column, largest = np.zeros(n_rows), 0.0
-    for rows in (slice(begin, settled), slice(ending, over)):
-        if rows.start < rows.stop:
-            part = time_s[rows.start * factor : (rows.stop - 1) * factor + n_taps]
-            made = _in_blocks(fault, part, factor, lowpass, window_start_s=window_start_s, response=response)
-            column[rows], largest = made[0], max(largest, made[1])
-    if settled < ending:
-        column[settled:ending] = filtered.at(time_s[delay::factor][settled:ending] - since_s)
-        last = -1 if ending == n_rows else (ending - 1) * factor + n_taps - 1
-        ends_s = np.array([time_s[settled * factor], time_s[last]]) - since_s
-        oscillates = complex(form.exponent).imag != 0.0
-        largest = max(largest, abs(recorded.amplitude) if oscillates else float(np.max(np.abs(recorded.at(ends_s)))))
-    return column, largest
+    stretches, largest = list[Stretch](), 0.0
+    for start, stop in ((begin, settled), (ending, over)):
+        if start == ending and settled < ending:
+            origin_s = float(time_s[0]) + delay * step_s - since_s
+            stretches.append(Stretch(start=settled, stop=ending, made=filtered, origin_s=origin_s))
+            last = -1 if ending == n_rows else (ending - 1) * factor + n_taps - 1
+            ends_s = np.array([time_s[settled * factor], time_s[last]]) - since_s
+            oscillates = complex(form.exponent).imag != 0.0
+            largest = max(
+                largest, abs(recorded.amplitude) if oscillates else float(np.max(np.abs(recorded.at(ends_s))))
+            )
+        if start < stop:
+            samples, own_largest = made(time_s[start * factor : (stop - 1) * factor + n_taps])
+            stretches.append(Stretch(start=start, stop=stop, made=samples))
+            largest = max(largest, own_largest)
+    return tuple(stretches), largest
 
 
 def _is_even(time_s: FloatArray, factor: int) -> bool:
     """Say whether times, of which those of the decimated samples are looked at, have even steps."""
     some = time_s[::factor]
-    even = np.linspace(some[0], some[-1], len(some))
+    step_s = (some[-1] - some[0]) / max(len(some) - 1, 1)
     rounding = 4.0 * float(np.spacing(np.abs(some[[0, -1]]).max()))
-    step_s = (some[-1] - some[0]) / ((len(some) - 1) * factor)
-    return bool(np.max(np.abs(some - even)) <= max(EVEN * step_s, rounding))
+    most = max(EVEN * step_s / factor, rounding)
+    for start in range(0, len(some), BLOCK):
+        part = some[start : start + BLOCK]
+        even = some[0] + step_s * np.arange(start, start + len(part), dtype=np.float64)
+        if np.max(np.abs(part - even)) > most:
+            return False
+    return True
 
 
 def _in_blocks(

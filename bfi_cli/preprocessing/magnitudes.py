@@ -22,7 +22,7 @@ from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes
 from .fault_free_model import fault_free_fits
 from .overdispersion import overdispersion
 from .regression import RegressionData, build_regression, decimate_native
-from .window import PreparedWindow, regression_of, shifts_within, with_onsets
+from .window import PreparedWindow, regression_of, shifts_within, slopes_at, with_onsets
 
 __all__ = ["MagnitudeEstimates", "at_half_rate", "averaged_magnitudes", "estimate_magnitudes", "fault_free_limits"]
 __all__ += ["limits_within_tolerance", "magnitudes_of_fit", "profiled_limits", "searched", "statistic_needed"]
@@ -139,7 +139,7 @@ def averaged_magnitudes(
     values, variances, covariances, sampling = {}, {}, {}, {}
     for n, _ in parts(report, keep):
         fit = fits[n].fit
-        single, scaled = additions_and_covariance(regression.layout, fit)
+        single, scaled = additions_and_covariance(regression.layout, fit, regression.data)
         active = list(fit.atoms)
         z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
@@ -244,6 +244,8 @@ def limits_within_tolerance(
     exactly: FloatArray,
     penalty: Penalty,
     overdispersion: FloatArray,
+    coarse: RegressionData | None,
+    report: Report = silent,
 ) -> FloatArray:
     """Return (n_live,) minimal detectable magnitudes for onsets as well as they are known, at least the exact ones.
 
@@ -254,26 +256,32 @@ def limits_within_tolerance(
     ----------
     fits : of the chosen support at every order; entries of it keep their limits.
     exactly : (n_live,) limits at the onsets of the dictionary.
+    coarse : the regression at half the rate, None where there is none.
+    report : receives the progress.
     """
     best = min(fits, key=lambda one: one.criterion).fit
     limits = exactly.copy()
     others = {entry: n for n, entry in enumerate(window.live) if n not in best.atoms}
     shifts = {entry: shifts_within(window, entry, config.onset_tolerance_s) for entry in others}
 
-    def limits_at(moves: dict[int, float]) -> FloatArray:
+    def limits_at(moves: dict[int, float], report: Report) -> FloatArray:
+        moving, sizing = shares(report, 1, 1)
         moved = with_onsets(window, moves)
-        there = regression_of(moved, config)
-        moved = replace(moved, signals=there.signals)  # of a long record its signals take as much as the regression
+        there = regression.with_dictionary(moved.signals.theta, regression.atoms, moving, slopes=moved.signals.slopes)
         charged = searched(penalty, max(own.size for own in shifts.values()))
-        coarse = at_half_rate(moved, there, config)
-        estimates = estimate_magnitudes(there, fits, charged, overdispersion, coarse)
+        at_half = None
+        if coarse is not None:
+            theta, _ = moved.native.faults.decimated(coarse.signals.factor, window.lowpass)
+            slopes = slopes_at(coarse.signals.time_s, moved.native.faults, moved.native.rate_hz)
+            at_half = coarse.with_dictionary(theta, coarse.atoms, slopes=slopes)
+        estimates = estimate_magnitudes(there, fits, charged, overdispersion, at_half, sizing)
         return profiled_limits(there, best, estimates, charged, overdispersion)
 
-    for end in (0, -1):
+    for end, own_report in parts(report, (0, -1)):
         moves = {entry: float(own[end]) for entry, own in shifts.items() if own.size}
         if not moves:
             return limits
-        own_limits = limits_at(moves)
+        own_limits = limits_at(moves, own_report)
         for entry in moves:
             n = others[entry]
             limits[n] = np.fmax(limits[n], own_limits[n])
@@ -308,7 +316,8 @@ def fault_free_limits(window: PreparedWindow, config: Config, report: Report = s
     coarse = at_half_rate(window, regression, config)
     estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
     exactly = profiled_limits(regression, best, estimates, penalty, dispersion)
-    return limits_within_tolerance(window, regression, config, scored, exactly, penalty, dispersion), exactly
+    within = limits_within_tolerance(window, regression, config, scored, exactly, penalty, dispersion, coarse)
+    return within, exactly
 
 
 def _with_unit_root(

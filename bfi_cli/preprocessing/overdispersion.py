@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..faults import Fault
-from ..kernels.covariance import regressors_of, single_additions, unfold
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, parts, silent
 from ..kernels.variable_projection import Fit
 from .regression import RegressionData
-from .window import PreparedWindow, decimated_signal
+from .window import PreparedWindow, signals_of_faults
 
 __all__ = ["overdispersion"]
 
@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 # last tenth are left out, where a fault acts on the lags alone or on too few samples.
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
-# Of the signals that are added at once, for memory: of a day at 2 Hz those of a sixth of the onsets.
+# Of the signals that are added at once, where they are not in stretches, for memory.
 MOST_VALUES = 10**6
 
 
@@ -42,27 +42,24 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
     """
     time_s, known = window.native.time_s, dict[Fault, float]()
     onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
-    channels = [window.log.channel(name).name for name in window.outputs]
-    declared = regression.layout.theta[:, :, list(fit.atoms)]
-    same = replace(fit, atoms=tuple(range(len(fit.atoms))))
-    regressors = regressors_of(replace(regression.layout, theta=declared), same)
+    adding = regression.adding_to(fit)
+    is_piecewise = isinstance(window.signals.theta, PiecewiseSignals)
+    n_parts = 1 if is_piecewise else min(N_ONSETS, -(-N_ONSETS * len(window.signals.y) // MOST_VALUES))
     factors = np.ones(len(window.live))
     for (n, entry), _ in parts(report, list(enumerate(window.live))):
         fault = window.faults[entry]
         lasting = None if fault.offset_s is None else fault.offset_s - fault.onset_s
         family = replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
         if family not in known:
-            output = channels.index(window.log.channel(fault.channel).name)
             squares = np.empty(0)
-            for some in np.array_split(onsets, -(-N_ONSETS * len(regression.layout.y) // MOST_VALUES)):
-                theta = np.zeros((len(regression.layout.y), len(channels), len(some)))
-                for i, onset in enumerate(some.tolist()):
-                    shifted = replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
-                    theta[:, output, i] = decimated_signal(window, shifted)[0] / regression.unit[output]
-                # Each shifted signal is added alone to the fit.
-                layout = replace(regression.layout, theta=np.concatenate([declared, theta], axis=2))
-                added = single_additions(same, unfold(layout, same, regressors))
-                squares = np.append(squares, (added.magnitude**2 / added.variance)[len(fit.atoms) :])
+            # Each shifted signal is added alone to the fit.
+            for some in np.array_split(onsets, n_parts):
+                shifted = [
+                    replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
+                    for onset in some.tolist()
+                ]
+                added = adding.each_of(regression.over_unit(signals_of_faults(window, shifted)[0]))
+                squares = np.append(squares, added.magnitude**2 / added.variance)
             seen = squares[np.isfinite(squares)]
             known[family] = max(1.0, float(np.mean(seen))) if seen.size else 1.0
         factors[n] = known[family]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,16 +11,38 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..errors import LogError
 from ..flightlog import Channel, FlightLog
-from ..kernels.covariance import Layout, unfold_support
+from ..kernels.covariance import (
+    FitRows,
+    Layout,
+    Regressors,
+    SingleAdditions,
+    regressors_of,
+    single_additions,
+    unfold,
+    unfold_factor,
+    unfold_rows,
+    unfold_support,
+)
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
-from ..kernels.lagged import Compressed, compress, restrict, with_fault, with_scaled_outputs
+from ..kernels.lagged import (
+    Compressed,
+    SegmentFactors,
+    compress,
+    compress_beside,
+    exponents_of,
+    restrict,
+    with_fault,
+    with_scaled_outputs,
+)
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, silent
 from ..kernels.running_weights import running_weights
-from ..kernels.variable_projection import ProjectedRegression, fit_magnitudes, project_inputs
+from ..kernels.scaled import ScaledSignals, standardised
+from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from .fault_signals import FaultSignals
 
-__all__ = ["NativeSignals", "RegressionData", "Signals", "build_regression", "decimate_native", "decimate_signals"]
-__all__ += ["feasible_orders", "longest_order"]
+__all__ = ["Adding", "NativeSignals", "RegressionData", "Signals", "build_regression", "decimate_native"]
+__all__ += ["decimate_signals", "feasible_orders", "longest_order"]
 
 FloatArray = NDArray[np.float64]
 
@@ -32,11 +54,15 @@ ROUND_OFF = 1e-10
 DECIMATION_REMAINDER = 1e-4
 # Prediction error over the output's range: double precision leaves 1e-10 and less, single precision 1e-7 and more.
 EXACT = 1e-8
+# Signals that are added to a fit of a long record at once: the columns of its factor beside its own.
+MOST_BESIDE = 256
 # Seconds on each side over which the size of the prediction error is taken: gusts last tens of seconds. A window whose
 # running deviation spreads by less than this factor, as white noise's does, is left unweighted.
 RUNNING_S, UNEQUAL = 10.0, 2.0
 # With fewer rows per coefficient the model fits the noise of a short window rather than the dynamics.
 ROWS_PER_REGRESSOR = 2.0
+# Stretches of rows over which the slope of a signal by its output is averaged; it changes slowly.
+MOST_SLOPES = 512
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,8 +74,9 @@ class Signals:
     path : of the log, for messages.
     factor : by which they were decimated, 1 at the log's own rate.
     time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
-    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary.
+    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary; piecewise where these are many numbers.
     scaling : entries whose signal is the output itself.
+    slopes : by entry whose signal changes with the outputs otherwise, by how much, (n_samples, n_outputs).
     """
 
     path: str
@@ -58,8 +85,9 @@ class Signals:
     time_s: FloatArray
     u: FloatArray
     y: FloatArray
-    theta: FloatArray
+    theta: FloatArray | PiecewiseSignals
     scaling: tuple[int, ...] = ()
+    slopes: Mapping[int, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,10 +137,11 @@ class NativeSignals:
             rate_hz=self.rate_hz,
             factor=1,
             time_s=self.time_s[rows],
-            u=self.u[rows],
-            y=self.y[rows],
+            u=np.column_stack([self.log.channel(name).between(rows) for name in self.inputs]),
+            y=np.column_stack([self.log.channel(name).between(rows) for name in self.outputs]),
             theta=self.faults.between(rows),
-            scaling=tuple(self.faults.of_readings),
+            scaling=self.faults.scaling,
+            slopes={j: slopes[rows] for j, slopes in self.faults.slopes.items()},
         )
 
 
@@ -137,11 +166,24 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
             u=native.log.signals(inputs) if inputs else np.empty((native.log.n_samples, 0)),
             y=native.log.signals(outputs) if outputs else np.empty((native.log.n_samples, 0)),
             theta=np.empty((native.log.n_samples, len(outputs), 0)),
-            scaling=tuple(native.faults.of_readings),
+            scaling=native.faults.scaling,
+            slopes=native.faults.slopes,
         )
         return decimate_signals(bare, factor, lowpass)
 
-    if native.log.n_samples > MOST_AT_ONCE and factor > 1:
+    if factor == 1:  # nothing is copied
+        signals = Signals(
+            path=native.path,
+            rate_hz=native.rate_hz,
+            factor=1,
+            time_s=native.time_s,
+            u=native.u,
+            y=native.y,
+            theta=np.empty((native.log.n_samples, len(native.outputs), 0)),
+            scaling=native.faults.scaling,
+            slopes=native.faults.slopes,
+        )
+    elif native.log.n_samples > MOST_AT_ONCE:
         signals = decimated([], [])
         u, y = (np.empty((len(signals.time_s), len(names))) for names in (native.inputs, native.outputs))
         for names, made in ((native.inputs, u), (native.outputs, y)):
@@ -172,13 +214,15 @@ def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) ->
     LogError : the window is shorter than the filter.
     """
     try:
-        u, y, theta = (decimate(x, factor, lowpass) for x in (signals.u, signals.y, signals.theta))
+        u, y, theta = (decimate(x, factor, lowpass) for x in (signals.u, signals.y, np.asarray(signals.theta)))
     except ValueError as problem:
         raise LogError(f"{signals.path}: {problem}; give a higher --rate or a longer window") from None
     start = lost_samples(factor, lowpass)[0] if factor > 1 else 0
     time_s = signals.time_s[start::factor][: len(y)]
+    # They change slowly: of each sample of the analysis that in its middle counts.
+    slopes = {j: one[start::factor][: len(y)] for j, one in signals.slopes.items()}
     rate_hz, factor = signals.rate_hz / factor, signals.factor * factor
-    return replace(signals, rate_hz=rate_hz, factor=factor, time_s=time_s, u=u, y=y, theta=theta)
+    return replace(signals, rate_hz=rate_hz, factor=factor, time_s=time_s, u=u, y=y, theta=theta, slopes=slopes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,6 +239,7 @@ class RegressionData:
     orders : to choose from.
     floor : smallest standard deviation a prediction error can have, scaled.
     centred : whether the mean of the signals is taken off.
+    segments : of a long record, whose signals are piecewise; None else.
     """
 
     signals: Signals
@@ -207,6 +252,7 @@ class RegressionData:
     orders: tuple[int, ...]
     floor: float
     centred: bool
+    segments: SegmentFactors | None = None
     _problems: dict[int, ProjectedRegression] = field(init=False, repr=False, default_factory=dict)
 
     @property
@@ -223,22 +269,112 @@ class RegressionData:
         """Return the regression of one order, made at the first call."""
         if order not in self._problems:
             problem = project_inputs(self.at_order(order), order, floor=self.floor)
-            self._problems[order] = replace(problem, scaling=self.scaling)
+            self._problems[order] = replace(problem, scaling=self.scaling, slopes=self.slopes)
         return self._problems[order]
 
     @property
     def scaling(self) -> dict[int, tuple[int, float]]:
         """Of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
-        rows = np.count_nonzero(self.layout.theta[self.layout.first :], axis=(0, 1))
-        return {
-            j: (int(rows[j]), float(self.magnitude_unit[j]))
-            for j, entry in enumerate(self.atoms)
-            if entry in self.signals.scaling
-        }
+        theta, first = self.layout.theta, self.layout.first
+        atoms = [j for j, entry in enumerate(self.atoms) if entry in self.signals.scaling]
+        if isinstance(theta, PiecewiseSignals):
+            rows = theta.of(atoms).active_rows(first)
+        else:
+            rows = tuple(np.count_nonzero(theta[first:, :, atoms], axis=(0, 1)).tolist())
+        return {j: (n, float(self.magnitude_unit[j])) for j, n in zip(atoms, rows, strict=True)}
+
+    def without_record(self) -> RegressionData:
+        """Return the regression without what is only there to be computed with, where the record is long."""
+        if not isinstance(self.layout.theta, PiecewiseSignals):
+            return self
+        left = replace(self, layout=replace(self.layout, weights=None), segments=None)
+        left._problems.update(self._problems)
+        return left
+
+    @property
+    def slopes(self) -> tuple[dict[int, FloatArray], FloatArray] | None:
+        """Of the atoms whose signal changes with the outputs, where one is not an output itself; else None."""
+        if not {*self.atoms} & self.signals.slopes.keys():
+            return None
+        theta, first = np.asarray(self.layout.theta), self.layout.first
+        blocks = np.array_split(np.arange(self.n_rows), min(self.n_rows, MOST_SLOPES))
+        starts, n_outputs = np.array([block[0] for block in blocks]), self.layout.y.shape[1]
+        rows = np.tile(np.array([float(len(block)) for block in blocks])[:, None], (1, n_outputs))
+        found = {}
+        for j, entry in enumerate(self.atoms):
+            if entry in self.signals.slopes:
+                own = self.signals.slopes[entry][first:]
+            elif entry in self.signals.scaling:
+                own = (theta[first:, :, j] != 0.0).astype(float)
+            else:
+                continue
+            means = np.add.reduceat(own, starts, axis=0) / rows
+            found[j] = (means * self.magnitude_unit[j]).ravel()
+        return found, rows.ravel()
 
     def at_order(self, order: int) -> Compressed:
         """Return the factor of one order."""
         return self.data if order == self.data.columns.order else restrict(self.data, order=order)
+
+    def unfold(self, fit: Fit) -> FitRows:
+        """Return a fit row by row, with the signatures of its support; of a long record without them."""
+        if isinstance(self.layout.theta, PiecewiseSignals):
+            return unfold_rows(self.layout, fit, unfold_factor(self.data, fit))
+        return unfold_support(self.layout, fit)
+
+    def adding_to(self, fit: Fit) -> Adding:
+        """Return what adds signals to a fit of atoms of this regression."""
+        atoms, theta = list(fit.atoms), self.layout.theta
+        own = theta.of(atoms) if isinstance(theta, PiecewiseSignals) else theta[:, :, atoms]
+        layout, same = replace(self.layout, theta=own), replace(fit, atoms=tuple(range(len(atoms))))
+        made = None if isinstance(own, PiecewiseSignals) else regressors_of(layout, same)
+        return Adding(layout=layout, fit=same, regressors=made, segments=self.segments)
+
+    def over_unit(self, theta: FloatArray | PiecewiseSignals) -> FloatArray | PiecewiseSignals:
+        """Return signals (n_samples, n_outputs, n_signals) in SI units over the unit of their output."""
+        if isinstance(theta, PiecewiseSignals):
+            return theta.scaled(1.0 / self.unit[list(theta.outputs)])
+        return np.asarray(theta / self.unit[:, None])
+
+    def with_dictionary(
+        self,
+        theta: FloatArray | PiecewiseSignals,
+        atoms: Sequence[int],
+        report: Report = silent,
+        *,
+        slopes: Mapping[int, FloatArray],
+    ) -> RegressionData:
+        """Return the regression of the same record with other signals.
+
+        Parameters
+        ----------
+        theta : (n_samples, n_outputs, n_entries) in SI units, of all entries; atoms : those that may act.
+        report : receives the progress.
+        slopes : of the signals, see `Signals.slopes`.
+        """
+        theta, magnitude_unit = _scaled_signals(theta, atoms, self.unit)
+        layout, segments = replace(self.layout, theta=theta), self.segments
+        if isinstance(theta, PiecewiseSignals):
+            segments = _segments(layout, theta, segments)
+        data = compress(
+            layout.u,
+            layout.y,
+            theta,
+            order=layout.first,
+            feedthrough=layout.feedthrough,
+            weights=layout.weights,
+            report=report,
+            segments=segments,
+        )
+        return replace(
+            self,
+            signals=replace(self.signals, slopes=slopes),
+            atoms=tuple(atoms),
+            layout=layout,
+            data=data,
+            magnitude_unit=magnitude_unit,
+            segments=segments,
+        )
 
     def with_fault(self, magnitudes: FloatArray) -> RegressionData:
         """Return the regression of the same record with the fault ``theta @ magnitudes`` added to its outputs.
@@ -251,8 +387,8 @@ class RegressionData:
         magnitudes : (n_atoms,) in SI units; each atom acts on one output.
         """
         z = magnitudes / self.magnitude_unit
-        theta = self.layout.theta
-        faulty = self.layout.y + (theta.reshape(-1, z.size) @ z).reshape(self.layout.y.shape)
+        theta = np.asarray(self.layout.theta)
+        faulty = np.asarray(self.layout.y) + (theta.reshape(-1, z.size) @ z).reshape(self.layout.y.shape)
         y, center, unit = _standardised(self.center + self.unit * faulty, centred=self.centred)
         outputs = np.argmax(np.any(theta, axis=0), axis=0)
         scale, shift = self.unit / unit, (self.center - center) / unit
@@ -263,6 +399,65 @@ class RegressionData:
             center=center,
             unit=unit,
             magnitude_unit=self.magnitude_unit / scale[outputs],
+            segments=None,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Adding:
+    """A fit, to which signals are added that are no atoms of its regression.
+
+    Attributes
+    ----------
+    layout : with the signals of the fit's support alone; fit : of them.
+    regressors : of the fit on the rows of its record; None where its signals are piecewise.
+    segments : see `RegressionData`.
+    """
+
+    layout: Layout
+    fit: Fit
+    regressors: Regressors | None
+    segments: SegmentFactors | None
+
+    @property
+    def n_bytes(self) -> int:
+        """What the regressors take in memory."""
+        return 0 if self.regressors is None else self.regressors.Q.nbytes
+
+    def with_signals(self, theta: FloatArray | PiecewiseSignals) -> Layout:
+        """Return the record with the fit's own signals and others after them."""
+        own = self.layout.theta
+        if isinstance(own, PiecewiseSignals):
+            assert isinstance(theta, PiecewiseSignals)
+            return replace(self.layout, theta=own.joined(theta))
+        return replace(self.layout, theta=np.concatenate([own, np.asarray(theta)], axis=2))
+
+    def each_of(self, theta: FloatArray | PiecewiseSignals) -> SingleAdditions:
+        """Return magnitude and variance of each signal, added alone.
+
+        Parameters
+        ----------
+        theta : (n_samples, n_outputs, n_signals), scaled.
+        """
+        n_own, n_y = len(self.fit.atoms), self.layout.y.shape[1]
+        squeezed = []
+        if isinstance(theta, PiecewiseSignals):
+            assert self.segments is not None
+            assert isinstance(self.layout.theta, PiecewiseSignals)
+            segments = _segments(self.layout, theta.joined(self.layout.theta), self.segments)
+            step = max(1, MOST_BESIDE // n_y)
+            for k in range(0, len(theta.atoms), step):
+                some = theta.of(range(k, min(k + step, len(theta.atoms))))
+                data, beside = compress_beside(self.layout.theta, some.filtered(self.fit.K), segments=segments)
+                squeezed.append(single_additions(self.fit, unfold_factor(data, self.fit, beside)))
+        else:
+            step = max(1, MOST_AT_ONCE // len(self.layout.y))
+            for k in range(0, theta.shape[2], step):
+                layout = self.with_signals(theta[:, :, k : k + step])
+                squeezed.append(single_additions(self.fit, unfold(layout, self.fit, self.regressors)))
+        return SingleAdditions(
+            magnitude=np.concatenate([one.magnitude[n_own:] for one in squeezed]),
+            variance=np.concatenate([one.variance[n_own:] for one in squeezed]),
         )
 
 
@@ -290,21 +485,23 @@ def build_regression(
     wanted = orders or (model.orders if model.order == "auto" else (model.order,))
     orders = feasible_orders(signals.path, len(signals.time_s), wanted, n_inputs=n_inputs, n_outputs=n_outputs)
     centred = config.conditioning.detrend == "constant"
-    u, _, _ = _standardised(signals.u, centred=centred)
-    y, center, unit = _standardised(signals.y, centred=centred)
-    theta = signals.theta[:, :, list(atoms)]
-    theta /= unit[:, None]
-    if len(theta) <= MOST_AT_ONCE // 10:
-        power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
-    else:  # one by one, for memory
-        power = np.array([np.sqrt(np.mean(np.sum(theta[:, :, j] ** 2, axis=1))) for j in range(len(atoms))])
-    magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
-    theta *= magnitude_unit
+    u: FloatArray | ScaledSignals
+    y: FloatArray | ScaledSignals
+    if isinstance(signals.theta, PiecewiseSignals):
+        u, y = (standardised(x, centred=centred) for x in (signals.u, signals.y))
+        center, unit = y.center, y.unit
+    else:
+        u, _, _ = _standardised(signals.u, centred=centred)
+        y, center, unit = _standardised(signals.y, centred=centred)
+    theta, magnitude_unit = _scaled_signals(signals.theta, atoms, unit)
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
     layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
+    segments = _segments(layout, theta) if isinstance(theta, PiecewiseSignals) else None
     published = config.method == "risro-as-published" or config.risro.as_published
     if config.conditioning.variance == "running" and not published:
-        layout = replace(layout, weights=_weights(layout, signals.rate_hz, floor))
+        layout = replace(layout, weights=_weights(layout, segments, signals.rate_hz, floor))
+        if segments is not None and layout.weights is not None:
+            segments = replace(segments, weights=layout.weights)
     return RegressionData(
         signals=replace(signals, theta=np.empty((*signals.y.shape, 0))),
         atoms=tuple(atoms),
@@ -317,6 +514,7 @@ def build_regression(
             feedthrough=config.feedthrough,
             weights=layout.weights,
             report=report,
+            segments=segments,
         ),
         center=center,
         unit=unit,
@@ -324,16 +522,58 @@ def build_regression(
         orders=orders,
         floor=floor,
         centred=centred,
+        segments=segments,
     )
 
 
-def _weights(layout: Layout, rate_hz: float, floor: float) -> FloatArray | None:
+def _scaled_signals(
+    theta: FloatArray | PiecewiseSignals, atoms: Sequence[int], unit: FloatArray
+) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
+    """Return the signals of some entries over the unit of their output, of unit power, and the divisor's inverse."""
+    if isinstance(theta, PiecewiseSignals):
+        theta = theta.of(atoms)
+        scaled = theta.scaled(1.0 / unit[list(theta.outputs)])
+        power = scaled.powers()
+        magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
+        return scaled.scaled(magnitude_unit), magnitude_unit
+    theta = theta[:, :, list(atoms)]
+    theta /= unit[:, None]
+    if len(theta) <= MOST_AT_ONCE // 10:
+        power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
+    else:  # one by one, for memory
+        power = np.array([np.sqrt(np.mean(np.sum(theta[:, :, j] ** 2, axis=1))) for j in range(len(atoms))])
+    magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
+    theta *= magnitude_unit
+    return theta, magnitude_unit
+
+
+def _segments(layout: Layout, theta: PiecewiseSignals, known: SegmentFactors | None = None) -> SegmentFactors:
+    """Return the factors of segments of a record, the known ones where they have all exponents of the signals."""
+    exponents = exponents_of(theta)
+    if known is not None and set(exponents) <= set(known.exponents):
+        return known
+    return SegmentFactors(
+        u=layout.u,
+        y=layout.y,
+        weights=layout.weights,
+        order=layout.first,
+        feedthrough=layout.feedthrough,
+        step_s=theta.step_s,
+        exponents=exponents,
+    )
+
+
+def _weights(layout: Layout, segments: SegmentFactors | None, rate_hz: float, floor: float) -> FloatArray | None:
     """Return (n_samples,) weights inverse to the running size of the prediction error without a fault."""
     order = layout.first
-    plain = replace(layout, theta=np.zeros((*layout.y.shape, 0)))
-    data = compress(plain.u, plain.y, plain.theta, order=order, feedthrough=layout.feedthrough)
+    theta = layout.theta.of([]) if isinstance(layout.theta, PiecewiseSignals) else np.zeros((*layout.y.shape, 0))
+    plain = replace(layout, theta=theta)
+    data = compress(plain.u, plain.y, theta, order=order, feedthrough=layout.feedthrough, segments=segments)
     fit = fit_magnitudes(project_inputs(data, order, floor=floor), ())
-    error = unfold_support(plain, fit).error
+    if segments is None:
+        error = unfold_support(plain, fit).error
+    else:
+        error = unfold_rows(plain, fit, unfold_factor(data, fit)).error
     if float(np.abs(error).max()) < EXACT:  # round-off has no gusts
         return None
     weights = running_weights(error, round(RUNNING_S * rate_hz))
@@ -347,7 +587,9 @@ def _standardised(x: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArr
     center = x.mean(axis=0) if centred else np.zeros(x.shape[1])
     unit = np.std(x, axis=0)
     unit = np.where(unit > 0.0, unit, 1.0)
-    return (x - center) / unit, center, unit
+    scaled = x - center
+    scaled /= unit
+    return scaled, center, unit
 
 
 def longest_order(n_samples: int, *, n_inputs: int, n_outputs: int) -> int:

@@ -125,7 +125,7 @@ def is_exact(signals: Signals | NativeSignals) -> bool:
     if isinstance(signals, NativeSignals):
         signals = signals.between(slice(0, EXACT_SAMPLES))
     part = slice(0, EXACT_SAMPLES)
-    y, u, theta = signals.y[part], signals.u[part], signals.theta[part]
+    y, u, theta = signals.y[part], signals.u[part], np.asarray(signals.theta)[part]
     if len(y) < 20 * EXACT_ORDER or np.any(np.ptp(y, axis=0) == 0.0):
         return False
     scale = np.ptp(y, axis=0)

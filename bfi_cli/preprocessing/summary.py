@@ -12,6 +12,9 @@ __all__ = ["LogSummary", "ModelSummary", "log_summary", "model_summary"]
 
 FloatArray = NDArray[np.float64]
 
+# Rows whose squares are taken at once, for memory.
+AT_ONCE = 262_144
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogSummary:
@@ -61,7 +64,8 @@ def model_summary(
     criterion_best: Sequence[float] = (),
 ) -> ModelSummary:
     """Return the summary of a model whose prediction error, (n_rows, n_outputs) in SI units, is `error`."""
-    noise_sd = np.sqrt(np.mean(error**2, axis=0))
+    squares = [np.sum(error[k : k + AT_ONCE] ** 2, axis=0) for k in range(0, len(error), AT_ONCE)]
+    noise_sd = np.sqrt(np.sum(squares, axis=0) / len(error))
     return ModelSummary(
         order=order,
         rate_hz=rate_hz,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
+from ..config import Config
 from ..errors import ConfigError
+from ..faults import did_you_mean
 from ..flightlog import FlightLog
 
 __all__ = ["tolerance_of", "tolerances_of"]
@@ -29,18 +29,18 @@ FIXED = {
 OTHER_SHARE = 0.1
 
 
-def tolerances_of(
-    log: FlightLog, window: FlightLog, channels: tuple[str, ...], stated: Mapping[str, float]
-) -> dict[str, float]:
-    """Return the tolerance of each channel, see `tolerance_of`.
+def tolerances_of(log: FlightLog, window: FlightLog, channels: tuple[str, ...], config: Config) -> dict[str, float]:
+    """Return the tolerance of each channel, the one that the configuration states or that of `tolerance_of`.
 
     Raises
     ------
     ConfigError : a tolerance is stated for a channel that is no output.
     """
+    stated = config.tolerances
     for name in stated:
         if name not in channels:
-            raise ConfigError(f"--tolerance: '{name}' is no output, got outputs {', '.join(channels)}; leave it out")
+            place = config.place(f"tolerances.{name}")
+            raise ConfigError(f"{place}: '{name}' is no output of this analysis{did_you_mean(name, channels)}")
     return {name: stated.get(name) or tolerance_of(log, window, name) for name in channels}
 
 

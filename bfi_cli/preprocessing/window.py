@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +15,30 @@ from ..faults import Fault
 from ..filters import Filter, response_of
 from ..flightlog import FlightLog, require_usable, resample_with
 from ..flightlog.derived import with_derived
-from ..flightlog.injection import added_by
+from ..flightlog.injection import added_by, line_signals
 from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
 from ..kernels.decimation import WHITE, Lowpass, decimate
+from ..kernels.lagged import signals_factor
 from ..kernels.low_pass import Response
+from ..kernels.piecewise import PiecewiseSignals, Stretches, signal_of
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
-from .fault_signals import FaultSignals, decimated_fault
+from .fault_signals import FaultSignals, LogSignal, decimated_fault
 from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
 __all__ = ["PreparedWindow", "decimated_signal", "must_resample", "prepare_window", "regression_of", "shifted_signals"]
-__all__ += ["shifts_within", "unusable_atoms", "with_inputs_of", "with_onsets"]
+__all__ += [
+    "shifts_within",
+    "signals_of_faults",
+    "slopes_at",
+    "unusable_atoms",
+    "with_inputs_of",
+    "with_onsets",
+    "with_sizes",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -62,11 +72,12 @@ class PreparedWindow:
     filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
     recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
         is none or none is known.
-    window_start_s : what `phase_reference: window` counts from.
+    window_start_s : what `phase_reference: window` counts from; window_stop_s : a sample after the last.
     native_rate_hz : of the log as it was read.
     outputs : names of the outputs.
     exact : a VARX explains the record to round-off at its own rate.
     orders : of the model, to choose from.
+    sizes : by entry of a pressure line, the magnitude to which its signal is the secant; others have the derivative.
     """
 
     log: FlightLog
@@ -85,10 +96,12 @@ class PreparedWindow:
     recorder_hz: float | None
     lowpass: Lowpass
     window_start_s: float
+    window_stop_s: float
     native_rate_hz: float
     outputs: tuple[str, ...]
     exact: bool
     orders: tuple[int, ...]
+    sizes: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def summary(self) -> LogSummary:
@@ -135,37 +148,38 @@ def prepare_window(
     unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
     free = tuple(unknown) if courses else ()
     reasons |= {j: no_signal(faults[j]) for j in unknown if j not in free}
-    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons and j not in free}
-
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     response = response_of(filters, native_rate_hz)
+    resamples = must_resample(part, used, rate_hz)
+    source = log if resamples else part
+    of_log: dict[int, LogSignal] = {}
+    for j, fault in enumerate(faults):
+        if j not in reasons and SHAPES[fault.shape].acts_on not in ("channel", "course"):
+            try:
+                of_log[j] = _of_log(source, fault, response, config.outputs)
+            except (DictionaryError, LogError) as problem:
+                if SHAPES[fault.shape].lines is None:
+                    raise
+                reasons[j] = str(problem).removeprefix(f"{source.path}: ")
+    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons and j not in free}
 
-    def made_for(source: FlightLog) -> FaultSignals:
-        return FaultSignals(
-            faults=faults,
-            seen=tuple(seen),
-            outputs=config.outputs,
-            time_s=source.time_s,
-            window_start_s=start_s,
-            response=response,
-            of_readings={
-                j: _of_reading(source, fault, response)
-                for j, fault in seen.items()
-                if SHAPES[fault.shape].acts_on == "reading"
-            },
-        )
-
-    if must_resample(part, used, rate_hz):
+    made = FaultSignals(
+        faults=faults,
+        seen=tuple(seen),
+        outputs=config.outputs,
+        time_s=source.time_s,
+        window_start_s=start_s,
+        response=response,
+        of_log=of_log,
+    )
+    if resamples:
         assert not isinstance(rate_hz, str)
-        made = made_for(log)
         part, theta = resample_with(log, made.between(slice(None)), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         added = (part.filters or ())[len(log.filters or ()) :]
         filters = (*filters, *added)
         response = response_of(filters, part.rate_hz)
-        made = replace(made, time_s=part.time_s, response=response, resampled=theta)
-    else:
-        made = made_for(part)
+        made = replace(made, time_s=part.time_s, response=response, of_log=_at(part, source, of_log), resampled=theta)
     _require_movement(part, config)
 
     native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made)
@@ -199,6 +213,7 @@ def prepare_window(
         recorder_hz=recorder_hz,
         lowpass=lowpass,
         window_start_s=start_s,
+        window_stop_s=stop_s,
         native_rate_hz=native_rate_hz,
         outputs=config.outputs,
         exact=exact,
@@ -252,7 +267,9 @@ def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> Flo
     return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
 
 
-def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+def shifted_signals(
+    window: PreparedWindow, entry: int, shifts_s: Sequence[float]
+) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
     """Return the signal of an entry that begins and ends later by some times.
 
     Parameters
@@ -261,24 +278,63 @@ def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float
 
     Returns
     -------
-    (n_samples, n_outputs, n_shifts) filtered and decimated as the window is, and (n_shifts,) the largest native values.
+    (n_samples, n_outputs, n_shifts) filtered and decimated as the window is, piecewise where the window's are, and
+    (n_shifts,) the largest native values.
     """
-    fault = window.faults[entry]
-    output = [window.log.channel(name).name for name in window.outputs].index(window.log.channel(fault.channel).name)
-    theta = np.zeros((*window.signals.theta.shape[:2], len(shifts_s)))
-    largest = np.zeros(len(shifts_s))
-    for i, shift_s in enumerate(shifts_s):
-        theta[:, output, i], largest[i] = decimated_signal(window, _later(fault, shift_s))
+    fault, size = window.faults[entry], window.sizes.get(entry, 0.0)
+    return signals_of_faults(window, [_later(fault, shift_s) for shift_s in shifts_s], [size] * len(shifts_s))
+
+
+def signals_of_faults(
+    window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()
+) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
+    """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window, and the largest values.
+
+    Parameters
+    ----------
+    sizes : of each fault, see `PreparedWindow.sizes`; default 0.
+    """
+    largest = np.zeros(len(faults))
+    if isinstance(window.signals.theta, PiecewiseSignals):
+        channels = [window.log.channel(name).name for name in window.outputs]
+        outputs = [channels.index(window.log.channel(fault.channel).name) for fault in faults]
+        atoms = list[Stretches]()
+        for i, (fault, output) in enumerate(zip(faults, outputs, strict=True)):
+            stretches, largest[i] = _decimated_stretches(window, fault, output)
+            atoms.append(stretches)
+        return replace(window.signals.theta, outputs=tuple(outputs), atoms=tuple(atoms)), largest
+    theta = np.zeros((*window.signals.theta.shape[:2], len(faults)))
+    for i, (fault, size) in enumerate(zip(faults, sizes or [0.0] * len(faults), strict=True)):
+        theta[:, :, i], largest[i] = decimated_signal(window, fault, size=size)
     return theta, largest
 
 
-def decimated_signal(window: PreparedWindow, fault: Fault) -> tuple[FloatArray, float]:
-    """Return (n_samples,) the signal of a fault, decimated as the window is, and its largest value before that."""
+def _decimated_stretches(window: PreparedWindow, fault: Fault, output: int) -> tuple[Stretches, float]:
+    if SHAPES[fault.shape].acts_on == "channel":
+        return window.native.faults.stretches_of(fault, window.rate.factor, window.lowpass)
+    theta, largest = decimated_signal(window, fault)
+    return signal_of(theta[:, output]), largest
+
+
+def decimated_signal(window: PreparedWindow, fault: Fault, *, size: float = 0.0) -> tuple[FloatArray, float]:
+    """Return (n_samples, n_outputs) the signal of a fault, decimated as the window is, and its largest value before.
+
+    That is 0 of a fault of a pressure line whose signal the log cannot tell.
+
+    Parameters
+    ----------
+    size : see `PreparedWindow.sizes`.
+    """
     factor, lowpass = window.rate.factor, window.lowpass
-    if SHAPES[fault.shape].acts_on == "reading":
-        native = _of_reading(window.log, fault, window.response)
-        return decimate(native, factor, lowpass), float(np.max(np.abs(native)))
-    return decimated_fault(
+    output = [window.log.channel(name).name for name in window.outputs].index(window.log.channel(fault.channel).name)
+    theta = np.zeros(window.signals.theta.shape[:2])
+    if SHAPES[fault.shape].acts_on != "channel":
+        try:
+            made = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
+        except (DictionaryError, LogError):
+            return theta, 0.0
+        return decimate(made.values, factor, lowpass), float(np.max(np.abs(made.values[:, output])))
+    theta[:, output], largest = decimated_fault(
         fault,
         window.native.time_s,
         factor,
@@ -286,6 +342,7 @@ def decimated_signal(window: PreparedWindow, fault: Fault) -> tuple[FloatArray, 
         window_start_s=window.window_start_s,
         response=window.response,
     )
+    return theta, largest
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -298,22 +355,74 @@ def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> Prepar
     if not shifts_s:
         return window
     moved = {entry: _later(window.faults[entry], shift_s) for entry, shift_s in shifts_s.items()}
-    theta, largest = window.signals.theta.copy(), window.largest.copy()
-    for entry, shift_s in shifts_s.items():
-        own, greatest = shifted_signals(window, entry, [shift_s])
-        theta[:, :, entry], largest[entry] = own[:, :, 0], greatest[0]
-    of_readings = {
-        entry: _of_reading(window.log, fault, window.response)
+    theta, largest, entries = window.signals.theta, window.largest.copy(), list(shifts_s)
+    sizes = [window.sizes.get(entry, 0.0) for entry in entries]
+    own, largest[entries] = signals_of_faults(window, list(moved.values()), sizes)
+    if isinstance(theta, PiecewiseSignals):
+        assert isinstance(own, PiecewiseSignals)
+        theta = theta.replaced(entries, own)
+    else:
+        theta = theta.copy()
+        theta[:, :, entries] = own
+    of_log = {
+        entry: _of_log(window.log, fault, window.response, window.outputs, size=window.sizes.get(entry, 0.0))
         for entry, fault in moved.items()
-        if SHAPES[fault.shape].acts_on == "reading"
+        if SHAPES[fault.shape].acts_on != "channel"
     }
+    made = window.native.faults.with_others(moved, of_log)
+    slopes = slopes_at(window.signals.time_s, made, window.native.rate_hz)
     return replace(
         window,
         faults=tuple(moved.get(entry, fault) for entry, fault in enumerate(window.faults)),
-        native=replace(window.native, faults=window.native.faults.with_others(moved, of_readings)),
-        signals=replace(window.signals, theta=theta),
+        native=replace(window.native, faults=made),
+        signals=replace(window.signals, theta=theta, slopes=slopes),
         largest=largest,
     )
+
+
+def with_sizes(window: PreparedWindow, sizes: Mapping[int, float]) -> PreparedWindow:
+    """Return the window with the signals of entries of a pressure line taken as the secants to some magnitudes.
+
+    Parameters
+    ----------
+    sizes : by entry; that of an entry not among them is its derivative.
+
+    Raises
+    ------
+    DictionaryError, LogError : the log does not tell the signal of a fault of such a magnitude.
+    """
+    # Where such an entry acts, no signals are in stretches.
+    theta, largest = np.array(window.signals.theta), window.largest.copy()
+    factor, lowpass, of_log = window.rate.factor, window.lowpass, dict[int, LogSignal]()
+    for entry in {*sizes, *window.sizes}:
+        fault = window.faults[entry]
+        output = window.outputs.index(fault.channel)
+        one = _of_log(window.log, fault, window.response, window.outputs, size=sizes.get(entry, 0.0))
+        of_log[entry], theta[:, :, entry] = one, decimate(one.values, factor, lowpass)
+        largest[entry] = float(np.max(np.abs(one.values[:, output])))
+    made = window.native.faults.with_others({entry: window.faults[entry] for entry in of_log}, of_log)
+    slopes = slopes_at(window.signals.time_s, made, window.native.rate_hz)
+    return replace(
+        window,
+        native=replace(window.native, faults=made),
+        signals=replace(window.signals, theta=theta, slopes=slopes),
+        largest=largest,
+        sizes=dict(sizes),
+    )
+
+
+def slopes_at(time_s: FloatArray, made: FaultSignals, native_rate_hz: float) -> dict[int, FloatArray]:
+    """Return the slopes of signals at the samples of an analysis, see `Signals.slopes`.
+
+    Parameters
+    ----------
+    time_s : (n_samples,) of the analysis; native_rate_hz : of the signals.
+    """
+    slopes = made.slopes
+    if not slopes:
+        return {}
+    rows = np.searchsorted(made.time_s, time_s - 0.5 / native_rate_hz)
+    return {entry: own[rows] for entry, own in slopes.items()}
 
 
 def _later(fault: Fault, shift_s: float) -> Fault:
@@ -344,11 +453,51 @@ def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -
     return not whole or not is_uniform(part.time_s) or any(held)
 
 
-def _of_reading(log: FlightLog, fault: Fault, response: Response) -> FloatArray:
-    """Return (n_samples,) the signal of a fault that is a share of its channel's reading."""
-    channel = log.channel(fault.channel).name
-    added = added_by(log, replace(fault, magnitude=1.0, channel=channel), response)
-    return added.get(channel, np.zeros(log.n_samples))
+def _of_log(
+    log: FlightLog,
+    fault: Fault,
+    response: Response,
+    outputs: Sequence[str],
+    *,
+    size: float = 0.0,
+    with_slopes: bool = True,
+) -> LogSignal:
+    """Return the signal of a fault that depends on what the log shows.
+
+    Raises
+    ------
+    LogError, DictionaryError : the log does not tell it, see `bfi_cli.flightlog.injection.line_signals`.
+    """
+    names = [log.channel(name).name for name in outputs]
+    values, slopes = np.zeros((log.n_samples, len(names))), np.zeros((log.n_samples, len(names)))
+    if SHAPES[fault.shape].lines is None:
+        channel = log.channel(fault.channel).name
+        added = added_by(log, replace(fault, magnitude=1.0, channel=channel), response)
+        values[:, names.index(channel)] = added.get(channel, 0.0)
+        return LogSignal(values=values)
+    made = line_signals(log, fault, response, size=size, with_slopes=with_slopes)
+    own = log.channel(fault.channel).name
+    if made and own not in made:
+        follow = ", ".join(made)
+        raise DictionaryError(
+            f"'{fault.name or fault.shape}' does not change '{own}'; name one of its channel: {follow}"
+        )
+    for k, name in enumerate(names):
+        if name in made:
+            values[:, k], slopes[:, k] = made[name].values, made[name].slopes
+    return LogSignal(values=values, slopes=slopes)
+
+
+def _at(part: FlightLog, source: FlightLog, of_log: Mapping[int, LogSignal]) -> dict[int, LogSignal]:
+    """Return the signals at the times of a resampled log; of its slopes, which change slowly, those between."""
+
+    def between(values: FloatArray) -> FloatArray:
+        return np.stack([np.interp(part.time_s, source.time_s, column) for column in values.T], axis=1)
+
+    return {
+        j: LogSignal(values=between(one.values), slopes=None if one.slopes is None else between(one.slopes))
+        for j, one in of_log.items()
+    }
 
 
 def _require_movement(log: FlightLog, config: Config) -> None:
@@ -376,7 +525,7 @@ def _require_movement(log: FlightLog, config: Config) -> None:
 
 
 def unusable_atoms(
-    theta: FloatArray, names: Sequence[str], indices: Sequence[int], report: Report = silent
+    theta: FloatArray | PiecewiseSignals, names: Sequence[str], indices: Sequence[int], report: Report = silent
 ) -> dict[int, str]:
     """Return why an atom cannot be identified, by index: it is zero, a constant, or a combination of earlier atoms.
 
@@ -387,10 +536,21 @@ def unusable_atoms(
     report : receives the progress.
     """
     reasons: dict[int, str] = {}
-    n, n_y, _ = theta.shape
-    flat = theta.reshape(n * n_y, theta.shape[2])
-    bases = np.empty((n * n_y, n_y + len(indices)), order="F")
-    bases[:, :n_y] = np.kron(np.ones((n, 1)), np.eye(n_y)) / np.sqrt(n)
+    n, n_y, n_atoms = theta.shape
+    travels, peaks = np.zeros(n_atoms), np.zeros(n_atoms)
+    if isinstance(theta, PiecewiseSignals):
+        R = signals_factor(theta)
+        constants, flat = R[:, :n_y], R[:, n_y:]
+        travels[:], peaks[:] = theta.travels(), theta.peaks()
+    else:
+        constants, flat = (
+            np.asarray(np.kron(np.ones((n, 1)), np.eye(n_y)), dtype=np.float64),
+            theta.reshape(n * n_y, n_atoms),
+        )
+        travels[:], peaks[:] = np.ptp(theta, axis=0).max(axis=0), np.abs(theta).max(axis=(0, 1))
+    first = constants.shape[1]
+    bases = np.empty((len(flat), first + len(indices)), order="F")
+    bases[:, :first] = constants / np.linalg.norm(constants, axis=0)
     kept: list[int] = []
     for j, _ in parts(report, indices):
         signal, name = flat[:, j], names[j]
@@ -398,16 +558,16 @@ def unusable_atoms(
         if size == 0.0:
             reasons[j] = f"'{name}' is zero in the window; move its onset or widen the window"
             continue
-        if float(np.max(np.ptp(theta[:, :, j], axis=0))) <= CONSTANT * float(np.max(np.abs(signal))):
+        if travels[j] <= CONSTANT * peaks[j]:
             reasons[j] = (
                 f"'{name}' does not change in the window, so the model's constant explains it; move its onset inside"
             )
             continue
-        basis = bases[:, : n_y + len(kept)]
+        basis = bases[:, : first + len(kept)]
         rest = signal - basis @ (basis.T @ signal)
         rest -= basis @ (basis.T @ rest)
         if np.linalg.norm(rest) > DEPENDENT * size:
-            bases[:, n_y + len(kept)] = rest / np.linalg.norm(rest)
+            bases[:, first + len(kept)] = rest / np.linalg.norm(rest)
             kept.append(j)
             continue
         likeness = [abs(float(signal @ flat[:, i])) / float(np.linalg.norm(flat[:, i])) for i in kept]

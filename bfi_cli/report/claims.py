@@ -26,7 +26,7 @@ NAME_LETTERS = 40
 STATES = {"declared": 0, "suspected": 1, "not_seen": 2, "excluded": 3, None: 4}
 WORDS = {"not_seen": "not seen", None: "left out"}
 STYLES: Mapping[str, Style] = {"excluded": "rows_green", "not seen": "rows_orange", "suspected": "rows_red"}
-# Rows of the figure of the limits: of more candidates the worst of each shape.
+# Rows of the figure of the limits: of more candidates the worst of each shape, and the worst that has a limit.
 MOST_ROWS = 12
 # The axis of the figure reaches so far beyond the tolerance on either side, and beyond the largest limit.
 BELOW, ABOVE, ROOM = 30.0, 4.0, 1.3
@@ -105,21 +105,27 @@ def hidden_drawing(candidates: Sequence[Candidate], units: Units = SI) -> tuple[
 
 
 def _rows(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates to draw: all, or of many the declared, the suspected and the worst of each shape."""
+    """Return the candidates to draw: all, or of many the declared, the suspected and the worst of each shape.
+
+    Where any size of the worst may hide, the worst of those that have a limit stands beside it.
+    """
     if len(candidates) <= MOST_ROWS:
         return list(candidates)
     worst: dict[str, Candidate] = {}
-    for one in sorted(candidates, key=lambda one: -(math.inf if one.effect is None else one.effect)):
+    bounded: dict[str, Candidate] = {}
+    for one in sorted(candidates, key=lambda one: -(math.inf if one.limit is None else one.limit)):
         worst.setdefault(one.shape, one)
+        if one.limit is not None:
+            bounded.setdefault(one.shape, one)
     found = [one for one in candidates if one.state in ("declared", "suspected")]
-    kept = {id(one) for one in [*found[:MOST_ROWS], *worst.values()]}
+    kept = {id(one) for one in [*found[:MOST_ROWS], *worst.values(), *bounded.values()]}
     return [one for one in candidates if id(one) in kept]
 
 
 def _panel(channel: str, shown: Sequence[Candidate], tolerance: float, units: Units) -> Panel:
     axis = units.of(shown[0].channel_unit, channel=channel)
     unit, limit = axis.unit, tolerance / axis.factor
-    known = [one.effect / axis.factor for one in shown if one.effect is not None]
+    known = [one.limit / axis.factor for one in shown if one.limit is not None]
     low = min([limit / BELOW, *(0.5 * size for size in known)])
     high = ROOM * max([ABOVE * limit, *known])
     bars: dict[str, list[tuple[float, float]]] = {"excluded": [], "not seen": [], "suspected": []}
@@ -129,7 +135,7 @@ def _panel(channel: str, shown: Sequence[Candidate], tolerance: float, units: Un
         if one.state == "declared":
             notes.append(("declared", place))
             continue
-        end = high if one.effect is None else one.effect / axis.factor
+        end = high if one.limit is None else one.limit / axis.factor
         bars[WORDS.get(one.state, str(one.state))].append((end, place))
         notes.append((shown_limit(one, units) or "any size", place))
     curves: list[Curve] = [

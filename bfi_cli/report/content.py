@@ -6,7 +6,7 @@ HTML, so that every command shows the same things in every place.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -17,6 +17,8 @@ __all__ = ["Block", "Curve", "Drawing", "HeatMap", "Lane", "Panel", "ReportConte
 __all__ += ["curve", "thinned"]
 
 FloatArray = NDArray[np.float64]
+# Lists or arrays of a CSV file by column.
+Columns = Mapping[str, Any]
 Style = Literal[
     "line",
     "dashed",
@@ -200,7 +202,8 @@ class ReportContent:
     facts : (name, value) rows.
     notes : sentences for the reader.
     zoom : drawings of curves and lanes for the page on which they can be zoomed; with more points than figures.
-    data : CSV files at full precision by name, each as lists or arrays by column; they win over a table of that name.
+    data : CSV files at full precision by name, each as lists or arrays by column, or a call that makes these where the
+        file is written; they win over a table of that name.
     """
 
     category: str
@@ -214,7 +217,7 @@ class ReportContent:
     drawings: tuple[Drawing, ...] = ()
     notes: tuple[str, ...] = ()
     zoom: tuple[Drawing, ...] = ()
-    data: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    data: Mapping[str, Columns | Callable[[], Columns]] = field(default_factory=dict)
 
 
 def curve(
@@ -243,6 +246,10 @@ def _numbers(values: Sequence[float] | FloatArray) -> FloatArray:
     return array
 
 
+# Samples of a signal that are thinned at once, for memory.
+AT_ONCE = 1_000_000
+
+
 def thinned(x: FloatArray, *, max_points: int = MAX_POINTS) -> NDArray[np.intp]:
     """Return the samples to draw: the least and the greatest of each of `max_points / 2` equal stretches, in order.
 
@@ -257,9 +264,12 @@ def thinned(x: FloatArray, *, max_points: int = MAX_POINTS) -> NDArray[np.intp]:
     if x.size <= max_points:
         return np.arange(x.size)
     stretch = -(-x.size // (max_points // 2))
-    padding = np.full(-x.size % stretch, np.nan)
-    table = np.concatenate([x, padding]).reshape(-1, stretch)
-    least = np.argmin(np.where(np.isnan(table), np.inf, table), axis=1)
-    greatest = np.argmax(np.where(np.isnan(table), -np.inf, table), axis=1)
-    starts = np.arange(0, table.size, stretch)
-    return np.unique(np.concatenate([[0], starts + least, starts + greatest, [x.size - 1]]))
+    at_once = max(1, AT_ONCE // stretch) * stretch
+    kept = [np.array([0, x.size - 1])]
+    for start in range(0, x.size, at_once):
+        part = x[start : start + at_once]
+        table = np.concatenate([part, np.full(-part.size % stretch, np.nan)]).reshape(-1, stretch)
+        unknown, first = np.isnan(table), start + np.arange(0, table.size, stretch)
+        for extreme, other in ((np.argmin, np.inf), (np.argmax, -np.inf)):
+            kept.append(first + extreme(np.where(unknown, other, table), axis=1))
+    return np.unique(np.concatenate(kept))

@@ -15,7 +15,8 @@ from .content import Drawing, ReportContent
 
 __all__ = ["content_files", "content_names"]
 
-DRAWING_COLUMNS = ("panel", "curve", "x", "y", "low", "high")
+# What x and y are stands beside them as `name [unit]`, since every panel has its own.
+DRAWING_COLUMNS = ("panel", "curve", "x_is", "x", "y_is", "y", "low", "high")
 
 
 def content_names(
@@ -42,7 +43,7 @@ def content_files(
     ----------
     document : what is stored, under the name `stored`.
     report : told how far it is.
-    plain : the same content in SI, of which CSV files are made; None where `content` is that.
+    plain : the same content in SI and radians, of which CSV files are made; None where `content` is that.
     """
     from .figures import draw
     from .html import render_content
@@ -58,7 +59,8 @@ def content_files(
         files[f"{drawing.name}.png"] = to_png(figure)
         files[f"{drawing.name}_figure.csv"] = to_csv(DRAWING_COLUMNS, _points(in_si))
     files |= {f"{table.name}.csv": to_csv(table.heads, table.rows) for table in plain.tables}
-    for name, columns in plain.data.items():
+    for name, made in plain.data.items():
+        columns = made() if callable(made) else made
         values = (one.tolist() if isinstance(one, np.ndarray) else one for one in columns.values())
         files[name] = to_csv(tuple(columns), zip(*values, strict=True))
     files["report.html"] = render_content(content, origin, vectors).encode("utf-8", SHOWN)
@@ -69,13 +71,22 @@ def content_files(
 
 
 def _points(drawing: Drawing) -> Iterable[Sequence[object]]:
-    for panel in drawing.panels:
+    """Yield the rows of the CSV file of a figure; of a heat map the column's name stands for x and the value for y."""
+    for k, panel in enumerate(drawing.panels):
+        # A panel without a label of its own shares the axis of one below it.
+        x_label = next((one.x_label for one in drawing.panels[k:] if one.x_label), "")
+        x_is, y_is = _one_line(x_label), _one_line(panel.y_label)
+        name = _one_line(panel.title) or (y_is if "[" in y_is else x_is)
         for one in panel.curves:
             nothing = [None] * one.x.size
             low, high = (nothing if ends is None else ends.tolist() for ends in (one.low, one.high))
-            for point in zip(one.x.tolist(), one.y.tolist(), low, high, strict=True):
-                yield (panel.title or panel.y_label, one.label, *point)
+            for x, y, *ends in zip(one.x.tolist(), one.y.tolist(), low, high, strict=True):
+                yield (name, _one_line(one.label), x_is, x, y_is, y, *ends)
     for heat_map in drawing.heat_maps:
         for row, values in zip(heat_map.rows, heat_map.values, strict=True):
             for column, value in zip(heat_map.columns, values.tolist(), strict=True):
-                yield (heat_map.title, row, column, value, None, None)
+                yield (heat_map.title, row, "", column, _one_line(heat_map.label), value, None, None)
+
+
+def _one_line(label: str) -> str:
+    return " ".join(label.split())

@@ -111,7 +111,8 @@ def fix_places(figure: Figure) -> Figure:
     if engine is None:
         return figure
     engine.execute(figure)
-    figure.set_layout_engine("none")
+    with _settings():  # no engine at all: "none" would leave a place holder, for which every file is drawn twice
+        figure.set_layout_engine(None)
     for axes in figure.axes:
         left, bottom, width, height = (round(float(x), 6) for x in axes.get_position(original=True).bounds)
         axes.set_position((left, bottom, width, height))

@@ -9,7 +9,7 @@ from ..channels import STANDARD
 from ..display_units import Shown, Units
 from ..printable import shortened
 
-__all__ = ["HEADINGS", "axis_label", "change", "instant", "interval", "noise_level", "number"]
+__all__ = ["HEADINGS", "axis_label", "change", "counted", "instant", "interval", "noise_level", "number"]
 __all__ += ["quantity", "shortened", "with_unit"]
 
 # What a report says over a decision.
@@ -43,6 +43,11 @@ def _without_negative_zero(text: str) -> str:
 def instant(time_s: float) -> str:
     """Return a time in s to 10 ms where the axis counts from 1970, to six digits elsewhere."""
     return f"{time_s:.6g}" if abs(time_s) < 1e5 else f"{time_s:.2f}".rstrip("0").rstrip(".")
+
+
+def counted(n: int, noun: str) -> str:
+    """Return a number of what has a regular plural: "1 iteration", "2 iterations"."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def quantity(value: float | None, unit: str) -> str:

@@ -24,6 +24,8 @@ from bfi_cli.airdata import (
 from bfi_cli.channels import INPUTS, STANDARD
 from bfi_cli.commands import run_command
 from bfi_cli.flightlog import FlightLog, read_log
+from bfi_cli.jsbsim import flight, process
+from bfi_cli.jsbsim.channels import FLOWN
 
 needs_jsbsim = pytest.mark.skipif(importlib.util.find_spec("jsbsim") is None, reason="the extra jsbsim")
 RATE = 50.0
@@ -166,6 +168,24 @@ def test_a_tour_climbs_and_turns_both_ways():
 
 
 @needs_jsbsim
+def test_a_control_at_its_stop_is_a_note():
+    notes = {size: flown("c172p", course="doublet", throttle=size, duration_s=24.0).notes for size in (0.01, 0.9)}
+    assert notes == {0.01: (), 0.9: ("throttle is held at its stop",)}
+
+
+def test_a_flight_tells_the_process_that_waits_how_far_it_is(tmp_path: Path):
+    """Two roads to one number: what is told to one end is read at the other, from a process that takes a while."""
+    told: list[float] = []
+    code = "import sys, time; time.sleep(0.5); sys.exit(7)"
+    report = flight._written_to(tmp_path / FLOWN)
+    for k in range(1000):
+        report(k / 1000)
+    with subprocess.Popen([sys.executable, "-c", code]) as waited_for:
+        assert process._wait(waited_for, tmp_path / FLOWN, told.append) == 7
+    assert set(told) == {0.99}
+
+
+@needs_jsbsim
 def test_the_command_is_silent_and_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """This aircraft writes a table into the folder it is started in, and all of them write to stdout."""
     monkeypatch.chdir(tmp_path)
@@ -179,12 +199,12 @@ def test_the_command_is_silent_and_leaves_nothing_behind(tmp_path: Path, monkeyp
 @needs_jsbsim
 def test_the_command_writes_the_librarys_log(tmp_path: Path):
     out = tmp_path / "c172p.h5"
-    options = ["--start", "2", "--duration", "10", "--rate", f"{RATE:g}", "--throttle", "0.1", "--wind", "4", "-2"]
+    options = ["--start", "2", "--duration", "13", "--rate", f"{RATE:g}", "--throttle", "0.1", "--wind", "4", "-2"]
     options += ["--seed", "3", "--noise", "tas=0.1", "--turbulence", "0.5", "--tas", "50", "--altitude", "1000"]
     assert run_command(["simulate", "jsbsim:c172p", "-o", str(out), *options]) == 0
     plan = {"wind_m_s": (4.0, -2.0), "tas_m_s": 50.0, "altitude_m": 1000.0}
     gusts = Dryden(sigma_m_s=0.5)
-    expected = flown("c172p", duration_s=10.0, seed=3, noise_sd={"tas": 0.1}, turbulence=gusts, **plan)
+    expected = flown("c172p", duration_s=13.0, seed=3, noise_sd={"tas": 0.1}, turbulence=gusts, **plan)
     written = read_log(out)
     for name, channel in expected.channels.items():
         np.testing.assert_array_equal(written.channel(name).values, channel.values)
@@ -212,6 +232,11 @@ def test_the_command_writes_the_librarys_log(tmp_path: Path):
             "jsbsim:c172p: airspeed and wind must be numbers, got None and (inf, ",
         ),
         (["jsbsim:../c172p"], "jsbsim: no such aircraft, got '../c172p'; did you mean 'c172p' or "),
+        (["jsbsim:c172p", "--amplitude", "1.2"], "jsbsim:c172p: amplitude: more than the travel of the elevator, 1 to"),
+        (
+            ["jsbsim:c172p", "--throttle", "-2", "--duration", "60"],
+            "jsbsim:c172p: throttle: more than the travel of the throttle, 1 to either side, got -2; give a smaller",
+        ),
         (["jsbsim:c172p", "--amplitude", "1", "--step", "5"], "jsbsim:c172p: leaves normal flight at "),
         (["jsbsim:c172p", "--noise", "foo=1"], "jsbsim:c172p: noise: no output 'foo'; the model has: tas, cas, "),
         (["jsbsim:c172p", "--discretisation", "euler"], "jsbsim:c172p: discretisation: held inputs only, got 'euler'"),

@@ -83,13 +83,13 @@ def test_schroeder_phases_keep_the_crest_factor_below_two():
         (
             "3211",
             {"step_s": 0.0},
-            "manoeuvre: needs finite numbers and a positive step, got amplitude 0.035 rad, start 0.2 s, step 0 s; "
+            "manoeuvre: needs finite numbers and a positive step, got amplitude 0.035, start 0.2 s, step 0 s; "
             "change --amplitude, --start or --step",
         ),
         (
             "none",
             {"start_s": np.nan},
-            "manoeuvre: needs finite numbers and a positive step, got amplitude 0.035 rad, start nan s, step 1 s; "
+            "manoeuvre: needs finite numbers and a positive step, got amplitude 0.035, start nan s, step 1 s; "
             "change --amplitude, --start or --step",
         ),
     ],

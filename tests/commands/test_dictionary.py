@@ -127,6 +127,7 @@ def test_the_tables_name_what_is_left_out(terminal, flawed: Path):
     assert "Note         'twin' is defined as 'good' is" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_files_hold_what_the_document_says(bfi, tmp_path: Path):
     out = tmp_path / "out"
     found = document(bfi, THESIS, BIAS, "--out", out, "--series")

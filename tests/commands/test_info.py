@@ -50,6 +50,39 @@ def test_the_document_of_the_contract(bfi, log: Path):
     assert len(document["provenance"]["log_sha256"]) == 64
 
 
+OPTIONS = ("--channel", "tas=speed", "--unit", "speed=kt", "--sample-rate", 10, "--from", 5, "--to", 50)
+CONFIGURATION = """
+channels: {tas: speed}
+units: {speed: kt}
+shown_units: aviation
+sample_rate_hz: 10
+window: {from_s: 5, to_s: 50}
+dictionary: thesis
+detect: {false_alarm: 0.05}
+"""
+
+
+@pytest.mark.parametrize("command", ["info", "plot"])
+def test_a_configuration_says_the_same_as_options_and_the_command_line_wins(bfi, tmp_path: Path, command: str):
+    rows = "".join(f"{160 + np.sin(t):.3f},{0.02 * np.sign(np.sin(t)):.2f}\n" for t in T)
+    (tmp_path / "log.csv").write_text(f"speed,elevator [rad]\n{rows}")
+    (tmp_path / "c.yaml").write_text(CONFIGURATION)
+    spoken = bfi(command, tmp_path / "log.csv", *OPTIONS, "--units", "aviation", "--json")
+    written = bfi(command, tmp_path / "log.csv", "-c", tmp_path / "c.yaml", "--json")
+    assert (spoken.code, spoken.stderr, written.code, written.stderr) == (0, "", 0, "")
+    documents = [json.loads(one.stdout) for one in (spoken, written)]
+    origins = [one.pop("provenance") for one in documents]
+    assert documents[0] == documents[1]
+    assert [one["config_sha256"] is None for one in origins] == [True, False]
+    longer = json.loads(bfi(command, tmp_path / "log.csv", "-c", tmp_path / "c.yaml", "--to", 55, "--json").stdout)
+    del longer["provenance"]
+    assert longer != documents[1]
+    if command == "info":
+        assert "kt" in bfi("info", tmp_path / "log.csv", "-c", tmp_path / "c.yaml").stdout
+    wrong = bfi(command, tmp_path / "log.csv", "-c", tmp_path / "c.yaml", "--out", tmp_path / "c.yaml")
+    assert wrong.code == 2
+
+
 def test_absent_is_null_and_never_nan(bfi, log: Path):
     text = bfi("info", log, "--json").stdout
     assert "NaN" not in text

@@ -100,6 +100,7 @@ def test_channels_are_drawn_in_the_order_asked_for_also_derived_and_mapped(bfi: 
     assert [one["name"] for one in mapped["channels"]] == ["tas", "altitude", "roll", "elevator"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_more_channels_than_a_page_holds_go_on_a_second_one(bfi: Callable, log: Path, tmp_path: Path) -> None:
     names = ["tas", "altitude", "pitch", "elevator", "sat", "p_static", "p_total", "q_impact", "cas", "time_of_day"]
     path = tmp_path / "many.h5"
@@ -118,6 +119,7 @@ def test_a_part_of_a_flight_knows_the_phases_of_the_whole(bfi: Callable, log: Pa
     assert (document["from_s"], document["to_s"], document["logs"][0]["n_samples"]) == (320, 480, 800)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_long_curve_keeps_its_spike(bfi: Callable, tmp_path: Path) -> None:
     path = tmp_path / "spike.csv"
     values = np.zeros(60_000)
@@ -133,6 +135,7 @@ def test_a_long_curve_keeps_its_spike(bfi: Callable, tmp_path: Path) -> None:
     assert len((tmp_path / "out" / "channels_figure.csv").read_text().splitlines()) < MAX_POINTS + 10
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_no_line_is_drawn_over_a_gap(bfi: Callable, tmp_path: Path) -> None:
     path = tmp_path / "gap.csv"
     times = [t for t in np.arange(0.0, 4000.0, 0.1) if not 1000.0 < t < 1200.0]
@@ -146,6 +149,7 @@ def test_no_line_is_drawn_over_a_gap(bfi: Callable, tmp_path: Path) -> None:
     assert [row for row in rows if ",,," in row]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_two_logs_are_laid_over_each_other(bfi: Callable, log: Path, tmp_path: Path) -> None:
     other = write_flight(tmp_path / "other.h5", tas_offset=-5.0)
     out = tmp_path / "out"
@@ -170,6 +174,7 @@ def test_a_channel_named_must_be_in_every_log(bfi: Callable, log: Path, tmp_path
     assert document_of(bfi, log, path)["logs"][1]["path"] == str(path)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_events_of_a_result(bfi: Callable, log: Path, tmp_path: Path) -> None:
     events = [
         event("pitot_icing", 430.0, offset_s=520.0),
@@ -207,6 +212,7 @@ def test_every_analysis_that_knows_a_time_has_events(
     assert (one["analysis"], one["name"], one["channels"], one["onset_s"]) == (kind, expected, ["tas"], 4.0)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_result_of_an_analysis_is_drawn(bfi: Callable, tmp_path: Path) -> None:
     data = Path(__file__).parents[2] / "data" / "citation_bias.csv"
     assert bfi("start-time", data, "--rate", "10", "--order", "4", "--out", tmp_path / "onset").code == 0

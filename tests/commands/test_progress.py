@@ -27,6 +27,8 @@ pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
 ROOT = Path(__file__).parents[2]
 BIAS, TWO = ROOT / "data" / "citation_bias.h5", ROOT / "data" / "citation_two_faults.h5"
 FAULTS = ROOT / "configs" / "thesis_dictionary.yaml"
+QUICK = ("--rate", 10, "--order", 4)
+SLOWER = ("--rate", 1, "--order", 4)
 HIDDEN, SHOWN = "\x1b[?25l", "\x1b[?25h"
 PATIENCE_S = 60.0
 
@@ -97,7 +99,7 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_bar_shows_the_stages_and_leaves_stdout_alone():
-    words = ("start-time", BIAS, "--shape", "bias", "--json")
+    words = ("start-time", BIAS, "--shape", "bias", *QUICK, "--json")
     shown, hidden = at_a_terminal(*words), at_a_terminal(*words, "--no-progress")
     assert (shown.code, hidden.code, hidden.terminal) == (0, 0, "")
     for stage in ("scan of all onsets", "fault 1", "scan of all onsets without 1 fault", "100%"):
@@ -109,7 +111,9 @@ def test_a_bar_shows_the_stages_and_leaves_stdout_alone():
     assert one == other
 
 
-@pytest.mark.parametrize("words", [("start-time", BIAS, "--shape", "bias"), ("identify", BIAS, "-d", FAULTS)])
+@pytest.mark.parametrize(
+    "words", [("start-time", BIAS, "--shape", "bias", *QUICK), ("identify", BIAS, "-d", FAULTS, *QUICK)]
+)
 def test_nothing_is_shown_where_stderr_is_no_terminal_unless_asked_for(bfi: Callable, words: tuple[object, ...]):
     assert bfi(*words).stderr == ""
     assert "100%" in bfi(*words, "--progress").stderr
@@ -148,7 +152,9 @@ def test_an_interruption_amid_the_figures_leaves_the_old_answer(tmp_path: Path, 
     out = tmp_path / "out"
     out.mkdir()
     (out / "result.json").write_text("old")
-    ended = at_a_terminal("identify", TWO, "-d", FAULTS, "--out", out, "--force", until="figures", number=number)
+    ended = at_a_terminal(
+        *("identify", TWO, "-d", FAULTS, *QUICK, "--out", out, "--force"), until="figures", number=number
+    )
     assert (ended.code, ended.stdout) == (128 + number, "")
     assert has_its_cursor(ended.terminal)
     assert [path.name for path in out.iterdir()] == ["result.json"]
@@ -196,12 +202,15 @@ def test_every_stage_of_an_identification_grows_from_0_to_1(method: str):
 
 
 def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, long_log: Path):
-    words = ("identify", long_log, "-d", FAULTS, "--json")
+    words = ("identify", long_log, "-d", FAULTS, *SLOWER, "--json")
     windows = json.loads(bfi("info", long_log, "--json").stdout)["windows"]
     named = ", ".join(f"--from {one['start_s']:g} --to {one['stop_s']:g} (elevator)" for one in windows)
     told = f"the record is 11 min long; bfi info suggests {named}; the whole record is analysed"
     ended = at_a_terminal(*words)
-    assert ended.terminal.startswith(f"{told}\n")
+    reading, _, analysing = ended.terminal.partition(f"{told}\r\n" if f"{told}\r\n" in ended.terminal else f"{told}\n")
+    assert "reading the log" in reading
+    assert "the window and the dictionary" in analysing
+    assert "the window and the dictionary" not in reading
     assert json.loads(ended.stdout)["notes"][0] == told
     outcome = bfi(*words)
     assert (outcome.stderr, json.loads(outcome.stdout)["notes"][0]) == ("", told)
@@ -209,7 +218,7 @@ def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, 
 
 def test_whoever_asks_for_a_window_is_told_of_no_other(bfi: Callable, long_log: Path):
     for asked in (("--from", 0), ("--to", 659)):
-        document = json.loads(bfi("identify", long_log, "-d", FAULTS, *asked, "--json").stdout)
+        document = json.loads(bfi("identify", long_log, "-d", FAULTS, *SLOWER, *asked, "--json").stdout)
         assert not any("bfi info suggests" in note for note in document["notes"])
 
 

@@ -150,7 +150,18 @@ def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFix
             ["--rate", "0"],
             "simulate: a log has 2 to 10,000,000 samples, got 31.72 s at 0 Hz; change --duration or --rate",
         ),
-        (["--step", "0"], "manoeuvre: needs finite numbers and a positive step, got amplitude 0.035 rad"),
+        (["--step", "0"], "manoeuvre: needs finite numbers and a positive step, got amplitude 0.035"),
+        (["--duration", "-3"], "simulate: a log has 2 to 10,000,000 samples, got -3 s at 100 Hz; change --duration"),
+        (["--manoeuvre", "none", "--amplitude", "0.1"], "--amplitude: moves nothing with --manoeuvre none; leave one"),
+        (["--manoeuvre", "none", "--start", "3"], "--start: times a manoeuvre or a throttle doublet, and --manoeuvre"),
+        (["--manoeuvre", "tour", "--step", "3"], "--step: times a manoeuvre or a throttle doublet, and --manoeuvre"),
+        (["--amplitude", "0"], "--amplitude: moves nothing, got 0; give another size, or --manoeuvre none"),
+        (["--start", "-1"], "--start: must be 0 or more, got -1 s; give when the manoeuvre begins in the log"),
+        (["--start", "40"], "--start: the manoeuvre begins at 40 s, and the log ends at 31.72 s; give an earlier"),
+        (
+            ["--throttle", "0.1", "--duration", "8"],
+            "--throttle: its doublet begins at 10.2 s, 10 steps after --start, and the log ends at 8 s; give a longer",
+        ),
     ],
 )
 def test_what_the_user_can_mend_is_one_line_and_exit_code_2(
@@ -162,6 +173,24 @@ def test_what_the_user_can_mend_is_one_line_and_exit_code_2(
     assert captured.err.startswith(message)
     assert captured.err.count("\n") == 1
     assert not out.exists()
+
+
+def test_more_than_a_surface_can_move_is_refused(out: Path, capsys: pytest.CaptureFixture[str]):
+    assert run_command(["simulate", "f16", "-o", str(out), "--amplitude", "-0.5"]) == 2
+    assert capsys.readouterr().err == (
+        "f16: amplitude: more than the travel of the elevator, 0.436 rad to either side, got -0.5; "
+        "give a smaller --amplitude\n"
+    )
+
+
+def test_a_long_flight_tells_how_far_it_is(out: Path, capsys: pytest.CaptureFixture[str]):
+    told: list[float] = []
+    model, time_s = aircraft.MODELS["f16"], aircraft.time_axis(duration_s=0.4, rate_hz=50.0)
+    u = np.zeros((len(time_s), 4))
+    aircraft.simulate(model, u, rng=np.random.default_rng(0), rate_hz=50.0, report=told.append)
+    np.testing.assert_allclose(told, np.arange(20) / 20.0)
+    assert run_command(["simulate", "f16", "-o", str(out), "--duration", "0.4", "--progress"]) == 0
+    assert "flight" in capsys.readouterr().err
 
 
 def test_an_unknown_model_is_named(out: Path, capsys: pytest.CaptureFixture[str]):

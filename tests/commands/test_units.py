@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from collections.abc import Callable
@@ -31,6 +32,11 @@ COMMANDS = {
 METRIC = re.compile(r"\d (m/s(?!\^)|rad|rad/s|Pa|K)\b")
 
 
+# A number and its unit in one cell of a table.
+IN_A_CELL = re.compile(r"[-+.\de]+ (s|m|m/s|m/s\^2|rad|rad/s|deg|deg/s|kt)")
+
+
+@pytest.mark.usefixtures("undrawn", "unscanned")
 @pytest.mark.parametrize("name", COMMANDS)
 def test_tables_show_knots_and_json_stays_what_it_was(name: str, bfi: Callable, tmp_path: Path):
     command = COMMANDS[name]
@@ -48,10 +54,15 @@ def test_tables_show_knots_and_json_stays_what_it_was(name: str, bfi: Callable, 
     assert tables
     for table in tables:
         assert (tmp_path / "kt" / table).read_bytes() == (tmp_path / "si" / table).read_bytes(), table
+        text = (tmp_path / "si" / table).read_text()
+        assert "deg" not in text.partition("\n")[2].partition("note")[0], table
+        for row in csv.reader(text.splitlines()[1:]):
+            assert not [cell for cell in row if IN_A_CELL.fullmatch(cell) or "\n" in cell], table
     page = (tmp_path / "kt" / "report.html").read_text()
     assert re.search(r"\bkt\b", page)
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_a_stored_result_is_drawn_in_other_units(bfi: Callable, tmp_path: Path):
     made = bfi(*COMMANDS["identify"], "--units", "aviation", "--out", tmp_path / "kt")
     bfi(*COMMANDS["identify"], "--out", tmp_path / "si")
@@ -68,6 +79,7 @@ def test_a_stored_result_is_drawn_in_other_units(bfi: Callable, tmp_path: Path):
     assert not re.search(r"\d kt\b", in_si.stdout)
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_the_numbers_are_those_of_the_document(bfi: Callable):
     document = json.loads(bfi(*COMMANDS["identify"], "--json").stdout)
     (fault,) = document["faults"]
@@ -104,6 +116,7 @@ def test_what_was_injected_is_told_in_knots_and_the_log_stays_in_si(bfi: Callabl
     assert "tas [m/s]" in converted.stdout
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_a_drift_is_never_a_bare_multiplier(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("COLUMNS", "200")
     (tmp_path / "d.yaml").write_text("atoms: [{shape: drift, name: ramp, slope: 0.23, onset_s: 12}]\n")
@@ -130,6 +143,7 @@ def config_of(tmp_path: Path, text: str) -> Config:
     return load_config(tmp_path / "c.yaml")
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_the_configuration_has_them_too_and_the_command_line_wins(bfi: Callable, tmp_path: Path):
     (tmp_path / "c.yaml").write_text("units: aviation\nmodel: {order: 4}\nconditioning: {rate_hz: 10}\n")
     command = ("identify", BIAS, "-d", THESIS, "-c", tmp_path / "c.yaml")
@@ -166,7 +180,7 @@ def test_a_word_is_of_what_is_shown_a_mapping_of_the_log(tmp_path: Path, text: s
         ("tolerances: {tas: 5 knts}", "tolerances: tas: unknown unit 'knts'; did you mean"),
         ("tolerances: {tas: kt}", "tolerances: tas: not a number with a unit, got 'kt'; write one like 2.6 or 5kt"),
         ("tolerances: {tas: 1.2.3kt}", "tolerances: tas: not a number with a unit, got '1.2.3kt'"),
-        ("tolerances: {tas: -5kt}", "tolerances.tas: must be greater than 0"),
+        ("tolerances: {tas: -5kt}", "tolerances: tas: must be greater than 0, got '-5kt'"),
     ],
 )
 def test_what_is_wrong_is_said_by_its_key(tmp_path: Path, text: str, message: str):
@@ -193,6 +207,7 @@ def test_a_tolerance_may_state_its_unit(tmp_path: Path, text: str, name: str, va
     assert config_of(tmp_path, f"tolerances: {{{name}: {text}}}").tolerances[name] == pytest.approx(value, rel=1e-14)
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_a_tolerance_on_the_command_line_may_state_its_unit(bfi: Callable):
     told = [
         json.loads(bfi(*COMMANDS["identify"], "--tolerance", f"tas={value}", "--json").stdout)["candidates"]
@@ -201,6 +216,21 @@ def test_a_tolerance_on_the_command_line_may_state_its_unit(bfi: Callable):
     assert told[0] == told[1]
     wrong = bfi(*COMMANDS["identify"], "--tolerance", "tas=5deg")
     assert (wrong.code, wrong.stderr) == (2, "--tolerance: tas: is in m/s, got '5deg'; give a unit of that kind\n")
+    for given, shown in (("-5kt", "'-5kt'"), ("-5", "-5.0")):
+        wrong = bfi(*COMMANDS["identify"], "--tolerance", f"tas={given}")
+        assert (wrong.code, wrong.stderr) == (2, f"--tolerance: tas: must be greater than 0, got {shown}\n")
+
+
+def test_a_tolerance_of_what_is_no_output_is_told_where_it_stands(bfi: Callable, tmp_path: Path):
+    (tmp_path / "c.yaml").write_text("tolerances: {tsa: 1}\n")
+    (tmp_path / "good.yaml").write_text("tolerances: {tas: 1}\n")
+    what = "'tsa' is no output of this analysis; did you mean 'tas'?"
+    for options, place in (
+        (("-c", tmp_path / "c.yaml"), f"{tmp_path / 'c.yaml'}: tolerances.tsa"),
+        (("-c", tmp_path / "good.yaml", "--tolerance", "tsa=1"), "--tolerance"),
+    ):
+        outcome = bfi(*COMMANDS["identify"], *options)
+        assert (outcome.code, outcome.stderr) == (2, f"{place}: {what}\n")
 
 
 def test_detect_and_diagnose_ask_about_values_that_cannot_be(bfi: Callable, tmp_path: Path):

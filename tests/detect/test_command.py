@@ -6,11 +6,15 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from bfi_cli.config import Config, merge
+from bfi_cli.detect import detect_content, detect_document, detect_faults
 from bfi_cli.faults import Fault
-from bfi_cli.flightlog import FlightLog, write_log
+from bfi_cli.flightlog import FlightLog, read_log, write_log
+from bfi_cli.provenance import provenance
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +29,12 @@ def healthy(flown: Callable[..., FlightLog], tmp_path_factory: pytest.TempPathFa
     path = tmp_path_factory.mktemp("detect") / "healthy.h5"
     write_log(flown(seed=4), path)
     return path
+
+
+@pytest.fixture(scope="module")
+def detected(failing: Path) -> dict[str, Any]:
+    result = detect_faults(read_log(failing), merge(Config(), {"detect.train": (0.0, 8.0)}))
+    return detect_document(result, provenance(log_sha256=""))
 
 
 def test_the_document(bfi, failing: Path):
@@ -43,6 +53,23 @@ def test_the_document(bfi, failing: Path):
     assert (declared["channel"], declared["magnitude"]) == ("aoa", alarm["size"])
 
 
+@pytest.mark.parametrize(
+    ("size", "ci95", "said"),
+    [
+        (0.02, (0.0175, 0.0225), "a step of 1.15 deg (1.00 to 1.29) on aoa"),
+        (0.02, (-0.0175, 0.0575), "a failure (size not determined, -1 to 3 deg) on aoa"),
+        (0.02, (-9.0, 9.0), "a failure (size not determined) on aoa"),
+        (None, None, "a failure (size not determined) on aoa"),
+    ],
+)
+def test_a_size_is_told_as_far_as_it_is_known(detected, size: float | None, ci95: object, said: str):
+    (alarm,) = detected["alarms"]
+    content = detect_content({**detected, "alarms": [{**alarm, "size": size, "ci95": ci95}]})
+    assert f"Fault: {said} from " in content.verdict
+    (row,) = next(table.rows for table in content.tables if table.name == "alarms")
+    assert row[-1].startswith("not determined" if "not determined" in said else "1.15 deg (1.00 to 1.29)")
+
+
 def test_the_kinds_required_decide(bfi, healthy: Path):
     plain = json.loads(bfi("detect", healthy, "--train", "0:8", "--json").stdout)
     assert (plain["decision"], plain["verdicts"]["abrupt"]) == ("no_fault", "no_fault")
@@ -50,6 +77,7 @@ def test_the_kinds_required_decide(bfi, healthy: Path):
     assert (strict.code, json.loads(strict.stdout)["decision"]) == (4, "inconclusive")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_tolerance_decides_what_is_excluded(bfi, healthy: Path, tmp_path: Path):
     limit = {one["channel"]: one["excluded_above"] for one in json.loads(_plain(bfi, healthy))["candidates"]}
     for factor, state, decision in ((1.01, "excluded", "no_fault"), (0.99, "not_seen", "inconclusive")):
@@ -128,7 +156,7 @@ def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
         (("--output", "cas"), 3, "no channel 'cas'"),
         (("--method", "hankel"), 2, "--method: not one of the choices, got 'hankel'"),
         (("--false-alarm", "0"), 2, "--false-alarm: must be greater than 0, got 0.0"),
-        (("--tolerance", "cas=1"), 2, "--tolerance: 'cas' is no output, got outputs tas_rate, aoa,"),
+        (("--tolerance", "cas=1"), 2, "--tolerance: 'cas' is no output of this analysis; known: tas_rate, aoa,"),
         (("--output", "aoa", "--input", "aoa"), 2, "command line: 'aoa' is both an input and an output"),
     ],
 )

@@ -124,10 +124,20 @@ def test_samples_that_a_recorder_filtered_past_the_end_of_the_log_are_not_watche
     log = flown(Fault(shape="bias", channel="aoa", magnitude=10.0 * spread(flown(), "aoa"), onset_s=19.5), seed=4)
     assert detect_faults(log, TRAINED).decision == "fault"
     result = detect_faults(replace(log, filters=(recorder,)), TRAINED)
-    assert (result.decision, result.alarms) == ("no_fault", ())
+    assert (result.decision, result.alarms) == ("inconclusive", ())
     assert any("past the end of the log" in note for note in result.notes)
     inside = detect_faults(replace(log, filters=(recorder,)), merge(TRAINED, {"window.to_s": 18.5}))
     assert not any("past the end of the log" in note for note in inside.notes)
+
+
+def test_no_step_is_excluded_at_a_rate_at_which_the_recorder_spreads_it(flown: Callable[..., FlightLog]):
+    """A step that a sharp one's limits would exclude may pass unseen when its rise takes several samples."""
+    log = replace(flown(), filters=(Filter(kind="gaussian", edge_hz=0.75, rate_hz=100.0),))
+    fast = detect_faults(log, TRAINED)
+    assert (fast.decision, {one.state for one in fast.candidates}) == ("inconclusive", {"not_seen"})
+    assert {one.excluded_above for one in fast.candidates} == {None}
+    assert any("no step is excluded; --rate 3.4 gives limits" in note for note in fast.notes)
+    assert any(note.endswith(": --rate 3.4") for note in fast.notes)
 
 
 def test_what_is_healthy_is_asked_for(flown: Callable[..., FlightLog]):

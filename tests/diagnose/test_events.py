@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bfi_cli.diagnose.events import BEFORE_S, Draft, as_one, clusters, join, merge_stages, with_ends
+from bfi_cli.diagnose.events import BEFORE_S, Draft, as_one, clusters, is_return, join, merge_stages, with_ends
+from bfi_cli.diagnose.flight import LastingFault
 from bfi_cli.parity import Finding
 
 
@@ -181,3 +183,40 @@ def test_an_oscillation_of_a_channel_that_errs_belongs_to_its_error():
     assert len(merge_stages([relation, swing])) == 1
     of_all = draft(stage="scan", shape="sine", frequency_hz=0.4, fault="pitot_water")
     assert len(merge_stages([relation, of_all])) == 2
+
+
+def step(magnitude: float, onset_s: float, fault: str = "aoa", **changes: Any) -> Finding:
+    return draft(onset_s, **{"fault": fault, "shape": "bias", "magnitude": magnitude, "sd": 0.01, **changes}).finding
+
+
+@pytest.mark.parametrize(
+    ("later", "earlier", "returns"),
+    [
+        (step(-1.0, 200.0), step(1.0, 100.0), True),
+        (step(-0.95, 200.0), step(1.0, 100.0), True),
+        (step(-0.95, 200.0, shape="ramp_hold", constant_s=10.0), step(1.0, 100.0), True),
+        (step(-0.7, 200.0), step(1.0, 100.0), False),
+        (step(-0.7, 200.0, sd=0.2), step(1.0, 100.0), True),
+        (step(-0.4, 200.0, sd=2.0), step(1.0, 100.0), False),  # no interval makes less than half of it a return
+        (step(1.0, 200.0), step(1.0, 100.0), False),
+        (step(-1.0, 100.0), step(1.0, 200.0), False),
+        (step(-1.0, 200.0, fault="pitch"), step(1.0, 100.0), False),
+        (step(-1.0, 200.0, shape="drift"), step(1.0, 100.0), False),
+        # By what it has grown to: a drift of 0.02 a second is 2 after 100 s.
+        (step(-2.0, 200.0), step(0.02, 100.0, shape="drift", sd=0.0), True),
+        (step(-2.0, 300.0), step(0.02, 100.0, shape="drift", sd=0.0), False),
+        # A line that has lost a fifth of its pressure gains a quarter of what is left.
+        (step(0.25, 200.0, fault="q_impact"), step(0.002, 100.0, fault="pitot_icing", shape="drift", sd=0.0), True),
+        (step(0.15, 200.0, fault="q_impact"), step(0.002, 100.0, fault="pitot_icing", shape="drift", sd=0.0), False),
+    ],
+)
+def test_a_return_is_a_step_back_by_what_the_fault_has_grown_to(later: Finding, earlier: Finding, returns: bool):
+    assert is_return(later, earlier) is returns
+    assert not is_return(later, replace(earlier, offset_s=150.0))
+
+
+def test_a_fault_is_in_the_windows_between_its_onset_and_its_end():
+    vane = LastingFault(faults=("aoa",), begun_s=98.0, from_s=102.0, until_s=210.0)
+    windows = [(40.0, 100.0), (100.0, 160.0), (102.0, 222.0), (200.0, 260.0), (210.0, 270.0)]
+    assert [vane.is_in(window) for window in windows] == [False, False, True, True, False]
+    assert replace(vane, until_s=np.inf).is_in((1e6, 2e6))

@@ -214,8 +214,13 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_derived_channels_are_outputs_and_inputs_of_an_analysis(path: Path, capsys: pytest.CaptureFixture[str]):
-    window = ["--from", "1400", "--to", "1500", "--json"]
+@pytest.mark.usefixtures("unscanned")
+def test_derived_channels_are_outputs_and_inputs_of_an_analysis(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    dictionary = tmp_path / "d.yaml"
+    dictionary.write_text("atoms: [{shape: bias, channel: tas, onset_s: 1450}]\n")
+    window = ["--from", "1400", "--to", "1500", "-d", str(dictionary), "--json"]
     names = ["--output", "tas", "--output", "lift_speed", "--input", "climb_angle", "--input", "kinematic_acc"]
     code = run_command(["identify", str(path), *window, *names])
     document = json.loads(capsys.readouterr().out)

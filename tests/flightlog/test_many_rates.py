@@ -108,7 +108,7 @@ def test_a_signal_that_comes_late_is_missing_before_and_one_a_little_late_shorte
     assert of["time"][0] == pytest.approx(1.0)
     assert np.isnan(of["pitch"][: 250 - 6]).all()
     assert np.isfinite(of["roll"]).all()
-    assert any("missing where the log begins: pitch (50 s)" in note for note in made.notes)
+    assert any("what starts later than the log is missing there: pitch (50 s)" in note for note in made.notes)
     assert any("starts at 1 s, 1 s after its first signal" in note for note in made.notes)
 
 
@@ -258,6 +258,7 @@ def test_a_folder_of_other_things_is_refused(tmp_path: Path):
         read_log(tmp_path)
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_info_identify_and_inject_take_a_folder(bfi, folder: Path, tmp_path: Path):
     document = json.loads(bfi("info", folder, "--json").stdout)
     rates = {channel["name"]: channel["own_rate_hz"] for channel in document["channels"]}

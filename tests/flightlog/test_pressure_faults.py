@@ -285,6 +285,12 @@ def spoilt(**values: float) -> FlightLog:
         ),
         (
             LOG,
+            fault("static_leak", cabin_altitude_m=30_000.0),
+            DictionaryError,
+            "fault 'static_leak': cabin_altitude_m: altitude: the standard atmosphere is known between",
+        ),
+        (
+            LOG,
             fault("pitot_water", magnitude=30.0),
             DictionaryError,
             "out of what the equations hold for, q_impact / p_static: the equations hold below Mach 1",
@@ -343,6 +349,7 @@ def test_the_file_holds_the_truth_of_every_channel_that_changed(shape, suffix, p
         np.testing.assert_array_equal(values, clean.channel(name).values)
 
 
+@pytest.mark.usefixtures("undrawn", "unscanned")
 @pytest.mark.parametrize("shape", ["static_blocked", "scale"])
 @pytest.mark.parametrize("command", ["identify", "start-time"])
 def test_an_analysis_counts_it_among_what_was_injected(

@@ -12,7 +12,7 @@ from made_logs import made_log
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import FlightLog, inspect_log, quality, read_log, require_usable
-from bfi_cli.flightlog.quality import advice_on_windows, gap_starts, is_uniform, time_jitter
+from bfi_cli.flightlog.quality import advice_on_the_ground, advice_on_windows, gap_starts, is_uniform, time_jitter
 
 T = np.arange(0.0, 60.0, 0.1)
 RNG = np.random.default_rng(3)
@@ -171,3 +171,15 @@ def test_a_long_record_without_moves_has_no_window_to_suggest():
         "the record is 12 min long; bfi info suggests no window of it; the whole record is analysed"
     )
     assert advice_on_windows(made_log(time_s[:1200], tas=tas[:1200])) is None
+
+
+def test_a_window_on_the_ground_is_called_that():
+    time_s = np.arange(6000) / 10.0
+    tas = np.interp(time_s, [0.0, 200.0, 230.0, 500.0, 530.0], [0.0, 0.0, 60.0, 60.0, 0.0])
+    tas += 0.3 * np.random.default_rng(0).standard_normal(time_s.size)
+    log = made_log(time_s, tas=tas)
+    said = advice_on_the_ground(log, 20.0, 120.0)
+    assert said is not None
+    assert said.startswith("the aircraft is on the ground for most of the window, 20 to 120 s (in flight from 2")
+    assert advice_on_the_ground(log, 250.0, 450.0) is None
+    assert advice_on_the_ground(log, None, None) is None

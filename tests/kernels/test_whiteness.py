@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
+from bfi_cli.kernels import whiteness
 from bfi_cli.kernels.whiteness import autocorrelation, effective_rows, exceedances, ljung_box, robust_sd
 
 LEVEL = 1e-6
@@ -25,6 +26,15 @@ def test_autocorrelation_of_a_first_order_process_is_geometric():
     # Bartlett's variance is at most (1 + pole^2) / (1 - pole^2) / n.
     bound = stats.norm.isf(LEVEL / 10) * np.sqrt((1 + pole**2) / (1 - pole**2) / n)
     np.testing.assert_allclose(r, pole ** np.arange(1, 6), atol=bound)
+
+
+@pytest.mark.parametrize("n", [300, 777, 2048])
+def test_autocorrelation_by_transforms_of_blocks_is_that_of_shifts(monkeypatch: pytest.MonkeyPatch, n: int):
+    e = coloured(n, 0.7)
+    shifted = autocorrelation(e, 123)
+    monkeypatch.setattr(whiteness, "MOST_PRODUCTS", 1)
+    monkeypatch.setattr(whiteness, "BLOCK", 100)
+    np.testing.assert_allclose(autocorrelation(e, 123), shifted, rtol=0, atol=1e-13)
 
 
 def test_autocorrelation_does_not_depend_on_level_or_scale():

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 
 import numpy as np
 from threadpoolctl import threadpool_limits
-from trials import sized
+from trials import sized, spread
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
@@ -69,5 +67,4 @@ def run(seed: int, *, log: FlightLog, course: Callable[[np.ndarray], np.ndarray]
 
 
 def run_all(log: FlightLog, course: Callable[[np.ndarray], np.ndarray], inputs: Sequence[str]) -> list[Outcome]:
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(partial(run, log=log, course=course, inputs=inputs), SEEDS))
+    return spread(partial(run, log=log, course=course, inputs=inputs), SEEDS)

@@ -6,17 +6,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
-from trials import sized
+from trials import sized, spread
 
 from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config
@@ -29,8 +26,6 @@ from bfi_cli.provenance import provenance
 SEEDS = range(int(os.environ.get("ONSET_SEEDS", sized(100, 0.08))))
 WORKERS = int(os.environ.get("ONSET_WORKERS", "2"))
 FAULT_FREE = 10_000
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -120,13 +115,14 @@ def run(trial: Trial, *, log: FlightLog, config: Config) -> Outcome:
 
 def run_all(trials: Sequence[Trial], log: FlightLog, config: Config) -> list[Outcome]:
     """Scan all trials."""
-    return _spread(partial(run, log=log, config=config), trials)
+    return spread(partial(run, log=log, config=config), trials, WORKERS)
 
 
 def calibrated(log: FlightLog, config: Config, *, noise: float, windows: int, folder: Path) -> Config:
     """Return the configuration with a table of fault-free copies of a log, made with noises no trial has."""
     trials = [Trial(FAULT_FREE + seed, None, noise) for seed in range(windows)]
-    parts = _spread(partial(_table, log=log, config=config), np.array_split(np.array(trials, dtype=object), WORKERS))
+    pieces = np.array_split(np.array(trials, dtype=object), WORKERS)
+    parts = spread(partial(_table, log=log, config=config), pieces, WORKERS)
     statistics = {shape: np.concatenate([one.statistics[shape] for one in parts]) for shape in parts[0].statistics}
     path = folder / "table.json"
     path.write_text(save_tables([replace(parts[0], statistics=statistics)], provenance(log_sha256="")))
@@ -139,8 +135,3 @@ def _table(trials: Sequence[Trial], *, log: FlightLog, config: Config) -> Calibr
     whole = (float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz)
     with threadpool_limits(1):
         return table_of_windows([(noisy(log, trial), whole) for trial in trials], config)
-
-
-def _spread(job: Callable[..., T], pieces: Sequence[object]) -> list[T]:
-    with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(job, pieces))

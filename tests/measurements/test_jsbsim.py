@@ -5,33 +5,22 @@ A seeded part runs; BFI_FULL=1 takes all seeds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from typing import TypeVar
-
 import numpy as np
 import pytest
 from jsbsim_trials import AIRCRAFT, GustTrial, SmoothTrial, TourTrial, gust_trial, smooth_trial, tour_trial
-from trials import FULL, not_above, not_below, sized
+from trials import FULL, not_above, not_below, sized, spread
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("jsbsim")
 
-Job, Answer = TypeVar("Job"), TypeVar("Answer")
 BLOCKED = ("pitot_blocked", "static_blocked")
 GUSTS = (0.3, 1.0)  # m/s, light and up to moderate
-
-
-def run_all(trial: Callable[[Job], Answer], jobs: Iterable[Job]) -> list[Answer]:
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(trial, jobs))
 
 
 def test_a_bias_of_1_m_s_in_smooth_air() -> None:
     """In three aircraft, the shipped dictionary, inputs as the command takes them."""
     jobs = [(name, seed) for name in AIRCRAFT for seed in range(sized(20, share=0.1))]
-    answers: list[SmoothTrial] = run_all(smooth_trial, jobs)
+    answers: list[SmoothTrial] = spread(smooth_trial, jobs)
     for name in AIRCRAFT:
         here = [one for one in answers if one.aircraft == name]
         counts = {key: sum(getattr(one, key) for one in here) for key in ("identified", "covered", "clean")}
@@ -45,7 +34,7 @@ def test_minimal_detectable_magnitudes_in_gusts() -> None:
     """A step at a known onset, declared in 80 to 97 % of flights at the size that the answer promises."""
     seeds = range(sized(20, share=0.15))
     jobs = [(name, seed, gusts) for name in AIRCRAFT for gusts in GUSTS for seed in seeds]
-    answers: list[GustTrial] = run_all(gust_trial, jobs)
+    answers: list[GustTrial] = spread(gust_trial, jobs)
     shares = {times: float(np.mean([one.declared[times] for one in answers])) for times in (0.0, 0.5, 1.0, 2.0)}
     for name in AIRCRAFT:
         here = [one for one in answers if one.aircraft == name]
@@ -63,7 +52,7 @@ def test_minimal_detectable_magnitudes_in_gusts() -> None:
 def test_tours_with_a_blocked_line_and_without() -> None:
     """Fifteen minutes of climbs, descents and turns in gusts; one job of each kind, all aircraft with BFI_FULL=1."""
     jobs = [(name, seed, shape) for name in AIRCRAFT for seed in range(3) for shape in ("", *BLOCKED)]
-    answers: list[TourTrial] = run_all(tour_trial, jobs if FULL else [("c172p", 0, ""), ("c172p", 0, "pitot_blocked")])
+    answers: list[TourTrial] = spread(tour_trial, jobs if FULL else [("c172p", 0, ""), ("c172p", 0, "pitot_blocked")])
     for shape in ("", *BLOCKED):
         here = [one for one in answers if one.shape == shape]
         print(f"{shape or 'healthy'}: right in {sum(one.right for one in here)} of {len(here)}")

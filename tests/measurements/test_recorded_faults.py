@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from trials import FULL, not_above, not_below
+from verdict_trials import RECORDER_SD_S, SHAPES, gaussian
 
 from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge
@@ -26,29 +27,12 @@ from bfi_cli.provenance import provenance
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 FLIGHTS = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")
-# Standard deviation of the recorder's Gaussian, of which the flights' description says how it was read.
-RECORDER_SD_S = 0.25
-LENGTH_S, STEP_S, SPAN_S = 120.0, 50 if FULL else 350, range(700, 4200)
+LENGTH_S, STEP_S, SPAN_S = 120.0, 50 if FULL else 500, range(700, 4200)
 STEEPEST_PITCH = np.deg2rad(30.0)
 ONSET = {"channel": "tas", "onset_s": 60.0}
-SHAPES = {
-    "bias": {"shape": "bias"},
-    "drift": {"shape": "drift"},
-    "lagged_bias": {"shape": "lagged_bias", "time_constant_s": 5.0},
-    "ramp_hold": {"shape": "ramp_hold", "duration_s": 10.0},
-    "sine_0.2": {"shape": "sine", "frequency_hz": 0.2},
-    "sine_0.05": {"shape": "sine", "frequency_hz": 0.05},
-}
 DICTIONARY = load_dictionary(
     {"relative_to": "window", "atoms": [{"name": name, **keys, **ONSET} for name, keys in SHAPES.items()]}
 )
-
-
-def recorded(signal: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Return what the recorder stores of a signal, its ends held."""
-    lag = np.arange(-int(rate_hz), int(rate_hz) + 1)
-    taps = np.exp(-0.5 * (lag / rate_hz / RECORDER_SD_S) ** 2)
-    return np.convolve(np.pad(signal, lag[-1], mode="edge"), taps / taps.sum(), mode="valid")
 
 
 def windows(log: FlightLog, step_s: int = STEP_S) -> Iterator[FlightLog]:
@@ -62,7 +46,7 @@ def windows(log: FlightLog, step_s: int = STEP_S) -> Iterator[FlightLog]:
 def with_fault(log: FlightLog, part: FlightLog, fault: Fault) -> FlightLog:
     """Return a window of a log with a fault that went through the recorder."""
     start_s = float(part.time_s[0])
-    added = fault.magnitude * recorded(unit_signal(fault, log.time_s, window_start_s=start_s), log.rate_hz)
+    added = fault.magnitude * gaussian(unit_signal(fault, log.time_s, window_start_s=start_s), log.rate_hz)
     first = int(np.searchsorted(log.time_s, start_s - 1e-6))
     tas = part.channel("tas")
     faulty = replace(tas, values=frozen_array(tas.values + added[first : first + part.n_samples]))

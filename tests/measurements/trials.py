@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -23,6 +24,20 @@ from bfi_cli.identify.result import IdentifyResult
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 FULL = os.environ.get("BFI_FULL") == "1"
+
+
+Piece, Answer = TypeVar("Piece"), TypeVar("Answer")
+
+
+def spread(job: Callable[[Piece], Answer], pieces: Iterable[Piece], workers: int = 2) -> list[Answer]:
+    """Return what a job makes of each piece: here where pytest's own workers share the cores, else on processes.
+
+    A process spends a second or two on its imports, as much as on some trials.
+    """
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return [job(piece) for piece in pieces]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(job, pieces))
 
 
 def sized(full: int, share: float = 0.25) -> int:
@@ -83,10 +98,8 @@ def run(trial: Trial, *, log: FlightLog, dictionary: Dictionary, config: Config)
 
 
 def run_all(trials: Iterable[Trial], log: FlightLog, dictionary: Dictionary, config: Config) -> list[Outcome]:
-    """Identify all trials on two processes."""
-    job: Callable[[Trial], Outcome] = partial(run, log=log, dictionary=dictionary, config=config)
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(job, trials, chunksize=10))
+    """Identify all trials."""
+    return spread(partial(run, log=log, dictionary=dictionary, config=config), trials)
 
 
 def not_below(share: float, wanted: float, n: int) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -214,7 +215,9 @@ def cross_calibrated(flight: str, recorder: str, inputs: tuple[str, ...], folder
         log = flight_log(other, recorder)
         pieces = [(log, (start_s, start_s + 120.0)) for start_s in starts_s(other, 120.0)[::8]]
         folder.mkdir(exist_ok=True)
-        path.write_text(save_tables([table_of_windows(pieces, config)], provenance(log_sha256="")))
+        unfinished = path.with_suffix(f".{os.getpid()}")
+        unfinished.write_text(save_tables([table_of_windows(pieces, config)], provenance(log_sha256="")))
+        unfinished.replace(path)  # another worker may make the same one
     return merge(config, {"start_time.calibration": str(path)})
 
 

@@ -26,8 +26,8 @@ RUN = "from bfi_cli.commands import main; main()"
 
 
 @pytest.fixture
-def montecarlo(bfi: Callable, written: Callable, tmp_path: Path) -> Callable[..., Path]:
-    """Run a sweep into a folder of its own, which is returned."""
+def montecarlo(bfi: Callable, undrawn: None, written: Callable, tmp_path: Path) -> Callable[..., Path]:
+    """Run a sweep into a folder of its own, which is returned; the pages of its figures are blank."""
 
     def run(text: str, name: str, *argv: object, code: int = 0) -> Path:
         outcome = bfi("montecarlo", "-c", written(text), "--out", tmp_path / name, *argv)

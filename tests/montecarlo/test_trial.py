@@ -12,12 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bfi_cli.flightlog import FlightLog
 from bfi_cli.identify import identify_faults
 from bfi_cli.identify.methods import METHODS
 from bfi_cli.montecarlo import Sweep, run_trial
 from bfi_cli.montecarlo import trial as trial_module
-from bfi_cli.montecarlo.flight import faulty, largest_errors, record_of
-from bfi_cli.montecarlo.scenarios import Trial
+from bfi_cli.montecarlo.flight import faults_of, faulty, largest_errors, record_of
+from bfi_cli.montecarlo.scenarios import Setting, Trial
 from bfi_cli.montecarlo.trial import Row, declared_magnitudes, row_from_cells, shared_record
 
 DATA = Path(__file__).parents[2] / "data"
@@ -35,6 +36,10 @@ SHARING = {
 }
 
 
+def with_truth(log: FlightLog, setting: Setting, truth: dict[str, float], rng: np.random.Generator) -> FlightLog:
+    return faulty(log, setting, faults_of(log, setting, truth, 0.0)[0], rng)
+
+
 @pytest.mark.parametrize("name", SHARING)
 def test_shared_factorisation_gives_what_each_record_alone_gives(sweep: Callable[..., Sweep], name: str):
     for trial in sweep(SHARING[name]).trials():
@@ -45,7 +50,7 @@ def test_shared_factorisation_gives_what_each_record_alone_gives(sweep: Callable
         z = declared_magnitudes(shared, np.array([truth.get(atom, 0.0) for atom in shared.names]), setting)
         rng = np.random.default_rng(0)
         alone = identify_faults(
-            faulty(record_of(setting, rng), setting, truth, rng), setting.dictionary, setting.config
+            with_truth(record_of(setting, rng), setting, truth, rng), setting.dictionary, setting.config
         )
         found = {fault.name: fault.magnitude for fault in alone.faults}
         assert {atom for atom, value in zip(shared.names, z, strict=True) if value} == set(found)
@@ -77,7 +82,7 @@ def test_a_trial_is_an_identification_of_the_faulty_log(sweep: Callable[..., Swe
         row, setting = run_trial(trial), trial.scenario.setting
         faults, gusts, noise = np.random.default_rng(trial.seed).spawn(3)
         assert row.truth == trial_module.draw(trial, faults)
-        log = faulty(record_of(setting, gusts), setting, row.truth, noise)
+        log = with_truth(record_of(setting, gusts), setting, row.truth, noise)
         result = identify_faults(log, setting.dictionary, setting.config)
         assert row.decision == result.decision
         assert {"abrupt": row.abrupt, "oscillating": row.oscillating, "slow": row.slow} == result.verdicts
@@ -156,10 +161,12 @@ def test_the_largest_error_is_that_of_the_faulty_record(sweep: Callable[..., Swe
     setting = sweep(f"{HEAD}active: 1\n{settings}").scenarios[0].setting
     rng = np.random.default_rng(0)
     clean = record_of(setting, rng)
-    wrong = faulty(clean, setting, {name: -1.5}, rng)
+    (fault,), injected = faults_of(clean, setting, {name: -1.5}, 0.0)
+    assert (fault.name, injected) == (name, None)
+    wrong = faulty(clean, setting, [fault], rng)
     difference = np.abs((wrong.channel("tas").values - clean.channel("tas").values)[50:250])
-    ((fault, largest),) = largest_errors(clean, setting, {name: -1.5})
-    assert fault.name == name
+    ((channel, largest),) = largest_errors(clean, setting, fault).items()
+    assert channel == "tas"
     assert largest == pytest.approx(difference.max(), rel=1e-12, abs=1e-12)
     assert largest > 0.5
 
@@ -182,7 +189,7 @@ def test_noise_and_gusts_are_what_is_asked_for(sweep: Callable[..., Sweep]):
     quiet, loud = (sweep("noisy").scenarios[n].setting for n in (0, -1))
     rng = np.random.default_rng
     clean = record_of(quiet, rng(0)).channel("tas").values
-    small, large = (faulty(record_of(s, rng(0)), s, {}, rng(5)).channel("tas").values - clean for s in (quiet, loud))
+    small, large = (faulty(record_of(s, rng(0)), s, [], rng(5)).channel("tas").values - clean for s in (quiet, loud))
     np.testing.assert_allclose(large, 5.0 * small, atol=1e-12)
     assert np.std(small) == pytest.approx(0.01, rel=0.2)
     gusty = sweep(f"{HEAD.replace('30}', '30, turbulence_m_s: 1}')}active: 0\n").scenarios[0].setting

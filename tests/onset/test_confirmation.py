@@ -46,7 +46,16 @@ def test_a_step_that_no_other_channel_has_is_declared(flown, settings):
 
 def test_all_trusted_inputs_without_a_dictionary_and_without_a_fault(flown):
     log = flown()
-    config = merge(Config(), {"inputs": ("auto",), "conditioning.rate_hz": 10.0, "start_time.calibration": "gaussian"})
+    config = merge(
+        Config(),
+        {
+            "inputs": ("auto",),
+            "conditioning.rate_hz": 10.0,
+            "model.order": 4,
+            "start_time.calibration": "gaussian",
+            "start_time.shapes": ("bias", "drift"),
+        },
+    )
     result, _ = identify_from_scan(log, config)
     assert set(result.verdicts) == set(KINDS)
     assert result.model.inputs[0] == "elevator"

@@ -72,6 +72,64 @@ def test_a_leak_is_named_with_its_time_constant(time_constant_s: float):
 
 
 @pytest.mark.parametrize("steps", [None, STEPS])
+@pytest.mark.parametrize(("time_constant_s", "cabin_altitude_m"), [(1.0, 2000.0), (5.0, None), (5.0, 1200.0)])
+def test_a_static_line_that_leaks_to_the_cabin_is_named_with_its_time_constant(
+    time_constant_s: float, cabin_altitude_m: float | None, steps: dict[str, float] | None
+):
+    """In a cabin at a lower pressure the airspeed grows, at a higher one none is left: no leak of the pitot tube."""
+    leak = Fault(
+        shape="static_leak", onset_s=ONSET_S, time_constant_s=time_constant_s, cabin_altitude_m=cabin_altitude_m
+    )
+    log = inject(made_flight(steps=steps, noise_pa=0.5 if steps else 0.0), [leak])
+    (found,) = find_holds(log, 0.0, 600.0).findings
+    assert (found.fault, found.offset_s) == ("static_leak", None)
+    assert found.evidence["time_constant_s"] == pytest.approx(time_constant_s, rel=0.15)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    assert found.onset_s == pytest.approx(ONSET_S, abs=1.0)
+    assert found.statistic > found.threshold
+
+
+def test_missing_samples_far_away_hide_no_leak():
+    leak = Fault(shape="static_leak", onset_s=ONSET_S, time_constant_s=5.0, cabin_altitude_m=1200.0)
+    log = inject(made_flight(names=("altitude", "cas")), [leak])
+    altitude = np.array(log.channels["altitude"].values)
+    altitude[1000:1020] = np.nan
+    broken = replace(log.channels["altitude"], values=frozen_array(altitude))
+    (found,) = find_holds(replace(log, channels={**log.channels, "altitude": broken}), 0.0, 600.0).findings
+    assert found.fault == "static_leak"
+
+
+@pytest.mark.parametrize(("rate_hz", "gap_s"), [(1, 10), (1, 5), (10, 8)])
+def test_a_climb_within_a_gap_is_no_leak(rate_hz: int, gap_s: int):
+    """Cruise, a climb that the record lacks, and cruise again, through a record of ten feet."""
+    time_s = np.arange(600 * rate_hz) / rate_hz
+    altitude = 1000.0 + np.clip(6.0 * (time_s - 300.0), 0.0, 6.0 * gap_s)
+    cas = 60.0 + np.sin(time_s / 3.0)
+    kept = (time_s <= 300.0) | (time_s >= 300.0 + gap_s)
+    values = {"altitude": np.round(altitude / 3.048)[kept] * 3.048, "cas": cas[kept]}
+    assert find_holds(made_log(time_s[kept], {"altitude": "m"}, **values), 0.0, 600.0).findings == ()
+
+
+@pytest.mark.parametrize("time_constant_s", [3.0, 5.0])
+def test_an_altitude_that_steps_with_the_aircraft_is_no_leak(time_constant_s: float):
+    """A drone goes to another altitude at once, through a record of ten feet: its total pressure goes with it."""
+    flight = made_flight(climbs_m=0.0, air_pa=15.0, names=("altitude", "cas"))
+    altitude = 200.0 - 60.0 * np.expm1(-np.maximum(flight.time_s - ONSET_S, 0.0) / time_constant_s)
+    values = {"altitude": np.round(altitude / 3.048) * 3.048, "cas": flight.channels["cas"].values}
+    found = find_holds(made_log(flight.time_s, {"altitude": "m"}, **values), 0.0, 600.0).findings
+    assert not [one for one in found if one.fault == "static_leak"]
+
+
+def test_a_blocked_port_after_a_capture_of_altitude_does_not_leak():
+    """An autopilot captures an altitude along an exponential too, which begins at the rate of the climb."""
+    flight = made_flight(climbs_m=0.0, air_pa=15.0, names=("altitude", "cas"))
+    since = np.maximum(flight.time_s - 240.0, 0.0)
+    altitude = 1000.0 + 8.0 * np.minimum(flight.time_s, 240.0) + 80.0 * -np.expm1(-since / 10.0)
+    log = made_log(flight.time_s, {"altitude": "m"}, altitude=altitude, cas=flight.channels["cas"].values)
+    assert not [one for one in find_holds(log, 0.0, 600.0).findings if one.fault == "static_leak"]
+
+
+@pytest.mark.parametrize("steps", [None, STEPS])
 def test_without_a_fault_nothing_is_found(steps: dict[str, float] | None):
     log = made_flight(steps=steps, noise_pa=1.0)
     answer = find_holds(log, 0.0, 600.0)

@@ -164,8 +164,6 @@ def _output(channel, unit, time_s, magnitude, *, onset_s=ONSET_S, seed=1):
         channel=channel,
         unit=unit,
         measured=clean + true_fault,
-        corrected=clean + true_fault - fault,
-        predicted=clean + true_fault - error,
         fault=fault,
         fault_sd=0.05 * (true_fault != 0.0),
         prediction_error=error,

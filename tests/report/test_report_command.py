@@ -37,6 +37,14 @@ def test_draws_all_files_and_prints_the_document(stored, tmp_path, capsys):
     assert "4.00 m/s (95 % interval 3.99 to 4.02)" in (tmp_path / "again" / "report.html").read_text("utf-8")
 
 
+def test_json_alone_writes_nothing(stored, tmp_path, capsys):
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*")}
+    assert run_command(["report", str(stored), "--json", "--units", "aviation"]) == 0
+    assert json.loads(capsys.readouterr().out)["faults"] == json.loads(stored.read_text("utf-8"))["faults"]
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*")} == before
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_reads_standard_input_and_writes_to_the_working_folder(stored, tmp_path, capsys, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
@@ -45,6 +53,7 @@ def test_reads_standard_input_and_writes_to_the_working_folder(stored, tmp_path,
     assert (tmp_path / "here" / "report.html").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_terminal_gets_the_tables(stored, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     assert run_command(["report", str(stored), "--out", str(tmp_path)]) == 0

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ConfigError
+from ...kernels.progress import Report, silent
 from ..model import Flown, NonlinearModel
 from .airframe import (
     ALTITUDE,
@@ -202,7 +203,12 @@ def _cruise(start: SteadyFlight) -> Trim:
 
 
 def fly(
-    deviations: FloatArray, rate_hz: float, gusts: FloatArray | None = None, *, start: SteadyFlight = CRUISE
+    deviations: FloatArray,
+    rate_hz: float,
+    gusts: FloatArray | None = None,
+    report: Report = silent,
+    *,
+    start: SteadyFlight = CRUISE,
 ) -> Flown:
     """Return the flight from level trim with input deviations, (n, 4), held between samples; Runge-Kutta of order 4.
 
@@ -221,6 +227,7 @@ def fly(
     h = 1.0 / (rate_hz * steps)
     x = trimmed.state[:, None].copy()
     for k in range(len(inputs)):
+        report(k / len(inputs))
         states[:, k] = x[:, 0]
         for name, row, (low, high) in (("aoa", AOA, AOA_RANGE), ("sideslip", SIDESLIP, SIDESLIP_RANGE)):
             angle = float(np.degrees(x[row, 0]))
@@ -253,4 +260,5 @@ F16 = NonlinearModel(
     fly=fly,
     source="Stevens and Lewis, Aircraft Control and Simulation, after NASA TP-1538; centre of gravity at 0.30 chord",
     manoeuvred=("elevator",),
+    travel={"elevator": SURFACE_LIMITS[0], "throttle": 1.0},
 )

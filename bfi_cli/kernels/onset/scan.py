@@ -13,9 +13,11 @@ one ramp, one step and exact impulses, so that nothing cancels.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import lapack, qr
 
@@ -65,6 +67,17 @@ class Scan:
     degree: int
     rss0: float
     span: float
+    _spectra: dict[str, NDArray[np.complex128]] = field(init=False, repr=False, default_factory=dict)
+
+    def spectrum(self, name: Literal["Q", "weights"]) -> NDArray[np.complex128]:
+        """Return the Fourier transform of the rows of Q, or of the squared weights, made once for all shapes."""
+        if name not in self._spectra:
+            rows = self.Q
+            if name == "weights":
+                assert self.weights is not None
+                rows = self.weights[None] ** 2
+            self._spectra[name] = rfft(rows, next_fast_len(2 * self.n_samples, real=True), axis=1)
+        return self._spectra[name]
 
     @property
     def n_samples(self) -> int:
@@ -200,7 +213,7 @@ def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
                 if scan.weights is None:
                     table[d:] = np.cumsum(product)[::-1]
                 else:
-                    table[d:] = _correlated(scan.weights[None] ** 2, product)[0, d:]
+                    table[d:] = _correlated(scan, "weights", product)[0, d:]
                 table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
                 G[a, b, d] = table
     return ShapeTables(P=P, G=G)
@@ -208,22 +221,28 @@ def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
 
 def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
     """Return `ShapeTables.P` of a shape h (n_samples,)."""
-    P = [_correlated(scan.Q, np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree)))]
+    P = [_correlated(scan, "Q", np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree)))]
     for _ in range(scan.degree):
         P.append(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1])
     return tuple(P[::-1])
 
 
-def _correlated(rows: FloatArray, h: FloatArray) -> FloatArray:
-    """Return the sum over k of rows[:, k] h(k - start) for all starts, h zero beyond its end."""
-    n, at = rows.shape[1], np.flatnonzero(h)
+def _correlated(scan: Scan, name: Literal["Q", "weights"], h: FloatArray) -> FloatArray:
+    """Return the sum over k of rows[:, k] h(k - start) for all starts, h zero beyond its end.
+
+    Parameters
+    ----------
+    name : of the rows: those of Q, or the squared weights.
+    """
+    n, at = scan.n_samples, np.flatnonzero(h)
     if len(at) <= SPARSE:
+        rows = scan.Q if name == "Q" else np.asarray(scan.weights)[None] ** 2
         total = np.zeros_like(rows)
         for k in at:
             total[:, : n - k] += h[k] * rows[:, k:]
         return total
     size = next_fast_len(2 * n, real=True)
-    spectrum = rfft(rows, size, axis=1) * np.conj(rfft(h, size))
+    spectrum = scan.spectrum(name) * np.conj(rfft(h, size))
     return np.asarray(irfft(spectrum, size, axis=1)[:, :n])
 
 

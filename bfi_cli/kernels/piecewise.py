@@ -1,0 +1,333 @@
+"""Signals that are zero, given sample by sample or an exponential tail, stretch by stretch.
+
+A fault is sharp at its onset, its bends and its end; between them it is ``level + rate t + Re(amplitude exp(exponent
+t))``. So the signals of a dictionary over a day take no more memory than over a minute, and lagged or filtered copies
+of tails with the same exponents span a space of a few dimensions (`kernels.lagged` makes use of both).
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from . import FloatArray
+
+__all__ = ["LONGEST_REACH", "PiecewiseSignals", "Stretch", "Tail", "signal_of"]
+
+# Time constants that a filter may reach beside a sample: e^50 of a signal is far from the largest number.
+LONGEST_REACH = 50.0
+# Samples of a signal that are evaluated at once, for memory.
+AT_ONCE = 262_144
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tail:
+    """What a signal is from some time on: ``level + rate t + Re(amplitude exp(exponent t))``.
+
+    A filter makes of it another of the same kind, so that a filtered signal of hours is made without filtering.
+
+    Attributes
+    ----------
+    from_s : the time from which it is that.
+    level, rate, amplitude, exponent : per second where they count by time; t are seconds since its own zero of time.
+    """
+
+    from_s: float = 0.0
+    level: float = 0.0
+    rate: float = 0.0
+    amplitude: complex = 0.0
+    exponent: complex = 0.0
+
+    def at(self, since_s: FloatArray) -> FloatArray:
+        """Return (n,) the signal at these seconds."""
+        signal = np.asarray(self.level + self.rate * since_s, dtype=np.float64)
+        if self.amplitude != 0.0:
+            size, phase = cmath.polar(self.amplitude)
+            decay, angle = complex(self.exponent).real, complex(self.exponent).imag
+            wave = size * np.cos(angle * since_s + phase)
+            signal += wave if decay == 0.0 else wave * np.exp(decay * since_s)
+        return signal
+
+    def filtered(self, taps: FloatArray, beside_s: FloatArray) -> Tail:
+        """Return what a filter makes of it, whose taps act on the signal so many seconds beside.
+
+        Raises
+        ------
+        ValueError : the filter reaches further than the numbers of an exponential.
+        """
+        reach = float(np.max(np.abs(complex(self.exponent).real * beside_s), initial=0.0))
+        if reach > LONGEST_REACH:
+            raise ValueError(f"the filter reaches {reach:.3g} time constants")
+        gain = complex(np.sum(taps * np.exp(self.exponent * beside_s)))
+        return Tail(
+            from_s=self.from_s,
+            level=float(self.level * taps.sum() + self.rate * (taps @ beside_s)),
+            rate=float(self.rate * taps.sum()),
+            amplitude=self.amplitude * gain,
+            exponent=self.exponent,
+        )
+
+    def coefficients(self, since_s: float) -> FloatArray:
+        """Return (4,) what it is, time counted from `since_s`, of 1, t, and real and imaginary wave of the exponent.
+
+        The waves are ``exp(decay t) cos(angle t)`` and ``exp(decay t) sin(angle t)``.
+        """
+        size = complex(self.amplitude) * cmath.exp(self.exponent * since_s)
+        return np.array([self.level + self.rate * since_s, self.rate, size.real, -size.imag])
+
+    def scaled(self, factor: float) -> Tail:
+        """Return a multiple of it."""
+        return replace(
+            self, level=self.level * factor, rate=self.rate * factor, amplitude=complex(self.amplitude) * factor
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stretch:
+    """A signal on samples start..stop - 1.
+
+    Attributes
+    ----------
+    made : (stop - start,) its samples, or a tail.
+    origin_s : time of the record's sample 0 on the time axis of the tail.
+    """
+
+    start: int
+    stop: int
+    made: FloatArray | Tail
+    origin_s: float = 0.0
+
+    def between(self, start: int, stop: int, step_s: float) -> FloatArray:
+        """Return its samples from start to stop - 1, which lie within it."""
+        if isinstance(self.made, Tail):
+            return self.made.at(np.arange(start, stop, dtype=np.float64) * step_s + self.origin_s)
+        return self.made[start - self.start : stop - self.start]
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether all of its samples are zero."""
+        if isinstance(self.made, Tail):
+            return self.made.level == self.made.rate == self.made.amplitude == 0.0
+        return not np.any(self.made)
+
+    def scaled(self, factor: float) -> Stretch:
+        """Return a multiple of it."""
+        made = self.made.scaled(factor) if isinstance(self.made, Tail) else self.made * factor
+        return replace(self, made=made)
+
+
+# The stretches of one signal, ascending and apart; it is zero beside them.
+Stretches = tuple[Stretch, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PiecewiseSignals:
+    """The signals of a dictionary on one record, each on one output; as an array (n_samples, n_outputs, n_atoms).
+
+    Attributes
+    ----------
+    step_s : from sample to sample.
+    outputs : (n_atoms,) on which each acts.
+    atoms : (n_atoms,) stretches of each.
+    """
+
+    n_samples: int
+    n_outputs: int
+    step_s: float
+    outputs: tuple[int, ...]
+    atoms: tuple[Stretches, ...]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(n_samples, n_outputs, n_atoms)."""
+        return self.n_samples, self.n_outputs, len(self.atoms)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> FloatArray:
+        """Return (n_samples, n_outputs, n_atoms), which a short record has the memory for."""
+        return self.between(0, self.n_samples)
+
+    def between(self, start: int, stop: int) -> FloatArray:
+        """Return (stop - start, n_outputs, n_atoms) of these samples."""
+        theta = np.zeros((stop - start, self.n_outputs, len(self.atoms)))
+        for j, (output, stretches) in enumerate(zip(self.outputs, self.atoms, strict=True)):
+            for first, last, values in _within(stretches, start, stop, self.step_s):
+                theta[first - start : last - start, output, j] = values
+        return theta
+
+    def of(self, atoms: Sequence[int]) -> PiecewiseSignals:
+        """Return some of the signals."""
+        return replace(self, outputs=tuple(self.outputs[j] for j in atoms), atoms=tuple(self.atoms[j] for j in atoms))
+
+    def scaled(self, factors: FloatArray) -> PiecewiseSignals:
+        """Return multiples of the signals by (n_atoms,) factors."""
+        return replace(
+            self,
+            atoms=tuple(
+                tuple(stretch.scaled(float(factor)) for stretch in stretches)
+                for stretches, factor in zip(self.atoms, factors, strict=True)
+            ),
+        )
+
+    def joined(self, other: PiecewiseSignals) -> PiecewiseSignals:
+        """Return these signals and others of the same record after them."""
+        return replace(self, outputs=self.outputs + other.outputs, atoms=self.atoms + other.atoms)
+
+    def replaced(self, atoms: Sequence[int], others: PiecewiseSignals) -> PiecewiseSignals:
+        """Return the signals with others in place of some."""
+        outputs, stretches = list(self.outputs), list(self.atoms)
+        for n, j in enumerate(atoms):
+            outputs[j], stretches[j] = others.outputs[n], others.atoms[n]
+        return replace(self, outputs=tuple(outputs), atoms=tuple(stretches))
+
+    def combined(self, z: FloatArray, start: int, stop: int) -> FloatArray:
+        """Return (stop - start, n_outputs) the sum of the signals times (n_atoms,) magnitudes."""
+        total = np.zeros((stop - start, self.n_outputs))
+        for output, stretches, size in zip(self.outputs, self.atoms, z.tolist(), strict=True):
+            for first, last, values in _within(stretches, start, stop, self.step_s):
+                total[first - start : last - start, output] += size * values
+        return total
+
+    def filtered(self, K: FloatArray) -> PiecewiseSignals:
+        """Return the signals filtered by a predictor, theta(k) - sum K_i theta(k - i), from sample `order` on.
+
+        Parameters
+        ----------
+        K : (order, n_outputs, n_outputs).
+
+        Returns
+        -------
+        n_atoms * n_outputs signals: what the first leaves on each output, then the second, ...
+        """
+        outputs, atoms = list[int](), list[Stretches]()
+        for own, stretches in zip(self.outputs, self.atoms, strict=True):
+            for output in range(self.n_outputs):
+                taps = np.append(float(output == own), -K[:, output, own])
+                outputs.append(output)
+                atoms.append(self._filtered(stretches, taps))
+        return replace(self, outputs=tuple(outputs), atoms=tuple(atoms))
+
+    def peaks(self) -> FloatArray:
+        """Return (n_atoms,) the largest absolute value of each signal."""
+        return np.array([max(abs(low), abs(high)) for low, high in self._extremes()])
+
+    def travels(self) -> FloatArray:
+        """Return (n_atoms,) the largest less the least value of each signal."""
+        return np.array([high - low for low, high in self._extremes()])
+
+    def powers(self) -> FloatArray:
+        """Return (n_atoms,) the root of the mean square of each signal over all samples."""
+        factors = dict[complex, FloatArray]()  # of a block of the functions that a tail is made of
+        norms = np.zeros(len(self.atoms))
+        for j, stretches in enumerate(self.atoms):
+            for stretch in stretches:
+                for start in range(stretch.start, stretch.stop, AT_ONCE):
+                    stop = min(start + AT_ONCE, stretch.stop)
+                    if isinstance(stretch.made, Tail) and stop - start == AT_ONCE:
+                        exponent = complex(stretch.made.exponent)
+                        if exponent not in factors:
+                            factors[exponent] = np.asarray(np.linalg.qr(self._functions(exponent, AT_ONCE), mode="r"))
+                        part = factors[exponent] @ stretch.made.coefficients(start * self.step_s + stretch.origin_s)
+                    else:
+                        part = stretch.between(start, stop, self.step_s)
+                    norms[j] = np.hypot(norms[j], np.linalg.norm(part))
+        return np.asarray(norms / np.sqrt(self.n_samples))
+
+    def are_zero(self) -> tuple[bool, ...]:
+        """Say of each signal whether it is zero everywhere."""
+        return tuple(all(stretch.is_zero for stretch in stretches) for stretches in self.atoms)
+
+    def _functions(self, exponent: complex, n: int) -> FloatArray:
+        since_s = self.step_s * np.arange(n, dtype=np.float64)
+        size = np.exp(exponent.real * since_s)
+        wave = size * np.cos(exponent.imag * since_s), size * np.sin(exponent.imag * since_s)
+        return np.stack([np.ones(n), since_s, *wave], axis=1)
+
+    def active_rows(self, first: int) -> tuple[int, ...]:
+        """Return how many samples of each signal, from sample `first` on, are not zero."""
+        counts = []
+        for stretches in self.atoms:
+            pieces = _within(stretches, first, self.n_samples, self.step_s)
+            counts.append(sum(int(np.count_nonzero(values)) for _, _, values in pieces))
+        return tuple(counts)
+
+    def _extremes(self) -> list[tuple[float, float]]:
+        extremes = []
+        for stretches in self.atoms:
+            covered = sum(stretch.stop - stretch.start for stretch in stretches)
+            low, high = (np.inf, -np.inf) if covered == self.n_samples else (0.0, 0.0)
+            for stretch in stretches:
+                for first, last in _ends_of(stretch):
+                    values = stretch.between(first, last, self.step_s)
+                    low, high = min(low, float(values.min())), max(high, float(values.max()))
+            extremes.append((low, high))
+        return extremes
+
+    def _filtered(self, stretches: Stretches, taps: FloatArray) -> Stretches:
+        """Return the stretches of a signal filtered by (order + 1,) taps, of lags 0, 1, ..."""
+        order, made = len(taps) - 1, list[Stretch]()
+        beside_s = -self.step_s * np.arange(order + 1, dtype=np.float64)
+        for start, stop, tail in regular_runs(stretches, self.n_samples, order):
+            if isinstance(tail, Stretch):
+                assert isinstance(tail.made, Tail)
+                form = tail.made.filtered(taps, beside_s)
+                made.append(Stretch(start=start, stop=stop, made=form, origin_s=tail.origin_s))
+            elif tail is None:
+                first = max(start - order, 0)
+                own = np.zeros(stop - first)
+                for a, b, values in _within(stretches, first, stop, self.step_s):
+                    own[a - first : b - first] = values
+                samples = np.convolve(own, taps)[start - first : stop - first]
+                made.append(Stretch(start=start, stop=stop, made=samples))
+        return tuple(made)
+
+
+def regular_runs(stretches: Stretches, n_samples: int, order: int) -> list[tuple[int, int, Stretch | float | None]]:
+    """Return (start, stop, what) of the runs of a record on which a signal and its lags up to `order` are alike.
+
+    What they are: a stretch that is a tail; 0.0 for zero; None for a run on which they have no such form.
+    """
+    pieces, at = list[tuple[int, int, Stretch | float | None]](), 0
+    for stretch in stretches:
+        if stretch.start > at:
+            pieces.append((at, stretch.start, 0.0))
+        pieces.append((stretch.start, stretch.stop, stretch if isinstance(stretch.made, Tail) else None))
+        at = stretch.stop
+    if at < n_samples:
+        pieces.append((at, n_samples, 0.0))
+    runs = list[tuple[int, int, Stretch | float | None]]()
+    for start, stop, what in pieces:
+        settled = min(start + order * (start > 0), stop)
+        for first, last, form in ((start, settled, None), (settled, stop, what)):
+            if first < last and form is None and runs and runs[-1][2] is None:
+                runs[-1] = (runs[-1][0], last, None)
+            elif first < last:
+                runs.append((first, last, form))
+    return runs
+
+
+def signal_of(samples: FloatArray) -> Stretches:
+    """Return the stretches of a signal (n_samples,) that is given sample by sample: what lies between its zeros."""
+    inside = np.flatnonzero(samples)
+    if not inside.size:
+        return ()
+    start, stop = int(inside[0]), int(inside[-1]) + 1
+    return (Stretch(start=start, stop=stop, made=samples[start:stop]),)
+
+
+def _within(stretches: Stretches, start: int, stop: int, step_s: float) -> list[tuple[int, int, FloatArray]]:
+    """Return (start, stop, samples) of the stretches, as far as they lie within some samples."""
+    ends = [(one, max(one.start, start), min(one.stop, stop)) for one in stretches]
+    return [(first, last, one.between(first, last, step_s)) for one, first, last in ends if first < last]
+
+
+def _ends_of(stretch: Stretch) -> list[tuple[int, int]]:
+    """Return (start, stop) of the parts of a stretch that hold its extremes, none longer than what fits at once."""
+    start, stop = stretch.start, stretch.stop
+    tail = stretch.made
+    if isinstance(tail, Tail) and tail.amplitude == 0.0:  # a line has them at its ends
+        return [(start, start + 1), (stop - 1, stop)]
+    return [(k, min(k + AT_ONCE, stop)) for k in range(start, stop, AT_ONCE)]

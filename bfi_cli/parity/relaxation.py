@@ -1,0 +1,139 @@
+"""A static pressure that leaves its course at once and relaxes exponentially to another one, that of a cabin.
+
+From the onset on the line shows p + (c - p) (1 - exp(-(t - onset) / T)) of a static pressure p, which is taken to go on
+as it did before, and of a cabin's c, which stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Relaxation", "relaxations"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# s over which a rate is taken, before the onset and after it.
+BEFORE_S, AFTER_S = 5.0, 1.5
+# s. Faster than the first the line jumps, and slower than the last it shows no onset; those tried are a tenth apart.
+STEPS = np.geomspace(0.5, 30.0, 44)
+# Time constants after the onset that are fitted, and s at least. The static pressure does not go on as it did for
+# longer, nor is much left of it.
+FITTED, LEAST_FITTED_S = 4.0, 5.0
+# s after the onset, in which a recorder's low-pass rounds it.
+ROUNDED_S = 1.0
+# Of the usual step, beyond which two blocks have a gap between them; blocks that a fit needs.
+GAP, FEWEST = 1.75, 5
+# Of the change of pressure, by which the course may stray from the fit.
+LARGEST_MISFIT = 0.03
+# Times the rate before the onset, by which the rate changes at least.
+MORE_THAN_STOPPED = 3.0
+# s around a candidate in which its onset is sought: the rate after it is a mean.
+AROUND_S = 3.0
+# Of the chi-square distribution with one degree of freedom, 95 %; errors of neighbouring blocks are alike, so that a
+# fifth of them count.
+CHI_SQUARE, ALIKE = 3.84, 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relaxation:
+    """One that was found.
+
+    Attributes
+    ----------
+    onset : index of the block; from_s, to_s : its interval, 95 %.
+    time_constant_s : of the exponential.
+    change : of the pressure, Pa; level : to which it goes, Pa.
+    jump : of its rate, Pa/s; of a shorter time constant than the rate can be told in, the change over that time.
+    """
+
+    onset: int
+    from_s: float
+    to_s: float
+    time_constant_s: float
+    change: float
+    jump: float
+    level: float
+
+
+def relaxations(
+    time_s: FloatArray, pressure: FloatArray, within: BoolArray, least_jump: FloatArray
+) -> list[Relaxation]:
+    """Return the relaxations of a pressure, in the order of their onsets.
+
+    Parameters
+    ----------
+    time_s, pressure : (n,) s and Pa.
+    within : (n,) where an onset is looked for.
+    least_jump : (n,) by how much the rate must change at an onset, Pa/s; nothing begins where it is not known.
+    """
+    step_s = float(np.median(np.diff(time_s)))
+    before, after = (max(2, round(seconds / step_s)) for seconds in (BEFORE_S, AFTER_S))
+    if len(time_s) < before + after + 2:
+        return []
+    k = np.arange(before, len(time_s) - after)
+    earlier = (pressure[k] - pressure[k - before]) / (time_s[k] - time_s[k - before])
+    later = (pressure[k + after] - pressure[k]) / (time_s[k + after] - time_s[k])
+    jumps = np.nan_to_num(np.where(within[k], np.abs(later - earlier) / least_jump[k], 0.0))
+    found: list[Relaxation] = []
+    around = max(1, round(AROUND_S / step_s))
+    while jumps.size and jumps.max() >= 1.0:
+        largest = int(np.argmax(jumps))
+        one = _fitted(time_s, pressure, k[max(0, largest - around) : largest + around + 1], before, least_jump)
+        if one is not None:
+            found.append(one)
+        jumps[max(0, largest - 2 * around) : largest + 2 * around + 1] = 0.0
+    return sorted(found, key=lambda one: one.onset)
+
+
+def _fitted(
+    time_s: FloatArray, pressure: FloatArray, onsets: NDArray[np.intp], before: int, least_jump: FloatArray
+) -> Relaxation | None:
+    """Return the relaxation from the onset that fits best, None where it does not fit well.
+
+    None too where the rate jumps by little more than it was: the pressure then stops, as that of a blocked port does.
+    """
+    fits: list[tuple[float, Relaxation, int]] = []
+    gaps = np.diff(time_s) > GAP * np.median(np.diff(time_s))
+    losses, least = np.full(len(onsets), np.inf), np.zeros(len(onsets))
+    for i, onset in enumerate(onsets):
+        earlier = slice(onset - before, onset + 1)
+        if not np.isfinite(pressure[earlier]).all():
+            continue
+        at = time_s[earlier] - time_s[onset]
+        course = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at]), pressure[earlier], rcond=None)[0]
+        for constant_s in STEPS.tolist():
+            last = int(np.searchsorted(time_s, time_s[onset] + max(FITTED * constant_s, LEAST_FITTED_S)))
+            later = slice(onset, last + 1)
+            if last >= len(time_s) or not np.isfinite(pressure[later]).all() or gaps[onset - before : last].any():
+                break
+            at = time_s[later] - time_s[onset]
+            gone = -np.expm1(-at / constant_s)
+            rest = pressure[later] - (1.0 - gone) * (course[0] + course[1] * at)
+            fitted = at >= ROUNDED_S
+            if np.count_nonzero(fitted) < FEWEST:
+                continue
+            cabin = float(gone[fitted] @ rest[fitted] / (gone[fitted] @ gone[fitted]))
+            change = cabin - float(course[0])
+            loss = float(np.mean((rest - gone * cabin)[fitted] ** 2)) / max(change**2, np.finfo(float).tiny)
+            losses[i] = min(losses[i], loss)
+            found = Relaxation(
+                onset=int(onset),
+                from_s=float(time_s[onset]),
+                to_s=float(time_s[onset]),
+                time_constant_s=constant_s,
+                change=change,
+                jump=change / max(constant_s, AROUND_S),
+                level=cabin,
+            )
+            fits.append((loss, found, len(at)))
+            least[i] = max(float(least_jump[onset]), MORE_THAN_STOPPED * abs(float(course[1])))
+    loss, best, n = min(fits, key=lambda one: one[0], default=(np.inf, None, 0))
+    if best is None or loss > LARGEST_MISFIT**2 or abs(best.jump) < least[onsets == best.onset]:
+        return None
+    near = time_s[onsets[losses <= loss * (1.0 + ALIKE * CHI_SQUARE / n)]]
+    step_s = float(time_s[best.onset] - time_s[best.onset - 1])
+    return replace(best, from_s=float(near[0]) - step_s, to_s=float(near[-1]) + step_s)

@@ -1,0 +1,187 @@
+"""A fault that every trial has, of any shape: added as `bfi inject` does, named by its entry, in its own unit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bfi_cli.errors import ConfigError
+from bfi_cli.flightlog import inject
+from bfi_cli.montecarlo import Sweep, load_sweep, run_trial, summarise
+from bfi_cli.montecarlo.flight import faults_of, faulty, largest_errors, record_of
+from bfi_cli.montecarlo.trial import Row, draw, row_from_cells
+
+DICTIONARY = """
+atoms:
+  - {name: water, shape: pitot_water, onset_s: 10, offset_s: 25, frequency_hz: 0.4}
+  - {name: icing, shape: pitot_icing, onset_s: 10, offset_s: 25}
+  - {name: step, shape: bias, onset_s: 10, offset_s: 25}
+"""
+RECORD = """
+record: {model: f16, manoeuvre: doublet, rate_hz: 10, duration_s: 30}
+dictionary: dictionary.yaml
+noise: {tas: 0.02, altitude: 0.1}
+identify: {model: {order: 4}, conditioning: {rate_hz: none}, inputs: [elevator, pitch, longitudinal_acc]}
+"""
+SPAN = "onset_s: 10, offset_s: 25"
+FAULTS = {
+    "pitot_blocked": f"shape: pitot_blocked, {SPAN}",
+    "pitot_leak": f"shape: pitot_leak, {SPAN}, time_constant_s: 100",
+    "pitot_icing": f"shape: pitot_icing, {SPAN}, magnitude: 0.01",
+    "pitot_water": f"shape: pitot_water, {SPAN}, magnitude: 0.05, frequency_hz: 0.4",
+    "static_blocked": f"shape: static_blocked, {SPAN}",
+    "static_leak": f"shape: static_leak, {SPAN}, time_constant_s: 1000",
+    "scale": f"shape: scale, {SPAN}, magnitude: 0.03",
+    "bias": f"shape: bias, {SPAN}, magnitude: 2",
+}
+
+
+@pytest.fixture
+def sweep(written: Callable[[str], Path]) -> Callable[..., Sweep]:
+    """Load a sweep with such faults."""
+
+    def load(inject: str, *, active: str = "0", **given: int) -> Sweep:
+        path = written(f"{RECORD}active: {active}\ninject: {inject}\n")
+        (path.parent / "dictionary.yaml").write_text(DICTIONARY)
+        return load_sweep(path, **given)
+
+    return load
+
+
+@pytest.mark.parametrize("shape", FAULTS)
+def test_the_record_is_what_bfi_inject_makes_of_it(sweep: Callable[..., Sweep], shape: str) -> None:
+    setting = sweep(f"{{{FAULTS[shape]}}}").scenarios[0].setting
+    record = record_of(setting, np.random.default_rng(0))
+    quiet = replace(setting, noise=())
+    _, fault = faults_of(record, quiet, {}, 0.0)
+    assert fault is not None
+    made, injected = faulty(record, quiet, [fault], np.random.default_rng(0)), inject(record, [fault])
+    assert injected.truth is not None
+    for name in record.channels:
+        np.testing.assert_array_equal(made.channel(name).values, injected.channel(name).values)
+    changed = largest_errors(record, quiet, fault)
+    assert changed.keys() == injected.truth.clean.keys()
+    for name, largest in changed.items():
+        change = np.abs(injected.channel(name).values - record.channel(name).values).max()
+        assert largest == pytest.approx(change, rel=1e-9)
+        assert largest > 0.0
+
+
+def rows_of(sweep: Sweep) -> list[Row]:
+    return [run_trial(trial) for trial in sweep.trials()]
+
+
+def test_a_fault_of_the_dictionary_is_scored_by_its_entry_and_in_its_unit(sweep: Callable[..., Sweep]) -> None:
+    made = sweep(f"{{{FAULTS['pitot_icing']}, onset_spread_s: 0.3}}", trials=1)
+    (row,) = rows_of(made)
+    assert row.error is None
+    assert (row.truth, row.isolated) == ({"icing": 0.01}, True)
+    assert row.estimate is not None
+    assert row.estimate["icing"] == pytest.approx(0.01, rel=0.05)
+    assert (row.states, row.intervals, row.covered) == ({"icing": "declared"}, 1, 1)
+    assert row.onset_error_s is not None
+    assert 0.0 < abs(row.onset_error_s["icing"]) <= 0.4
+    assert row_from_cells(row.cells()) == row
+    (summary,) = summarise(made, [(row, 1.0)]).scenarios
+    assert summary.onset_error_s == abs(row.onset_error_s["icing"])
+    assert summary.isolation.count == 1
+
+
+def test_one_beyond_the_dictionary_is_missed_unless_an_entry_is_called_right(sweep: Callable[..., Sweep]) -> None:
+    (row,) = rows_of(sweep(f"{{{FAULTS['pitot_leak']}, name: leak}}", trials=1))
+    assert (row.truth, row.missed, row.isolated) == ({"leak": 1.0}, ("leak",), False)
+    assert row.magnitude_error is None
+    assert row.false_alarms
+    (row,) = rows_of(sweep(f"{{{FAULTS['pitot_leak']}, name: leak, right: [step, icing]}}", trials=1))
+    assert (row.missed, row.isolated, row.false_alarms) == ((), True, ())
+    assert row.states == {"leak": "declared"}
+    assert (row.magnitude_error, row.intervals) == (None, 0)  # of another shape, in another unit
+
+
+def drawn(sweep: Sweep) -> list[dict[str, float]]:
+    return [draw(trial, np.random.default_rng(trial.seed).spawn(4)[0]) for trial in sweep.trials()]
+
+
+def test_each_is_a_scenario_and_draws_go_on_beside_it(sweep: Callable[..., Sweep]) -> None:
+    made = sweep(f"[null, {{{FAULTS['scale']}}}, {{{FAULTS['pitot_water']}}}]", active="[0, 1]", trials=6)
+    assert [one.name for one in made.scenarios][:2] == ["active=0 inject=none", "active=0 inject=scale_0.03"]
+    assert [one.setting.injected_name for one in made.scenarios][:3] == ["", "scale", "water"]
+    truths = drawn(made)
+    assert [len(truth) for truth in truths[:6]] == [0, 0, 0, 1, 1, 1]
+    assert not any("water" in truth for truth in truths[5::6])
+    assert truths[3::6] == truths[4::6]
+
+
+def test_the_same_draws_as_before_without_one(sweep: Callable[..., Sweep], written: Callable[[str], Path]) -> None:
+    path = written(f"{RECORD}active: 1\n")
+    (path.parent / "dictionary.yaml").write_text(DICTIONARY)
+    plain, none = load_sweep(path, trials=3), sweep("null", active="1", trials=3)
+    assert plain.digest == none.digest
+    assert drawn(plain) == drawn(none)
+    assert plain.scenarios[0].axes == none.scenarios[0].axes
+
+
+def test_a_whole_fault_is_drawn_whole(written: Callable[[str], Path]) -> None:
+    path = written(f"{RECORD}active: 1\nmagnitudes: [3]\n")
+    (path.parent / "dictionary.yaml").write_text(
+        "atoms: [{name: leak, shape: pitot_leak, onset_s: 10, time_constant_s: 100}]\n"
+    )
+    assert drawn(load_sweep(path, trials=1)) == [{"leak": 1.0}]
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_icing_of_a_recorded_flight_is_named_and_its_interval_covers(
+    written: Callable[[str], Path], flights: Path
+) -> None:
+    """At the airspeed, of which 1 % of the impact pressure a second are 0.6 m/s^2, in four windows of two minutes."""
+    flight = flights / "citation_20180312_f1.h5"
+    path = written(
+        f"record: [{', '.join(f'{{log: {flight}, from_s: {t}, to_s: {t + 120}}}' for t in (1500, 1700, 2000, 2300))}]\n"
+        "dictionary: dictionary.yaml\nactive: 0\nidentify: {inputs: [auto], outputs: [tas]}\n"
+        "inject: {shape: pitot_icing, onset_s: 60, magnitude: 0.01}\n"
+    )
+    (path.parent / "dictionary.yaml").write_text(
+        "relative_to: window\natoms: [{name: icing, shape: pitot_icing, onset_s: 60},"
+        " {name: step, shape: bias, onset_s: 60}]\n"
+    )
+    rows = rows_of(load_sweep(path, trials=1))
+    assert [row.error for row in rows] == [None] * 4
+    print([(row.estimate, row.covered, row.slow) for row in rows])
+    assert sum(bool(row.isolated) for row in rows) >= 3
+    assert sum(row.covered or 0 for row in rows) >= 3
+
+
+@pytest.mark.parametrize(
+    ("written_as", "active", "message"),
+    [
+        (
+            "{shape: pitot_bloked}",
+            "0",
+            "inject[0].shape: no such shape, got 'pitot_bloked'; did you mean 'pitot_blocked'?",
+        ),
+        ("{shape: free}", "0", "inject[0].shape: no such shape, got 'free'"),
+        ("{shape: pitot_icing, channel: tas}", "0", "inject[0]: channel: not a key of this shape; known: "),
+        ("{shape: pitot_leak, onset_s: 5}", "0", "inject[0]: time_constant_s: missing; a pitot_leak needs it"),
+        ("{shape: pitot_blocked, magnitude: 2}", "0", "inject[0]: magnitude: not a key of this shape"),
+        ("{shape: bias, onset_s: 5, offset_s: 4}", "0", "inject[0]: offset_s: must be after onset_s (5 s), got 4 s"),
+        ("{shape: bias, magnitude: 0}", "0", "inject[0].magnitude: 0 is no fault; write null in its place for none"),
+        ("[null, {shape: bias, right: stp}]", "0", "inject[1].right: no entry of "),
+        ("{shape: scale, name: step}", "0", "inject[0].name: is another entry of "),
+        (f"{{{FAULTS['bias']}}}", "3", "active: more than the 2 faults of "),
+        ("{shape: bias, onset_spread_s: -1}", "0", "inject[0].onset_spread_s: "),
+    ],
+)
+def test_what_cannot_be_meant_is_said_in_a_line(
+    sweep: Callable[..., Sweep], written_as: str, active: str, message: str
+) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        sweep(written_as, active=active)
+    assert message in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    assert json.dumps(str(refusal.value))

@@ -5,6 +5,7 @@ Signs are those of the recorder: nothing here turns a signal over.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -29,7 +30,7 @@ class StandardChannel:
 LARGEST_ERROR = {
     **dict.fromkeys(("tas", "cas", "ias", "ground_speed", "altitude_rate"), 340.294),
     "mach": 1.0,
-    **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle"), 3.141592653589793),
+    **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle"), math.pi),
     "altitude": 30_000.0,
     **dict.fromkeys(("p_static", "p_total", "q_impact"), 110_000.0),
 }

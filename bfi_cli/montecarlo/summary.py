@@ -106,23 +106,23 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
 
 def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, float]]) -> ScenarioSummary:
     rows = [row for row, _ in done]
-    answered = [row for row in rows if row.error is None]
-    faulty = [row for row in answered if row.truth]
+    analysed = [row for row in rows if row.error is None]
+    faulty = [row for row in analysed if row.truth]
     errors = [row.magnitude_error for row in faulty if row.magnitude_error is not None]
-    delays = [row.detection_delay_s for row in answered if row.detection_delay_s is not None]
-    onsets = [abs(late) for row in answered for late in (row.onset_error_s or {}).values()]
+    delays = [row.detection_delay_s for row in analysed if row.detection_delay_s is not None]
+    onsets = [abs(late) for row in analysed for late in (row.onset_error_s or {}).values()]
     return ScenarioSummary(
         name=name,
         axes=axes,
         trials=len(rows),
-        failed=len(rows) - len(answered),
+        failed=len(rows) - len(analysed),
         isolation=_proportion(row.isolated for row in rows),
-        false_alarm=_proportion(row.false_alarms for row in answered),
+        false_alarm=_proportion(row.false_alarms for row in analysed),
         missed_detection=_proportion(row.missed for row in faulty),
-        decisions=_shares(row.decision for row in answered),
-        verdicts={kind: _shares(getattr(row, kind) for row in answered) for kind in KINDS},
-        wrong_no_fault=_proportion(row.wrong_no_fault for row in answered if row.beyond_tolerance),
-        coverage=_counted(sum(row.covered or 0 for row in answered), sum(row.intervals or 0 for row in answered)),
+        decisions=_shares(row.decision for row in analysed),
+        verdicts={kind: _shares(getattr(row, kind) for row in analysed) for kind in KINDS},
+        wrong_no_fault=_proportion(row.wrong_no_fault for row in analysed if row.beyond_tolerance),
+        coverage=_counted(sum(row.covered or 0 for row in analysed), sum(row.intervals or 0 for row in analysed)),
         magnitude_error={key: rounded(float(np.quantile(errors, q)), 6) for key, q in QUANTILES.items() if errors},
         detection_delay_s=float(np.median(delays)) if delays else None,
         onset_error_s=float(np.median(onsets)) if onsets else None,

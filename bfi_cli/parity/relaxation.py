@@ -6,7 +6,7 @@ as it did before, and of a cabin's c, which stays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,8 @@ def relaxations(
     within : (n,) where an onset is looked for.
     least_jump : (n,) by how much the rate must change at an onset, Pa/s; nothing begins where it is not known.
     """
+    if len(time_s) < 3:
+        return []
     step_s = float(np.median(np.diff(time_s)))
     before, after = (max(2, round(seconds / step_s)) for seconds in (BEFORE_S, AFTER_S))
     if len(time_s) < before + after + 2:
@@ -82,58 +84,89 @@ def relaxations(
     around = max(1, round(AROUND_S / step_s))
     while jumps.size and jumps.max() >= 1.0:
         largest = int(np.argmax(jumps))
-        one = _fitted(time_s, pressure, k[max(0, largest - around) : largest + around + 1], before, least_jump)
+        one = _best(time_s, pressure, k[max(0, largest - around) : largest + around + 1], before, least_jump)
         if one is not None:
             found.append(one)
         jumps[max(0, largest - 2 * around) : largest + 2 * around + 1] = 0.0
     return sorted(found, key=lambda one: one.onset)
 
 
-def _fitted(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fit:
+    """The exponential that fits best from one onset: its loss, relative to the change, and the blocks it was fitted to.
+
+    least_jump : Pa/s, by which the rate must change here.
+    """
+
+    onset: int
+    loss: float
+    n_blocks: int
+    time_constant_s: float
+    change: float
+    level: float
+    least_jump: float
+
+
+def _best(
     time_s: FloatArray, pressure: FloatArray, onsets: NDArray[np.intp], before: int, least_jump: FloatArray
 ) -> Relaxation | None:
     """Return the relaxation from the onset that fits best, None where it does not fit well.
 
     None too where the rate jumps by little more than it was: the pressure then stops, as that of a blocked port does.
     """
-    fits: list[tuple[float, Relaxation, int]] = []
-    gaps = np.diff(time_s) > GAP * np.median(np.diff(time_s))
-    losses, least = np.full(len(onsets), np.inf), np.zeros(len(onsets))
-    for i, onset in enumerate(onsets):
-        earlier = slice(onset - before, onset + 1)
-        if not np.isfinite(pressure[earlier]).all():
+    fits = [_fitted(time_s, pressure, int(onset), before, float(least_jump[onset])) for onset in onsets]
+    some = [one for one in fits if one is not None]
+    if not some:
+        return None
+    best = min(some, key=lambda one: one.loss)
+    jump = best.change / max(best.time_constant_s, AROUND_S)
+    if best.loss > LARGEST_MISFIT**2 or abs(jump) < best.least_jump:
+        return None
+    near = [one.onset for one in some if one.loss <= best.loss * (1.0 + ALIKE * CHI_SQUARE / best.n_blocks)]
+    step_s = float(time_s[best.onset] - time_s[best.onset - 1])
+    return Relaxation(
+        onset=best.onset,
+        from_s=float(time_s[near[0]]) - step_s,
+        to_s=float(time_s[near[-1]]) + step_s,
+        time_constant_s=best.time_constant_s,
+        change=best.change,
+        jump=jump,
+        level=best.level,
+    )
+
+
+def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int, least_jump: float) -> _Fit | None:
+    """Return the best of the exponentials from an onset, None where samples for it are missing."""
+    earlier = slice(onset - before, onset + 1)
+    if not np.isfinite(pressure[earlier]).all():
+        return None
+    at = time_s[earlier] - time_s[onset]
+    start, rate = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at]), pressure[earlier], rcond=None)[0]
+    gap_s = GAP * float(np.median(np.diff(time_s)))
+    best: _Fit | None = None
+    for constant_s in STEPS.tolist():
+        last = int(np.searchsorted(time_s, time_s[onset] + max(FITTED * constant_s, LEAST_FITTED_S)))
+        if last >= len(time_s) or np.diff(time_s[onset - before : last + 1]).max() > gap_s:
+            break
+        at, later = time_s[onset : last + 1] - time_s[onset], pressure[onset : last + 1]
+        if not np.isfinite(later).all():
+            break
+        gone = -np.expm1(-at / constant_s)
+        fitted = at >= ROUNDED_S
+        if np.count_nonzero(fitted) < FEWEST:
             continue
-        at = time_s[earlier] - time_s[onset]
-        course = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at]), pressure[earlier], rcond=None)[0]
-        for constant_s in STEPS.tolist():
-            last = int(np.searchsorted(time_s, time_s[onset] + max(FITTED * constant_s, LEAST_FITTED_S)))
-            later = slice(onset, last + 1)
-            if last >= len(time_s) or not np.isfinite(pressure[later]).all() or gaps[onset - before : last].any():
-                break
-            at = time_s[later] - time_s[onset]
-            gone = -np.expm1(-at / constant_s)
-            rest = pressure[later] - (1.0 - gone) * (course[0] + course[1] * at)
-            fitted = at >= ROUNDED_S
-            if np.count_nonzero(fitted) < FEWEST:
-                continue
-            cabin = float(gone[fitted] @ rest[fitted] / (gone[fitted] @ gone[fitted]))
-            change = cabin - float(course[0])
-            loss = float(np.mean((rest - gone * cabin)[fitted] ** 2)) / max(change**2, np.finfo(float).tiny)
-            losses[i] = min(losses[i], loss)
-            found = Relaxation(
-                onset=int(onset),
-                from_s=float(time_s[onset]),
-                to_s=float(time_s[onset]),
+        gone, rest = gone[fitted], (later - (1.0 - gone) * (start + rate * at))[fitted]
+        level = float(gone @ rest / (gone @ gone))
+        change = level - float(start)
+        loss = float(np.mean((rest - gone * level) ** 2)) / max(change**2, np.finfo(float).tiny)
+        if best is None or loss < best.loss:
+            best = _Fit(
+                onset=onset,
+                loss=loss,
+                n_blocks=len(at),
                 time_constant_s=constant_s,
                 change=change,
-                jump=change / max(constant_s, AROUND_S),
-                level=cabin,
+                level=level,
+                least_jump=max(least_jump, MORE_THAN_STOPPED * abs(float(rate))),
             )
-            fits.append((loss, found, len(at)))
-            least[i] = max(float(least_jump[onset]), MORE_THAN_STOPPED * abs(float(course[1])))
-    loss, best, n = min(fits, key=lambda one: one[0], default=(np.inf, None, 0))
-    if best is None or loss > LARGEST_MISFIT**2 or abs(best.jump) < least[onsets == best.onset]:
-        return None
-    near = time_s[onsets[losses <= loss * (1.0 + ALIKE * CHI_SQUARE / n)]]
-    step_s = float(time_s[best.onset] - time_s[best.onset - 1])
-    return replace(best, from_s=float(near[0]) - step_s, to_s=float(near[-1]) + step_s)
+    return best

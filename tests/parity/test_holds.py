@@ -13,7 +13,8 @@ from bfi_cli.airdata import channels_of, impact_pressure_of_cas, pressure_at, to
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity.holds import find_holds, lines_of
+from bfi_cli.parity.holds import find_holds
+from bfi_cli.parity.lines import lines_of
 
 FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
 BLOCKED = {"pitot_blocked": "p_total", "static_blocked": "p_static"}
@@ -160,6 +161,48 @@ def test_an_altitude_that_is_held_within_a_step_is_no_blocked_port(climb_s: floa
     answer = find_holds(log, 0.0, 600.0)
     assert answer.findings == ()
     assert "too little flight that moves" in answer.lines[-1].untold[0][2]
+
+
+def coarse_flight(altitude: np.ndarray, step_m: float) -> FlightLog:
+    """Return a flight of ten minutes at 10 Hz whose altitude comes in steps, with an airspeed that moves."""
+    time_s = np.arange(6000) / 10.0
+    rounded = np.round(altitude / step_m) * step_m
+    return made_log(
+        time_s, {"altitude": "m"}, altitude=rounded, cas=90.0 + np.sin(time_s / 3.0) + np.sin(time_s / 11.0)
+    )
+
+
+def levelling_flight(step_m: float, levelling: float) -> FlightLog:
+    """Return a climb of 10 m/s that levels off at 200 s into flight within half a metre of a step's middle."""
+    time_s = np.arange(6000) / 10.0
+    above = np.cumsum(np.clip(levelling * (200.0 - time_s), 0.0, 10.0)) / 10.0
+    altitude = 100.0 * step_m + above - above[-1] + 0.25 * np.sin(time_s / 5.0)
+    return coarse_flight(altitude, step_m)
+
+
+@pytest.mark.parametrize("step_m", [0.61, 3.048, 7.62, 30.48])
+@pytest.mark.parametrize("levelling", [0.5, 2.3])
+def test_level_flight_within_a_coarse_step_is_no_blocked_port(step_m: float, levelling: float):
+    answer = find_holds(levelling_flight(step_m, levelling), 0.0, 600.0)
+    assert answer.findings == ()
+    if step_m > 1.0:
+        assert any(sentence.startswith("static_blocked could hide in") for sentence in answer.missing)
+
+
+def test_a_steady_climb_in_coarse_steps_is_no_blocked_port():
+    time_s = np.arange(6000) / 10.0
+    altitude = 1000.0 + np.where(time_s < 300.0, 5.0 * time_s, 1500.0 + 9.0 * (time_s - 300.0))
+    answer = find_holds(coarse_flight(altitude, 3.048), 0.0, 600.0)
+    assert answer.findings == ()
+    assert answer.missing == ()
+
+
+@pytest.mark.parametrize("step_m", [0.3048, 3.048])
+def test_a_fast_climb_that_stops_at_once_is_a_blocked_port_in_coarse_steps_too(step_m: float):
+    altitude = 1000.0 + 20.0 * np.minimum(np.arange(6000) / 10.0, ONSET_S)
+    (found,) = find_holds(coarse_flight(altitude, step_m), 0.0, 600.0).findings
+    assert found.fault == "static_blocked"
+    assert found.onset_s == pytest.approx(ONSET_S, abs=2.0)
 
 
 def test_a_climb_that_stops_at_once_is_a_blocked_port():

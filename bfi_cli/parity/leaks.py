@@ -1,0 +1,207 @@
+"""Pressure lines that leak: a pitot tube with an open drain, a static line that is open to the cabin."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..flightlog import FlightLog
+from .braking import LEFT, brakes
+from .finding import Finding
+from .lines import (
+    LENGTH_S,
+    METRES,
+    SMEARED_S,
+    STOPPED_AT,
+    Lines,
+    PressureLine,
+    edge_of,
+    line_finding,
+    runs_of,
+    stretches_of,
+    touching_runs,
+)
+from .relaxation import Relaxation, relaxations
+
+__all__ = ["LANDING", "begins_within", "pitot_leaks", "static_leaks"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+LANDING = "the impact pressure is lost as in a landing"
+# A leak with an open drain takes all of the impact pressure: how long, s, nearly none is left at least, and how long
+# the fall to there may take with the level before it.
+LONGEST_FALL_S = (5.0, 60.0)
+LONGEST_LEVEL_S = 15.0  # s before the onset, in which the speed is taken to be constant
+# The fall is fitted down to this share of that, as an exponential with a time constant of at most this, s, from so many
+# blocks; its misfit in ln q: a tenth of a speed that changes meanwhile.
+FITTED_TO, LONGEST_TIME_CONSTANT_S, FEWEST_OF_FALL, LARGEST_MISFIT = 0.2, 16.0, 12, 0.2
+# Of the median impact pressure in flight, above which no landing roll begins: a touch-down has 0.36.
+NO_ROLL = 0.5
+# s before the onset, whose median is the level.
+LEVEL_S = 5.0
+# A static line that leaks to the cabin holds still within so many time constants and s of the onset, up to the longest,
+# at the pressure that the leak goes to but for this share of the change, by which a cabin may climb meanwhile.
+STILL_AFTER, STILL_AFTER_S, LONGEST_STILL_AFTER_S, SAME_LEVEL = 15.0, 15.0, 465.0, 0.15
+# The total pressure stays on its course meanwhile: it changes by at most this share of the static pressure's change
+# within so many time constants, where a climb changes both alike.
+LARGEST_SHARE_OF_TOTAL, COMPARED = 0.5, 2.0
+# s before its onset, from which on what the pitot line shows is the leak's.
+BEFORE_LEAK_S = 5.0
+# m; an aircraft that has landed does not climb or descend by this in the minute after.
+FLYING_M, AFTER_S = 15.0, 60.0
+
+
+def begins_within(finding: Finding, leak: Finding) -> bool:
+    """Say whether a finding begins while a static line leaks."""
+    end_s = np.inf if leak.offset_s is None else leak.offset_s
+    return leak.onset_s - BEFORE_LEAK_S <= finding.onset_s <= end_s
+
+
+def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> list[Finding]:
+    """Return the static pressures that go from their course to the cabin's at once, and hold it.
+
+    An aircraft that levels off reaches its altitude as an exponential too, but from the rate at which it climbed, with
+    its total pressure; and without a leak the pressure it holds is not still.
+    """
+    line, total = lines.of("p_static"), lines.of("p_total")
+    if line is None or total is None:
+        return []
+    t = lines.time_s
+    own = stretches_of(lines, line, LENGTH_S["p_static"], float(t[0]), np.inf)
+    # With the cabin's pressure there may be no airspeed, and nothing that shows the flight.
+    still = np.flatnonzero(own.sd <= own.limit)
+    if not still.size:
+        return []
+    following = still[np.minimum(np.searchsorted(still, np.arange(len(t))), still.size - 1)]
+    soon = (following >= np.arange(len(t))) & (t[following] - t <= LONGEST_STILL_AFTER_S)
+    held = touching_runs(own.sd <= own.limit, own.n)
+    least_jump = STOPPED_AT / METRES * line.values
+    found: list[Finding] = []
+    for one in relaxations(t, line.values, soon & (t >= from_s - 1e-6) & (t < to_s), least_jump):
+        first = int(following[one.onset])
+        rests = float(np.mean(line.values[first : first + own.n]))
+        in_time = t[first] - t[one.onset] <= STILL_AFTER * one.time_constant_s + STILL_AFTER_S
+        same = abs(rests - one.level) <= SAME_LEVEL * abs(one.change)
+        if not (in_time and same and _leaves_total(lines, line, total, one)):
+            continue
+        # The line that is held goes on to the last of the stretches that touch.
+        last = next(last for _, last in held if last >= first)
+        leak = line_finding(
+            log,
+            "p_static",
+            "static_leak",
+            onset_s=float(t[one.onset]),
+            onset_ci95=(one.from_s - SMEARED_S, one.to_s + SMEARED_S),
+            offset_s=lines.offset_s(edge_of(lines, line, last + own.n // 2, 1), to_s),
+            statistic=METRES * abs(one.jump) / float(line.values[one.onset]),
+            threshold=STOPPED_AT,
+            evidence={"time_constant_s": one.time_constant_s},
+        )
+        found += [] if any(begins_within(leak, earlier) for earlier in found) else [leak]
+    return found
+
+
+def _leaves_total(lines: Lines, line: PressureLine, total: PressureLine, one: Relaxation) -> bool:
+    """Say whether a relaxation of the static pressure began in flight and did not take the total pressure with it.
+
+    Where the cabin's pressure is above the total pressure there is no airspeed left, and none of the latter to see.
+    """
+    t, q = lines.time_s, lines.q_impact
+    last = int(np.searchsorted(t, t[one.onset] + COMPARED * one.time_constant_s))
+    before = (t >= t[one.onset] - LEVEL_S) & (t < t[one.onset])
+    if q is None or last >= len(t) or not before.any() or not np.mean(lines.borne[before]) > 0.5:
+        return False
+    if q[last] < LEFT * float(np.median(q[before])):
+        return True
+    share = (total.values[last] - total.values[one.onset]) / (line.values[last] - line.values[one.onset])
+    return bool(abs(share) <= LARGEST_SHARE_OF_TOTAL)
+
+
+def pitot_leaks(
+    log: FlightLog, lines: Lines, from_s: float, to_s: float
+) -> tuple[list[tuple[Finding, float]], list[tuple[float, float, str]]]:
+    """Return the exponential losses of nearly all impact pressure, each with its end, and what may be landings."""
+    t, q = lines.time_s, lines.q_impact
+    static = lines.of("p_static")
+    if q is None or static is None or not lines.flies.any():
+        return [], []
+    typical = float(np.nanmedian(q[lines.flies]))
+    within = (t >= from_s - 1e-6) & (t < to_s)
+    found, untold = [], []
+    for first, last in runs_of((q < LEFT * typical) & within):
+        fall = _fall(t, q, first, last, LEFT * typical, within)
+        if fall is None:
+            continue
+        onset_s, onset_ci95, time_constant_s = fall
+        level = float(np.nanmedian(q[within & (t >= onset_s - LEVEL_S) & (t <= onset_s)]))
+        after = slice(first, min(last + 1, first + round(AFTER_S / lines.step_s)))
+        p_static = static.values[after]
+        metres = METRES * np.ptp(p_static) / np.mean(p_static)
+        slows = brakes(log, onset_s, float(t[first]), level, float(np.mean(p_static)))
+        if slows or (slows is None and not (level > NO_ROLL * typical or metres > FLYING_M)):
+            untold.append((onset_s, float(t[last]), LANDING))
+            continue
+        lost = 1.0 - float(np.nanmin(q[first : last + 1])) / level
+        finding = line_finding(
+            log,
+            "p_total",
+            "pitot_leak",
+            onset_s=onset_s,
+            onset_ci95=onset_ci95,
+            offset_s=lines.offset_s(last, to_s),
+            statistic=lost,
+            threshold=1.0 - LEFT,
+            evidence={"time_constant_s": time_constant_s},
+        )
+        found.append((finding, float(t[first])))
+    return found, untold
+
+
+def _fall(
+    t: FloatArray, q: FloatArray, first: int, last: int, low: float, within: BoolArray
+) -> tuple[float, tuple[float, float], float] | None:
+    """Return onset, its interval and the time constant of an exponential fall to `low`; None where it is none.
+
+    ln q is a constant, then a line: least squares over every onset.
+    """
+    if t[last] - t[first] < LONGEST_FALL_S[0]:
+        return None
+    ending = first
+    while ending < last and q[ending + 1] > FITTED_TO * low and q[ending + 1] <= q[ending]:
+        ending += 1
+    part = np.flatnonzero(within & (t >= t[first] - LONGEST_FALL_S[1]) & (t <= t[ending]) & (q > FITTED_TO * low))
+    flown = np.flatnonzero(q[part] < low)
+    # What was slow before, as in a take-off, is no level to fall from.
+    slow = part[flown[part[flown] < first]]
+    part = part[part > slow[-1]] if slow.size else part
+    if len(part) < FEWEST_OF_FALL:
+        return None
+    # The speed before the onset is a constant for a while only, which the second fit takes.
+    squares, _ = _kinks(t[part], np.log(q[part]))
+    part = part[t[part] >= t[part[int(np.argmin(squares)) + 2]] - LONGEST_LEVEL_S]
+    if len(part) < FEWEST_OF_FALL:
+        return None
+    squares, fits = _kinks(t[part], np.log(q[part]))
+    k = int(np.argmin(squares))
+    at = t[part]
+    rate, misfit = fits[k]
+    if not rate > 1.0 / LONGEST_TIME_CONSTANT_S or misfit > LARGEST_MISFIT:
+        return None
+    # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
+    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + 5.0 * 3.84 / len(part))) + 2]
+    onset_s, time_constant_s = float(at[k + 2]), float(1.0 / rate)
+    half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
+    return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s
+
+
+def _kinks(at: FloatArray, y: FloatArray) -> tuple[FloatArray, list[tuple[float, float]]]:
+    """Return what is left of squares by a constant that becomes a line at each inner point, its slope and misfit."""
+    squares, fits = [], []
+    for k in range(2, len(at) - 2):
+        design = np.column_stack([np.ones(len(at)), -np.maximum(at - at[k], 0.0)])
+        fitted = np.linalg.lstsq(design, y, rcond=None)[0]
+        rest = y - design @ fitted
+        squares.append(float(rest @ rest))
+        fits.append((float(fitted[1]), float(np.sqrt(np.mean(rest[k:] ** 2)))))
+    return np.array(squares), fits

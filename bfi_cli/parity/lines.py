@@ -1,0 +1,269 @@
+"""The static and the total pressure of a log in blocks, and how far each strays from straight lines.
+
+A trapped pressure is a line in time but for the noise of its transducer and the steps of the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
+from ..flightlog import FlightLog
+from ..kernels.stillness import noise_of_second_differences, sd_about_lines
+from .finding import Finding
+from .sampled import Blocks, airborne, quanta_of
+
+__all__ = ["Lines", "PressureLine", "Stretches", "edge_of", "line_finding", "lines_of", "runs_of", "stretches_of"]
+__all__ += ["touching_runs"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BLOCK_S = 0.5
+# Points of a stretch are means over this long: steps and noise of a trapped line mostly average, motion does not.
+POINT_S = 2.5
+LENGTH_S = {"p_total": 30.0, "p_static": 40.0}
+FEWEST_POINTS = 5  # of a stretch; with fewer a line passes through anything
+# Times the standard deviation that steps and noise make. The step of a slow signal errs by its full standard deviation,
+# which hardly varies; white noise of 12 points varies by a fifth, but is the lesser part.
+LARGEST = 1.25
+# Noise is that of the calmest twentieth of pieces of 5 s.
+PIECE_S, CALMEST = 5.0, 0.05
+# Of the pressure; what float32 keeps of an altitude or an airspeed is better.
+ROUNDING = 1e-7
+# m of altitude for a share of the static pressure, to a tenth: gas constant of air times a typical temperature over g.
+METRES = 287.05 * 265.0 / G
+# Times the noise of a sample beside the line, within which a line still holds.
+BAND = 4.0
+# Of the median impact pressure in flight, from which on the aircraft may fly.
+BORNE = 0.3
+# m/s. A climb faster than this that ends within a block is no levelling off, which takes a second per m/s^2 of lift.
+STOPPED_AT = 4.0
+# By which a recorder's low-pass moves the edge of a hold.
+SMEARED_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressureLine:
+    """One pressure of a log, once in a block: `step_sd` (n,) of its recorded steps, `noise_sd` of a block, Pa."""
+
+    pressure: str
+    made_of: tuple[str, ...]
+    values: FloatArray
+    step_sd: FloatArray
+    noise_sd: float
+    point_noise_sd: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lines:
+    """The pressure lines of a whole log, for `find_holds` on many of its windows.
+
+    Attributes
+    ----------
+    time_s : (n,) seconds; flies : (n,) whether the aircraft flies for certain; borne : (n,) whether it may.
+    step_s : between blocks, s.
+    q_impact : (n,) Pa, None where it is not known.
+    """
+
+    time_s: FloatArray
+    flies: BoolArray
+    borne: BoolArray
+    step_s: float
+    q_impact: FloatArray | None
+    lines: tuple[PressureLine, ...]
+    missing: tuple[str, ...]
+
+    def of(self, pressure: str) -> PressureLine | None:
+        return next((line for line in self.lines if line.pressure == pressure), None)
+
+    def offset_s(self, end: int, to_s: float) -> float | None:
+        """Return when what ends in a block is over, None where it lasts to the end of the window or of the log."""
+        end_s = float(self.time_s[end])
+        return None if end_s >= min(to_s, float(self.time_s[-1])) - 2.0 * self.step_s else end_s
+
+
+def lines_of(log: FlightLog) -> Lines:
+    """Return the pressure lines of a log, their steps and their noise."""
+    blocks = Blocks.of(log.time_s, BLOCK_S)
+    step_s = max(BLOCK_S, float(np.median(np.diff(blocks.time_s))) if len(blocks.time_s) > 1 else BLOCK_S)
+    flies = airborne(log, blocks.time_s)
+    names = {*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"} & log.channels.keys()
+    missing: list[str] = []
+    unwatched = Lines(
+        time_s=blocks.time_s, flies=flies, borne=flies, step_s=step_s, q_impact=None, lines=(), missing=()
+    )
+    if not set(STATIC_SOURCES) & names:
+        missing.append("the pressure lines are not watched: the log lacks altitude or p_static")
+    elif not flies.any():
+        missing.append("the pressure lines are not watched: the log shows no flight")
+    elif step_s > POINT_S:
+        why = f"it has a sample every {step_s:g} s, one every {POINT_S:g} s at least is needed"
+        missing.append(f"the pressure lines are not watched: {why}")
+    if missing:
+        return replace(unwatched, missing=tuple(missing))
+    values = {name: blocks.mean(log.channels[name].values) for name in names}
+    has_impact = bool(set(IMPACT_SOURCES) & names)
+    if not has_impact:
+        values["q_impact"] = np.zeros(len(blocks.time_s))
+        missing.append("the pitot tube is not watched: the log lacks an airspeed, mach, q_impact or p_total")
+    air = air_data_of(values)
+    if not np.isfinite(air.p_static + air.q_impact)[flies].any():
+        missing.append("the pressure lines are not watched: no sample in flight has both pressures")
+        return replace(unwatched, missing=tuple(missing))
+    if air.made_of["q_impact"] == ("tas",) and has_impact:
+        heat = [name for name in ("tat", "sat") if name in names]
+        missing.append(
+            "the total pressure is that of tas, altitude and "
+            + (f"{heat[0]}, whose steps hide what moves less" if heat else "the temperature of the standard atmosphere")
+            + ": a blocked pitot tube is found less often than with cas or mach"
+        )
+    quanta = quanta_of(log, names)
+    lines = []
+    for pressure, sources in (("p_static", ()), ("p_total", air.made_of["q_impact"])):
+        if pressure == "p_total" and not has_impact:
+            continue
+        used = dict.fromkeys((*air.made_of["p_static"], *sources))
+        if sources == ("tas",):
+            used |= dict.fromkeys(
+                air.made_of["tat"] if air.made_of["tat"] else [n for n in ("tat", "sat") if n in names]
+            )
+        own = np.asarray(getattr(air, pressure))
+        steps = np.zeros(len(own))
+        for name in used.keys() & quanta.keys():
+            moved = air_data_of({**values, name: values[name] + quanta[name]})
+            steps = steps + (np.asarray(getattr(moved, pressure)) - own) ** 2 / 12.0
+        noise = noise_of_second_differences(np.where(flies, own, np.nan), max(2, round(PIECE_S / step_s)), CALMEST)
+        # A step that the log does not show may be as slow as a stretch is long: its noise then does not average.
+        averaged = max(1, round(POINT_S / step_s)) if used.keys() <= quanta.keys() else 1
+        lines.append(
+            PressureLine(
+                pressure=pressure,
+                made_of=tuple(used),
+                values=own,
+                step_sd=np.sqrt(steps + (ROUNDING * own) ** 2),
+                noise_sd=noise,
+                point_noise_sd=noise / np.sqrt(averaged),
+            )
+        )
+    return replace(
+        unwatched,
+        borne=air.q_impact >= BORNE * np.nanmedian(air.q_impact[flies]) if has_impact else flies,
+        q_impact=np.asarray(air.q_impact) if has_impact else None,
+        lines=tuple(lines),
+        missing=tuple(missing),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stretches:
+    """All stretches of a line, by their first block: sd about a line, the limit of it, both Pa, and what is known.
+
+    Attributes
+    ----------
+    rise : m, between its ends.
+    whole : in flight and without gaps; inside : also within the window. n : blocks of a stretch.
+    """
+
+    sd: FloatArray
+    limit: FloatArray
+    rise: FloatArray
+    whole: BoolArray
+    inside: BoolArray
+    n: int
+
+    @property
+    def still(self) -> BoolArray:
+        return self.whole & (self.sd <= self.limit)
+
+
+def stretches_of(lines: Lines, line: PressureLine, length_s: float, from_s: float, to_s: float) -> Stretches:
+    """Return all stretches of a length, s, and which of them lie within a window."""
+    stride = max(1, round(POINT_S / lines.step_s))
+    n_points = max(FEWEST_POINTS, round(length_s / (stride * lines.step_s)))
+    n = n_points * stride
+    sd = sd_about_lines(line.values, n_points, stride)
+    m = len(sd)
+    first, last = np.arange(m), np.arange(m) + n - 1
+    limit = LARGEST * np.hypot(line.step_sd[first], line.point_noise_sd) if m else np.zeros(0)
+    span = lines.time_s[last] - lines.time_s[first]
+    # A trapped line shows no flight after a while: the beginning of a stretch counts.
+    borne, early = np.concatenate([[0.0], np.cumsum(lines.borne)]), max(1, n // 4)
+    whole = (span <= (n - 1) * lines.step_s + 1.0) & (borne[first + early] - borne[first] >= 0.5 * early)
+    whole &= np.isfinite(sd)
+    inside = whole & (lines.time_s[first] >= from_s - 1e-6) & (lines.time_s[last] < to_s)
+    rise = METRES * np.abs(line.values[last] / line.values[first] - 1.0)
+    return Stretches(sd=sd, limit=limit, rise=rise, whole=whole, inside=inside, n=n)
+
+
+def runs_of(marked: BoolArray) -> list[tuple[int, int]]:
+    """Return the first and last index of every run of true values."""
+    edges = np.flatnonzero(np.diff(marked.astype(np.int8), prepend=0, append=0))
+    return [(int(first), int(end) - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def touching_runs(marked: BoolArray, n: int) -> list[tuple[int, int]]:
+    """Return the runs of marked stretches of n blocks, those joined whose stretches touch."""
+    runs: list[tuple[int, int]] = []
+    for first, last in runs_of(marked):
+        if runs and first <= runs[-1][1] + n:
+            runs[-1] = (runs[-1][0], last)
+        else:
+            runs.append((first, last))
+    return runs
+
+
+def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
+    """Return the last block that is still on the line of a stretch around `middle`, going one way."""
+    half = max(2, round(0.4 * LENGTH_S[line.pressure] / lines.step_s / 2.0))
+    around = np.arange(max(0, middle - half), min(len(lines.time_s), middle + half + 1))
+    at = lines.time_s[around] - lines.time_s[middle]
+    design = np.column_stack([np.ones(len(at)), at])
+    level = np.linalg.lstsq(design, line.values[around] - line.values[middle], rcond=None)[0]
+    at = lines.time_s - lines.time_s[middle]
+    off = np.abs(line.values - line.values[middle] - level[0] - level[1] * at)
+    # Two blocks in a row: one of noise may stray.
+    away = ~(off <= BAND * float(np.hypot(line.step_sd[middle], line.noise_sd)))
+    away = away[middle:] if way > 0 else away[middle::-1]
+    twice = np.flatnonzero(away[:-1] & away[1:])
+    return middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)
+
+
+def line_finding(
+    log: FlightLog,
+    pressure: str,
+    fault: str,
+    *,
+    onset_s: float,
+    onset_ci95: tuple[float, float],
+    offset_s: float | None,
+    statistic: float,
+    threshold: float,
+    evidence: Mapping[str, float],
+) -> Finding:
+    """Return the finding of a fault of a line, which has no size, with the channels that follow from the line."""
+    channels = tuple(
+        name
+        for name in log.channels
+        if pressure in DEPENDS_ON.get(name, ()) and not (name == "sat" and "tat" not in log.channels)
+    )
+    return Finding(
+        fault=fault,
+        among=(fault,),
+        channels=channels,
+        stage="holds",
+        shape=fault,
+        magnitude=None,
+        sd=None,
+        unit="",
+        onset_s=onset_s,
+        onset_ci95=onset_ci95,
+        offset_s=offset_s,
+        statistic=statistic,
+        threshold=threshold,
+        evidence=evidence,
+    )

@@ -1,0 +1,89 @@
+"""Lines that hold and leak on recorded flights whose altitude comes in steps, at several rates.
+
+Altitudes of flight recorders are in steps of one foot, of transponders in steps of 25 and 100 ft. Level flight then
+stands still for minutes within a step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_recorded_faults import FLIGHTS
+from trials import FULL
+
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, inject, read_log
+from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.flightlog.recorder import with_seen_recorder
+from bfi_cli.parity.holds import find_holds
+
+pytestmark = [pytest.mark.slow, pytest.mark.realdata]
+
+FOOT_M = 0.3048
+STEPS_FT = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 10.0, 20.0, 25.0, 50.0, 100.0)
+RATES_HZ = (10.0, 1.0, 0.5)
+# Of a static line: the cabin's altitude, m, None where it is open to the ground; its time constant, s; when, s from the
+# first sample.
+LEAKS = ((0.0, 5.0, 2000.0), (1800.0, 5.0, 2000.0), (2400.0, 1.0, 2000.0))
+LEAKS += ((None, 20.0, 2000.0), (2400.0, 10.0, 1200.0), (2400.0, 2.0, 2900.0))
+
+
+@pytest.fixture(scope="module")
+def logs(flights: Path) -> list[FlightLog]:
+    return [with_seen_recorder(read_log(flights / name)) for name in FLIGHTS]
+
+
+def coarse(log: FlightLog, rate_hz: float, step_m: float) -> FlightLog:
+    """Return every n-th sample of a log, its altitude rounded to steps."""
+    every = max(1, round(log.rate_hz / rate_hz))
+    channels = {name: replace(one, values=frozen_array(one.values[::every])) for name, one in log.channels.items()}
+    if step_m:
+        altitude = channels["altitude"]
+        rounded = np.round(altitude.values / step_m) * step_m
+        channels["altitude"] = replace(altitude, values=frozen_array(rounded))
+    return replace(log, time_s=frozen_array(log.time_s[::every]), channels=channels)
+
+
+def test_a_healthy_flight_has_no_hold_in_coarse_steps(logs: list[FlightLog]) -> None:
+    trials = [(log, rate_hz, feet) for log in logs for rate_hz in RATES_HZ for feet in STEPS_FT]
+    for log, rate_hz, feet in trials if FULL else trials[::3]:
+        holds = find_holds(coarse(log, rate_hz, feet * FOOT_M), -np.inf, np.inf)
+        assert holds.findings == (), (log.path, rate_hz, feet)
+        if feet >= 10.0:
+            assert any("static_blocked could hide" in sentence for sentence in holds.missing)
+
+
+@pytest.mark.parametrize(("shape", "step_m", "bar"), [("static_blocked", FOOT_M, 0.8), ("pitot_blocked", 1.0, 0.7)])
+def test_a_blocked_line_is_named_in_what_steps_allow(
+    logs: list[FlightLog], shape: str, step_m: float, bar: float
+) -> None:
+    named, others, n = 0, 0, 0
+    for log in logs:
+        for after_s in np.arange(700.0, 4000.0, 300.0 if FULL else 900.0):
+            onset_s = float(log.time_s[0]) + float(after_s)
+            faulty = inject(log, [Fault(shape=shape, onset_s=onset_s, offset_s=onset_s + 120.0)])
+            found = find_holds(coarse(faulty, 10.0, step_m), -np.inf, np.inf).findings
+            right = [one for one in found if one.fault == shape and abs(one.onset_s - onset_s) <= 15.0]
+            named, others, n = named + bool(right), others + len(found) - len(right), n + 1
+    print(f"{shape}, steps of {step_m:g} m: {named} of {n} named, {others} others")
+    assert named >= bar * n
+    assert others <= 0.1 * n
+
+
+def test_a_static_line_that_leaks_is_named_with_its_time_constant(logs: list[FlightLog]) -> None:
+    for log in logs:
+        for cabin_altitude_m, time_constant_s, after_s in LEAKS:
+            onset_s = float(log.time_s[0]) + after_s
+            leak = Fault(
+                shape="static_leak",
+                onset_s=onset_s,
+                time_constant_s=time_constant_s,
+                cabin_altitude_m=cabin_altitude_m,
+            )
+            (found,) = find_holds(inject(log, [leak]), -np.inf, np.inf).findings
+            assert found.fault == "static_leak"
+            assert found.onset_s == pytest.approx(onset_s, abs=0.6)
+            assert found.evidence["time_constant_s"] == pytest.approx(time_constant_s, rel=0.06)

@@ -39,12 +39,12 @@ from ..preprocessing.magnitudes import (
     profiled_limits,
     statistic_needed,
 )
-from ..preprocessing.overdispersion import overdispersion
+from ..preprocessing.overdispersion import overdispersion, overdispersion_if_declared
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of, with_sizes
 from ..shapes import OF_LINES, SHAPES
 from .magnitudes import MethodResult
-from .onset_search import Moved, move_onsets
+from .onset_search import Moved, move_entry, move_onsets
 from .result import SolverSummary
 from .selection import Selection
 from .supports import propose_supports
@@ -84,6 +84,7 @@ def identify_by_likelihood(
     """
     names, notes, declined = [window.names[j] for j in window.live], list[str](), dict[int, str]()
     window, regression = _at_own_sizes(window, regression, config)
+    at_stated = (window, regression)
     rules, searching = config.selection, partial(progress, "search for the faults")
     choose = partial(select, evidence=rules.evidence, extended=rules.criterion == "ebic", max_active=rules.max_active)
     selection = choose(regression, report=searching)
@@ -108,17 +109,23 @@ def identify_by_likelihood(
     bare = replace(selection.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
     selection = replace(selection, unfolded=bare)
     moved = replace(moved, window=window, regression=regression, selection=selection)
-    coarse = at_half_rate(window, regression, config, partial(progress, "the record at half the rate"))
-    elsewhere = partial(progress, "the same shapes elsewhere")
-    dispersion = overdispersion(window, regression, selection.best.fit, elsewhere)
-    penalty, sizing = selection.penalty, partial(progress, "magnitudes")
-    estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
+    coarse, dispersion, estimates = _estimated(moved, config, progress)
+    penalty, has_lines = selection.penalty, any(window.faults[entry].shape in OF_LINES for entry in window.live)
     while not stated:
         failed = _failed_test(regression, selection, estimates, dispersion, moved.prices)
         failed = failed or _not_whole(window, regression, selection)
         if failed is None:
             break
         atom, reason = failed
+        if not (declined or has_lines or atom in moved.shifts_s):
+            # What a fault that begins beside its onset leaves there stands out at other onsets too.
+            beside = move_entry(moved, atom, *at_stated, config, choose)
+            if beside is not None:
+                estimated = _estimated(beside, config, progress)
+                if _failed_test(beside.regression, beside.selection, estimated[2], estimated[1], beside.prices) is None:
+                    moved, (coarse, dispersion, estimates) = beside, estimated
+                    window, regression, selection = moved.window, moved.regression, moved.selection
+                    break
         notes.append(f"'{names[atom]}' is not declared: {reason}")
         declined[atom] = reason
         selection = _without(regression, selection, atom)
@@ -126,7 +133,11 @@ def identify_by_likelihood(
         estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
     several, fit = len(selection.searches) > 1, selection.best.fit
     needed = statistic_needed(penalty, dispersion)
-    limits = profiled_limits(regression, fit, estimates, penalty, dispersion)
+    likely, sized = overdispersion_if_declared(window, regression, fit, dispersion), estimates
+    if np.any(likely > dispersion):
+        sizing = partial(progress, "magnitudes that would be declared")
+        sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
+    limits = profiled_limits(regression, fit, sized, penalty, likely)
     if not stated:
         limits = limits_within_tolerance(
             window,
@@ -135,7 +146,7 @@ def identify_by_likelihood(
             selection.fits,
             limits,
             penalty,
-            dispersion,
+            likely,
             coarse,
             partial(progress, "magnitudes within the onset tolerance"),
         )
@@ -171,6 +182,24 @@ def identify_by_likelihood(
         analysed=(window, regression) if moved.shifts_s or window.sizes else None,
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
+
+
+def _estimated(
+    moved: Moved, config: Config, progress: Progress
+) -> tuple[RegressionData | None, FloatArray, MagnitudeEstimates]:
+    """Return the regression at half the rate, (n_live,) overdispersions and the magnitudes of a selection."""
+    coarse = at_half_rate(moved.window, moved.regression, config, partial(progress, "the record at half the rate"))
+    elsewhere = partial(progress, "the same shapes elsewhere")
+    dispersion = overdispersion(moved.window, moved.regression, moved.selection.best.fit, elsewhere)
+    estimates = estimate_magnitudes(
+        moved.regression,
+        moved.selection.fits,
+        moved.selection.penalty,
+        dispersion,
+        coarse,
+        partial(progress, "magnitudes"),
+    )
+    return coarse, dispersion, estimates
 
 
 def _at_own_sizes(

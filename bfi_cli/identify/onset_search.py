@@ -23,7 +23,7 @@ from ..preprocessing.regression import Adding, RegressionData
 from ..preprocessing.window import PreparedWindow, shifted_signals, shifts_within, with_onsets
 from .selection import Selection
 
-__all__ = ["Moved", "move_onsets"]
+__all__ = ["Moved", "move_entry", "move_onsets"]
 
 # Onsets of an entry that are fitted: the best to first order, which may rank neighbours wrongly.
 FITTED = 3
@@ -85,6 +85,32 @@ def move_onsets(
     return now
 
 
+def move_entry(
+    moved: Moved,
+    entry: int,
+    window: PreparedWindow,
+    regression: RegressionData,
+    config: Config,
+    select: Callable[[RegressionData], Selection],
+) -> Moved | None:
+    """Move one entry to its best onset besides the stated one, None where it has none or is not chosen there.
+
+    For an entry that is not declared at the stated onset: it is then held against no fault, and not against itself.
+
+    Parameters
+    ----------
+    moved : what was found so far; entry : live entry that has not moved.
+    window, regression : with the onsets of the dictionary.
+    select : returns the selection on another regression.
+    """
+    found = _best_move(moved, window, config, entry)
+    if found is None:
+        return None
+    _, shift_s, price = found
+    there = _at(window, regression, {**moved.shifts_s, entry: shift_s}, {**moved.prices, entry: price}, select)
+    return there if set(there.shifts_s) <= set(there.selection.best.fit.atoms) else None
+
+
 def _at(
     window: PreparedWindow,
     regression: RegressionData,
@@ -102,14 +128,21 @@ def _cost(moved: Moved, penalty: Penalty) -> float:
     return penalty.criterion(moved.selection.best.fit) + sum(moved.prices.values())
 
 
-def _best_move(now: Moved, window: PreparedWindow, config: Config) -> tuple[int, float, float] | None:
-    """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does."""
+def _best_move(
+    now: Moved, window: PreparedWindow, config: Config, only: int | None = None
+) -> tuple[int, float, float] | None:
+    """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does.
+
+    Parameters
+    ----------
+    only : an entry that moves to the best of its other onsets, whether that lowers the criterion or not.
+    """
     best, penalty = now.selection.best, now.selection.penalty
-    lowest, found = best.criterion, None
+    lowest, found = best.criterion if only is None else np.inf, None
     supports: dict[tuple[int, ...], Adding] = {}
     for n, entry in enumerate(window.live):
         shifts = shifts_within(window, entry, config.onset_tolerance_s)
-        if n in now.shifts_s or not shifts.size:
+        if n in now.shifts_s or not shifts.size or only not in (None, n):
             continue
         price = searched(penalty, shifts.size).evidence - penalty.evidence
         theta = now.regression.over_unit(shifted_signals(window, entry, shifts.tolist())[0])

@@ -20,7 +20,7 @@ from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
-from .overdispersion import overdispersion
+from .overdispersion import overdispersion, overdispersion_if_declared
 from .regression import RegressionData, build_regression, decimate_native
 from .window import PreparedWindow, regression_of, shifts_within, slopes_at, with_onsets
 
@@ -313,6 +313,7 @@ def fault_free_limits(window: PreparedWindow, config: Config, report: Report = s
     scored, penalty = fault_free_fits(regression, config, len(window.live))
     best = min(scored, key=lambda one: one.criterion).fit
     dispersion = overdispersion(window, regression, best)
+    dispersion = overdispersion_if_declared(window, regression, best, dispersion)
     coarse = at_half_rate(window, regression, config)
     estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
     exactly = profiled_limits(regression, best, estimates, penalty, dispersion)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
+from bfi_cli.identify.maximum_likelihood import select
+from bfi_cli.identify.onset_search import Moved, move_entry
 from bfi_cli.preprocessing.regression import decimate_native
-from bfi_cli.preprocessing.window import prepare_window, shifted_signals, shifts_within, with_onsets
+from bfi_cli.preprocessing.window import prepare_window, regression_of, shifted_signals, shifts_within, with_onsets
 
 EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
 
@@ -86,3 +89,21 @@ def test_a_share_of_the_reading_stays_one_when_it_begins_later(flight, shift_s, 
     again, largest = decimate_native(moved.native, moved.rate.factor, moved.lowpass)
     np.testing.assert_allclose(again.theta, moved.signals.theta, rtol=1e-9)
     np.testing.assert_allclose(largest, moved.largest, rtol=1e-9)
+
+
+@pytest.mark.parametrize("shift_s", [-0.9, 0.6])
+def test_an_entry_that_is_not_declared_is_moved_to_its_best_other_onset(flight, thesis, shift_s):
+    """Whether that pays beside the stated onset or not: it is held against no fault."""
+    log = late(flight(3), thesis, "bias_13.8", 2.0, shift_s)
+    window = prepare_window(log, thesis, Config())
+    regression = regression_of(window, Config())
+    choose = partial(select, evidence=Config().selection.evidence, extended=True, max_active=None)
+    entry = [window.names[one] for one in window.live].index("bias_13.8")
+    at_stated = Moved(window=window, regression=regression, selection=choose(regression), shifts_s={}, prices={})
+    moved = move_entry(at_stated, entry, window, regression, Config(), choose)
+    assert moved is not None
+    assert moved.shifts_s == {entry: pytest.approx(shift_s, abs=0.06)}
+    assert moved.prices[entry] > 0.0
+    assert entry in moved.selection.best.fit.atoms
+    assert move_entry(moved, entry, window, regression, Config(), choose) is None
+    assert move_entry(at_stated, entry, window, regression, EXACT, choose) is None

@@ -14,6 +14,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.flightlog.recorder import recorder_filters
 
 EDGE_HZ, RATE_HZ, DURATION_S = 0.75, 10.0, 240.0
 RECORDER = Filter(kind="gaussian", edge_hz=EDGE_HZ, rate_hz=RATE_HZ)
@@ -73,6 +74,16 @@ def test_a_recorder_that_is_stated_counts_as_that_of_the_log(recorded: FlightLog
         ]
         assert limits(stated) == limits(own)
         assert any("Hz, as stated)" in note for note in stated.notes)
+
+
+@pytest.mark.parametrize(("edge_hz", "told"), [("none", True), (3.0, True), (0.8, False), ("auto", False)])
+def test_a_recorder_that_is_stated_against_the_log_counts_and_is_told(
+    recorded: FlightLog, edge_hz: str | float, told: bool
+):
+    filters, sentence = recorder_filters(recorded, edge_hz)
+    assert [one.edge_hz for one in filters] == ([] if edge_hz == "none" else [0.75 if edge_hz == "auto" else edge_hz])
+    assert ("but the log has one (gaussian, gain one half at 0.75 Hz, stated in the file)" in sentence) == told
+    assert sentence in detected(recorded, recorder__edge_hz=edge_hz).notes
 
 
 @pytest.mark.parametrize("kind", ["gaussian", "causal"])

@@ -38,7 +38,7 @@ NARROWEST, SPARE = 10, 5
 SELECTIVE = 1e-2
 # Samples per second and Hz of a recorder's edge above which its low-pass spreads a step over so many of them that no
 # count bounds what passes unseen. Of steps through the recorder of two flights (edge 0.75 Hz), 2 % above what is
-# excluded, 96 of 96 raise an alarm at 2 Hz, 94 of 95 at 2.5 Hz, 111 of 127 at 3.3 Hz, and at 10 Hz steps of 80 times it
+# excluded, 95 of 96 raise an alarm at 2 Hz, 94 of 95 at 2.5 Hz, 111 of 127 at 3.3 Hz, and at 10 Hz steps of 80 times it
 # raise none (tests/measurements/test_detect_recorded).
 RATE_PER_EDGE = SAMPLES_PER_EDGE["detect"]
 UNSTATED = "neither the file nor its channels tell whether the recorder low-passed the log"

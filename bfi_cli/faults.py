@@ -7,7 +7,7 @@ import difflib
 import math
 import reprlib
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -231,8 +231,13 @@ def fault_from_dict(data: Mapping[str, Any], *, where: str = "fault") -> Fault:
     return Fault(**fields)
 
 
-def parse_spec(text: str, *, where: str = "--fault") -> Fault:
+def parse_spec(text: str, *, where: str = "--fault", unit_of: Callable[[str], str] | None = None) -> Fault:
     """Return the fault of a command-line SPEC, "bias,channel=tas,magnitude=4,onset_s=13.8" or "...,magnitude=8kt,...".
+
+    Parameters
+    ----------
+    unit_of : the SI unit of a log's channel by its name, "" where none is stated, for channels without a standard name.
+        Without it a magnitude on one of these may state any unit.
 
     Raises
     ------
@@ -252,11 +257,11 @@ def parse_spec(text: str, *, where: str = "--fault") -> Fault:
             with contextlib.suppress(ValueError):  # what is no number is said by its key
                 given[key] = float(value)
     if isinstance(given.get("magnitude"), str):
-        given["magnitude"] = _magnitude_in_si(given, where=f"{where}: magnitude")
+        given["magnitude"] = _magnitude_in_si(given, unit_of, where=f"{where}: magnitude")
     return fault_from_dict(given, where=where)
 
 
-def _magnitude_in_si(given: Mapping[str, Any], *, where: str) -> float | str:
+def _magnitude_in_si(given: Mapping[str, Any], unit_of: Callable[[str], str] | None, *, where: str) -> float | str:
     """Return a magnitude that states its unit, "4kt", as a number in SI; what is no such text as it is.
 
     Raises
@@ -273,10 +278,17 @@ def _magnitude_in_si(given: Mapping[str, Any], *, where: str) -> float | str:
     if any(_problems({**given, "magnitude": value})):  # of other keys, which are told instead
         return value
     fault = fault_from_dict({**given, "magnitude": value})
-    channel = STANDARD.get(fault.channel)
-    if channel is None and magnitude_unit(fault, "m") != magnitude_unit(fault, "K"):
-        return value  # the unit of that channel is the log's to say
-    expected = magnitude_unit(fault, "" if channel is None else channel.unit) or "1"
+    of_channel = ""
+    if fault.channel in STANDARD:
+        of_channel = STANDARD[fault.channel].unit
+    elif magnitude_unit(fault, "m") != magnitude_unit(fault, "K"):
+        if unit_of is None:
+            return value
+        of_channel = unit_of(fault.channel)
+        if not of_channel:
+            hint = f"state it with --unit {fault.channel}=UNIT, or leave the unit out"
+            raise DictionaryError(f"{where}: '{fault.channel}' has no unit in the log, got {shown(text)}; {hint}")
+    expected = magnitude_unit(fault, of_channel) or "1"
     if unit != expected:
         is_in = "is a pure number" if expected == "1" else f"is in {expected}"
         hint = "leave the unit out" if expected == "1" else "give a unit of that kind, or none for SI"

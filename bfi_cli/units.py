@@ -86,8 +86,10 @@ CONVERSIONS = (
 )
 CASE_MATTERS = {"kN": Conversion(1000.0, "N"), "MPa": Conversion(1e6, "Pa"), "mPa": Conversion(1e-3, "Pa")}
 BY_SPELLING = {spelling: conversion for conversion, spellings in CONVERSIONS for spelling in spellings.split()}
-# "5kt", "1.5e1 ft": a number and a unit that begins with no digit.
-AMOUNT = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s.].*)")
+# "5kt", "1.5e1 ft", "0.01 1/s", "0.01/s": a number and a unit, which begins with no digit but that of "1/".
+AMOUNT = re.compile(r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>(?:(?<=\s)1\s*/|[^\d\s.]).*)")
+# "deg/s" is the rate of "deg", "1/s^2" that of "1/s^1".
+RATE = re.compile(r"(?P<of>.+?)\s*/\s*s(?:ec)?(?:\^?(?P<power>[1-9]))?")
 RESPELL = str.maketrans({"°": "deg", "º": "deg", "µ": "u", "μ": "u", "²": "2", "·": ".", "⁻": "-", "¹": "1"})
 
 
@@ -135,7 +137,9 @@ def factor_and_offset(unit: str) -> tuple[float, float]:
 
 
 def change_in_si(text: str) -> tuple[float, str]:
-    """Return a difference with its unit, "5kt", "0.5 kt/s" or "2 degC", in SI, and its SI unit; it has no offset.
+    """Return a difference with its unit, "5kt", "0.5 kt/s", "0.01 1/s" or "2 degC", in SI, and its SI unit.
+
+    It has no offset. The rate of any known unit is known, and so is the rate of that, "m/s^3".
 
     Raises
     ------
@@ -145,12 +149,18 @@ def change_in_si(text: str) -> tuple[float, str]:
     amount = AMOUNT.fullmatch(text.strip())
     if amount is None:
         raise ValueError(text)
-    unit = amount["unit"].strip()
-    rate = re.fullmatch(r"(.+)/s(?:ec)?", unit) if _conversion(unit) is None else None
-    conversion = _conversion(unit if rate is None else rate[1])
+    unit, rates = amount["unit"].strip(), 0
+    stem = f"1{unit}" if unit.startswith("/") else unit
+    while _conversion(stem) is None and (rate := RATE.fullmatch(stem.translate(RESPELL))) is not None:
+        power = int(rate["power"] or 1)
+        stem = f"{rate['of'].strip()}/s^{power - 1}" if power > 1 else rate["of"].strip()
+        rates += 1
+    conversion = _conversion(stem)
     if conversion is None:
         raise LogError(_unknown(unit, "unit"))
-    si = conversion.si if rate is None else per_second(conversion.si)
+    si = conversion.si
+    for _ in range(rates):
+        si = per_second(si)
     return conversion.factor * float(amount["number"]), si
 
 

@@ -383,6 +383,10 @@ COMMANDS = {
     "inject good.csv -o new.h5 --fault bias,onset=3": (2, "onset: unknown key; did you mean 'onset_s'?"),
     "inject good.csv -o new.h5 --fault bias,3": (2, "expected key=value, got '3'; separate the keys by commas"),
     "inject good.csv -o new.h5 --fault bias,magnitude=x": (2, "magnitude: must be a finite number, got 'x'"),
+    "inject good.csv -o new.h5 --fault 'bias,magnitude=4 1/s'": (
+        2,
+        "magnitude: is in m/s, got '4 1/s'; give a unit of",
+    ),
     "inject good.csv -o new.h5 --fault bias,magnitude=inf": (2, "magnitude: must be a finite number, got inf"),
     "inject good.csv -o new.h5 --fault bias,channel=aoa": (3, "good.csv: no channel 'aoa'; the log has: elevator, tas"),
     "inject good.csv -o new.h5 --fault bias,onset_s=1000": (2, "never active in the log, got magnitude 1 from 1000 s"),

@@ -266,12 +266,54 @@ def test_the_physical_value_is_what_the_signal_shows(slope):
         ("drift,channel=altitude_rate,magnitude=3000 ft/min/s", drift_of(3000 * 0.3048 / 60)),
         ("drift,channel=altitude_rate,magnitude=2 m/s^2", drift_of(2.0)),
         ("scale,magnitude=5%", Fault(shape="scale", magnitude=0.05)),
+        ("pitot_icing,magnitude=0.01 1/s", Fault(shape="pitot_icing", channel="", magnitude=0.01)),
+        ("pitot_icing,magnitude=0.01/s", Fault(shape="pitot_icing", channel="", magnitude=0.01)),
+        ("pitot_icing,magnitude=1 % / s", Fault(shape="pitot_icing", channel="", magnitude=0.01)),
+        ("drift,channel=altitude_rate,magnitude=2m/s2", drift_of(2.0)),
+        (
+            "drift,channel=normal_acc,magnitude=2 m/s^3",
+            Fault(shape="drift", channel="normal_acc", magnitude=2.0),
+        ),
         ("pitot_icing,magnitude=1%/s", Fault(shape="pitot_icing", channel="", magnitude=0.01)),
         ("bias,channel=my_speed,magnitude=18 km/h", Fault(shape="bias", channel="my_speed", magnitude=5.0)),
     ],
 )
 def test_specs(text, fault):
     assert parse_spec(text) == fault
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "magnitude"),
+    [
+        ("rad", "bias,channel=probe,magnitude=180deg", np.pi),
+        ("rad", "drift,channel=probe,magnitude=180 deg/s", np.pi),
+        ("1", "drift,channel=probe,magnitude=5%/s", 0.05),
+        ("m/s", "bias,channel=probe,magnitude=4", 4.0),
+        ("", "bias,channel=probe,magnitude=4", 4.0),
+        ("", "scale,channel=probe,magnitude=5%", 0.05),
+    ],
+)
+def test_a_magnitude_on_a_channel_without_a_standard_name_is_in_the_unit_of_the_log(unit, text, magnitude):
+    assert parse_spec(text, unit_of={"probe": unit}.__getitem__).magnitude == pytest.approx(magnitude, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("unit", "size", "complaint"),
+    [
+        ("rad", "4kt", "is in rad, got '4kt'; give a unit of that kind, or none for SI"),
+        ("rad", "4deg/s", "is in rad, got '4deg/s'; give a unit of that kind"),
+        ("1", "4kt", "is a pure number, got '4kt'; leave the unit out"),
+        (
+            "",
+            "4kt",
+            "'probe' has no unit in the log, got '4kt'; state it with --unit probe=UNIT, or leave the unit out",
+        ),
+    ],
+)
+def test_a_magnitude_of_another_unit_than_that_of_the_channel_is_refused(unit, size, complaint):
+    with pytest.raises(DictionaryError) as refusal:
+        parse_spec(f"bias,channel=probe,magnitude={size}", unit_of={"probe": unit}.__getitem__)
+    assert f": magnitude: {complaint}" in str(refusal.value)
 
 
 @pytest.mark.parametrize(
@@ -293,6 +335,10 @@ def test_specs(text, fault):
         ("drift,magnitude=4kt", "magnitude: is in m/s^2, got '4kt'; give a unit of that kind, or none for SI"),
         ("drift,slope=2,magnitude=4kt/s", "magnitude: is a pure number, got '4kt/s'; leave the unit out"),
         ("pitot_icing,magnitude=1kt", "magnitude: is in 1/s, got '1kt'"),
+        ("bias,magnitude=4 1/s", "magnitude: is in m/s, got '4 1/s'; give a unit of that kind, or none for SI"),
+        ("pitot_icing,magnitude=4 m/s^2", "magnitude: is in 1/s, got '4 m/s^2'"),
+        ("pitot_icing,magnitude=4 2/s", "magnitude: must be a finite number, got '4 2/s'"),
+        ("pitot_icing,magnitude=4 //s", "magnitude: unknown unit '//s'"),
         ("bias,magnitude=4 knts", "magnitude: unknown unit 'knts'; did you mean 'knots'?"),
         ("bias,slop=2,magnitude=4deg", "slop: unknown key"),
         ("bias,magnitude=nan", "magnitude: must be a finite number, got nan"),

@@ -30,7 +30,7 @@ __all__ = ["command"]
 @log_argument
 @with_options(
     *("config_path", "train", "inputs", "outputs", "detect_false_alarm", "detect_method", "turns"),
-    *("from_s", "to_s", *CHANNELS, "rate", *VERDICT),
+    *("from_s", "to_s", *CHANNELS, "rate", "recorder", *VERDICT),
     *("allow_outside", "units", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
     inputs="An input; repeatable.  [default: controls and accelerations]",
     outputs="An output to watch; repeatable.  [default: of the log]",

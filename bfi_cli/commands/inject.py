@@ -50,6 +50,7 @@ def command(
     faults = [parse_spec(spec) for spec in specs]
     check_files([out], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
     clean = read_log(log, **source)
+    faults = [parse_spec(spec, unit_of=lambda name: clean.channel(name).unit) for spec in specs]
     if through_recorder and not clean.filters:
         raise LogError(
             f"{clean.path}: --through-recorder: neither stated nor shown by the log, got no filter; "

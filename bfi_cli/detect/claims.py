@@ -29,7 +29,7 @@ POWER, LIMIT = 1.2815515655446004, 2.3263478740408408
 # with it, and that a recorder smears it. Counted at random onsets: of steps of 1.25, 1.5 and 1.75 times the closed form
 # 50, 79 and 94 % of 48 are declared in four simulated flights of the Boeing 747. In six windows of 300 s of recorded
 # flights all of 30 sharp steps of 1.5 times it raise an alarm; through the recorder 50, 70, 97 and 100 % of 30 of 1.5,
-# 2, 2.5 and 3 times.
+# 2, 2.5 and 3 times. It holds up to the rate `detect.RATE_PER_EDGE`.
 ABSORBED, SMEARED = 1.7, 2.5
 # Share of the onsets whose limit a note gives where the worst one is beyond the tolerance: while the inputs move as
 # never before, the predictor knows nothing for a few seconds.

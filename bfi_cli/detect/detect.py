@@ -21,7 +21,7 @@ from ..shapes import Kind
 from ..verdicts import KINDS, decide, summarise, verdicts_of
 from .claims import ABSORBED, SMEARED, StepLimits, candidates_of, exact_limits, parity_limits
 from .parity import LASTING_IN_GUSTS, PATCH_S, DetectionThreshold, detect_sequentially
-from .preparation import FELT, PreparedRecord, decimate_record, prepare_record
+from .preparation import FELT, UNSTATED_HZ, PreparedRecord, decimate_record, prepare_record
 from .result import Alarm, Calibration, ChannelSeries, DetectResult, ParityModel
 
 # Seconds on either side of the onset that the next command analyses: about two of the records of T, 31.7 s each.
@@ -36,10 +36,12 @@ NARROWEST, SPARE = 10, 5
 # Share of the largest criterion below which a channel is not declared: what a failure inside the window leaves in the
 # other channels is smaller by orders of magnitude (H, after eq. 29).
 SELECTIVE = 1e-2
-# Samples per second and Hz of a recorder's edge above which its low-pass spreads a step over several of them. At 10 Hz
-# behind an edge of 0.75 Hz limits of sharp steps excluded 0.006 m/s where a step of 0.5 m/s raised no alarm; at the
-# rate of an identification, 4.5 per edge, a step of 1 m/s is declared and the limits are above it.
-RATE_PER_EDGE = 1.1 * SAMPLES_PER_EDGE["estimate"]
+# Samples per second and Hz of a recorder's edge above which its low-pass spreads a step over so many of them that no
+# count bounds what passes unseen. Of steps through the recorder of two flights (edge 0.75 Hz), 2 % above what is
+# excluded, 95 of 96 raise an alarm at 2 Hz, 94 of 95 at 2.5 Hz, 111 of 127 at 3.3 Hz, and at 10 Hz steps of 80 times it
+# raise none (tests/measurements/test_detect_recorded).
+RATE_PER_EDGE = SAMPLES_PER_EDGE["detect"]
+UNSTATED = "neither the file nor its channels tell whether the recorder low-passed the log"
 SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
 # What must be excluded for a "no fault" where the user does not say: nothing but steps is looked for.
 REQUIRED: tuple[Kind, ...] = ("abrupt",)
@@ -118,8 +120,8 @@ def _with_verdicts(
 
 def _helps(prepared: PreparedRecord, config: Config, limits: StepLimits | None) -> list[str]:
     """Return what lowers the limits, or lets them pass."""
-    if limits is None and prepared.recorder_hz is not None and config.detect.method != "exact":
-        return [f"--rate {SAMPLES_PER_EDGE['estimate'] * prepared.recorder_hz:.2g}"]
+    if limits is None and config.detect.method != "exact":
+        return _slower(prepared, config)
     if limits is None:
         return ["--method parity"]
     if not len(limits.onset_s):
@@ -130,6 +132,16 @@ def _helps(prepared: PreparedRecord, config: Config, limits: StepLimits | None) 
     ]
     said += ["more inputs (" + " ".join(f"--input {name}" for name in (*prepared.inputs, *idle)) + ")"] if idle else []
     return [*said, "calmer air", "a --tolerance that you accept"]
+
+
+def _slower(prepared: PreparedRecord, config: Config) -> list[str]:
+    """Return what gives limits where the rate is too high for the recorder."""
+    if prepared.stated and config.conditioning.rate_hz == "auto":
+        # The healthy time has too few samples at a lower rate.
+        return ["a longer healthy time (--train A:B)"]
+    assert prepared.recorder_hz is not None
+    said = [f"--rate {SAMPLES_PER_EDGE['scan'] * prepared.recorder_hz:.2g}"]
+    return said if prepared.stated else [*said, "--recorder HZ, or none where there is none"]
 
 
 def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResult, StepLimits | None]:
@@ -298,12 +310,19 @@ def _parity_result(
     )
     edge_hz = prepared.recorder_hz
     if edge_hz is not None and samples.rate_hz > RATE_PER_EDGE * edge_hz:
+        edge = f"(gain one half at {edge_hz:.3g} Hz)"
+        which = f"the recorder's low-pass {edge}" if prepared.stated else f"{UNSTATED}, and a low-pass {edge}"
         note = (
-            f"the recorder's low-pass (gain one half at {edge_hz:.3g} Hz) spreads a step over several samples at "
-            f"{samples.rate_hz:.3g} Hz, and what a sharp one would show does not bound it: no step is excluded; "
-            f"--rate {SAMPLES_PER_EDGE['estimate'] * edge_hz:.2g} gives limits"
+            f"{which} spreads a step over several samples at {samples.rate_hz:.3g} Hz, and what a sharp one would show "
+            f"does not bound it: no step is excluded; what gives limits: {'; '.join(_slower(prepared, config))}"
         )
         return replace(result, notes=(*result.notes, note)), None
+    if not prepared.stated:
+        note = (
+            f"{UNSTATED}: limits are of steps through any low-pass that keeps half of {UNSTATED_HZ:g} Hz; --recorder "
+            "HZ states a slower one"
+        )
+        result = replace(result, notes=(*result.notes, note))
     return result, parity_limits(samples, passes, factor=SMEARED if prepared.filtered else ABSORBED)
 
 

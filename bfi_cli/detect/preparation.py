@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from ..channels import INPUTS
 from ..config import Config
 from ..errors import ConfigError, LogError
-from ..filters import response_of
+from ..filters import alternatives, response_of
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
+from ..flightlog.recorder import recorder_filters
 from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..preprocessing.regression import Signals
@@ -30,9 +31,10 @@ LATERAL = ("aileron", "rudder")
 FELT = ("longitudinal_acc", "normal_acc")
 # A failure shows at once, which a higher rate than that of an identification tells sooner.
 FASTEST_HZ = 20.0
-# Seconds to either side over which a recorder that nobody states may spread a step; the slowest that is known here, of
-# the recorded Citation flights, has a Gaussian of 0.25 s, which ends within 0.75 s.
-UNSTATED_S = 1.0
+# A recorder that nobody states is taken to keep at least half of this frequency, and to spread a step over no more
+# seconds to either side: the slowest that is known here, of the recorded Citation flights, is a Gaussian with this
+# edge, which ends within 0.75 s.
+UNSTATED_HZ, UNSTATED_S = 0.75, 1.0
 # Share of a step that a filter may still hold back, or show too early, where its height is read.
 UNRISEN = 0.01
 # The channels that describe a turn, and the outputs that it changes.
@@ -61,8 +63,9 @@ class PreparedRecord:
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
-    filtered : what was recorded went through a low-pass, or may have; recorder_s : how far that reaches to either side;
-        recorder_hz : edge of the recorder's, None where it has none or none is stated.
+    filtered : what was recorded went through a low-pass, or may have; recorder_s : how far that reaches to either side.
+    recorder_hz : the lowest edge that the recorder may have, None where it has none.
+    stated : whether the recorder is known: stated or seen, or that there is none.
     """
 
     part: FlightLog
@@ -79,6 +82,7 @@ class PreparedRecord:
     filtered: bool
     recorder_s: float
     recorder_hz: float | None
+    stated: bool
     notes: tuple[str, ...]
 
 
@@ -128,6 +132,8 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
     helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
     part, needed = log.window(start_s, to_s), (*inputs, *outputs, *bank, *helping)
+    filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
+    stated = log.filters is not None or config.recorder.edge_hz != "auto"
     if must_resample(part, needed, rate_hz):
         assert not isinstance(rate_hz, str)
         part = resample(log, rate_hz, from_s=start_s, to_s=to_s)
@@ -140,14 +146,13 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
             f"{instant(last_s)} s; change --train, --from or --to"
         )
     # At the end of a log a recorder that looks ahead has filtered samples that it never had.
-    recorder = [one for one in log.filters or () if one.stage == "recorder"]
+    recorder = [one for one in filters if one.stage == "recorder"]
     ahead_s = response_of(recorder, log.rate_hz).before / log.rate_hz
     until_s = float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf
-    if log.filters is None:
-        recorder_s = UNSTATED_S
-    else:
-        through = response_of(log.filters, log.rate_hz)
-        recorder_s = _spread(through.taps, through.before) / log.rate_hz
+    through = response_of(filters, log.rate_hz)
+    recorder_s = _spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S
+    edges_hz = [one.edge_hz for chain in (filters, *alternatives(filters)) for one in chain if one.stage == "recorder"]
+    recorder_hz = min(edges_hz, default=None)
     if watch_s >= min(last_s, until_s):
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
     signals = [part.channel(name).values for name in inputs]
@@ -197,6 +202,8 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         )
     if bank:
         notes.append(TURNS)
+    if stated and about_recorder:
+        notes.append(about_recorder)
     return PreparedRecord(
         part=part,
         record=record,
@@ -207,11 +214,20 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
-        choice=choose_rate(healthy, (), exact=False, asked=rate_hz, fastest_hz=FASTEST_HZ),
+        choice=choose_rate(
+            healthy,
+            (),
+            exact=False,
+            asked=rate_hz,
+            recorder_hz=recorder_hz,
+            fastest_hz=FASTEST_HZ,
+            purpose="detect",
+        ),
         exact=is_exact(healthy),
-        filtered=log.filters is None or len(log.filters) > 0,
+        filtered=not stated or len(filters) > 0,
         recorder_s=recorder_s,
-        recorder_hz=min((one.edge_hz for one in recorder), default=None),
+        recorder_hz=recorder_hz if stated else UNSTATED_HZ,
+        stated=stated,
         notes=tuple(notes),
     )
 

@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 
 # Samples that are enough to see hundreds of jumps: three hours at 10 Hz.
 MOST_SAMPLES = 108_000
+# Relative difference of two edges beyond which they contradict each other: that of spectra with the right kind.
+SAME_EDGE = 0.2
 UNKNOWN = (
     "neither the file nor its channels tell whether the recorder low-passed the log: no recorder is assumed, "
     "--recorder HZ states one"
@@ -60,6 +62,8 @@ def recorder_filters(
 ) -> tuple[tuple[Filter, ...], str]:
     """Return the filters that a fault of the aircraft went through, recorder first, and a sentence on the recorder.
 
+    What is stated counts; the sentence says where the log itself shows another.
+
     Parameters
     ----------
     edge_hz : of the recorder; "none" for no filter, "auto" for what the log states or shows.
@@ -67,19 +71,24 @@ def recorder_filters(
     """
     known = log.filters or ()
     later = tuple(one for one in known if one.stage != "recorder")
+    recorders = [one for one in known if one.stage == "recorder"]
     if edge_hz == "none":
-        return later, ""
+        return later, " ".join(f"no recorder's low-pass is assumed, as stated; {_contrary(one)}" for one in recorders)
     if not isinstance(edge_hz, str):
         shape: Kind = "gaussian" if kind == "auto" else kind
         rate_hz = later[0].rate_hz if later else log.rate_hz
         stated = Filter(kind=shape, edge_hz=edge_hz, rate_hz=rate_hz, source="as stated")
-        return (stated, *later), _sentence(stated)
-    recorders = [one for one in known if one.stage == "recorder"]
+        contrary = [_contrary(one) for one in recorders if abs(one.edge_hz - edge_hz) > SAME_EDGE * edge_hz]
+        return (stated, *later), "; ".join([_sentence(stated), *contrary])
     if kind != "auto":
         recorders = [replace(one, kind=kind) for one in recorders]
     if log.filters is None:
         return (), UNKNOWN
     return (*recorders, *later), " ".join(map(_sentence, recorders))
+
+
+def _contrary(one: Filter) -> str:
+    return f"but the log has one ({one.kind}, gain one half at {one.edge_hz:.3g} Hz, {one.source})"
 
 
 def _sentence(one: Filter) -> str:

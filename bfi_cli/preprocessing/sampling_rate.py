@@ -17,7 +17,7 @@ from .regression import EXACT, NativeSignals, Signals
 __all__ = ["SAMPLES_PER_CYCLE", "Purpose", "RateChoice", "candidate_orders", "choose_rate", "is_exact"]
 
 FloatArray = NDArray[np.float64]
-Purpose = Literal["estimate", "scan"]
+Purpose = Literal["estimate", "scan", "detect"]
 
 # Rigid-body modes lie below 2 Hz; at 100 Hz a few lags span hundredths of a second and turn white noise of 0.01 m/s
 # into a drift, at 5 to 10 Hz they do not. 600 samples are 10 Hz in a minute and 5 Hz in two.
@@ -29,8 +29,8 @@ FEWEST_SAMPLES = 100
 # Behind a recorder's low-pass the rate follows its edge, for an estimate and for a scan, and the order spans this
 # time: 3.3 Hz and order 8, 2 Hz and order 6 on flights recorded with an edge of 0.75 Hz. There a fixed order found more
 # faults than one chosen together with them, whose choice the fault itself moves; rates above and below found fewer
-# (docs/theory.md, 7.3).
-SAMPLES_PER_EDGE = {"estimate": 4.5, "scan": 2.67}
+# (docs/theory.md, 7.3). The rate of a detection is that of a scan, or a tenth above it at most (docs/theory.md, 11.4).
+SAMPLES_PER_EDGE = {"estimate": 4.5, "scan": 2.67, "detect": 2.94}
 MEMORY_S = 2.6
 # Twice what Nyquist asks for: the low-pass of the analysis has lost half the power at the new Nyquist frequency.
 SAMPLES_PER_CYCLE = 4.0
@@ -73,7 +73,7 @@ def choose_rate(
     asked : a rate in Hz, "none" for the log's own, or "auto".
     recorder_hz : edge of the recorder's low-pass, None where it has none or none is known.
     fastest_hz : the highest rate to choose.
-    purpose : an estimate needs more of what is left above the edge than a scan.
+    purpose : an estimate needs more of what is left above the edge than a scan; a detection has a rate at most.
     """
     if asked == "none":
         return RateChoice(factor=1, reason="the log's own rate, as asked for")
@@ -87,7 +87,9 @@ def choose_rate(
     factor = int(np.floor(signals.rate_hz / rate + TIE))
     wanted = SAMPLES_PER_EDGE[purpose] * (recorder_hz or np.inf)
     if wanted < signals.rate_hz:
-        factor = max(1, round(signals.rate_hz / wanted))
+        # What a detection excludes holds up to that rate and not above.
+        nearest = np.ceil(signals.rate_hz / wanted - TIE) if purpose == "detect" else round(signals.rate_hz / wanted)
+        factor = max(1, int(nearest))
         reason = f"the recorder's low-pass leaves little above {signals.rate_hz / factor / 2.0:.3g} Hz"
     elif (empty := _empty_from(signals)) is not None and empty < rate:
         reason = f"the log carries next to nothing above {empty:.2g} Hz, as if low-passed by its recorder"

@@ -25,6 +25,14 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def odd(tmp_path: Path) -> Path:
+    """Return a log of two channels without standard names, the second without a unit."""
+    path = tmp_path / "odd.csv"
+    path.write_text("time [s],probe [deg],spare\n" + "".join(f"{k},{k % 7},{k % 5}\n" for k in range(9)), "utf-8")
+    return path
+
+
+@pytest.fixture
 def out(tmp_path: Path) -> Path:
     return tmp_path / "faulty.h5"
 
@@ -131,6 +139,36 @@ def test_what_the_user_can_mend_is_one_line(
     assert captured.err.startswith(message.format(log=clean))
     assert captured.err.count("\n") == 1
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "size", "complaint"),
+    [
+        ((), "4kt", "is in rad, got '4kt'; give a unit of that kind, or none for SI"),
+        (("--unit", "spare=kt"), "4deg", "is in m/s, got '4deg'; give a unit of that kind, or none for SI"),
+        (
+            (),
+            "4kt",
+            "'spare' has no unit in the log, got '4kt'; state it with --unit spare=UNIT, or leave the unit out",
+        ),
+    ],
+)
+def test_a_unit_that_a_channel_of_the_log_does_not_have_is_refused_before_anything_is_written(
+    options: tuple[str, ...], size: str, complaint: str, odd: Path, out: Path, capsys: pytest.CaptureFixture[str]
+):
+    channel = "probe" if "rad" in complaint else "spare"
+    spec = f"bias,channel={channel},magnitude={size},onset_s=1"
+    assert run_command(["inject", str(odd), "--fault", spec, *options, "-o", str(out)]) == 2
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", f"--fault {spec}: magnitude: {complaint}\n")
+    assert not out.exists()
+
+
+def test_a_unit_is_converted_to_that_of_the_channel_of_the_log(odd: Path, out: Path):
+    spec = "bias,channel=probe,magnitude=2deg,onset_s=1"
+    assert run_command(["inject", str(odd), "--fault", spec, "-o", str(out)]) == 0
+    change = read_log(out).channel("probe").values - read_log(odd).channel("probe").values
+    np.testing.assert_allclose(change[-1], np.deg2rad(2.0), rtol=1e-12)
 
 
 def test_a_fault_and_an_output_are_required(clean: Path, out: Path, capsys: pytest.CaptureFixture[str]):

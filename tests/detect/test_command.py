@@ -114,11 +114,12 @@ def test_every_key_of_the_configuration_acts_and_the_command_line_wins(bfi, fail
     file = tmp_path / "c.yaml"
     file.write_text(
         "inputs: [elevator_inner_left]\noutputs: [aoa, pitch]\nwindow: {from_s: 1, to_s: 18}\n"
-        "conditioning: {rate_hz: 10}\ndetect: {train: [1, 9], false_alarm: 0.05, method: parity, turns: false}\n"
+        "conditioning: {rate_hz: 10}\nrecorder: {edge_hz: 20}\n"
+        "detect: {train: [1, 9], false_alarm: 0.05, method: parity, turns: false}\n"
     )
     document = json.loads(bfi("detect", failing, "-c", file, "--json").stdout)
     options = ("--input", "elevator_inner_left", "--output", "aoa", "--output", "pitch", "--from", 1, "--to", 18)
-    more = ("--rate", 10, "--train", "1:9", "--false-alarm", 0.05, "--method", "parity", "--no-turns")
+    more = ("--rate", 10, "--recorder", 20, "--train", "1:9", "--false-alarm", 0.05, "--method", "parity", "--no-turns")
     other = json.loads(bfi("detect", failing, *options, *more, "--json").stdout)
     for one in (document, other):
         del one["provenance"]
@@ -153,6 +154,8 @@ def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
         (("--train", "0:99"), 2, "--train: 0:99 is not inside the window"),
         (("--train", "8:2"), 2, "--train: must end after it starts, got 8 to 2 s"),
         (("--rate", "banana"), 2, "--rate: not a number or one of the choices, got 'banana'"),
+        (("--recorder", "banana"), 2, "--recorder: not a number or one of the choices, got 'banana'"),
+        (("--recorder", "-1"), 2, "--recorder: must be greater than 0, got -1"),
         (("--output", "cas"), 3, "no channel 'cas'"),
         (("--method", "hankel"), 2, "--method: not one of the choices, got 'hankel'"),
         (("--false-alarm", "0"), 2, "--false-alarm: must be greater than 0, got 0.0"),

@@ -1,13 +1,14 @@
 """The detector on every 300 s window of two recorded flights, faults through the recorder, trained on the first third.
 
-A seeded part runs; BFI_FULL=1 takes every window, four choices of channels and three onsets.
+A seeded part runs; BFI_FULL=1 takes every window, four choices of channels and three onsets. What is excluded is tried,
+too, on the same logs with a recorder that nobody states.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from bfi_cli.detect import detect_faults
 from bfi_cli.detect.parity import UNSEEN_GUSTS, detect_sequentially
 from bfi_cli.detect.preparation import decimate_record, prepare_record
 from bfi_cli.faults import Fault
+from bfi_cli.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
@@ -140,3 +142,36 @@ def test_faults_through_the_recorder_are_localised(logs: tuple[FlightLog, ...], 
     for channel in FAULTS:
         assert not_below(counts[channel] / n, 0.5, n)
     assert np.median(errors) <= 1.0
+
+
+CAUSAL = Filter(kind="causal", edge_hz=2.6, rate_hz=10.0)
+WINDOWED_SINC = Filter(kind="fir", edge_hz=1.3, rate_hz=10.0)
+
+
+@pytest.mark.parametrize("rate_hz", ["auto", 2.0])
+@pytest.mark.parametrize("stated", [True, False], ids=["stated", "unstated"])
+def test_steps_just_above_what_is_excluded_raise_an_alarm(
+    logs: tuple[FlightLog, ...], stated: bool, rate_hz: str | float
+) -> None:
+    """Through the flights' own recorder and, where none is stated, through others, at random onsets."""
+    config = merge(Config(), {"outputs": WITH_ALTITUDE, "conditioning.rate_hz": rate_hz})
+    rng, found, n, rates = np.random.default_rng(11), Counter[str](), 0, Counter[float]()
+    for log in logs:
+        (own,) = log.filters or ()
+        recorders = [own] if stated else [own, CAUSAL, WINDOWED_SINC]
+        for part in windows(log):
+            known = replace(part, filters=part.filters if stated else None)
+            result = detect_faults(known, config)
+            rates[round(result.log.rate_hz, 2)] += 1
+            for one in result.candidates:
+                if one.state == "excluded" and one.excluded_above is not None:
+                    onset_s = float(rng.uniform(part.time_s[0] + LENGTH_S / 3.0 + 1.0, part.time_s[-1] - 5.0))
+                    size, n = 1.02 * float(rng.choice([-1.0, 1.0])) * one.excluded_above, n + 1
+                    fault = Fault(shape="bias", channel=one.channel, magnitude=size, onset_s=onset_s)
+                    for recorder in recorders:
+                        failing = inject(known, [fault], response=response_of([recorder], log.rate_hz))
+                        found[recorder.kind] += bool(detect_faults(failing, config).alarms)
+    print(f"\nrates {dict(rates)}: of {n} steps just above what is excluded {dict(found)} raise an alarm")
+    assert n > 0
+    assert len(found) == (1 if stated else 3)
+    assert all(not_below(count / n, 0.95, n) for count in found.values())

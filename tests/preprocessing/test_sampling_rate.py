@@ -14,7 +14,7 @@ from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.decimation import WHITE, Lowpass
 from bfi_cli.preprocessing.regression import Signals, decimate_signals
-from bfi_cli.preprocessing.sampling_rate import candidate_orders, choose_rate, is_exact
+from bfi_cli.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
 
 CITATION = MODELS["citation"]
 BIAS = Fault(shape="bias", channel="tas", onset_s=13.8)
@@ -91,6 +91,14 @@ def test_a_known_recorder_fixes_rate_and_order(purpose, rate_hz, order):
     assert candidate_orders(Config(), rate_hz, 0.75, order) == (order,)
     assert candidate_orders(Config(), rate_hz, 0.75, order - 1) == Config().model.orders
     assert candidate_orders(Config(), rate_hz, None) == Config().model.orders
+
+
+@pytest.mark.parametrize("edge_hz", [0.3, 0.75, 1.1, 1.5, 2.2, 3.3, 4.4])
+def test_a_detection_never_runs_above_the_rate_up_to_which_its_limits_hold(edge_hz):
+    choice = choose_rate(record(seconds=120.0), (), exact=False, recorder_hz=edge_hz, purpose="detect")
+    rate_hz = 100.0 / choice.factor
+    assert rate_hz <= SAMPLES_PER_EDGE["detect"] * edge_hz * (1.0 + 1e-9)
+    assert 100.0 / (choice.factor - 1) > SAMPLES_PER_EDGE["detect"] * edge_hz
 
 
 def test_the_dictionary_keeps_four_samples_per_cycle_whatever_the_recorder_did():

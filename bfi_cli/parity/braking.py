@@ -37,7 +37,7 @@ def brakes(log: FlightLog, from_s: float, to_s: float, level: float, p_static: f
     if {"longitudinal_acc", "pitch"} <= has.keys():
         meanwhile = (log.time_s >= from_s) & (log.time_s <= to_s)
         ahead = has["longitudinal_acc"].values[meanwhile] - G * np.sin(has["pitch"].values[meanwhile])
-        if not ahead.size:
+        if not ahead.size or not level > 0.0:
             return None
         lost = (1.0 - np.sqrt(LEFT)) * np.sqrt(2.0 * level * G * METRES / p_static)
         share = -float(np.mean(ahead)) * (to_s - from_s) / lost

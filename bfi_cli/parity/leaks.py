@@ -110,9 +110,12 @@ def _leaves_total(lines: Lines, line: PressureLine, total: PressureLine, one: Re
     t, q = lines.time_s, lines.q_impact
     last = int(np.searchsorted(t, t[one.onset] + COMPARED * one.time_constant_s))
     before = (t >= t[one.onset] - LEVEL_S) & (t < t[one.onset])
-    if q is None or last >= len(t) or not before.any() or not np.mean(lines.borne[before]) > 0.5:
+    if q is None or last >= len(t) or not before.any():
         return False
-    if q[last] < LEFT * float(np.median(q[before])):
+    level = float(np.median(q[before]))
+    if not level > LEFT * float(np.nanmedian(q[lines.flies])):
+        return False
+    if q[last] < LEFT * level:
         return True
     share = (total.values[last] - total.values[one.onset]) / (line.values[last] - line.values[one.onset])
     return bool(abs(share) <= LARGEST_SHARE_OF_TOTAL)

@@ -77,20 +77,15 @@ class SineScreen:
         found = np.zeros(len(frequencies))
         for first, _ in parts(report, range(0, len(frequencies), TOGETHER)):
             some = slice(first, first + TOGETHER)
-            found[some] = self._of_some(Sines.at(self, frequencies[some]), allowed[some], above)
+            within = np.zeros((len(self.onsets), len(frequencies[some])), dtype=bool)
+            for k, indices in enumerate(allowed[some]):
+                within[indices, k] = True
+            onset, of = (np.asarray(index) for index in np.nonzero(within))
+            sines = Sines.at(self, frequencies[some])
+            likely = sines.may_exceed(onset, of, above)
+            if likely.any():
+                np.maximum.at(found, first + of[likely], sines.screened(onset[likely], of[likely]))
         return np.where(found > above, found, 0.0)
-
-    def _of_some(self, sines: Sines, allowed: Sequence[IntArray], above: float) -> FloatArray:
-        found = np.zeros(len(sines.angles))
-        within = np.zeros((len(self.onsets), len(found)), dtype=bool)
-        for k, indices in enumerate(allowed):
-            within[indices, k] = True
-        onsets, of = (np.asarray(index) for index in np.nonzero(within))
-        likely = sines.may_exceed(onsets, of, above)
-        onsets, of = onsets[likely], of[likely]
-        if onsets.size:
-            np.maximum.at(found, of, sines.screened(onsets, of))
-        return found
 
 
 def prepare_screen(scan: Scan) -> SineScreen:
@@ -135,6 +130,8 @@ def _largest_eigenvalue(matrices: FloatArray) -> FloatArray:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sines:
     """Sines of some frequencies: correlations with the record at the borders, and their lagged copies.
+
+    Methods take pairs of onset and frequency, (n_pairs,) indices of the screen's `onsets` and of the frequencies.
 
     Attributes
     ----------
@@ -188,12 +185,7 @@ class Sines:
         )
 
     def may_exceed(self, onset: IntArray, k: IntArray, above: float) -> BoolArray:
-        """Return whether sines k at onsets of the screen may have a statistic above `above`; False is proof.
-
-        Parameters
-        ----------
-        onset, k : (n_pairs,) indices of the onsets and of the frequencies.
-        """
+        """Return whether sines (n_pairs,) may have a statistic above `above`; where not, none of any magnitude has."""
         screen, scan = self.screen, self.screen.scan
         n_regressors, wanted = len(scan.Q) - scan.n_outputs, -np.expm1(-above / scan.n_rows)
 
@@ -277,7 +269,7 @@ class Sines:
         return likely
 
     def screened(self, onset: IntArray, k: IntArray) -> FloatArray:
-        """Return the screened statistic (n_pairs,) of sines k at onsets of the screen."""
+        """Return the screened statistic (n_pairs,) of sines."""
         screen_of, scan = self.screen, self.screen.scan
         reach = np.abs(np.sin(np.outer(np.arange(scan.n_samples), self.angles)))
         np.maximum.accumulate(reach, axis=0, out=reach)
@@ -290,7 +282,7 @@ class Sines:
         return -scan.n_rows * in_blocks(scan, bound, minimised).F
 
     def products(self, onset: IntArray, k: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the inner products of lagged sines k from onsets of the screen, with a pair on the last axis.
+        """Return the inner products of the lagged copies of sines.
 
         Returns
         -------

@@ -14,10 +14,9 @@ import numpy as np
 
 from .. import FloatArray, IntArray
 from ..progress import Report, parts, shares, silent, steps
-from .frequency_bound import TOGETHER, SineScreen, prepare_screen
+from .frequency_bound import TOGETHER, SineScreen, prepare_screen, screen_tabulated
 from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, peaks, screen_pairs, spread, tabulate_pairs
-from .profile import screen
-from .scan import ENDING, STARTING, Scan, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets, tabulate
+from .scan import ENDING, STARTING, Scan, default_onsets, scan_shape
 from .waveform import sine
 
 # Step of the grid over 1 / duration: half of the peak's width.
@@ -146,12 +145,7 @@ def sine_onsets(scan: Scan, frequency: float, per_period: int) -> IntArray:
 def screen_sine(scan: Scan, frequency: float, report: Report, *, per_period: int = ONSETS_PER_PERIOD) -> float:
     """Return the largest screened statistic of a sine over a few onsets per period, 0 where all are too late."""
     onsets = sine_onsets(scan, frequency, per_period)
-    if not onsets.size:
-        return 0.0
-    waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
-    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    minimum = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return float(-scan.n_rows * minimum.F.min())
+    return screen_tabulated(scan, frequency, onsets, report) if onsets.size else 0.0
 
 
 def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: SineScreen | None = None) -> FloatArray:

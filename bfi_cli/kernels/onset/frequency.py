@@ -169,8 +169,8 @@ def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: S
 
     def screen_some(some: IntArray, needed: float, own: Report) -> None:
         at = [sine_onsets(scan, f, ONSETS_PER_PERIOD) - first for f in grid[some].tolist()]
-        statistic[some] = np.maximum(statistic[some], bounds.statistics(grid[some], at, needed, own))
-        above[some] = needed
+        statistic[some] = bounds.statistics(grid[some], at, needed, own)
+        above[some] = np.where(statistic[some] > needed, 0.0, needed)
 
     def lowest(count: int) -> float:
         return max(float(statistic[peaks(statistic, count)][-1]), LEAST)

@@ -20,11 +20,11 @@ import numpy as np
 
 from ..faults import Fault, magnitude_unit
 from ..kernels import BoolArray, FloatArray, IntArray
-from ..kernels.onset.frequency import PEAKS, frequency_grid, screen_sine
+from ..kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
 from ..kernels.onset.limits import SPAN, excluded_error, likelihood_ratios, mean_ratios, undeclared_magnitudes
 from ..kernels.onset.pairs import peaks
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
-from ..kernels.progress import Report, parts, silent
+from ..kernels.progress import Report, parts, shares, silent
 from ..shapes import SHAPES, Shape
 from ..verdicts import Candidate, kind_of, state_of
 from .decision import Rule
@@ -156,7 +156,7 @@ def claims_of(
     beside = [shape for shape in BUILT_UP if shape not in settings.shapes and "bias" in settings.shapes]
     candidates = []
     wanted = [(shape, i) for i in range(record.y.shape[1]) for shape in (*settings.shapes, *beside)]
-    for (shape, output), _ in parts(report, wanted):
+    for (shape, output), of_shape in parts(report, wanted):
         channel, scale = settings.outputs[output], float(record.unit[output])
         own = [one for one in estimates if (one.form.shape, one.form.output) == (shape, output)]
         peak = None if shape in beside else _peak_of(first, shape, output)
@@ -165,7 +165,10 @@ def claims_of(
             said = Said(z=own[0].z, sd=own[0].sd)
         else:
             tolerance = tolerances[channel]
-            of_views = [_said(record, scan, rule, shape, output, peak, tolerance) for scan in views[output]]
+            of_views = [
+                _said(record, scan, rule, shape, output, peak, tolerance, own_report)
+                for scan, own_report in parts(of_shape, views[output])
+            ]
             said = _worst(of_views, tolerance / scale)
         suspicion = None if own or peak is None else _suspicion(rule, first, estimates, peak, order)
         suspicion = None if own else doubted.get((shape, output)) or suspicion or said.suspicion
@@ -240,11 +243,18 @@ def _views(
 
 
 def _said(
-    record: ScanRecord, scan: Scan, rule: Rule, shape: Shape, output: int, peak: Peak | None, tolerance: float
+    record: ScanRecord,
+    scan: Scan,
+    rule: Rule,
+    shape: Shape,
+    output: int,
+    peak: Peak | None,
+    tolerance: float,
+    report: Report,
 ) -> Said:
     """Return what one view of the record says of a shape that is not declared."""
     if shape in WEIGHED:
-        return _weighed(record, scan, rule, shape, output, peak, tolerance)
+        return _weighed(record, scan, rule, shape, output, peak, tolerance, report)
     return Said() if peak is None else _sized(record, scan, rule.threshold(shape), peak)
 
 
@@ -268,7 +278,7 @@ def _sized(record: ScanRecord, scan: Scan, threshold: float, peak: Peak) -> Said
     """Return what is said of a shape that is excluded by the size that it would have needed at the worst onset."""
     every = (
         _limits(record, scan, form, threshold)
-        for form in _claimed(record, scan, peak.form.shape, peak.form.output, peak)
+        for form in _claimed(record, scan, peak.form.shape, peak.form.output, peak, silent)
     )
     limits = [one for one in every if one is not None]
     if not limits:
@@ -285,7 +295,14 @@ def _sized(record: ScanRecord, scan: Scan, threshold: float, peak: Peak) -> Said
 
 
 def _weighed(
-    record: ScanRecord, scan: Scan, rule: Rule, shape: Shape, output: int, peak: Peak | None, tolerance: float
+    record: ScanRecord,
+    scan: Scan,
+    rule: Rule,
+    shape: Shape,
+    output: int,
+    peak: Peak | None,
+    tolerance: float,
+    report: Report,
 ) -> Said:
     """Return what is said of a shape that is excluded by how likely the record is with and without it.
 
@@ -294,16 +311,18 @@ def _weighed(
     peak : of the shape where it is looked for.
     tolerance : of the channel, SI.
     """
-    forms = _claimed(record, scan, shape, output, peak)
+    searching, sizing, weighing = shares(report, 1, 1, 1)
+    forms = _claimed(record, scan, shape, output, peak, searching)
     if not forms:
         return Said(note="the window is too short for an oscillation")
     detectable = None
     if peak is not None:
-        limits = [_limits(record, scan, form, rule.threshold(shape)) for form in forms]
+        limits = [_limits(record, scan, form, rule.threshold(shape)) for form, _ in parts(sizing, forms)]
         seen = [float(np.median(one.detected)) for one in limits if one is not None]
         detectable = float(np.median(seen)) if seen else None
     scale = float(record.unit[output])
-    known = [one for form in forms if (one := _likeliness(record, scan, form, tolerance / scale)) is not None]
+    every = [_likeliness(record, scan, form, tolerance / scale) for form, _ in parts(weighing, forms)]
+    known = [one for one in every if one is not None]
     if not known:
         return Said(detectable=detectable)
     likeliest = max(known, key=lambda one: one.beyond)
@@ -365,6 +384,7 @@ def limits_near_onsets(
     *,
     order: int,
     order_as_measured: int,
+    report: Report = silent,
 ) -> tuple[ScanLimit | None, ...]:
     """Return what the scan says of faults of a dictionary, the worst of the onsets that each may have.
 
@@ -375,13 +395,14 @@ def limits_near_onsets(
     faults : of the dictionary; `estimates`, `tolerances` and `order` as in `claims_of`, `order_as_measured` that of the
         scan of the outputs as measured.
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
+    report : called with the fraction that is done.
     """
     known = dict[ShapeHypothesis, list[Limits | Likeliness | None]]()
     views = _views(record, estimates, order=order, order_as_measured=order_as_measured)
     # Onsets are looked at in strides, so those of a stride to either side are counted too.
     near_s = tolerance_s + STRIDE / record.settings.rate_hz
     found: list[ScanLimit | None] = []
-    for fault in faults:
+    for fault, _ in parts(report, faults):
         shape = LIKE.get(fault.shape, fault.shape)
         looked_for = shape in (*record.settings.shapes, *BUILT_UP)
         if not looked_for or fault.channel not in record.settings.outputs:
@@ -422,7 +443,9 @@ def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> 
     return float(limits.excluded[worst]), float(limits.effect[worst])
 
 
-def _claimed(record: ScanRecord, scan: Scan, shape: Shape, output: int, peak: Peak | None) -> list[ShapeHypothesis]:
+def _claimed(
+    record: ScanRecord, scan: Scan, shape: Shape, output: int, peak: Peak | None, report: Report
+) -> list[ShapeHypothesis]:
     """Return the hypotheses that a claim about a shape must cover: frequencies, time constants or durations.
 
     Oscillations are those of some frequencies in the whole band, of those that stand out most on the scan's grid, which
@@ -442,7 +465,7 @@ def _claimed(record: ScanRecord, scan: Scan, shape: Shape, output: int, peak: Pe
         return []
     rate_hz = record.sampling.rate_hz
     grid = frequency_grid(scan, (low / rate_hz, high / rate_hz))
-    stands_out = peaks(np.array([screen_sine(scan, f, silent) for f in grid.tolist()]), PEAKS)
+    stands_out = peaks(screen_grid(scan, grid, report), PEAKS)
     values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *(rate_hz * grid[stands_out]).tolist()}
     likeliest = None if peak is None else peak.form.parameter
     values |= set() if likeliest is None or not low <= likeliest <= high else {likeliest}

@@ -105,8 +105,11 @@ def find_onset(
         if not briefly:
             estimates = measure(log, record, estimates, config, partial(progress, "magnitudes"))
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
-        limits = partial(progress, "what could not have been seen")
-        candidates = claims_of(record, first, estimates, rule, tolerances, order=order, doubted=doubted, report=limits)
+        of_limits = partial(progress, "what could not have been seen")
+        limiting, of_faults = shares(of_limits, 2, len(faults) / 8)
+        candidates = claims_of(
+            record, first, estimates, rule, tolerances, order=order, doubted=doubted, report=limiting
+        )
         of_dictionary = limits_near_onsets(
             record,
             estimates,
@@ -116,7 +119,9 @@ def find_onset(
             tolerances,
             order=order,
             order_as_measured=first.order,
+            report=of_faults,
         )
+        of_limits(1.0)
     by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]

@@ -12,7 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..kernels import FloatArray
-from ..kernels.onset.frequency import PEAKS, frequency_grid, scan_frequency, scan_frequency_ends, screen_sine
+from ..kernels.onset.frequency import (
+    PEAKS,
+    frequency_grid,
+    scan_frequency,
+    scan_frequency_ends,
+    screen_grid,
+    screen_sine,
+)
 from ..kernels.onset.pairs import peaks, scan_ends
 from ..kernels.onset.scan import Profile, Scan, prepare_scan, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
@@ -143,8 +150,7 @@ def _bic_with_fault(
             for k, of_order in parts(of_form, [*{0, int(np.argmin(without_fault))}]):
                 scan = scans[k][form.output]
                 grid = frequency_grid(scan, (low, high))
-                screened = np.array([screen_sine(scan, f, own) for f, own in parts(of_order, grid.tolist())])
-                standing_out.update(float(grid[j]) for j in peaks(screened, PEAKS))
+                standing_out.update(float(grid[j]) for j in peaks(screen_grid(scan, grid, of_order), PEAKS))
             candidates[form.output] = sorted(standing_out)
     best = []
     for (of_outputs, base), of_order in parts(comparing, list(zip(scans, without_fault, strict=True))):

@@ -2,7 +2,8 @@
 
 The statistic's peak over the frequency is about 1 / duration wide, so a grid of half of that over the record misses
 none. The grid is screened at one magnitude per onset; its best few peaks are then refined by halving the grid's step,
-many onsets at each frequency, so that frequency and onset are found jointly; the last few are profiled exactly.
+many onsets at each frequency, so that frequency and onset are found jointly; the last few are profiled exactly. In a
+long record only those sines are screened whose bound exceeds what the best peaks have (`frequency_bound`).
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .. import FloatArray
-from ..progress import Report, parts, shares, silent
+from .. import FloatArray, IntArray
+from ..progress import Report, parts, shares, silent, steps
+from .frequency_bound import TOGETHER, SineScreen, prepare_screen, screen_tabulated
 from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, peaks, screen_pairs, spread, tabulate_pairs
-from .profile import screen
-from .scan import ENDING, STARTING, Scan, default_onsets, in_blocks, magnitude_bound, scan_shape, stack_onsets, tabulate
+from .scan import ENDING, STARTING, Scan, default_onsets, scan_shape
 from .waveform import sine
 
 # Step of the grid over 1 / duration: half of the peak's width.
@@ -35,6 +36,15 @@ RANKED = 64
 BRANCHES = 3
 # Trials of frequencies around the peaks (8 + 2 x 2 x 8 + 2 x 9 x 3), at twice the onsets of the grid: for the progress.
 REFINEMENTS = 190
+# Samples times frequencies of a grid up to which every sine is screened: bounds would hardly save time.
+FEW = 400_000
+# Frequencies, spread over a longer grid, that are screened first: they tell what its peaks have at least.
+PILOT = 16
+# The statistic that sines must exceed to be screened is that of so many times as many peaks as are wanted, so that the
+# grid need not be gone through again.
+SPARE = 1.5
+# Peaks below this are not told apart: it is the median of the statistic of a single sine without a fault.
+LEAST = 0.455
 
 
 def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silent) -> float:
@@ -47,12 +57,16 @@ def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silen
     report : called with the fraction that is done.
     """
     grid, onsets = frequency_grid(scan, band), default_onsets(scan)
+    bounds = None if len(grid) * scan.n_samples <= FEW else prepare_screen(scan)
 
-    def evaluate(frequency: float, pair: Pair, own: Report) -> tuple[float, Pair]:
-        return screen_sine(scan, frequency, own, per_period=2 * ONSETS_PER_PERIOD), pair
+    def evaluate(frequency: float, pair: Pair, above: float, own: Report) -> tuple[float, Pair]:
+        if bounds is None or above <= LEAST:
+            return screen_sine(scan, frequency, own, per_period=2 * ONSETS_PER_PERIOD), pair
+        at = sine_onsets(scan, frequency, 2 * ONSETS_PER_PERIOD) - onsets[0]
+        return float(bounds.statistics(np.array([frequency]), [at], above, own)[0]), pair
 
     searching, refining, last = shares(report, len(grid), REFINEMENTS, 3 * FINAL_PEAKS)
-    statistic = np.array([screen_sine(scan, f, own) for f, own in parts(searching, grid.tolist())])
+    statistic = screen_grid(scan, grid, searching, bounds)
     everywhere = int(onsets[0]), scan.n_samples
     exact = []
     tops = _refine(evaluate, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid, refining)
@@ -84,7 +98,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
         shortest = max(int(np.ceil(MIN_CYCLES / frequency)), ENDING * scan.order)
         return tabulate_pairs(scan, waveform), pair_limits(scan, waveform, shortest)
 
-    def evaluate(frequency: float, pair: Pair, own: Report) -> tuple[float, Pair]:
+    def evaluate(frequency: float, pair: Pair, _above: float, own: Report) -> tuple[float, Pair]:
         tables, limits = prepare(frequency)
         return climb(scan, tables, limits=limits, begin=[pair], report=own)
 
@@ -122,36 +136,80 @@ def stride(frequency: float, per_period: int) -> int:
     return max(1, int(1.0 / (per_period * frequency)))
 
 
+def sine_onsets(scan: Scan, frequency: float, per_period: int) -> IntArray:
+    """Return onsets of which there are `per_period` or more in a period, each early enough for a sine."""
+    onsets = default_onsets(scan)[:: stride(frequency, per_period)]
+    return onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
+
+
 def screen_sine(scan: Scan, frequency: float, report: Report, *, per_period: int = ONSETS_PER_PERIOD) -> float:
     """Return the largest screened statistic of a sine over a few onsets per period, 0 where all are too late."""
-    onsets = default_onsets(scan)[:: stride(frequency, per_period)]
-    onsets = onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
-    if not onsets.size:
-        return 0.0
-    waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
-    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    minimum = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return float(-scan.n_rows * minimum.F.min())
+    onsets = sine_onsets(scan, frequency, per_period)
+    return screen_tabulated(scan, frequency, onsets, report) if onsets.size else 0.0
+
+
+def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: SineScreen | None = None) -> FloatArray:
+    """Return the screened statistic of sines whose `PEAKS` highest peaks are those of `screen_sine` on the whole grid.
+
+    In a long record the statistic of a sine that is no such peak may be lower than that of `screen_sine`.
+
+    Parameters
+    ----------
+    grid : (n_frequencies,) ascending, cycles per sample.
+    report : called with the fraction that is done.
+    bounds : from `prepare_screen`, where they are known already.
+    """
+    n = len(grid)
+    piloting, screening, again = shares(report, *((1, 0, 0) if n * scan.n_samples <= FEW else (5, 90, 5)))
+    if n * scan.n_samples <= FEW:
+        return np.array([screen_sine(scan, f, own) for f, own in parts(piloting, grid.tolist())])
+    bounds = bounds or prepare_screen(scan)
+    first, passes = bounds.onsets[0], -(-n // TOGETHER)
+    statistic, above = np.zeros(n), np.full(n, np.inf)
+
+    def screen_some(some: IntArray, needed: float, own: Report) -> None:
+        at = [sine_onsets(scan, f, ONSETS_PER_PERIOD) - first for f in grid[some].tolist()]
+        statistic[some] = bounds.statistics(grid[some], at, needed, own)
+        above[some] = np.where(statistic[some] > needed, 0.0, needed)
+
+    def lowest(count: int) -> float:
+        return max(float(statistic[peaks(statistic, count)][-1]), LEAST)
+
+    pilot = np.unique(np.linspace(0, n - 1, PILOT).astype(np.intp))
+    for k, own in parts(piloting, pilot.tolist()):
+        statistic[k], above[k] = screen_sine(scan, float(grid[k]), own), 0.0
+    for k, own in parts(screening, range(passes)):
+        rank = int(np.ceil(SPARE * PEAKS * np.isfinite(above).mean()))
+        some = np.arange(k, n, passes)
+        screen_some(some[above[some] > 0.0], lowest(rank), own)
+    redone = steps(again, 1)
+    # A peak is known once every sine that may exceed it has been screened.
+    while (late := np.flatnonzero(above > (needed := lowest(PEAKS)))).size:
+        screen_some(late, needed, silent)
+        redone()
+    report(1.0)
+    return statistic
 
 
 def _refine(
-    evaluate: Callable[[float, Pair, Report], tuple[float, Pair]],
+    evaluate: Callable[[float, Pair, float, Report], tuple[float, Pair]],
     begin: list[tuple[float, Pair]],
     grid: FloatArray,
     report: Report,
 ) -> list[tuple[float, Pair, float]]:
     """Return the best few statistics, pairs and frequencies: the grid's step is halved around each, the best are kept.
 
-    `evaluate` gives the best statistic at a frequency, and its pair, from the pair of a frequency nearby.
+    `evaluate` gives the best statistic at a frequency, and its pair, from the pair of a frequency nearby; where it does
+    not exceed the statistic of the third argument, it may be lower.
     """
     step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
     first, *later = shares(report, PEAKS, *(2 * n * k for n, k in zip(HALVINGS, (PEAKS, FINAL_PEAKS), strict=True)))
-    tops = [(*evaluate(frequency, pair, own), frequency) for (frequency, pair), own in parts(first, begin)]
+    tops = [(*evaluate(frequency, pair, 0.0, own), frequency) for (frequency, pair), own in parts(first, begin)]
     for halvings, among in zip(HALVINGS, later, strict=True):
         for (n, (value, pair, frequency)), of_top in parts(among, list(enumerate(tops))):
             for half, of_half in parts(of_top, [step * 0.5**k for k in range(1, halvings + 1)]):
                 for beside, own in parts(of_half, (frequency - half, frequency + half)):
-                    if grid[0] <= beside <= grid[-1] and (trial := evaluate(beside, pair, own))[0] > value:
+                    if grid[0] <= beside <= grid[-1] and (trial := evaluate(beside, pair, value, own))[0] > value:
                         (value, pair), frequency = trial, beside
             tops[n] = value, pair, frequency
         tops = sorted(tops, reverse=True)[:FINAL_PEAKS]

@@ -279,7 +279,11 @@ def default_onsets(scan: Scan) -> IntArray:
 
 def magnitude_bound(scan: Scan, waveform: Waveform, lengths: IntArray) -> FloatArray:
     """Return the largest |z|, in samples of the waveform, of a fault that acts for `lengths` samples."""
-    reach = np.maximum.accumulate(np.abs(waveform.samples))[lengths - 1]
+    return largest_magnitude(scan, np.maximum.accumulate(np.abs(waveform.samples))[lengths - 1])
+
+
+def largest_magnitude(scan: Scan, reach: FloatArray) -> FloatArray:
+    """Return the largest |z| of shapes whose largest samples are `reach`."""
     return GENEROUS * scan.span / np.maximum(reach, np.finfo(float).tiny ** 0.25)
 
 

@@ -556,6 +556,7 @@ def test_one_line_says_where_what_and_what_to_do(
     assert not (desk / "new").exists()
 
 
+@pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("text", ["risro: {tolerance: 1e-3}", "window: {from_s: 1e0}", "strict: false", "", "{}"])
 def test_what_yaml_may_say(bfi: Callable, desk: Path, monkeypatch: pytest.MonkeyPatch, text: str):
     monkeypatch.chdir(desk)
@@ -564,6 +565,7 @@ def test_what_yaml_may_say(bfi: Callable, desk: Path, monkeypatch: pytest.Monkey
     assert (outcome.code, outcome.stderr) == (0, "")
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_dead_duplicate_and_constant_faults_are_notes_while_one_is_live(bfi: Callable, desk: Path, tmp_path: Path):
     path = tmp_path / "mixed.yaml"
     onsets = {"live": 20, "again": 20, "late": 300, "constant": 0}

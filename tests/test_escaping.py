@@ -83,9 +83,9 @@ def run(
     monkeypatch.chdir(desk)
     monkeypatch.setenv("COLUMNS", "500")
     monkeypatch.setenv("TERM", "dumb")  # no colours of our own
+    request.getfixturevalue("unscanned")
     if request.param == "table":  # the same files are drawn with --json
         request.getfixturevalue("undrawn")
-        request.getfixturevalue("unscanned")
 
     def command(*argv: object, code: int = 0) -> object:
         if request.param == "table":
@@ -221,6 +221,7 @@ def test_montecarlo(run: Callable, tmp_path: Path):
     assert {path.name: path.read_bytes() for path in out.glob("*.csv")} == before
 
 
+@pytest.mark.usefixtures("unscanned", "undrawn")
 def test_file_names_that_are_no_text(bfi: Callable, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Bytes that are not UTF-8 reach the program as lone surrogates."""
     if sys.getfilesystemencoding() != "utf-8":

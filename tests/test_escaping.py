@@ -195,7 +195,12 @@ def test_analyses(run: Callable, tmp_path: Path, line: list[str]):
     out = tmp_path / f"out{LINK}"
     run(*line, "--out", out)
     assert {".json", ".html", ".csv", ".svg", ".png"} <= check_files(out)
-    run("report", out / "result.json", "--out", tmp_path / "again")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_stored_analysis(run: Callable, tmp_path: Path):
+    run("start-time", "log.h5", "-c", "c.yaml", "--shape", "bias", "--out", tmp_path / "out")
+    run("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again")
     check_files(tmp_path / "again")
 
 

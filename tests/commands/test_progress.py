@@ -123,7 +123,7 @@ def test_nothing_is_shown_where_stderr_is_no_terminal_unless_asked_for(bfi: Call
     ("words", "stage"),
     [
         (("start-time", BIAS), "scan of all onsets"),
-        (("start-time", BIAS), HIDDEN),
+        pytest.param(("start-time", BIAS), HIDDEN, marks=pytest.mark.slow),
         pytest.param(("start-time", BIAS, "--ends"), "scan of all onsets", marks=pytest.mark.slow),
         pytest.param(("start-time", BIAS, "--method", "thesis"), "a solution for every onset", marks=pytest.mark.slow),
         pytest.param(("start-time", BIAS, "--calibration", "gaussian"), "simulated records", marks=pytest.mark.slow),
@@ -147,7 +147,7 @@ def test_an_interrupted_search_for_many_faults(tmp_path: Path):
     assert ended.terminal.endswith("bfi: interrupted\n")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_an_interruption_amid_the_figures_leaves_the_old_answer(tmp_path: Path, number: int):
     out = tmp_path / "out"
     out.mkdir()

@@ -254,7 +254,7 @@ def test_a_key_of_the_double_model_estimator(identify: Callable, once: Callable,
 
     def noise(*settings: str) -> dict[str, float]:
         keys = ", ".join(("model: citation", *settings))
-        file.write_text(f"method: dmae\ndictionary: {FAULTS}\ndmae: {{{keys}}}\n")
+        file.write_text(f"method: dmae\nconditioning: {{rate_hz: 25}}\ndictionary: {FAULTS}\ndmae: {{{keys}}}\n")
         return identify(TWO, "-c", file)["model"]["noise_sd"]
 
     # The variance of the fault is a start only where the filter adapts it.

@@ -565,7 +565,6 @@ def test_what_yaml_may_say(bfi: Callable, desk: Path, monkeypatch: pytest.Monkey
     assert (outcome.code, outcome.stderr) == (0, "")
 
 
-@pytest.mark.usefixtures("unscanned")
 def test_dead_duplicate_and_constant_faults_are_notes_while_one_is_live(bfi: Callable, desk: Path, tmp_path: Path):
     path = tmp_path / "mixed.yaml"
     onsets = {"live": 20, "again": 20, "late": 300, "constant": 0}

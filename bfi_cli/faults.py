@@ -110,8 +110,9 @@ def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:
     """
     if time_s.size == 0:
         return np.zeros(0, dtype=bool)
-    step = float(np.median(np.diff(time_s[:STEPS_SEEN]))) if time_s.size > 1 else 0.0
-    tolerance = max(ONSET_TOLERANCE_SAMPLES * step, 4.0 * float(np.spacing(np.abs(time_s).max())))
+    steps = np.sort(np.diff(time_s[:STEPS_SEEN]))
+    step = 0.5 * float(steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]) if steps.size else 0.0  # their median
+    tolerance = max(ONSET_TOLERANCE_SAMPLES * step, 4.0 * float(np.spacing(np.abs(time_s[[0, -1]]).max())))
     stop = math.inf if fault.offset_s is None else fault.offset_s
     active: NDArray[np.bool_] = (time_s >= fault.onset_s - tolerance) & (time_s < stop - tolerance)
     return active

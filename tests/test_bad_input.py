@@ -560,6 +560,7 @@ def test_one_line_says_where_what_and_what_to_do(
     assert not (desk / "new").exists()
 
 
+@pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("text", ["risro: {tolerance: 1e-3}", "window: {from_s: 1e0}", "strict: false", "", "{}"])
 def test_what_yaml_may_say(bfi: Callable, desk: Path, monkeypatch: pytest.MonkeyPatch, text: str):
     monkeypatch.chdir(desk)

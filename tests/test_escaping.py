@@ -83,9 +83,9 @@ def run(
     monkeypatch.chdir(desk)
     monkeypatch.setenv("COLUMNS", "500")
     monkeypatch.setenv("TERM", "dumb")  # no colours of our own
+    request.getfixturevalue("unscanned")
     if request.param == "table":  # the same files are drawn with --json
         request.getfixturevalue("undrawn")
-        request.getfixturevalue("unscanned")
 
     def command(*argv: object, code: int = 0) -> object:
         if request.param == "table":
@@ -195,7 +195,12 @@ def test_analyses(run: Callable, tmp_path: Path, line: list[str]):
     out = tmp_path / f"out{LINK}"
     run(*line, "--out", out)
     assert {".json", ".html", ".csv", ".svg", ".png"} <= check_files(out)
-    run("report", out / "result.json", "--out", tmp_path / "again")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_stored_analysis(run: Callable, tmp_path: Path):
+    run("start-time", "log.h5", "-c", "c.yaml", "--shape", "bias", "--out", tmp_path / "out")
+    run("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again")
     check_files(tmp_path / "again")
 
 
@@ -221,6 +226,7 @@ def test_montecarlo(run: Callable, tmp_path: Path):
     assert {path.name: path.read_bytes() for path in out.glob("*.csv")} == before
 
 
+@pytest.mark.usefixtures("unscanned", "undrawn")
 def test_file_names_that_are_no_text(bfi: Callable, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Bytes that are not UTF-8 reach the program as lone surrogates."""
     if sys.getfilesystemencoding() != "utf-8":

@@ -41,6 +41,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_main_job_finds_the_injected_bias(bfi: Callable[..., object], checkout: Path) -> None:
     words = shlex.split(block("main-job").rsplit("&&", 1)[1])
     assert words.pop(0) == "bfi"

@@ -26,8 +26,10 @@ def checked(
     ValueError : a value lies outside.
     """
     array = np.asarray(values, dtype=np.float64)
-    wrong = (array <= least if above else array < least) | (array > most)
-    if np.any(wrong):
+    wrong = array <= least if above else array < least
+    if most < np.inf:
+        wrong = wrong | (array > most)
+    if wrong.any():
         value = float(array[wrong].flat[0] if array.ndim else array)
         raise ValueError(f"{name}: {why}, got {value:.6g} {unit}".rstrip())
     return array

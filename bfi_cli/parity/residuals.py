@@ -49,6 +49,7 @@ class ResidualKind:
     Attributes
     ----------
     needs : groups of channels, of each group one is enough.
+    reads : every channel that its values and its rate may depend on.
     nuisances : (n, m) columns beside the constant, and the prior standard deviation of each.
     levels : of the fast noise, from which one is chosen; slow : from times, (n, n) covariance of the slow noise.
         The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.7).
@@ -57,6 +58,7 @@ class ResidualKind:
     name: str
     unit: str
     needs: tuple[tuple[str, ...], ...]
+    reads: frozenset[str]
     values: Callable[[Record, Constants], FloatArray]
     rate: Callable[[Record], FloatArray] | None
     nuisances: Callable[[Record, Constants], tuple[FloatArray, FloatArray]] | None
@@ -155,12 +157,15 @@ def _wind_columns(record: Record, constants: Constants) -> tuple[FloatArray, Flo
 # 1/s, of the wind over altitude: 10 m/s in 1000 m are common outside of the lowest layers.
 SHEAR_SD = 0.01
 AIR = (STATIC_SOURCES, IMPACT_SOURCES)
+# What `air_data_of` makes pressures and temperature of.
+AIR_DATA = frozenset((*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"))
 # Levels and slow parts: METHOD of the trials on two flights of a Cessna Citation, tried on two further ones.
 RESIDUALS = (
     ResidualKind(
         name="lift",
         unit="m/s",
         needs=(*AIR, ("aoa",), ("normal_acc",), ("tas",)),
+        reads=AIR_DATA | {"aoa", "normal_acc"},
         values=_lift,
         rate=None,
         nuisances=_zero_lift_column,
@@ -171,6 +176,7 @@ RESIDUALS = (
         name="climb",
         unit="deg",
         needs=(("tas",), ("aoa",), ("pitch",), ("roll",), ("altitude_rate",)),
+        reads=AIR_DATA | {"aoa", "pitch", "roll", "altitude_rate"},
         values=_climb,
         rate=None,
         nuisances=None,
@@ -181,6 +187,7 @@ RESIDUALS = (
         name="kinematics",
         unit="m/s",
         needs=(("tas",), *((name,) for name in KINEMATICS)),
+        reads=frozenset(("tas", *KINEMATICS)),
         values=_airspeed,
         rate=_kinematic_rate,
         nuisances=_bias_column,
@@ -191,6 +198,7 @@ RESIDUALS = (
         name="ground_speed",
         unit="m/s",
         needs=(("tas",), ("altitude_rate",), ("velocity_north",), ("velocity_east",)),
+        reads=AIR_DATA | {"altitude_rate", "velocity_north", "velocity_east"},
         values=_ground,
         rate=None,
         nuisances=_wind_columns,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -135,9 +135,9 @@ def scan_window(
         constants=constants,
         lacking=lacking,
     )
-    ratios = {}
+    ratios, healthy = {}, [level_of(kind, record, constants) for kind in used]
     for hypothesis in hypotheses(record):
-        signatures = fault_signatures(scan, record, hypothesis, courses)
+        signatures = fault_signatures(scan, record, hypothesis, courses, healthy)
         if any(one is not None for one in signatures):
             ratios[hypothesis.fault] = likelihood_ratio(residuals, signatures)
     return replace(scan, ratios=ratios) if ratios else None
@@ -214,19 +214,43 @@ def _integral(rates: FloatArray) -> FloatArray:
     return np.asarray(STEP_S * (np.cumsum(rates, axis=0) - 0.5 * rates))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Level:
+    """A residual at a record before anything is integrated: its values (n,) and its rate (n,), None where none is."""
+
+    values: FloatArray
+    rate: FloatArray | None
+
+
+def level_of(kind: ResidualKind, record: Record, constants: Constants) -> Level:
+    """Return where a residual is at a record."""
+    return Level(values=kind.values(record, constants), rate=None if kind.rate is None else kind.rate(record))
+
+
 def fault_signatures(
-    scan: WindowScan, record: Record, hypothesis: Hypothesis, courses: FloatArray
+    scan: WindowScan,
+    record: Record,
+    hypothesis: Hypothesis,
+    courses: FloatArray,
+    healthy: Sequence[Level] | None = None,
 ) -> list[FloatArray | None]:
     """Return what a fault of these courses, (n, n_courses), makes of every residual; None for one it leaves alone.
 
     Parameters
     ----------
     record : where it is linearised.
+    healthy : where the residuals of the scan are at the record, for several faults at one record; None to find out.
     """
     found: list[FloatArray | None] = []
     other = with_small(record, hypothesis)
-    for kind, known in zip(scan.kinds, scan.known, strict=True):
-        signature = np.nan_to_num(_signature(kind, scan.constants, record, other, hypothesis, courses)[known])
+    moved = {name for name, values in other.channels.items() if values is not record.channels[name]}
+    for k, (kind, known) in enumerate(zip(scan.kinds, scan.known, strict=True)):
+        if moved.isdisjoint(kind.reads):
+            found.append(None)
+            continue
+        level = level_of(kind, record, scan.constants) if healthy is None else healthy[k]
+        signature = _signature(level, level_of(kind, other, scan.constants), hypothesis, courses)
+        signature = np.nan_to_num(signature[known])
         found.append(signature if signature.any() else None)
     return found
 
@@ -235,9 +259,10 @@ def _lasting_columns(
     kind: ResidualKind, constants: Constants, record: Record, hypothesis: Hypothesis, courses: FloatArray
 ) -> FloatArray:
     """Return (n, n_courses + 1) what a fault of any size makes of a residual: each course, and the constant squared."""
-    large = replace(hypothesis, size=LARGE * hypothesis.size)
-    first = _signature(kind, constants, record, with_small(record, hypothesis), hypothesis, courses)
-    ahead = _signature(kind, constants, record, with_small(record, large), large, courses[:, :1])
+    large, healthy = replace(hypothesis, size=LARGE * hypothesis.size), level_of(kind, record, constants)
+    small_level, large_level = (level_of(kind, with_small(record, one), constants) for one in (hypothesis, large))
+    first = _signature(healthy, small_level, hypothesis, courses)
+    ahead = _signature(healthy, large_level, large, courses[:, :1])
     return np.column_stack([first, ahead - first[:, :1]])
 
 
@@ -246,18 +271,11 @@ def with_small(record: Record, hypothesis: Hypothesis) -> Record:
     return with_fault(record, hypothesis.fault, np.full(record.time_s.shape, hypothesis.size))
 
 
-def _signature(
-    kind: ResidualKind,
-    constants: Constants,
-    record: Record,
-    other: Record,
-    hypothesis: Hypothesis,
-    courses: FloatArray,
-) -> FloatArray:
-    """Return (n, n_courses) what a fault makes of a residual; `other` being the record with a small one."""
-    moved = (kind.values(other, constants) - kind.values(record, constants)) / hypothesis.size
+def _signature(healthy: Level, faulty: Level, hypothesis: Hypothesis, courses: FloatArray) -> FloatArray:
+    """Return (n, n_courses) what a fault makes of a residual, from where that is without and with a small one."""
+    moved = (faulty.values - healthy.values) / hypothesis.size
     signature = moved[:, None] * courses
-    if kind.rate is None:
+    if healthy.rate is None or faulty.rate is None:
         return signature
-    rates = _bridged(kind.rate(other) - kind.rate(record)) / hypothesis.size
+    rates = _bridged(faulty.rate - healthy.rate) / hypothesis.size
     return np.asarray(signature - _integral(rates[:, None] * courses))

@@ -38,6 +38,7 @@ def remade(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LOGS)
 def test_the_script_makes_the_stored_numbers(name: str, remade: Path):
     stored, again = read_log(DATA / name), read_log(remade / name)
@@ -50,6 +51,7 @@ def test_the_script_makes_the_stored_numbers(name: str, remade: Path):
     assert (again.truth and again.truth.faults) == (stored.truth and stored.truth.faults)
 
 
+@pytest.mark.slow
 def test_the_script_leaves_nothing_else_behind(remade: Path):
     assert sorted(file.name for file in remade.iterdir()) == sorted(LOGS)
 

@@ -27,7 +27,7 @@ pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
 ROOT = Path(__file__).parents[2]
 BIAS, TWO = ROOT / "data" / "citation_bias.h5", ROOT / "data" / "citation_two_faults.h5"
 FAULTS = ROOT / "configs" / "thesis_dictionary.yaml"
-QUICK = ("--rate", 10, "--order", 4)
+QUICK, QUICKER = ("--rate", 10, "--order", 4), ("--rate", 4, "--order", 2)
 SLOWER = ("--rate", 1, "--order", 4)
 HIDDEN, SHOWN = "\x1b[?25l", "\x1b[?25h"
 PATIENCE_S = 60.0
@@ -112,7 +112,7 @@ def test_a_bar_shows_the_stages_and_leaves_stdout_alone():
 
 
 @pytest.mark.parametrize(
-    "words", [("start-time", BIAS, "--shape", "bias", *QUICK), ("identify", BIAS, "-d", FAULTS, *QUICK)]
+    "words", [("start-time", BIAS, "--shape", "bias", *QUICK), ("identify", BIAS, "-d", FAULTS, *QUICKER)]
 )
 def test_nothing_is_shown_where_stderr_is_no_terminal_unless_asked_for(bfi: Callable, words: tuple[object, ...]):
     assert bfi(*words).stderr == ""
@@ -123,7 +123,7 @@ def test_nothing_is_shown_where_stderr_is_no_terminal_unless_asked_for(bfi: Call
     ("words", "stage"),
     [
         (("start-time", BIAS), "scan of all onsets"),
-        (("start-time", BIAS), HIDDEN),
+        pytest.param(("start-time", BIAS), HIDDEN, marks=pytest.mark.slow),
         pytest.param(("start-time", BIAS, "--ends"), "scan of all onsets", marks=pytest.mark.slow),
         pytest.param(("start-time", BIAS, "--method", "thesis"), "a solution for every onset", marks=pytest.mark.slow),
         pytest.param(("start-time", BIAS, "--calibration", "gaussian"), "simulated records", marks=pytest.mark.slow),
@@ -147,13 +147,13 @@ def test_an_interrupted_search_for_many_faults(tmp_path: Path):
     assert ended.terminal.endswith("bfi: interrupted\n")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_an_interruption_amid_the_figures_leaves_the_old_answer(tmp_path: Path, number: int):
     out = tmp_path / "out"
     out.mkdir()
     (out / "result.json").write_text("old")
     ended = at_a_terminal(
-        *("identify", TWO, "-d", FAULTS, *QUICK, "--out", out, "--force"), until="figures", number=number
+        *("identify", TWO, "-d", FAULTS, *QUICKER, "--out", out, "--force"), until="figures", number=number
     )
     assert (ended.code, ended.stdout) == (128 + number, "")
     assert has_its_cursor(ended.terminal)
@@ -201,6 +201,7 @@ def test_every_stage_of_an_identification_grows_from_0_to_1(method: str):
         assert (min(told) >= 0.0, told[-1]) == (True, 1.0)
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, long_log: Path):
     words = ("identify", long_log, "-d", FAULTS, *SLOWER, "--json")
     windows = json.loads(bfi("info", long_log, "--json").stdout)["windows"]
@@ -216,6 +217,7 @@ def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, 
     assert (outcome.stderr, json.loads(outcome.stdout)["notes"][0]) == ("", told)
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_whoever_asks_for_a_window_is_told_of_no_other(bfi: Callable, long_log: Path):
     for asked in (("--from", 0), ("--to", 659)):
         document = json.loads(bfi("identify", long_log, "-d", FAULTS, *SLOWER, *asked, "--json").stdout)

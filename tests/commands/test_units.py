@@ -64,8 +64,8 @@ def test_tables_show_knots_and_json_stays_what_it_was(name: str, bfi: Callable, 
 
 @pytest.mark.usefixtures("unscanned")
 def test_a_stored_result_is_drawn_in_other_units(bfi: Callable, tmp_path: Path):
-    made = bfi(*COMMANDS["identify"], "--units", "aviation", "--out", tmp_path / "kt")
-    bfi(*COMMANDS["identify"], "--out", tmp_path / "si")
+    made = bfi(*COMMANDS["start-time"], "--units", "aviation", "--out", tmp_path / "kt")
+    bfi(*COMMANDS["start-time"], "--out", tmp_path / "si")
     stored = tmp_path / "si" / "result.json"
     before = stored.read_bytes()
     again = bfi("report", stored, "--units", "aviation")

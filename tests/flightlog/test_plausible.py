@@ -51,12 +51,13 @@ def test_the_recordings_of_the_repository_raise_no_question():
         assert inspect_log(log).notes == log.notes
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_info_and_identify_ask(bfi: Callable, tmp_path: Path):
     rng = np.random.default_rng(0)
     elevator, tas = 3.0 * np.sign(np.sin(TIME_S)), 450.0 + rng.standard_normal(TIME_S.size)
     rows = "\n".join(f"{t:.1f},{a:.4f},{e:.1f}" for t, a, e in zip(TIME_S, tas, elevator, strict=True))
     path = write_text(tmp_path / "a.csv", f"time,tas,elevator [rad]\n{rows}\n")
-    for command in (("info", path), ("identify", path, "-d", "airdata"), ("start-time", path)):
+    for command in (("info", path), ("identify", path, "-d", "airdata"), ("start-time", path, "--shape", "bias")):
         outcome = bfi(*command, "--json")
         assert outcome.code == 0
         notes = json.loads(outcome.stdout)["notes"]

@@ -1,6 +1,6 @@
 """Faults of known start on simulated flights, the answer of the onset scan counted.
 
-`ONSET_SEEDS` is the number of seeds (default 8, or 100 where BFI_FULL=1), `ONSET_WORKERS` that of the processes.
+`ONSET_SEEDS` is the number of seeds (default 6, or 100 where BFI_FULL=1), `ONSET_WORKERS` that of the processes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import OnsetFault, OnsetResult, find_onset, table_of_windows
 from bfi_cli.provenance import provenance
 
-SEEDS = range(int(os.environ.get("ONSET_SEEDS", sized(100, 0.08))))
+SEEDS = range(int(os.environ.get("ONSET_SEEDS", sized(100, 0.06))))
 WORKERS = int(os.environ.get("ONSET_WORKERS", "2"))
 FAULT_FREE = 10_000
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
+from trials import FULL
 
 from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
@@ -16,9 +15,9 @@ from bfi_cli.flightlog import inject
 pytestmark = pytest.mark.slow
 
 MODEL, RATE_HZ, NOISE, NEAR_S = find_model("citation"), 25.0, 0.02, 1.5
-N = 200 if "BFI_FULL" in os.environ else 40
+N = 200 if FULL else 24
 # Of N intervals of 95 %, fewer hold the truth once in a thousand times.
-LEAST = {40: 33, 200: 179}
+LEAST = {24: 19, 200: 179}
 
 
 @pytest.mark.parametrize(("gusts_m_s", "duration_s", "larger"), [(0.0, 60.0, 1.0), (0.5, 90.0, 5.0)])

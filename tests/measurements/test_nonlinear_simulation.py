@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trials import CONFIGS, Outcome, draw, not_above, not_below, run_all, sized
+from trials import CONFIGS, FULL, Outcome, draw, not_above, not_below, run_all, sized
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
@@ -81,6 +81,7 @@ def test_fault_free(log: FlightLog) -> None:
         assert not_below(float(share), 0.97, len(here))
 
 
+@pytest.mark.skipif(not FULL, reason="it has no bar: only where BFI_FULL=1 is set")
 def test_the_rule_of_the_thesis_beside_it(log: FlightLog) -> None:
     """No bar: printed, so that the default's numbers have something to stand beside."""
     rule = {"method": "risro", "risro.sparsity": "none", "model.order": 4}

@@ -95,6 +95,7 @@ def test_figure_5_16_without_a_fault(flown: FlightLog, config: Config) -> None:
     assert not_below(float(np.mean([not one.faults for one in outcomes])), 0.97, len(outcomes))
 
 
+@LONG
 def test_the_shipped_table_beside_it(flown: FlightLog) -> None:
     """No bar: the shipped thresholds are those of real flights, so a weak drift in a quiet record stays below them."""
     config = merge(Config(), {**AT_10_HZ, "start_time.shapes": ["bias", "drift"]})

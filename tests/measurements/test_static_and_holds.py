@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pressure_records import recorded_anew
 from test_recorded_faults import FLIGHTS, LENGTH_S, windows
-from trials import not_above, not_below
+from trials import FULL, not_above, not_below
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
@@ -103,7 +103,7 @@ def test_healthy_windows_raise_no_alarm(logs: tuple[FlightLog, FlightLog], known
     counts: Counter[str] = Counter()
     for log in logs:
         series, lines = relation_series(log), lines_of(log)
-        for part in windows(log, 10):
+        for part in windows(log, 10 if FULL else 30):
             start_s = float(part.time_s[0])
             if known == "the window":
                 relations = find_static(part, start_s, start_s + LENGTH_S)

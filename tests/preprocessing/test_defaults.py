@@ -176,7 +176,7 @@ def test_logs_of_autopilots_are_identified_as_typed(bfi: Callable, tmp_path: Pat
         write_ulog(path, px4_topics())
     else:
         path.write_bytes(dataflash_bytes() if kind == "bin" else tlog_bytes(length_s=60.0))
-    for command in (("identify", path, "-d", "airdata"), ("start-time", path)):
+    for command in (("identify", path, "-d", "airdata"), ("start-time", path, "--shape", "bias")):
         outcome = bfi(*command, "--json")
         assert (outcome.code, outcome.stderr) == (0, "")
         document = json.loads(outcome.stdout)

@@ -203,6 +203,7 @@ def test_logs_that_cannot_be_used(clean: FlightLog):
         thesis_5_6(Settings(log=without))
 
 
+@pytest.mark.slow
 def test_figure_5_8_quick_says_what_was_solved_and_draws_no_line_through_two_points():
     content = thesis_5_8(QUICK)
     assert dict(content.facts)["Values of kappa"] == "2: 0, 0.5"
@@ -234,6 +235,7 @@ def test_figure_5_9_quick_says_which_orders_were_solved_and_counts_by_one_rule()
     assert share(row(content, f"VAF of the fault, ours (ml), {EXACT}")[1]) > 99.5
 
 
+@pytest.mark.slow
 def test_figure_5_10_says_whose_drift_is_which():
     content = thesis_5_10(QUICK)
     for text in ("-2.115 in algorithm 3 as published", "-0.4781 with two", "-0.4328 in the listing", "0.2002 in ours"):
@@ -244,6 +246,7 @@ def test_figure_5_10_says_whose_drift_is_which():
     assert content.heading == "Not followed by algorithm 3"
 
 
+@pytest.mark.slow
 def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
     content = thesis_5_11(QUICK)
     found = row(content, f"declared by algorithm 3, s = 4, {EXACT}")[1]
@@ -257,6 +260,7 @@ def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
     assert any("Quick: the scan over all starts" in note for note in content.notes)
 
 
+@pytest.mark.slow
 def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it():
     content = thesis_5_12(QUICK)
     assert share(row(content, f"VAF of the fault, algorithm 3, s = 45, {EXACT}")[1]) < 5.0

@@ -54,7 +54,7 @@ def row(content: ReportContent, name: str) -> tuple[str, ...]:
     return next(cells[1:] for cells in content.tables[0].rows if cells[0] == name)
 
 
-@pytest.mark.parametrize(("name", "start"), [("bias", 15.0), ("drift", 16.0)])
+@pytest.mark.parametrize(("name", "start"), [("bias", 15.0), pytest.param("drift", 16.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("label", READINGS)
 def test_without_noise_the_magnitude_of_every_reading_peaks_at_the_start(
     request: pytest.FixtureRequest, name: str, start: float, label: str
@@ -66,6 +66,7 @@ def test_without_noise_the_magnitude_of_every_reading_peaks_at_the_start(
     assert np.abs(np.delete(z, best)).max() < 1.0
 
 
+@pytest.mark.slow
 def test_our_statistic_peaks_there_too_above_its_threshold(bias: ReportContent, drift: ReportContent):
     for content, shape, start in ((bias, "bias", 15.0), (drift, "drift", 16.0)):
         starts, statistic = curve(content, STATISTIC, shape)
@@ -76,6 +77,7 @@ def test_our_statistic_peaks_there_too_above_its_threshold(bias: ReportContent, 
     assert row(drift, "scan over all starts, ours, no noise")[1].startswith("drift of 0.25 m/s^2 from 16 s")
 
 
+@pytest.mark.slow
 def test_the_heading_follows_from_the_noisy_record_too(bias: ReportContent, drift: ReportContent):
     """The shipped threshold of a quick run is that of real flights: the weak drift in noise stays below it."""
     assert bias.heading == "Start found by the scan"
@@ -84,6 +86,7 @@ def test_the_heading_follows_from_the_noisy_record_too(bias: ReportContent, drif
     assert abs(starts[np.argmax(np.abs(z))] - 16.0) > 0.2
 
 
+@pytest.mark.slow
 def test_a_log_of_ones_own_and_another_road_to_its_magnitudes():
     """The reproduction's own solves against `bfi start-time --method thesis`, at 20 Hz on a time axis that is moved."""
     log = resample(thesis_record(QUICK), 20.0)
@@ -102,6 +105,7 @@ def test_a_log_of_ones_own_and_another_road_to_its_magnitudes():
         np.testing.assert_allclose(z, scan.magnitude[same], rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(wrong: ReportContent):
     _, high = curve(wrong, 0, "published, M = 1")
     _, low = curve(wrong, 1, "published, M = 1")
@@ -110,6 +114,7 @@ def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(w
     assert np.abs(low).max() < 0.01
 
 
+@pytest.mark.slow
 def test_our_stage_finds_no_drift_in_a_bias_where_algorithm_3_finds_a_huge_one(wrong: ReportContent):
     peaks = {cells[:4]: cells[4] for cells in next(one for one in wrong.tables if one.name == "peaks").rows}
     for record in ("no noise", "noise 0.01 m/s"):
@@ -118,6 +123,7 @@ def test_our_stage_finds_no_drift_in_a_bias_where_algorithm_3_finds_a_huge_one(w
     assert peaks["drift", "noise 0.01 m/s", "bias", "ours, with stage"] == "0 at every start"
 
 
+@pytest.mark.slow
 def test_ours_does_not_declare_the_wrong_shape(wrong: ReportContent):
     assert wrong.heading == "The scan declares no wrong shape"
     for name in ("bias", "drift"):

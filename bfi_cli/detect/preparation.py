@@ -151,7 +151,9 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     until_s = float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf
     through = response_of(filters, log.rate_hz)
     recorder_s = _spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S
-    edges_hz = [one.edge_hz for chain in (filters, *alternatives(filters)) for one in chain if one.stage == "recorder"]
+    # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
+    chains = (filters, *alternatives(filters), log.filters or ())
+    edges_hz = [one.edge_hz for chain in chains for one in chain if one.stage == "recorder"]
     recorder_hz = min(edges_hz, default=None)
     if watch_s >= min(last_s, until_s):
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")

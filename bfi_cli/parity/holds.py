@@ -47,7 +47,11 @@ STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.5, 0.1
 # Steps of the static pressure, m of altitude, above which level flight may stay within one: with 0.30 m no stretch of
 # three recorded flights (two Citations, a Cessna 172) is still, with 0.5 m one in a hundred, with 6 m every second.
 COARSE_M = 0.35
+# Of the total pressure by the steps of airspeed and temperature, Pa, above which calm flight may stay within one: 1.0
+# Pa with the 0.032 m/s of a recorded Citation, of which no stretch is still; from 0.05 m/s on some are.
+COARSE_PA = 1.5
 LANDED, STEADY = "the aircraft has landed", "a steady climb or descent is a line too"
+STEPS_HIDE = "the steps or the noise of the record hide how calm flight moves"
 TOO_LITTLE = "the log has too little flight that moves to tell it from calm air"
 FEWEST_MOVING_S = 60.0  # of moving stretches; with fewer the log does not say how still its flight is
 # m over the length of a stretch: altitude that is held, and as much as a trapped pressure drifts with the temperature
@@ -131,6 +135,8 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
         findings += held
         # A trapped tube loses its airspeed in a descent, a trapped port in a climb.
         leaks = [(leak, low_s) for leak, low_s in leaks if not any(one.onset_s < low_s for one in held)]
+        if pressure == "p_static":
+            leaks = [(_or_blocked_port(log, lines, line, leak, low_s), low_s) for leak, low_s in leaks]
     findings += [leak for leak, _ in leaks]
     # While the static line shows the cabin it holds, and no impact pressure tells of the pitot tube.
     findings = [one for one in findings if not any(begins_within(one, leak) for leak in to_cabin)] + to_cabin
@@ -144,6 +150,31 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
                 f"{' and '.join(report.made_of)} moved no more than calm air and the steps of the record let them"
             )
     return Holds(findings=tuple(findings), lines=tuple(reports), missing=tuple(missing))
+
+
+def _or_blocked_port(log: FlightLog, lines: Lines, line: PressureLine, leak: Finding, low_s: float) -> Finding:
+    """Return a leak of the pitot tube, or that or a blocked static port where the static pressure rests meanwhile.
+
+    In a climb a blocked port loses the airspeed too; in coarse steps, or beside gaps, its hold may not be told.
+    """
+    during = (lines.time_s >= leak.onset_s) & (lines.time_s <= low_s) & np.isfinite(line.values)
+    moved = METRES * np.ptp(line.values[during]) / np.median(line.values[during]) if during.any() else 0.0
+    at = int(np.searchsorted(lines.time_s, leak.onset_s))
+    rests = BAND * METRES * float(np.hypot(line.step_sd[at], line.noise_sd)) / float(line.values[at])
+    if moved > rests:
+        return leak
+    return line_finding(
+        log,
+        "p_static",
+        leak.fault,
+        among=(leak.fault, "static_blocked"),
+        onset_s=leak.onset_s,
+        onset_ci95=leak.onset_ci95,
+        offset_s=leak.offset_s,
+        statistic=leak.statistic,
+        threshold=leak.threshold,
+        evidence=leak.evidence,
+    )
 
 
 def _holds_of(
@@ -161,14 +192,17 @@ def _holds_of(
         best = first + int(np.argmin(own.sd[first : last + 1] / own.limit[first : last + 1]))
         onset = edge_of(lines, line, first + own.n // 2, -1)
         coarse = _altitude_step_m(lines, best) > COARSE_M
-        if line.pressure == "p_static" and coarse:
-            # The other still stretches are level flight within a step as well as holds.
+        coarse_airspeed = line.pressure == "p_total" and _airspeed_step_sd(lines, best) > COARSE_PA
+        if coarse_airspeed or (line.pressure == "p_static" and coarse):
+            # The other still stretches are calm flight within a step as well as holds.
             run = np.zeros(len(own.sd), dtype=bool)
             run[first : last + 1] = True
             usual = _calm(lines, line, own, run)
         else:
             usual = calm
         why = _doubt(log, lines, line, own, beside, usual, best, onset, moving=1.0 / HIDDEN if coarse else 1.0)
+        if not why and coarse_airspeed and not _motionless(own, usual, best):
+            why = STEPS_HIDE
         if why:
             untold.append((float(lines.time_s[first]), float(lines.time_s[last + own.n - 1]), why))
             continue
@@ -238,7 +272,7 @@ def _doubt(
     if line.pressure == "p_static" and (calm is None or limit > HIDDEN * calm):
         if _stopped(lines, line, onset):
             return ""
-        return TOO_LITTLE if calm is None else "the steps or the noise of the record hide how level flight moves"
+        return TOO_LITTLE if calm is None else STEPS_HIDE
     if calm is None:
         # The total pressure moves at least as the static one does, unless speed is traded for it.
         return "" if beside is not None and limit <= HIDDEN * beside.sd[best] else TOO_LITTLE
@@ -252,6 +286,19 @@ def _altitude_step_m(lines: Lines, at: int) -> float:
     static = lines.of("p_static")
     # Rounding errs by the step over the root of 12.
     return 0.0 if static is None else float(METRES * np.sqrt(12.0) * static.step_sd[at] / static.values[at])
+
+
+def _airspeed_step_sd(lines: Lines, at: int) -> float:
+    """Return what the steps of airspeed and temperature make of the total pressure in a block, Pa."""
+    static, total = lines.of("p_static"), lines.of("p_total")
+    assert static is not None
+    assert total is not None
+    return float(np.sqrt(max(total.step_sd[at] ** 2 - static.step_sd[at] ** 2, 0.0)))
+
+
+def _motionless(own: Stretches, calm: float | None, best: int) -> bool:
+    """Say whether a stretch is without the motion that calm flight shows through the steps of the record."""
+    return calm is not None and bool(own.limit[best] <= calm and own.sd[best] <= MOTIONLESS * calm)
 
 
 def _covered(lines: Lines, marked: BoolArray, n: int) -> BoolArray:

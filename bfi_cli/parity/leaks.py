@@ -28,6 +28,7 @@ __all__ = ["LANDING", "begins_within", "pitot_leaks", "static_leaks"]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+FREED = "the static pressure rests before it too: a blocked port that opens jumps as well, to a level within a step"
 LANDING = "the impact pressure is lost as in a landing"
 # A leak with an open drain takes all of the impact pressure: how long, s, nearly none is left at least, and how long
 # the fall to there may take with the level before it.
@@ -97,6 +98,7 @@ def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> li
             statistic=METRES * abs(one.jump) / float(line.values[one.onset]),
             threshold=STOPPED_AT,
             evidence={"time_constant_s": one.time_constant_s},
+            doubt=FREED if any(first <= one.onset <= last + own.n for first, last in held) else "",
         )
         found += [] if any(begins_within(leak, earlier) for earlier in found) else [leak]
     return found

@@ -244,8 +244,16 @@ def line_finding(
     statistic: float,
     threshold: float,
     evidence: Mapping[str, float],
+    among: tuple[str, ...] = (),
+    doubt: str = "",
 ) -> Finding:
-    """Return the finding of a fault of a line, which has no size, with the channels that follow from the line."""
+    """Return the finding of a fault of a line, which has no size, with the channels that follow from the line.
+
+    Parameters
+    ----------
+    among : every fault that explains it as well; empty where none but `fault` does.
+    doubt : why it is no fault for certain.
+    """
     channels = tuple(
         name
         for name in log.channels
@@ -253,7 +261,7 @@ def line_finding(
     )
     return Finding(
         fault=fault,
-        among=(fault,),
+        among=among or (fault,),
         channels=channels,
         stage="holds",
         shape=fault,
@@ -266,4 +274,5 @@ def line_finding(
         statistic=statistic,
         threshold=threshold,
         evidence=evidence,
+        doubt=doubt,
     )

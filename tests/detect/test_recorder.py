@@ -137,3 +137,10 @@ def test_steps_through_the_recorder_just_above_what_is_excluded_raise_an_alarm(r
     # Of 16 of which 95 % raise one, fewer than 12 do so once in a thousand times.
     assert n == 16
     assert found >= 12
+
+
+@pytest.mark.parametrize("edge_hz", ["none", 3.0])
+def test_what_is_stated_against_the_log_excludes_no_more_than_the_log_allows(recorded: FlightLog, edge_hz: str | float):
+    assert detected(recorded, recorder__edge_hz=edge_hz).log.rate_hz == pytest.approx(2.0)
+    asked = detected(recorded, recorder__edge_hz=edge_hz, conditioning__rate_hz=5.0)
+    assert set(limits(asked)) == {None}

@@ -270,3 +270,45 @@ def test_slow_flight_at_the_level_of_the_sea_has_its_pressures():
     np.testing.assert_allclose(pressure_at(value["altitude"]), value["p_static"], rtol=1e-12)
     np.testing.assert_allclose(impact_pressure_of_cas(value["cas"]), value["q_impact"], rtol=1e-10)
     np.testing.assert_allclose(total_temperature(value["sat"], value["mach"]), value["tat"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("knots", [0.5, 1.0, 2.0])
+def test_speed_that_is_held_within_a_coarse_step_is_no_blocked_tube(knots: float):
+    """An autopilot holds the speed in smooth air for two times two minutes, and the altitude within half a metre."""
+    time_s = np.arange(9000) / 10.0
+    step = knots * 0.5144
+    held = ((time_s > 200.0) & (time_s < 320.0)) | ((time_s > 500.0) & (time_s < 620.0))
+    moving = 4.0 * np.sin(time_s / 9.0) + 3.0 * np.sin(time_s / 17.0)
+    cas = step * round(90.0 / step) + np.where(held, 0.1 * step * np.sin(time_s / 5.0), moving)
+    altitude = 3000.0 + 0.4 * np.sin(time_s / 4.0)
+    log = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=np.round(cas / step) * step)
+    answer = find_holds(log, 0.0, 900.0)
+    assert answer.findings == ()
+    assert any(sentence.startswith("pitot_blocked could hide in") for sentence in answer.missing)
+
+
+def test_airspeed_lost_while_the_static_pressure_rests_may_be_a_blocked_port_in_a_climb():
+    flight = made_flight(climbs_m=0.0, air_pa=15.0, names=("altitude", "cas"))
+    leak = Fault(shape="pitot_leak", onset_s=ONSET_S, time_constant_s=5.0)
+    log = inject(flight, [leak])
+    altitude = np.round(np.asarray(log.channels["altitude"].values) / 30.48) * 30.48
+    rounded = replace(log.channels["altitude"], values=frozen_array(altitude))
+    (found,) = find_holds(replace(log, channels={**log.channels, "altitude": rounded}), 0.0, 600.0).findings
+    assert found.among == ("pitot_leak", "static_blocked")
+    assert set(found.channels) == {"altitude", "cas"}
+    (found,) = find_holds(inject(made_flight(), [leak]), 0.0, 600.0).findings
+    assert found.among == ("pitot_leak",)
+
+
+def test_a_port_that_opens_in_coarse_steps_is_no_certain_leak():
+    """A port that was blocked in a climb opens, and the pressure jumps to level flight within a step."""
+    time_s = np.arange(6000) / 10.0
+    opened = -np.expm1(-np.maximum(time_s - ONSET_S, 0.0))
+    static = pressure_at(1000.0 + 160.0 * opened)
+    total = pressure_at(np.full(6000, 1000.0)) + impact_pressure_of_cas(90.0 + np.sin(time_s / 3.0))
+    made = channels_of(static, total - static, np.full(6000, 288.0))
+    altitude = np.round(made["altitude"] / 10.0) * 10.0
+    log = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=made["cas"])
+    (found,) = find_holds(log, 0.0, 600.0).findings
+    assert found.fault == "static_leak"
+    assert "rests before it too" in found.doubt

@@ -7,6 +7,7 @@ no signature is fitted, and no size is told.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -76,7 +77,7 @@ class LineReport:
         noise of the transducer, the median over the window. NaN where there is no flight in it.
     calm_pa : the same of the calmest twentieth of the log's moving stretches (for the static pressure, in level
         flight); None where the log has too few.
-    watched_s : time within stretches that moved.
+    watched_s : time within stretches that moved; unwatched_s : in flight, between gaps too short for a stretch.
     untold : (from_s, to_s, why) of stretches that are still, but not told from calm air.
     """
 
@@ -85,6 +86,7 @@ class LineReport:
     limit_pa: float
     calm_pa: float | None
     watched_s: float
+    unwatched_s: float
     untold: tuple[tuple[float, float, str], ...]
 
 
@@ -141,15 +143,28 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
     # While the static line shows the cabin it holds, and no impact pressure tells of the pitot tube.
     findings = [one for one in findings if not any(begins_within(one, leak) for leak in to_cabin)] + to_cabin
     findings.sort(key=lambda one: one.onset_s)
-    missing = list(lines.missing)
-    for report in reports:
-        still_s = sum(end_s - start_s for start_s, end_s, why in report.untold if why not in (LANDED, LANDING, STEADY))
-        if still_s:
-            missing.append(
-                f"{FAULT[report.pressure]} could hide in {still_s:.0f} s of the flight, in which "
-                f"{' and '.join(report.made_of)} moved no more than calm air and the steps of the record let them"
-            )
+    missing = [*lines.missing, *(sentence for report in reports for sentence in _unseen(lines, report))]
     return Holds(findings=tuple(findings), lines=tuple(reports), missing=tuple(missing))
+
+
+def _unseen(lines: Lines, report: LineReport) -> Iterator[str]:
+    """Yield for how long in flight a blocked line would not have been seen."""
+    fault, channels, length_s = FAULT[report.pressure], " and ".join(report.made_of), LENGTH_S[report.pressure]
+    if report.unwatched_s > length_s:
+        yield (
+            f"{fault} was not looked for in {report.unwatched_s:.0f} s of the flight: gaps and missing samples of "
+            f"{channels} leave less than {length_s:.0f} s at once"
+        )
+    hides = np.zeros(len(lines.time_s), dtype=bool)
+    for start_s, end_s, why in report.untold:
+        if why not in (LANDED, LANDING, STEADY):
+            hides |= (lines.time_s >= start_s) & (lines.time_s <= end_s)
+    hidden_s = float(np.count_nonzero(hides & lines.flies) * lines.step_s)
+    if hidden_s >= length_s:
+        yield (
+            f"{fault} could hide in {hidden_s:.0f} s of the flight, in which {channels} moved no more than calm air "
+            "and the steps of the record let them"
+        )
 
 
 def _or_blocked_port(log: FlightLog, lines: Lines, line: PressureLine, leak: Finding, low_s: float) -> Finding:
@@ -231,12 +246,14 @@ def _holds_of(
         )
         findings.append(hold)
     watched = own.inside & ~own.still
+    flies = lines.flies & (lines.time_s >= from_s) & (lines.time_s < to_s)
     report = LineReport(
         pressure=line.pressure,
         made_of=line.made_of,
         limit_pa=float(np.median(own.limit[own.inside])) if own.inside.any() else np.nan,
         calm_pa=calm,
         watched_s=float(np.count_nonzero(_covered(lines, watched, own.n)) * lines.step_s),
+        unwatched_s=float(np.count_nonzero(flies & ~_covered(lines, own.inside, own.n)) * lines.step_s),
         untold=tuple(untold),
     )
     return report, findings

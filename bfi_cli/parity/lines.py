@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ..flightlog import FlightLog
+from ..flightlog.holds import find_hold
 from ..kernels.stillness import noise_of_second_differences, sd_about_lines
 from .finding import Finding
 from .sampled import Blocks, airborne, quanta_of
@@ -37,6 +38,8 @@ PIECE_S, CALMEST = 5.0, 0.05
 ROUNDING = 1e-7
 # m of altitude for a share of the static pressure, to a tenth: gas constant of air times a typical temperature over g.
 METRES = 287.05 * 265.0 / G
+# s between new values of a channel at most, beside the log's own rate: what is held longer stands still by itself.
+RENEWED_S = 1.25
 # Times the noise of a sample beside the line, within which a line still holds.
 BAND = 4.0
 # Of the median impact pressure in flight, from which on the aircraft may fly.
@@ -132,6 +135,12 @@ def lines_of(log: FlightLog) -> Lines:
             used |= dict.fromkeys(
                 air.made_of["tat"] if air.made_of["tat"] else [n for n in ("tat", "sat") if n in names]
             )
+        renewed = {name: _renewed_every_s(log, name) for name in used}
+        slowest = max(renewed, key=lambda name: renewed[name])
+        if renewed[slowest] > max(RENEWED_S, 1.5 / log.rate_hz):
+            watched = "static port" if pressure == "p_static" else "pitot tube"
+            missing.append(f"the {watched} is not watched: '{slowest}' is renewed every {renewed[slowest]:.3g} s only")
+            continue
         own = np.asarray(getattr(air, pressure))
         steps = np.zeros(len(own))
         for name in used.keys() & quanta.keys():
@@ -157,6 +166,14 @@ def lines_of(log: FlightLog) -> Lines:
         lines=tuple(lines),
         missing=tuple(missing),
     )
+
+
+def _renewed_every_s(log: FlightLog, name: str) -> float:
+    """Return the period of a channel that is held between its sensor's samples, 0 where it is not."""
+    values = log.channels[name].values
+    finite = np.isfinite(values)
+    hold = find_hold(values[finite], (log.time_s[finite] - log.time_s[0]) * log.rate_hz)
+    return 0.0 if hold is None else hold.period / log.rate_hz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

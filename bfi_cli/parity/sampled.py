@@ -43,9 +43,12 @@ class Blocks:
         return cls(block=block, count=count, time_s=np.bincount(block, time_s - time_s[0]) / count + time_s[0])
 
     def mean(self, x: FloatArray) -> FloatArray:
-        """Return (n_blocks,) means of x (n_samples,); NaN where a sample is."""
-        middle = float(np.nanmean(x)) if np.isfinite(x).any() else 0.0
-        return np.asarray(np.bincount(self.block, x - middle) / self.count + middle)
+        """Return (n_blocks,) means of the finite samples of x (n_samples,); NaN where more than half are missing."""
+        finite = np.isfinite(x)
+        middle = float(np.mean(x[finite])) if finite.any() else 0.0
+        n = np.bincount(self.block, finite)
+        total = np.bincount(self.block, np.where(finite, x - middle, 0.0))
+        return np.where(2.0 * n >= self.count, total / np.maximum(n, 1.0) + middle, np.nan)
 
 
 def airborne(log: FlightLog, time_s: FloatArray) -> NDArray[np.bool_]:

@@ -256,6 +256,40 @@ def test_gaps_and_missing_samples_are_no_holds():
     assert find_holds(gap, 0.0, 600.0).findings == ()
 
 
+def changed(log: FlightLog, **signals: np.ndarray) -> FlightLog:
+    channels = {name: replace(log.channels[name], values=frozen_array(values)) for name, values in signals.items()}
+    return replace(log, channels={**log.channels, **channels})
+
+
+def test_single_missing_samples_hide_no_blocked_port():
+    log = inject(made_flight(names=("altitude", "cas")), [Fault(shape="static_blocked", onset_s=ONSET_S)])
+    altitude = np.array(log.channels["altitude"].values)
+    altitude[::20] = np.nan
+    answer = find_holds(changed(log, altitude=altitude), 0.0, 600.0)
+    assert [one.fault for one in answer.findings] == ["static_blocked"]
+    assert answer.missing == ()
+    assert all(one.unwatched_s == 0.0 for one in answer.lines)
+
+
+def test_how_long_gaps_keep_a_port_from_being_watched_is_said():
+    log = made_flight(names=("altitude", "cas"))
+    answer = find_holds(log.take(log.time_s % 35.0 >= 3.0), 0.0, 600.0)
+    assert answer.findings == ()
+    (sentence,) = answer.missing  # 30 s are enough for a pitot tube
+    assert sentence.startswith("static_blocked was not looked for in 5")
+    assert answer.lines[-1].watched_s == 0.0
+
+
+@pytest.mark.parametrize("period_s", [2.0, 5.0, 20.0])
+def test_a_channel_that_is_held_between_slow_samples_is_not_watched(period_s: float):
+    log = made_flight(names=("altitude", "cas"), noise_pa=1.0, steps=STEPS)
+    held = np.arange(log.n_samples) // round(10 * period_s) * round(10 * period_s)
+    slow = {name: log.channels[name].values[held] for name in ("altitude", "cas")}
+    answer = find_holds(changed(log, **slow), 0.0, 600.0)
+    assert answer.findings == ()
+    assert f"is renewed every {period_s:.3g} s only" in answer.missing[0]
+
+
 def test_windows_of_one_log_share_its_lines():
     log = inject(made_flight(), [Fault(shape="pitot_blocked", onset_s=ONSET_S, offset_s=430.0)])
     lines = lines_of(log)

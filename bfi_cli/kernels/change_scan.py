@@ -33,12 +33,14 @@ class ChangeScan:
     ----------
     statistic : (n_candidates,) twice the gain in log-likelihood, 0 for a candidate that the nuisances imitate.
     amplitude, sd : (n_candidates,) its size in units of y and the standard deviation of that, infinite for the same.
+    leverage : (n_candidates,) how much an error of at most 1 in every sample, of any course, changes the size at most.
     noise_sd : of the noise without a change.
     """
 
     statistic: FloatArray
     amplitude: FloatArray
     sd: FloatArray
+    leverage: FloatArray
     noise_sd: float
 
 
@@ -87,6 +89,7 @@ def scan_changes(
     m = candidates.shape[1]
     best_none, noise_sd = -np.inf, floor
     best, amplitude, sd = np.full(m, -np.inf), np.zeros(m), np.full(m, np.inf)
+    leverage = np.full(m, np.inf)
     for correlation in CORRELATIONS:
         white, log_det = _whitened(stacked, time_s, correlation)
         white = np.vstack([white, prior])
@@ -108,7 +111,16 @@ def scan_changes(
         amplitude = np.where(better, size, amplitude)
         spread = np.sqrt(np.maximum(with_change / n, floor**2))
         sd = np.where(better, np.divide(spread, np.sqrt(power), out=np.full(m, np.inf), where=known), sd)
-    return ChangeScan(statistic=2.0 * np.maximum(best - best_none, 0.0), amplitude=amplitude, sd=sd, noise_sd=noise_sd)
+        # The size is linear in y: the sum of its coefficients, each at its worst.
+        total = np.abs(_transposed(others[:n], time_s, correlation)).sum(axis=0)
+        leverage = np.where(better, np.divide(total, power, out=np.full(m, np.inf), where=known), leverage)
+    return ChangeScan(
+        statistic=2.0 * np.maximum(best - best_none, 0.0),
+        amplitude=amplitude,
+        sd=sd,
+        leverage=leverage,
+        noise_sd=noise_sd,
+    )
 
 
 def _whitened(x: FloatArray, time_s: FloatArray, correlation: float) -> tuple[FloatArray, float]:
@@ -117,6 +129,15 @@ def _whitened(x: FloatArray, time_s: FloatArray, correlation: float) -> tuple[Fl
     share = 1.0 - before**2
     innovation = (x[1:] - before * x[:-1]) / np.sqrt(share)
     return np.concatenate([x[:1], innovation]), float(np.sum(np.log(share)))
+
+
+def _transposed(x: FloatArray, time_s: FloatArray, correlation: float) -> FloatArray:
+    """Return the transpose of the matrix that makes noise white, times x."""
+    before = np.power(correlation, np.diff(time_s))[:, None]
+    turned = x.copy()
+    turned[1:] /= np.sqrt(1.0 - before**2)
+    turned[:-1] -= before * turned[1:]
+    return turned
 
 
 def _log_likelihood(squares: FloatArray, n: int, floor: float) -> FloatArray:

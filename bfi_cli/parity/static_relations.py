@@ -46,6 +46,8 @@ THRESHOLD = 25.0
 # A change is declared where the largest error that it makes is this many times the least noise: a quantity that rests
 # at the edge between two steps of a quantisation changes by a whole one, 12^0.5 standard deviations.
 LEAST_STEPS = 3.5
+# Of a step, by which a channel that rests within one moves from block to block at most, and of the blocks that do.
+RESTS, RESTING = 0.01, 0.25
 # Twice the loss in log-likelihood up to which another channel explains the relations as well: ten to one.
 AS_GOOD = 4.6
 # Of a step of one quantisation, in a comparison of channels: a change lies between two means, which average most of it.
@@ -271,6 +273,7 @@ class RelationSeries:
     sizes : (5,) standard deviations of the coefficients, infinite for the constant.
     effects : by channel, (n,) what one unit of its error adds to the relation.
     noise_sd : the least noise: recorded steps, or what pieces of 20 s show.
+    resting_step : what the steps of all channels that mostly rest within one make of it together.
     """
 
     name: str
@@ -283,6 +286,7 @@ class RelationSeries:
     sizes: FloatArray
     effects: Mapping[str, FloatArray]
     noise_sd: float
+    resting_step: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -343,8 +347,22 @@ class _Scanned:
     reach: FloatArray
 
     @property
+    def by_rounding(self) -> FloatArray:
+        """Sizes of the candidates that the steps of the record make at most.
+
+        Where a channel rests, what rounding takes away may follow any course of at most half a step.
+        """
+        leverage = np.where(np.isfinite(self.scan.leverage), self.scan.leverage, 0.0)
+        return 0.5 * self.series.resting_step * leverage
+
+    @property
+    def least(self) -> FloatArray:
+        """Sizes of the candidates from which on a change is told."""
+        return np.maximum(LEAST_STEPS * self.series.noise_sd / self.reach, self.by_rounding)
+
+    @property
     def best(self) -> int:
-        large = np.abs(self.scan.amplitude * self.reach) >= LEAST_STEPS * self.series.noise_sd
+        large = np.abs(self.scan.amplitude) >= self.least
         statistic = self.scan.statistic
         return int(np.argmax(np.where(large, statistic, -1.0) if large.any() else statistic))
 
@@ -364,6 +382,9 @@ def relation_series(log: FlightLog) -> tuple[tuple[RelationSeries, ...], tuple[s
     values = {name: _possible(name, blocks.mean(log.channels[name].values[flies])) for name in wanted}
     follows = _follows(values, blocks.time_s)
     quanta, series = quanta_of(log, names), []
+    resting = {name: step for name, step in quanta.items() if _rests(values[name], step)}
+    # A temperature changes on its own; the steps of the others change with the flight that a relation may follow.
+    resting |= {name: AVERAGED * step for name, step in resting.items() if name in ("tat", "sat")}
     for one in relations:
         part = {name: values[name] for name in one.needs}
         made = one.make(part)
@@ -394,9 +415,20 @@ def relation_series(log: FlightLog) -> tuple[tuple[RelationSeries, ...], tuple[s
                 sizes=np.array([np.inf, *(WORTH[one.unit] * size for size in FOLLOWS)]),
                 effects=effects,
                 noise_sd=noise,
+                resting_step=sum(
+                    float(np.nanmedian(np.abs(effects[name]))) * step
+                    for name, step in resting.items()
+                    if name in effects
+                ),
             )
         )
     return tuple(series), tuple(missing)
+
+
+def _rests(x: FloatArray, step: float) -> bool:
+    """Say whether a channel mostly stays within a step from block to block."""
+    moved = np.abs(np.diff(x))
+    return bool(np.mean(moved[np.isfinite(moved)] < RESTS * step) > RESTING)
 
 
 def _possible(name: str, x: FloatArray) -> FloatArray:
@@ -498,7 +530,7 @@ def _answer(one: _Scanned) -> RelationAnswer:
         statistic=float(one.scan.statistic[best]),
         threshold=THRESHOLD,
         effect=abs(float(one.scan.amplitude[best] * one.reach[best])),
-        least_effect=LEAST_STEPS * one.series.noise_sd,
+        least_effect=float(one.least[best] * one.reach[best]),
         healthy_sd=one.scan.noise_sd,
     )
 
@@ -564,7 +596,8 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray, accus
     for one in scanned:
         if not one.series.declares:
             continue
-        upper = np.abs(one.scan.amplitude) + ONE_SIDED95 * np.hypot(one.scan.sd, one.series.noise_sd / one.reach)
+        sampling = ONE_SIDED95 * np.hypot(one.scan.sd, one.series.noise_sd / one.reach)
+        upper = np.abs(one.scan.amplitude) + np.maximum(sampling, one.by_rounding)
         for shape, part in (("bias", upper[:n]), ("drift", upper[n:][early])):
             if not np.isfinite(part).all():
                 continue

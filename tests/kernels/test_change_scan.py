@@ -67,6 +67,23 @@ def test_a_change_without_noise_is_found_exactly(j):
     assert scan.amplitude[j] == pytest.approx(0.3, rel=1e-9)
 
 
+def test_the_leverage_bounds_what_an_error_of_any_course_changes():
+    """It is reached by the error that has the sign of every coefficient."""
+    rng, y = np.random.default_rng(5), record(4)
+    one = scan_changes(y, TIME_S, NUISANCES, CANDIDATES, floor=1e-3)
+    same = np.zeros(CANDIDATES.shape[1], dtype=bool)
+    for course in (*rng.uniform(-1.0, 1.0, (20, N)), np.sign(np.sin(TIME_S / 7.0)), np.ones(N)):
+        other = scan_changes(y + 1e-6 * course, TIME_S, NUISANCES, CANDIDATES, floor=1e-3)
+        moved = np.abs(other.amplitude - one.amplitude)
+        close = moved <= 1.001e-6 * one.leverage
+        assert np.mean(close) > 0.95  # the others changed to another correlation of the noise
+        same |= moved > 0.0
+    assert same.all()
+    ones = scan_changes(y, TIME_S, np.ones((N, 1)), CANDIDATES[:, 9:10], floor=1e3)
+    step = CANDIDATES[:, 9] - CANDIDATES[:, 9].mean()
+    np.testing.assert_allclose(ones.leverage, np.abs(step).sum() / (step @ step), rtol=1e-9)
+
+
 def test_nothing_at_all_is_no_change():
     scan = scan_changes(np.zeros(N), TIME_S, NUISANCES, CANDIDATES, floor=1e-9)
     np.testing.assert_allclose(scan.statistic, 0.0, atol=1e-9)

@@ -16,9 +16,11 @@ from trials import FULL
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
+from bfi_cli.flightlog.airborne import airborne_stretches
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.recorder import with_seen_recorder
 from bfi_cli.parity.holds import find_holds
+from bfi_cli.parity.static_relations import find_static, relation_series
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
@@ -52,6 +54,18 @@ def test_a_healthy_flight_has_no_hold_in_coarse_steps(logs: list[FlightLog]) -> 
         assert holds.findings == (), (log.path, rate_hz, feet)
         if feet >= 10.0:
             assert any("static_blocked could hide" in sentence for sentence in holds.missing)
+
+
+def test_coarse_steps_of_altitude_break_no_static_relation(logs: list[FlightLog]) -> None:
+    for log in logs:
+        for rate_hz, feet in ((10.0, 5.0), (10.0, 10.0), (5.0, 25.0), (1.0, 25.0)):
+            made = coarse(log, rate_hz, feet * FOOT_M)
+            series, found, n = relation_series(made), 0, 0
+            for from_s, to_s in airborne_stretches(made):
+                for start_s in np.arange(from_s, to_s - 240.0, 60.0 if FULL else 180.0):
+                    found, n = found + len(find_static(made, start_s, start_s + 240.0, series=series).findings), n + 1
+            print(f"{rate_hz:g} Hz, {feet:g} ft: {found} of {n} windows")
+            assert found <= 0.02 * n
 
 
 @pytest.mark.parametrize(("shape", "step_m", "bar"), [("static_blocked", FOOT_M, 0.8), ("pitot_blocked", 1.0, 0.7)])

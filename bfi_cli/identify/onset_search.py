@@ -176,12 +176,12 @@ def _hopeful_fits(
     penalty: Penalty,
     price: float,
 ) -> list[tuple[int, Fit]]:
-    """Return the most hopeful of some signals that are added to a support, and the fit with each.
+    """Return the most hopeful of some signals that are added to a support, their neighbours, and the fit with each.
 
     Parameters
     ----------
     support : its fit.
-    theta : (n_samples, n_outputs, n_signals), scaled.
+    theta : (n_samples, n_outputs, n_signals), scaled, in the order of their onsets.
     price : of the choice among them.
     """
     added, without = support.each_of(theta), support.fit
@@ -189,8 +189,8 @@ def _hopeful_fits(
     needed = penalty.per_parameter + penalty.per_atom + price
     if float(gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows < HOPEFUL * needed:
         return []
-    fits = []
-    for k in np.argsort(-gains)[:FITTED].tolist():
+
+    def fit_of(k: int) -> Fit:
         layout = support.with_signals(theta.of([k]) if isinstance(theta, PiecewiseSignals) else theta[:, :, [k]])
         data = compress(
             layout.u,
@@ -204,5 +204,13 @@ def _hopeful_fits(
         if without.order < layout.first:
             data = restrict(data, order=without.order)
         problem = project_inputs(data, without.order, floor=regression.floor)
-        fits.append((k, fit_magnitudes(problem, range(len(without.atoms) + 1), np.append(without.z, 0.0))))
-    return fits
+        return fit_magnitudes(problem, range(len(without.atoms) + 1), np.append(without.z, 0.0))
+
+    fits = {k: fit_of(k) for k in np.argsort(-gains)[:FITTED].tolist()}
+    # From the best of them to the next onset, as long as that fits better.
+    while True:
+        best = min(fits, key=lambda k: fits[k].log_det)
+        beside = [k for k in (best - 1, best + 1) if 0 <= k < len(gains) and k not in fits]
+        if not beside:
+            return list(fits.items())
+        fits |= {k: fit_of(k) for k in beside}

@@ -21,7 +21,7 @@ from .lines import (
     stretches_of,
     touching_runs,
 )
-from .relaxation import Relaxation, relaxations
+from .relaxation import ALIKE, CHI_SQUARE, Relaxation, relaxations
 
 __all__ = ["LANDING", "begins_within", "pitot_leaks", "static_leaks"]
 
@@ -126,7 +126,7 @@ def _leaves_total(lines: Lines, line: PressureLine, total: PressureLine, one: Re
 def pitot_leaks(
     log: FlightLog, lines: Lines, from_s: float, to_s: float
 ) -> tuple[list[tuple[Finding, float]], list[tuple[float, float, str]]]:
-    """Return the exponential losses of nearly all impact pressure, each with its end, and what may be landings."""
+    """Return the exponential losses of impact pressure, each with when it is low, and what may be landings."""
     t, q = lines.time_s, lines.q_impact
     static = lines.of("p_static")
     if q is None or static is None or not lines.flies.any():
@@ -194,7 +194,7 @@ def _fall(
     if not rate > 1.0 / LONGEST_TIME_CONSTANT_S or misfit > LARGEST_MISFIT:
         return None
     # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
-    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + 5.0 * 3.84 / len(part))) + 2]
+    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + ALIKE * CHI_SQUARE / len(part))) + 2]
     onset_s, time_constant_s = float(at[k + 2]), float(1.0 / rate)
     half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
     return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s

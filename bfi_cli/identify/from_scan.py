@@ -1,7 +1,7 @@
 """Identification and the scan over all onsets on one window: they check each other, or the scan takes the lead.
 
 A dictionary states onsets, so that a fault at another one is not in it. The scan looks at all of them: what it declares
-is never answered by "no fault". Without a dictionary the scan proposes the faults, and identification estimates them
+is never "no fault". Without a dictionary the scan proposes the faults, and identification estimates them
 jointly; what it cannot confirm is suspected, with both numbers.
 """
 

@@ -47,7 +47,7 @@ FREQUENCIES = 8
 # Of the onsets every so many are looked at: magnitudes change slowly with the onset, over several orders of samples.
 STRIDE = 3
 # Those of an oscillation no further apart than this share of its period: one of 1.2 tolerances had a statistic of 69 at
-# its onset, and of 6 at the best of every third, three tenths of a period apart, where it was answered by "no fault".
+# its onset, and of 6 at the best of every third, three tenths of a period apart, where the verdict was "no fault".
 OF_PERIOD = 0.125
 # Lags and ramps that a claim about steps covers, with their time constants and durations: by their longest, since what
 # builds up faster stands out more. The same answers in 340 runs on two recorded flights with ramps of 5 s beside; with

@@ -27,6 +27,7 @@ from .lines import (
     Lines,
     PressureLine,
     Stretches,
+    channels_after,
     edge_of,
     line_finding,
     lines_of,
@@ -178,18 +179,7 @@ def _or_blocked_port(log: FlightLog, lines: Lines, line: PressureLine, leak: Fin
     rests = BAND * METRES * float(np.hypot(line.step_sd[at], line.noise_sd)) / float(line.values[at])
     if moved > rests:
         return leak
-    return line_finding(
-        log,
-        "p_static",
-        leak.fault,
-        among=(leak.fault, "static_blocked"),
-        onset_s=leak.onset_s,
-        onset_ci95=leak.onset_ci95,
-        offset_s=leak.offset_s,
-        statistic=leak.statistic,
-        threshold=leak.threshold,
-        evidence=leak.evidence,
-    )
+    return replace(leak, among=(leak.fault, "static_blocked"), channels=channels_after(log, "p_static"))
 
 
 def _holds_of(

@@ -18,7 +18,17 @@ from ..kernels.stillness import noise_of_second_differences, sd_about_lines
 from .finding import Finding
 from .sampled import Blocks, airborne, quanta_of
 
-__all__ = ["Lines", "PressureLine", "Stretches", "edge_of", "line_finding", "lines_of", "runs_of", "stretches_of"]
+__all__ = [
+    "Lines",
+    "PressureLine",
+    "Stretches",
+    "channels_after",
+    "edge_of",
+    "line_finding",
+    "lines_of",
+    "runs_of",
+    "stretches_of",
+]
 __all__ += ["touching_runs"]
 
 FloatArray = NDArray[np.float64]
@@ -250,6 +260,15 @@ def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
     return middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)
 
 
+def channels_after(log: FlightLog, pressure: str) -> tuple[str, ...]:
+    """Return the channels of a log that follow from a pressure."""
+    return tuple(
+        name
+        for name in log.channels
+        if pressure in DEPENDS_ON.get(name, ()) and not (name == "sat" and "tat" not in log.channels)
+    )
+
+
 def line_finding(
     log: FlightLog,
     pressure: str,
@@ -261,25 +280,18 @@ def line_finding(
     statistic: float,
     threshold: float,
     evidence: Mapping[str, float],
-    among: tuple[str, ...] = (),
     doubt: str = "",
 ) -> Finding:
     """Return the finding of a fault of a line, which has no size, with the channels that follow from the line.
 
     Parameters
     ----------
-    among : every fault that explains it as well; empty where none but `fault` does.
     doubt : why it is no fault for certain.
     """
-    channels = tuple(
-        name
-        for name in log.channels
-        if pressure in DEPENDS_ON.get(name, ()) and not (name == "sat" and "tat" not in log.channels)
-    )
     return Finding(
         fault=fault,
-        among=among or (fault,),
-        channels=channels,
+        among=(fault,),
+        channels=channels_after(log, pressure),
         stage="holds",
         shape=fault,
         magnitude=None,

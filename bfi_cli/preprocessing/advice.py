@@ -41,7 +41,7 @@ def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Deci
         said.append("choose a longer window")
     if "abrupt" in left and not here and not missing:
         said.append("choose a window with less turbulence and a manoeuvre")
-    answered = [kind for kind in verdicts if kind not in left]
-    if left == ["slow"] and answered:
-        said.append(f"or ask only for what the log can tell (--require {','.join(answered)})")
+    decided = [kind for kind in verdicts if kind not in left]
+    if left == ["slow"] and decided:
+        said.append(f"or ask only for what the log can tell (--require {','.join(decided)})")
     return f"what would help with {', '.join(left)} faults: {'; '.join(said)}" if said else None

@@ -26,6 +26,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 FOOT_M = 0.3048
 STEPS_FT = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 10.0, 20.0, 25.0, 50.0, 100.0)
+SPEEDS, AIRSPEED_STEPS = ("tas", "cas"), (0.05, 0.1, 0.25, 0.5, 0.5144, 1.0, 2.5)  # m/s
 RATES_HZ = (10.0, 1.0, 0.5)
 TIME_CONSTANTS_S = (1.0, 2.0, 5.0, 10.0, 20.0)
 CABINS_M = (None, 0.0, 1200.0, 1800.0, 2400.0)  # altitudes; None where it is open to the ground
@@ -54,6 +55,22 @@ def test_a_healthy_flight_has_no_hold_in_coarse_steps(logs: list[FlightLog]) -> 
         assert holds.findings == (), (log.path, rate_hz, feet)
         if feet >= 10.0:
             assert any("static_blocked could hide" in sentence for sentence in holds.missing)
+
+
+def test_a_healthy_flight_has_no_hold_in_coarse_airspeeds(logs: list[FlightLog]) -> None:
+    """Without mach, which would tell the airspeed more finely."""
+    trials = [(log, rate_hz, step) for log in logs for rate_hz in RATES_HZ for step in AIRSPEED_STEPS]
+    for log, rate_hz, step in trials if FULL else trials[::3]:
+        made = coarse(log, rate_hz, FOOT_M)
+        rounded = {
+            name: replace(
+                one, values=frozen_array(np.round(one.values / step) * step if name in SPEEDS else one.values)
+            )
+            for name, one in made.channels.items()
+            if name != "mach"
+        }
+        found = find_holds(replace(made, channels=rounded), -np.inf, np.inf).findings
+        assert found == (), (log.path, rate_hz, step)
 
 
 def test_coarse_steps_of_altitude_break_no_static_relation(logs: list[FlightLog]) -> None:

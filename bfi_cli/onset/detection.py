@@ -138,6 +138,9 @@ def find_onset(
             f"{verdict.threshold:.3g}; a table for these settings "
             "(bfi calibrate), or --calibration gaussian, may decide otherwise",
         )
+    if rule.use.matches and verdict.p_value <= rule.null.rarest:
+        n_windows = rule.use.n_windows
+        notes.insert(0, f"the p-value is at most {verdict.p_value:.2g}: {n_windows} windows can show none that is less")
     helps = what_would_help(record.window.log, config, by_kind)
     earliest_s, latest_s = covered_s(record, order)
     notes.append(f"claims hold for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ConfigError
+from .kernels.exponential_tail import ExcessTail
 from .provenance import Provenance
 from .report.content import ReportContent, Table
 from .serialization import from_plain, mapping, member, to_json
@@ -44,9 +45,8 @@ SCHEMA = 1
 MAX_BYTES = 64_000_000
 # With fewer there is at most a handful of windows above the quantile from which the tail is estimated.
 FEWEST_WINDOWS = 20
-# Quantile at which the tail begins, and the share of one window of all down to which it is followed (docs/theory.md,
-# 10.3): of a hundred windows fifteen lie in the tail.
-TAIL, FURTHEST = 0.85, 0.01
+# Quantile at which the tail begins (docs/theory.md, 10.3): of a hundred windows fifteen lie in the tail.
+TAIL = 0.85
 # A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
 # Chosen without a tuning record; only a note on the table depends on it.
 FAR_OUT, RARE = 2.0, 0.001
@@ -135,47 +135,40 @@ class Null:
         distribution, as the median and a quantile give it, lets the tail of the shape with the heaviest one set the
         thresholds of all.
     maxima : (n_windows,) the largest over shapes, increasing.
-    start : their 85 % quantile; excess : the mean of what lies above it, less it; n_above : how many lie there.
+    tail : of the maxima, above their 85 % quantile.
     """
 
     median: Mapping[str, float]
     scale: Mapping[str, float]
     maxima: FloatArray
-    start: float
-    excess: float
-    n_above: int
+    tail: ExcessTail
 
     def standardised(self, shape: str, statistic: float) -> float:
         """Return the statistic of a shape in units common to all shapes."""
         return statistic / self.scale[shape]
 
+    @property
+    def rarest(self) -> float:
+        """The smallest probability that the windows can have shown, 1 / (n + 1) of n."""
+        return 1.0 / (len(self.maxima) + 1)
+
     def p_value(self, standardised: float) -> float:
         """Return the probability that a window without a fault reaches this largest standardised statistic.
 
-        Never less than 1 / (n + 1) for n windows: they cannot have shown less.
+        It is never less than `rarest`: where it is that, it is a bound.
         """
-        return max(self.tail(standardised), 1.0 / (len(self.maxima) + 1))
-
-    def tail(self, standardised: float) -> float:
-        """Return the same probability with the tail as it is extrapolated, on which the thresholds rest.
-
-        What exceeds the tail's start is exponential with a mean that is known from the k windows there only, so that a
-        further one reaches x with the probability (1 + x / (k mean))^-k (the predictive distribution of an exponential
-        law under the prior 1 / mean). The tail is not followed further than to a hundredth of what one
-        window of all would be.
-        """
-        if standardised > self.start:
-            beyond = (standardised - self.start) / (self.n_above * self.excess)
-            tail = (1.0 - TAIL) * float((1.0 + beyond) ** -self.n_above)
-            return max(tail, FURTHEST / len(self.maxima))
+        if standardised > self.tail.start:
+            return max(self.tail.probability(standardised), self.rarest)
         reached = len(self.maxima) - int(np.searchsorted(self.maxima, standardised))
-        return max(1.0 - TAIL, (reached + 1) / (len(self.maxima) + 1))
+        return max(self.tail.share, (reached + 1) * self.rarest)
 
     def threshold(self, shape: str, false_alarm: float) -> float:
-        """Return the statistic of a shape above which it is a fault; the rate counts all shapes together."""
-        if false_alarm < 1.0 - TAIL:
-            k = self.n_above
-            level = self.start + k * self.excess * float(np.expm1(np.log((1.0 - TAIL) / false_alarm) / k))
+        """Return the statistic of a shape above which it is a fault; the rate counts all shapes together.
+
+        A rate below `rarest` is extrapolated along the tail.
+        """
+        if false_alarm < self.tail.share:
+            level = self.tail.level(false_alarm)
         else:
             level = float(np.quantile(self.maxima, 1.0 - false_alarm))
         return self.scale[shape] * level
@@ -211,7 +204,8 @@ def null_from(statistics: Mapping[str, FloatArray]) -> Null:
     above = maxima[maxima > start] - start
     excess = float(np.mean(above)) if above.size else np.finfo(float).eps
     medians, scales = (dict(zip(shapes, values.tolist(), strict=True)) for values in (median, scale))
-    return Null(median=medians, scale=scales, maxima=maxima, start=start, excess=excess, n_above=max(1, above.size))
+    tail = ExcessTail(start=start, mean=excess, k=max(1, above.size), share=1.0 - TAIL)
+    return Null(median=medians, scale=scales, maxima=maxima, tail=tail)
 
 
 def differences(table: CalibrationTable, settings: CalibrationSettings) -> tuple[str, ...]:

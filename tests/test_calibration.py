@@ -46,7 +46,7 @@ def test_the_p_value_of_a_threshold_is_the_false_alarm_rate(alpha: float, seed: 
     null = null_of(table(seed=seed), ("bias", "drift"))
     for shape in ("bias", "drift"):
         reached = null.standardised(shape, null.threshold(shape, alpha))
-        assert null.tail(reached) == pytest.approx(alpha)
+        assert null.tail.probability(reached) == pytest.approx(alpha)
         assert null.p_value(reached) == pytest.approx(max(alpha, 1 / 101))
 
 
@@ -82,11 +82,16 @@ def test_the_rate_of_false_alarms_is_the_one_wanted():
 @pytest.mark.parametrize("n", [20, 100])
 def test_p_values_fall_and_end_where_the_counts_do(n: int):
     null = null_of(table(n), ("bias",))
-    for probability, least in ((null.p_value, 1 / (n + 1)), (null.tail, 0.01 / n)):
-        p = [probability(x) for x in np.linspace(-5, 500, 300)]
-        assert np.all(np.diff(p) <= 1e-12)
-        assert p[-1] == pytest.approx(least)
-        assert p[0] == pytest.approx(1.0)
+    p = [null.p_value(x) for x in np.linspace(-5, 500, 300)]
+    assert np.all(np.diff(p) <= 1e-12)
+    assert p[-1] == null.rarest == 1 / (n + 1)
+    assert p[0] == pytest.approx(1.0)
+
+
+def test_thresholds_rise_without_end_as_the_rate_falls():
+    null = null_of(table(20), ("bias",))
+    thresholds = np.array([null.threshold("bias", rate) for rate in np.geomspace(0.5, 1e-12, 50)])
+    assert np.all(np.diff(thresholds) > 0.0)
 
 
 def test_a_file_keeps_everything(tmp_path):

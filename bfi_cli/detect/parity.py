@@ -412,7 +412,7 @@ def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float, 
         reached = np.maximum(ALLOWANCE * held.max(axis=0, initial=0.0) / white, 1.0)
         scale, level = reached, None
     else:
-        level = tail.level(max(n_watched / window, 1.0), false_alarm)
+        level = tail.level(false_alarm / max(n_watched / window, 1.0))
     return DetectionThreshold(
         level=scale * (gusts * max(white, level or 0.0)),
         white=white,

@@ -1,8 +1,8 @@
 """Thresholds for the largest of many deviates: that of white noise, and that of the heavier tail of healthy data.
 
 Gusts come in patches, so that amplitudes fall off exponentially, not as a normal density does (the exceedance model of
-gust statistics). The tail is fitted to the maxima of blocks of healthy data; the threshold includes the uncertainty of
-a tail that few blocks tell (docs/theory.md, 11.3).
+gust statistics). A threshold includes the uncertainty of a tail that few healthy values tell (docs/theory.md, 10.3 and
+11.3).
 """
 
 from __future__ import annotations
@@ -23,27 +23,30 @@ QUANTILES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExponentialTail:
-    """The largest deviate of a block: exponential above its median.
+class ExcessTail:
+    """A distribution that falls exponentially above a start, its mean excess known from k values there only.
+
+    A further value exceeds the start by x with the probability (1 + x / (k mean))^-k times that of exceeding it at all:
+    the predictive distribution of an exponential law under the prior 1 / mean, Pareto's.
 
     Attributes
     ----------
-    start : the median of the block maxima.
-    excess : mean excess of the maxima above the median, of which that of white noise counts as `WHITE_WEIGHT`.
-    weight : number of excesses in that mean.
+    start : where the tail begins; share : probability of what lies above.
+    mean : of what is above the start, less it; k : number of values in that mean.
     """
 
     start: float
-    excess: float
-    weight: int
+    mean: float
+    k: int
+    share: float
 
-    def level(self, n_blocks: float, false_alarm: float) -> float:
-        """Return what the largest of `n_blocks` blocks exceeds with probability `false_alarm`.
+    def probability(self, x: float) -> float:
+        """Return the probability to exceed x, which is at least the start."""
+        return self.share * float((1.0 + (x - self.start) / (self.k * self.mean)) ** -self.k)
 
-        With a mean excess that is estimated from few values, the next excess is Pareto, not exponentially, distributed.
-        """
-        odds = max(0.5 * n_blocks / false_alarm, 1.0)
-        return self.start + self.weight * self.excess * float(np.expm1(np.log(odds) / self.weight))
+    def level(self, p: float) -> float:
+        """Return what is exceeded with probability p, the start where the tail does not reach up to p."""
+        return self.start + self.k * self.mean * float(np.expm1(np.log(max(self.share / p, 1.0)) / self.k))
 
 
 def white_level(n_tests: float, false_alarm: float) -> float:
@@ -72,17 +75,17 @@ def block_maxima(deviates: FloatArray, size: int) -> FloatArray:
     return np.asarray(deviates[: n_blocks * size].reshape(n_blocks, size * deviates.shape[1]).max(axis=1))
 
 
-def fit_tail(maxima: FloatArray, *, white: float) -> ExponentialTail | None:
-    """Return the tail of block maxima, None where they are fewer than `FEWEST_BLOCKS`.
+def fit_tail(maxima: FloatArray, *, white: float) -> ExcessTail | None:
+    """Return the tail of block maxima above their median, None where they are fewer than `FEWEST_BLOCKS`.
 
     Parameters
     ----------
     maxima : (n_blocks,).
-    white : mean excess over the median that white noise would give.
+    white : mean excess over the median that white noise would give; it counts as `WHITE_WEIGHT` of the excesses.
     """
     if len(maxima) < FEWEST_BLOCKS:
         return None
     start = float(np.median(maxima))
     above = maxima[maxima > start] - start
-    weight = len(above) + WHITE_WEIGHT
-    return ExponentialTail(start=start, excess=(float(above.sum()) + WHITE_WEIGHT * white) / weight, weight=weight)
+    k = len(above) + WHITE_WEIGHT
+    return ExcessTail(start=start, mean=(float(above.sum()) + WHITE_WEIGHT * white) / k, k=k, share=0.5)

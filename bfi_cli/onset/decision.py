@@ -97,14 +97,13 @@ class Rule:
         peaks = {shape: scan.of(shape) for shape in self.shapes}
         standardised = {shape: self.null.standardised(shape, peak.statistic) for shape, peak in peaks.items()}
         top = max(standardised, key=lambda shape: standardised[shape])
-        rare = self.null.tail(standardised[top]) < self.false_alarm
         beyond = [peak for shape, peak in peaks.items() if peak.statistic > self.threshold(shape)]
         return Verdict(
             shape=top,
             statistic=peaks[top].statistic,
             threshold=self.threshold(top),
             p_value=self.null.p_value(standardised[top]),
-            significant=tuple(sorted(beyond, key=bic_change)) if rare else (),
+            significant=tuple(sorted(beyond, key=bic_change)),
         )
 
     def threshold(self, shape: str) -> float:
@@ -162,13 +161,19 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
 def _rule(
     table: CalibrationTable, source: str, config: Config, *notes: str, matches: bool = True, raised: float = 1.0
 ) -> Rule:
-    shapes = config.start_time.shapes
-    length_s = table.settings.duration_s
+    shapes, false_alarm = config.start_time.shapes, config.start_time.false_alarm
+    null, length_s = null_of(table, shapes), table.settings.duration_s
+    if matches and false_alarm < null.rarest:
+        notes = (
+            *notes,
+            f"{table.n_windows} windows show no rate of false alarms below {100.0 * null.rarest:.3g} %; the threshold "
+            f"of {100.0 * false_alarm:.3g} % is extrapolated along their tail",
+        )
     return Rule(
-        null=null_of(table, shapes),
+        null=null,
         use=CalibrationUse(source=source, matches=matches, n_windows=table.n_windows, length_s=length_s),
         shapes=shapes,
-        false_alarm=config.start_time.false_alarm,
+        false_alarm=false_alarm,
         raised=raised,
         notes=notes,
     )

@@ -11,15 +11,16 @@ from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..errors import ConfigError
-from ..faults import Fault
+from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
+from ..kernels.normal import TWO_SIDED_95
 from ..kernels.onset.scan import STARTING
 from ..kernels.progress import Progress, Report, parts, shares, unseen
 from ..preprocessing.advice import what_would_help
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
-from ..report.text import instant
+from ..report.text import instant, quantity
 from ..verdicts import decide, summarise, verdicts_of
 from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets
 from .confirmation import unconfirmed
@@ -29,6 +30,7 @@ from .magnitudes import measure
 from .result import OnsetFault, OnsetResult, assemble_result
 from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
+from .shapes import fault_of
 from .thesis import find_onset_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
@@ -62,7 +64,8 @@ def find_onset(
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
     5. Doubt those that do not stand out where all trusted channels of the log are inputs: they are suspected.
-    6. Estimate the magnitudes of those that remain at the rate of an estimate.
+    6. Estimate the magnitudes of those that remain at the rate of an estimate. Where the interval of one holds zero, it
+       is suspected.
     7. Turn the thresholds into magnitudes at every onset: what could not have been seen decides between "no fault"
        and "inconclusive".
 
@@ -99,11 +102,16 @@ def find_onset(
                 estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
             eliminate(record, verdicts, estimates, order, rule, progress)
         doubts = unconfirmed(log, record, estimates, config, order=order)
+        if not briefly:
+            kept = [i for i in range(len(estimates)) if i not in doubts]
+            sizes = measure(log, record, [estimates[i] for i in kept], config, partial(progress, "magnitudes"))
+            for i, one in zip(kept, sizes, strict=True):
+                estimates[i] = one
+                if abs(one.z) <= TWO_SIDED_95 * one.sd:
+                    doubts[i] = _may_be_nothing(record, one)
         doubted = {(estimates[i].form.shape, estimates[i].form.output): said for i, said in doubts.items()}
         verdicts = [one for i, one in enumerate(verdicts) if i not in doubts]
         estimates = [one for i, one in enumerate(estimates) if i not in doubts]
-        if not briefly:
-            estimates = measure(log, record, estimates, config, partial(progress, "magnitudes"))
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
         of_limits = partial(progress, "what could not have been seen")
         limiting, of_faults = shares(of_limits, 2, len(faults) / 8)
@@ -126,7 +134,11 @@ def find_onset(
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
     result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.fault_free_order)
-    notes = [*doubts.values(), *rule.notes, *_notes(record, result.faults, first.order)]
+    notes = [*doubts.values(), *rule.notes]
+    if rule.use.matches and verdict.p_value <= rule.null.rarest:
+        n_windows = rule.use.n_windows
+        notes.append(f"the p-value is at most {verdict.p_value:.2g}: {n_windows} windows can show none that is less")
+    notes += _notes(record, result.faults, first.order)
     if not estimates and not rule.use.matches:
         profile = next(profile for profile in result.profiles if profile.shape == verdict.shape)
         best = int(profile.statistic.argmax())
@@ -157,6 +169,19 @@ def find_onset(
         calibration=rule.use,
         profiles=tuple(replace(profile, threshold=rule.threshold(profile.shape)) for profile in result.profiles),
         notes=tuple(notes),
+    )
+
+
+def _may_be_nothing(record: ScanRecord, fault: Estimate) -> str:
+    """Return why a fault that the scan declares is only suspected: the interval of its magnitude holds zero."""
+    channel, scale = record.settings.outputs[fault.form.output], float(record.unit[fault.form.output])
+    form = fault_of(fault.form, channel, magnitude=1.0, onset_s=0.0)
+    unit = magnitude_unit(form, record.window.log.channel(channel).unit)
+    low, high = (scale * (fault.z + reach * fault.sd) for reach in (-TWO_SIDED_95, TWO_SIDED_95))
+    return (
+        f"the {fault.form.shape} on {channel} from {instant(fault.onset_s)} s that the scan declares is "
+        f"{quantity(scale * fault.z, unit)} with a 95 % interval from {low:.3g} to {high:.3g}, which holds zero: it is "
+        "suspected"
     )
 
 

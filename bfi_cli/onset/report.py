@@ -225,7 +225,9 @@ def _facts(document: Plain, units: Units, own: Mapping[str, str]) -> list[tuple[
         fits = "made for these settings" if use["matches"] else "made for other settings"
         windows = f"{use['n_windows']} windows of {number(use['length_s'])} s"
         rows.append(("Calibration", f"{use['source']}, {windows}, {fits}"))
-        rows.append(("p-value", number(document["p_value"], digits=2)))
+        p_value = document["p_value"]
+        bound = "at most " if p_value is not None and p_value * (use["n_windows"] + 1) <= 1.0 else ""
+        rows.append(("p-value", bound + number(p_value, digits=2)))
     for series in document["series"]["outputs"]:
         alarms = series["plain_alarms_s"]
         told = f"{len(alarms)}, first at {number(min(alarms), digits=6)} s" if alarms else "none"

@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bfi_cli.diagnose.events import BEFORE_S, Draft, as_one, clusters, is_return, join, merge_stages, with_ends
+from bfi_cli.diagnose.events import (
+    BEFORE_S,
+    Draft,
+    as_one,
+    clusters,
+    is_certain,
+    is_return,
+    join,
+    merge_stages,
+    with_ends,
+)
 from bfi_cli.diagnose.flight import LastingFault
 from bfi_cli.parity import Finding
 
@@ -220,3 +230,24 @@ def test_a_fault_is_in_the_windows_between_its_onset_and_its_end():
     windows = [(40.0, 100.0), (100.0, 160.0), (102.0, 222.0), (200.0, 260.0), (210.0, 270.0)]
     assert [vane.is_in(window) for window in windows] == [False, False, True, True, False]
     assert replace(vane, until_s=np.inf).is_in((1e6, 2e6))
+
+
+@pytest.mark.parametrize(
+    ("excess", "n_windows", "lasting", "certain"),
+    [
+        # A single window must stand out by a fifth more than its threshold asks for, one of several need not.
+        (1.19, 1, (), False),
+        (1.21, 1, (), True),
+        (1.01, 2, (), True),
+        # What a vane that is wrong by half leaves in a phugoid, 1.8 times the threshold, and a third more is a trace,
+        # in however many windows it shows.
+        (2.4, 9, ("aoa",), False),
+        (2.6, 1, ("aoa",), True),
+    ],
+)
+def test_an_event_is_certain_from_a_multiple_of_its_threshold_on(
+    excess: float, n_windows: int, lasting: tuple[str, ...], certain: bool
+):
+    one = replace(draft(statistic=30.0 * excess), n_windows=n_windows, lasting=lasting)
+    assert is_certain(one) is certain
+    assert not is_certain(replace(one, finding=replace(one.finding, stage="scan", doubt="flaps may move")))

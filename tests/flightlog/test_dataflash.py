@@ -6,6 +6,7 @@ field of the messages that are read.
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -49,8 +50,6 @@ def test_the_flight_that_was_written(log_file: Path):
 
 
 def test_letters_and_their_scales(tmp_path: Path):
-    import struct
-
     body = fmt(9, "BARO", "QBcLIg", "TimeUS,I,Alt,x,y,z")
     for k in range(10):
         for sensor in (0, 1):
@@ -68,6 +67,49 @@ def test_letters_and_their_scales(tmp_path: Path):
     }
     log = read_log(tmp_path / "a.bin", channel_map={"gear": "BARO.y"})
     assert set(log.channels["gear"].values) == {7.0}
+
+
+# AP_Logger's LogStructure.h: what C type a letter stands for, and how many of its units are one of the field's.
+NUMBERS = {
+    "b": ("b", 1.0),
+    "B": ("B", 1.0),
+    "M": ("B", 1.0),
+    "h": ("h", 1.0),
+    "H": ("H", 1.0),
+    "i": ("i", 1.0),
+    "I": ("I", 1.0),
+    "q": ("q", 1.0),
+    "Q": ("Q", 1.0),
+    "g": ("e", 1.0),
+    "f": ("f", 1.0),
+    "d": ("d", 1.0),
+    "c": ("h", 100.0),
+    "C": ("H", 100.0),
+    "e": ("i", 100.0),
+    "E": ("I", 100.0),
+    "L": ("i", 1e7),
+}
+
+
+@pytest.mark.parametrize("letter", NUMBERS)
+def test_a_letter_is_the_number_that_was_written(letter: str, tmp_path: Path):
+    """Of the largest and of the least number of its type, signs included."""
+    code, per_unit = NUMBERS[letter]
+    n_bits = 8 * struct.calcsize("<" + code)
+    if code in "efd":
+        ends = (-1.5, 100.25)
+    elif code.islower():
+        ends = (-(2 ** (n_bits - 1)), 2 ** (n_bits - 1) - 1)
+    else:
+        ends = (0, 2**n_bits - 1)
+    rows = [struct.pack("<Q" + code, 100_000 * k, end) for k, end in enumerate(ends)]
+    body = b"".join(b"\xa3\x95\x09" + row for row in rows)
+    length = 3 + 8 + n_bits // 8
+    head = struct.pack("<BB4s16s64s", 9, length, b"BARO", b"Q" + letter.encode(), b"TimeUS,Alt")
+    (tmp_path / "a.bin").write_bytes(dataflash_bytes(()) + b"\xa3\x95\x80" + head + body)
+    ((topic,), notes) = read_dataflash_topics(str(tmp_path / "a.bin"))
+    assert notes == []
+    np.testing.assert_allclose(topic.fields["Alt"], np.array(ends, dtype=float) / per_unit, rtol=1e-12)
 
 
 def test_damage_is_skipped_and_said(log_file: Path):

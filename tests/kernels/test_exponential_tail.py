@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 
 from bfi_cli.kernels.exponential_tail import (
     FEWEST_BLOCKS,
-    ExponentialTail,
+    ExcessTail,
     block_maxima,
     fit_tail,
     white_excess,
@@ -45,29 +47,36 @@ def test_too_few_blocks_have_no_tail():
 
 
 def test_the_mean_excess_counts_that_of_white_noise_as_some_more_blocks():
+    """Five: docs/theory.md, 11.3."""
     found = fit_tail(np.r_[np.zeros(11), np.full(10, 2.0)], white=0.5)
     assert found is not None
-    more = found.weight - 10
-    assert found.start == 0.0
-    assert 0 < more <= FEWEST_BLOCKS
-    assert found.excess == pytest.approx((10 * 2.0 + more * 0.5) / found.weight, rel=1e-12)
+    assert (found.start, found.k, found.share) == (0.0, 10 + 5, 0.5)
+    assert found.mean == pytest.approx((10 * 2.0 + 5 * 0.5) / 15, rel=1e-12)
 
 
-def test_a_tail_known_from_many_blocks_is_exponential_and_from_few_lies_higher():
-    n_blocks, false_alarm = 30.0, 0.01
-    exponential = 4.0 + 0.5 * np.log(0.5 * n_blocks / false_alarm)
-    levels = [
-        ExponentialTail(start=4.0, excess=0.5, weight=weight).level(n_blocks, false_alarm)
-        for weight in (10, 100, 10_000_000)
-    ]
+@given(k=st.integers(1, 200), share=st.floats(0.05, 1.0), rarer=st.floats(1e-12, 1.0))
+def test_level_and_probability_are_inverse(k: int, share: float, rarer: float):
+    tail = ExcessTail(start=4.0, mean=0.5, k=k, share=share)
+    assert tail.probability(tail.level(share * rarer)) == pytest.approx(share * rarer, rel=1e-9)
+
+
+def test_a_tail_known_from_many_values_is_exponential_and_from_few_lies_higher():
+    p = 1e-3
+    levels = [ExcessTail(start=4.0, mean=0.5, k=k, share=0.5).level(p) for k in (10, 100, 10_000_000)]
     assert levels[0] > levels[1] > levels[2]
-    assert levels[2] == pytest.approx(exponential, rel=1e-5)
+    assert levels[2] == pytest.approx(4.0 + 0.5 * np.log(0.5 / p), rel=1e-5)
 
 
-def test_the_level_rises_with_the_blocks_and_falls_with_the_rate_and_is_never_below_the_median():
-    tail = ExponentialTail(start=4.0, excess=0.5, weight=30)
-    assert tail.level(10, 0.01) < tail.level(100, 0.01) < tail.level(100, 0.001)
-    assert tail.level(1, 1.0) == 4.0
+def test_the_tail_is_the_predictive_distribution_of_an_exponential_law():
+    """One more value of the law exceeds the level for p, its mean estimated from k of them, with probability p."""
+    k, p, runs = 4, 0.05, 20_000
+    values = np.random.default_rng(3).exponential(size=(runs, k + 1))
+    alarms = sum(own[k] > ExcessTail(start=0.0, mean=float(own[:k].mean()), k=k, share=1.0).level(p) for own in values)
+    assert stats.binomtest(int(alarms), runs, p).pvalue > 1e-3
+
+
+def test_the_level_is_never_below_the_start():
+    assert ExcessTail(start=4.0, mean=0.5, k=30, share=0.5).level(1.0) == 4.0
 
 
 @pytest.mark.parametrize("n_blocks", [12, 40])
@@ -78,7 +87,7 @@ def test_blocks_with_an_exponential_tail_exceed_the_level_as_often_as_wanted(n_b
     for _ in range(runs):
         tail = fit_tail(rng.exponential(size=n_blocks), white=1.0)
         assert tail is not None
-        alarms += rng.exponential(size=n_blocks).max() > tail.level(n_blocks, false_alarm)
+        alarms += rng.exponential(size=n_blocks).max() > tail.level(false_alarm / n_blocks)
     rate = alarms / runs
     sd = np.sqrt(false_alarm * (1.0 - false_alarm) / runs)
     print(f"{n_blocks} blocks: {100.0 * rate:.2f} % of runs alarm, wanted {100.0 * false_alarm:.0f} %")
@@ -92,5 +101,5 @@ def test_gusty_blocks_raise_the_level():
     for maxima in (calm, gusty):
         tail = fit_tail(maxima, white=0.3)
         assert tail is not None
-        levels.append(tail.level(20, 0.01))
+        levels.append(tail.level(0.01 / 20))
     assert levels[1] > levels[0] + 4.0

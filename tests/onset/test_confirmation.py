@@ -1,18 +1,22 @@
-"""What other channels of a log explain is suspected, not declared."""
+"""What other channels of a log explain, or what may be nothing by its own interval, is suspected, not declared."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config, merge
 from bfi_cli.faults import Fault, unit_signal
-from bfi_cli.flightlog import Channel
+from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.identify.from_scan import identify_from_scan
 from bfi_cli.onset import find_onset
+from bfi_cli.onset.scan_record import prepare_record
+from bfi_cli.provenance import provenance
 from bfi_cli.verdicts import KINDS
 
 BIAS = Fault(shape="bias", channel="tas", magnitude=1.0, onset_s=15.6)
@@ -59,3 +63,28 @@ def test_all_trusted_inputs_without_a_dictionary_and_without_a_fault(flown):
     result, _ = identify_from_scan(log, config)
     assert set(result.verdicts) == set(KINDS)
     assert result.model.inputs[0] == "elevator"
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_what_the_scan_finds_with_an_interval_that_holds_zero_is_suspected(tmp_path: Path, seed: int):
+    """Wind that wanders passes a threshold that is far too low; an integrating model makes as much without a fault."""
+    rng, time_s = np.random.default_rng(seed), np.arange(200) / 2.0
+    elevator = 0.05 * np.sign(np.sin(0.9 * time_s) + np.sin(0.37 * time_s))
+    wind = np.cumsum(0.3 * elevator + 0.1 * rng.standard_normal(200)) + 0.05 * rng.standard_normal(200)
+    channels = {
+        name: Channel(name=name, values=frozen_array(values), unit=unit, source=name)
+        for name, values, unit in (("tas", 100.0 + wind, "m/s"), ("elevator", elevator, "rad"))
+    }
+    log = FlightLog(path="made", time_s=frozen_array(time_s), channels=channels, filters=())
+    asked = {"conditioning.rate_hz": "none", "model.order": 4, "start_time.shapes": ("drift",)}
+    made = prepare_record(log, merge(Config(), asked)).settings
+    table = CalibrationTable(settings=made, statistics={"drift": np.linspace(1.0, 4.0, 30)}, logs=())
+    (tmp_path / "low.json").write_text(save_tables([table], provenance(log_sha256="")))
+    result = find_onset(log, merge(Config(), {**asked, "start_time.calibration": str(tmp_path / "low.json")}))
+    assert result.statistic > result.threshold
+    assert (result.decision, result.faults) == ("inconclusive", ())
+    drift = next(one for one in result.candidates if one.shape == "drift")
+    assert drift.state == "suspected"
+    assert "interval" in (drift.note or "")
+    assert "holds zero" in (drift.note or "")
+    assert result.notes[0] == drift.note

@@ -92,6 +92,22 @@ def test_the_default_calibrates_on_the_log_where_no_table_fits(log: FlightLog):
     assert any("windows of the log" in stage for stage in stages)
 
 
+def test_the_threshold_decides_at_any_rate_of_false_alarms(log: FlightLog):
+    """Of a few dozen windows none can be as rare as one in a million: the tail is followed, and a note says so."""
+    config = merge(CONFIG, {"start_time.false_alarm": 1e-6})
+    faulty = inject(log, [Fault(shape="bias", channel="tas", magnitude=50.0, onset_s=210.0)])
+    result = find_onset(faulty, config)
+    n_windows = result.calibration.n_windows
+    assert result.statistic > result.threshold
+    assert result.decision == "fault"
+    assert result.faults[0].p_value == result.p_value == 1.0 / (n_windows + 1)
+    least = f"{100.0 / (n_windows + 1):.3g} %"
+    assert f"{n_windows} windows show no rate of false alarms below {least}; the threshold of 0.0001 % is " in str(
+        result.notes
+    )
+    assert f"the p-value is at most {result.p_value:.2g}: " in str(result.notes)
+
+
 def test_auto_is_the_default(log: FlightLog):
     record = prepare_record(log, CONFIG)
     named = merge(CONFIG, {"start_time.calibration": "auto"})

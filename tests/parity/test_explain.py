@@ -9,7 +9,7 @@ import pytest
 from made_flight import ZERO_LIFT, log_of, made_log, made_record
 
 from bfi_cli.parity import corrected, effects, explain, record_of, scan_window
-from bfi_cli.parity.explain import CLOSE, COURSES, RARER, fit_course
+from bfi_cli.parity.explain import CLOSE, COURSES, RARER, Fit, fit_course
 from bfi_cli.parity.record import Record, hypotheses, with_fault
 
 RECORD = made_record(start_s=1000.5)
@@ -204,3 +204,21 @@ def test_a_correction_that_takes_all_airspeed_away_explains_nothing():
     climb = next(one for one in hypotheses(faulty) if one.fault == "altitude_rate")
     fit = fit_course(scan, faulty, climb, "drift", None)
     assert (fit.magnitude, fit.ratio) == (0.0, pytest.approx(0.0, abs=1e-6))
+
+
+def test_intervals_are_as_wide_as_the_errors_of_twelve_trials_on_recorded_flights():
+    """2.6 standard deviations to both sides in the median, by magnitude and by onset, where a normal law has 1.96."""
+    onsets_s, sd = np.arange(0.0, 200.0, 0.1), 7.0
+    fit = Fit(
+        fault=hypotheses(ALONE)[0],
+        shape="drift",
+        constant_s=None,
+        onsets_s=onsets_s,
+        ratios=400.0 - ((onsets_s - 100.0) / sd) ** 2,
+        magnitudes=np.full(onsets_s.shape, 0.1),
+        sds=np.full(onsets_s.shape, 0.01),
+        parts={},
+    )
+    assert 1.96 * fit.sd == pytest.approx(2.6 * 0.01, rel=0.03)
+    for half in (100.0 - fit.onset_ci95[0], fit.onset_ci95[1] - 100.0):
+        assert half == pytest.approx(2.6 * sd, rel=0.03)

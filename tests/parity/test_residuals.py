@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_flight import WIND, ZERO_LIFT, made_record
 
+from bfi_cli.airdata import G
 from bfi_cli.parity.record import with_fault
 from bfi_cli.parity.residuals import RESIDUALS, available, constants_of
 from bfi_cli.parity.scan import residual_values
@@ -104,3 +107,34 @@ def test_what_no_flight_has_is_not_known_and_stops_nothing(name):
     if KINDS[name].nuisances is not None:
         columns, _ = KINDS[name].nuisances(record, constants_of(record, zero_lift=None))
         assert not np.isinf(columns).any()
+
+
+def test_the_columns_of_the_ground_speed_are_its_derivatives_by_the_wind_and_by_the_shear():
+    """Of 1 m/s and of 1 m/s in 1000 m, which are known beforehand to 50 and to 10 m/s: a jet stream, common shear."""
+    columns, prior_sd = KINDS["ground_speed"].nuisances(RECORD, CONSTANTS)
+    height = RECORD.channels["altitude"] - RECORD.channels["altitude"].mean()
+    values = residual_values(RECORD, RECORD, CONSTANTS, KINDS["ground_speed"])
+    assert np.ptp(height) > 100.0
+    np.testing.assert_allclose(prior_sd * np.array([1.0, 1.0, 1000.0, 1000.0]), [50.0, 50.0, 10.0, 10.0])
+    for k, column in enumerate(columns.T):
+        name, grown = ("velocity_north", "velocity_east")[k % 2], 1e-3 * (height / 1000.0 if k >= 2 else 1.0)
+        moved = replace(RECORD, channels={**RECORD.channels, name: RECORD.channels[name] - grown})
+        change = residual_values(moved, moved, CONSTANTS, KINDS["ground_speed"]) - values
+        np.testing.assert_allclose(change, column * (1e-6 if k >= 2 else 1e-3), atol=1e-7)
+
+
+def test_an_accelerometer_is_known_to_gravity_along_a_third_of_a_degree():
+    """Its bias is a slope of the kinematics; one of 0.3 degrees of attitude makes it as well."""
+    columns, prior_sd = KINDS["kinematics"].nuisances(RECORD, CONSTANTS)
+    np.testing.assert_allclose(columns[:, 0], T - T[0])
+    assert prior_sd[0] == pytest.approx(G * np.sin(np.radians(0.3)), rel=0.05)
+
+
+def test_the_slow_noise_is_that_of_the_theory():
+    """(15.10): correlated over half a minute or two, and an integral of which the increments are independent."""
+    at = np.array([0.0, 1.0, 30.0, 120.0])
+    for name, sd, seconds in (("lift", 0.3, 30.0), ("climb", 0.15, 30.0), ("ground_speed", 0.6, 120.0)):
+        np.testing.assert_allclose(KINDS[name].slow(at)[0], sd**2 * np.exp(-at / seconds), rtol=1e-12)
+    walk = KINDS["kinematics"].slow(at)
+    steps = np.diff(np.diff(walk, axis=0), axis=1)
+    np.testing.assert_allclose(steps, np.diag(0.3**2 * np.diff(at)), atol=1e-12)

@@ -35,18 +35,21 @@ from .atmosphere import (
 )
 from .distribution import fault_distribution
 from .motion import (
+    EARTH_RADIUS,
     GRAVITY_LEFT_IN,
     climb_angle,
     constant_wind,
     ground_velocity,
     kinematic_acceleration,
     lift_speed,
+    vane_angle,
     zero_lift_angle,
 )
 from .system import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
 
 __all__ = [
     "DEPENDS_ON",
+    "EARTH_RADIUS",
     "GRAVITY_LEFT_IN",
     "HIGHEST",
     "IMPACT_SOURCES",
@@ -78,5 +81,6 @@ __all__ = [
     "static_temperature",
     "total_temperature",
     "true_airspeed",
+    "vane_angle",
     "zero_lift_angle",
 ]

@@ -96,7 +96,7 @@ def _zero_lift_column(record: Record, constants: Constants) -> tuple[FloatArray,
 def geometric_climb_rate(record: Record) -> FloatArray:
     """Return the rate of climb in metres as they are: a pressure altitude counts those of the standard atmosphere."""
     channels = record.channels
-    if not ({"tat", "sat"} & channels.keys() and "altitude" in channels):
+    if not ({"tat", "sat"} & channels.keys() and "altitude" in channels and channels.keys() & set(IMPACT_SOURCES)):
         return channels["altitude_rate"]
     warmth = air_data_of(channels).sat / isa_temperature(channels["altitude"])
     return np.asarray(channels["altitude_rate"] * warmth)

@@ -13,6 +13,7 @@ The standard atmosphere is that of ICAO Doc 7488 and, below 20 000 m, of the U.S
 
 from .airspeed import (
     SEA_LEVEL_SPEED_OF_SOUND,
+    SONIC_RATIO,
     calibrated_airspeed,
     impact_pressure_of_cas,
     impact_pressure_of_mach,
@@ -35,18 +36,21 @@ from .atmosphere import (
 )
 from .distribution import fault_distribution
 from .motion import (
+    EARTH_RADIUS,
     GRAVITY_LEFT_IN,
     climb_angle,
     constant_wind,
     ground_velocity,
     kinematic_acceleration,
     lift_speed,
+    vane_angle,
     zero_lift_angle,
 )
 from .system import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
 
 __all__ = [
     "DEPENDS_ON",
+    "EARTH_RADIUS",
     "GRAVITY_LEFT_IN",
     "HIGHEST",
     "IMPACT_SOURCES",
@@ -54,6 +58,7 @@ __all__ = [
     "SEA_LEVEL_PRESSURE",
     "SEA_LEVEL_SPEED_OF_SOUND",
     "SEA_LEVEL_TEMPERATURE",
+    "SONIC_RATIO",
     "STATIC_SOURCES",
     "AirData",
     "G",
@@ -78,5 +83,6 @@ __all__ = [
     "static_temperature",
     "total_temperature",
     "true_airspeed",
+    "vane_angle",
     "zero_lift_angle",
 ]

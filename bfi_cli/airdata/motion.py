@@ -11,8 +11,15 @@ import numpy as np
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G
 from .domain import FloatArray
 
-__all__ = ["GRAVITY_LEFT_IN", "climb_angle", "constant_wind", "ground_velocity", "kinematic_acceleration"]
-__all__ += ["lift_speed", "zero_lift_angle"]
+__all__ = [
+    "EARTH_RADIUS",
+    "GRAVITY_LEFT_IN",
+    "climb_angle",
+    "constant_wind",
+    "ground_velocity",
+    "kinematic_acceleration",
+]
+__all__ += ["lift_speed", "vane_angle", "zero_lift_angle"]
 
 # m/s^2. The median of a normal acceleration with gravity taken out is far below it in any flight, with it far above.
 GRAVITY_LEFT_IN = 5.0
@@ -40,6 +47,15 @@ def climb_angle(aoa: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatAr
     """Return the angle, rad, of the motion through the air above the horizon, from attitude and angle of attack."""
     rise = np.cos(aoa) * np.sin(pitch) - np.sin(aoa) * np.cos(roll) * np.cos(pitch)
     return np.asarray(np.arcsin(np.clip(rise, -1.0, 1.0)))
+
+
+def vane_angle(climb_rate: FloatArray, tas: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """Return the angle of attack, rad, that attitude and rate of climb tell in still air; see `climb_angle`."""
+    rise = np.divide(climb_rate, tas, out=np.full(tas.shape, np.nan), where=tas > np.abs(climb_rate))
+    ahead, upward = np.sin(pitch), np.cos(roll) * np.cos(pitch)
+    # sin(climb angle) = ahead cos(aoa) - upward sin(aoa), a single cosine.
+    size = np.hypot(ahead, upward)
+    return np.asarray(np.arccos(np.clip(rise / size, -1.0, 1.0)) - np.arctan2(upward, ahead))
 
 
 def zero_lift_angle(normal_acc: FloatArray, aoa: FloatArray, q_impact: FloatArray) -> float:

@@ -13,7 +13,7 @@ from ..flightlog.phases import Phase
 from ..parity import Record, record_of
 from ..parity.windows import flight_stretches, within
 
-__all__ = ["without_other_conventions"]
+__all__ = ["without", "without_other_conventions"]
 
 # m/s^2 by which the mean rate of the airspeed may differ from that of the accelerometers: two degrees of attitude.
 # Gravity that was taken out of the longitudinal acceleration is its sine of the pitch, as much in a climb.
@@ -31,7 +31,7 @@ def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[
                 f"'normal_acc' has a median of {middle:.3g} m/s^2 in flight, where it should be 0 in level flight: "
                 "it was not used"
             )
-            log = _without(log, "normal_acc")
+            log = without(log, "normal_acc")
     record = record_of(log)
     if record.gained is not None and "tas" in record.channels:
         off = _mean_rate(record, phases)
@@ -41,12 +41,13 @@ def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[
                 "the mean over the flight: it was not used; it should be the specific force along body x, "
                 "forward, and the pitch be right"
             )
-            log = _without(log, "longitudinal_acc")
+            log = without(log, "longitudinal_acc")
     return log, tuple(said)
 
 
-def _without(log: FlightLog, name: str) -> FlightLog:
-    return replace(log, channels={other: one for other, one in log.channels.items() if other != name})
+def without(log: FlightLog, *names: str) -> FlightLog:
+    """Return a log without some of its channels."""
+    return replace(log, channels={name: one for name, one in log.channels.items() if name not in names})
 
 
 def _mean_rate(record: Record, phases: Sequence[Phase]) -> float:

@@ -65,7 +65,9 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     flight = flight_of(log, config)
     log, notes = flight.log, [*log.notes]
     with threadpool_limits(1):
-        drafts = _holds(flight)
+        part = (flight.from_s, flight.to_s)
+        drafts = [Draft(finding=one, window=part, until_s=flight.to_s) for one in flight.not_credible]
+        drafts += _holds(flight)
         notes += flight.held.missing
         series = relation_series(log)
         static = find_relations(flight, series, report=partial(progress, "static relations"))

@@ -204,6 +204,8 @@ def _belongs(one: Draft, event: Draft) -> bool:
     # While a line is held, whatever is compared with its pressure disagrees.
     if event.finding.stage == "holds":
         return one.finding.onset_ci95[1] >= event.from_s - BEFORE_S
+    if event.finding.stage == "sensors":  # it lasts as long as the flight, and nothing else uses the channel
+        return False
     if one.finding.stage == "scan":
         # Relations between channels say nothing of an oscillation that all of them have, but of one that errs alone.
         swings = one.finding.frequency_hz is not None and event.finding.frequency_hz is None

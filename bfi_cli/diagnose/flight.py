@@ -29,10 +29,11 @@ from ..parity import (
     zero_lift_of,
 )
 from ..parity.calibration import load_air_data
+from ..parity.credibility import coarse_positions, credibility_of
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
 from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
-from .conventions import without_other_conventions
+from .conventions import without, without_other_conventions
 from .glances import INPUTS
 
 __all__ = ["Flight", "LastingFault", "flight_of"]
@@ -84,7 +85,8 @@ class Flight:
     zero_lift : angle of attack of zero lift, rad, and where it is from; None where it is free in every window.
     moved : stretches in which flaps and gear may move.
     held : pressure lines that are held.
-    unused : sentences on channels that are not what their names say, and were left out.
+    unused : sentences on channels that are not what their names say, or do not follow the flight, and were left out.
+    not_credible : of the latter; unusable : residuals that are not used.
     lasting : faults found so far, which later windows are not to find again.
     """
 
@@ -102,6 +104,8 @@ class Flight:
     held: Holds
     tolerances: Mapping[str, float]
     unused: tuple[str, ...]
+    not_credible: tuple[Finding, ...] = ()
+    unusable: tuple[str, ...] = ()
     lasting: tuple[LastingFault, ...] = ()
 
     @property
@@ -128,10 +132,11 @@ class Flight:
 
     def scan(self, window: Window) -> WindowScan | None:
         """Return the parity scan of a window, without the lift where flaps may move."""
+        usable = WITHOUT_LIFT if overlaps(window, self.without_lift) else tuple(kind.name for kind in RESIDUALS)
         return scan_window(
             self.record.between(*window),
             zero_lift=self.zero_lift,
-            only=WITHOUT_LIFT if overlaps(window, self.without_lift) else None,
+            only=tuple(name for name in usable if name not in self.unusable),
             lasting=self.lasting_in(window),
         )
 
@@ -175,8 +180,15 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
             "map its airspeed with --channel"
         )
     held = replace(held, findings=_until_free(held.findings, phases, stop_s))
+    coarse = coarse_positions(log)
+    if coarse:
+        log = without(log, "latitude", "longitude")
     log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
+    credible = credibility_of(record, phases, (from_s, to_s), without=_stretches_of(held.findings))
+    if credible.findings:
+        log = without(log, *credible.unused)
+        record = record_of(log)
     own = None if config.diagnose.calibration is None else load_air_data(config.diagnose.calibration)
     flight = Flight(
         log=log,
@@ -192,12 +204,19 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         moved=configuration_changes(phases, clean_up_s=clean_up_time(phases, record)),
         held=held,
         tolerances=config.tolerances,
-        unused=(*frozen, *unlike),
+        unused=(*frozen, *([coarse] if coarse else ()), *unlike, *credible.sentences),
+        not_credible=credible.findings,
+        unusable=credible.unusable,
     )
     if flight.zero_lift is None:
         zero_lift, origin = _zero_lift(flight)
         flight = replace(flight, zero_lift=zero_lift, zero_lift_from=origin)
     return flight
+
+
+def _stretches_of(held: Sequence[Finding]) -> list[Window]:
+    """Return the stretches in which a pressure line is held, or leaks."""
+    return [(one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S) for one in held]
 
 
 def _check_channels(log: FlightLog, config: Config) -> None:
@@ -216,10 +235,7 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
 
     Stretches in which a pressure line is held, and what follows a fault that may last, are left out.
     """
-    without: list[Window] = [
-        (one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S)
-        for one in flight.held.findings
-    ]
+    without = _stretches_of(flight.held.findings)
     spoilt: list[Window] = [(one.begun_s, one.until_s) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
     without += spoilt
     outside = (OUTSIDE, [*without, (flight.from_s, flight.to_s)])
@@ -240,7 +256,7 @@ def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
     for name in frozen:
         held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
         said.append(f"'{name}' {held} through the whole log: it was not used")
-    return said, replace(log, channels={name: one for name, one in log.channels.items() if name not in frozen})
+    return said, without(log, *frozen)
 
 
 def _until_free(found: Sequence[Finding], phases: Sequence[Phase], stop_s: float) -> tuple[Finding, ...]:

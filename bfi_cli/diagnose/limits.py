@@ -37,7 +37,7 @@ def limits_of(
     left_out = [
         (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
         for one in events
-        if one.state == "declared"
+        if one.state == "declared" and one.stages[0] != "sensors"
     ]
     bins = np.arange(flight.from_s, flight.to_s, BIN_S) + 0.5 * BIN_S
     best: dict[tuple[str, str], list[FlightLimit | None]] = {}

@@ -26,6 +26,7 @@ __all__ = [
     "edge_of",
     "line_finding",
     "lines_of",
+    "renewed_every_s",
     "runs_of",
     "stretches_of",
 ]
@@ -145,7 +146,7 @@ def lines_of(log: FlightLog) -> Lines:
             used |= dict.fromkeys(
                 air.made_of["tat"] if air.made_of["tat"] else [n for n in ("tat", "sat") if n in names]
             )
-        renewed = {name: _renewed_every_s(log, name) for name in used}
+        renewed = {name: renewed_every_s(log, name) for name in used}
         slowest = max(renewed, key=lambda name: renewed[name])
         if renewed[slowest] > max(RENEWED_S, 1.5 / log.rate_hz):
             watched = "static port" if pressure == "p_static" else "pitot tube"
@@ -178,7 +179,7 @@ def lines_of(log: FlightLog) -> Lines:
     )
 
 
-def _renewed_every_s(log: FlightLog, name: str) -> float:
+def renewed_every_s(log: FlightLog, name: str) -> float:
     """Return the period of a channel that is held between its sensor's samples, 0 where it is not."""
     values = log.channels[name].values
     finite = np.isfinite(values)

@@ -13,6 +13,8 @@ from ..airdata import (
     HIGHEST,
     IMPACT_SOURCES,
     LOWEST,
+    SEA_LEVEL_PRESSURE,
+    SONIC_RATIO,
     STATIC_SOURCES,
     air_data_of,
     channels_of,
@@ -170,7 +172,10 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
     if fault == "q_impact":
         air = air_data_of(channels)
         old = channels_of(air.p_static, air.q_impact, air.tat)
-        new = channels_of(air.p_static, air.q_impact * np.maximum(1.0 + amount, 0.0), air.tat)
+        impact = air.q_impact * np.maximum(1.0 + amount, 0.0)
+        # Beyond subsonic flight there is nothing that the channels could show.
+        subsonic = impact <= SONIC_RATIO * np.minimum(air.p_static, SEA_LEVEL_PRESSURE)
+        new = channels_of(air.p_static, np.where(subsonic, impact, np.nan), air.tat)
         for name, depends in DEPENDS_ON.items():
             if name in channels and name in new and "p_total" in depends:
                 channels[name] = channels[name] + new[name] - old[name]
@@ -188,19 +193,22 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
 
 def without_fault(record: Record, fault: str, amount: FloatArray) -> Record:
     """Return a record as it was before a fault of `amount`, (n,), the inverse of `with_fault`."""
-    return with_fault(record, fault, 1.0 / (1.0 + amount) - 1.0 if fault == "q_impact" else -amount)
+    if fault == "q_impact":
+        left = np.where(amount > -1.0, 1.0 + amount, np.nan)  # of what is lost whole nothing is known
+        return with_fault(record, fault, 1.0 / left - 1.0)
+    return with_fault(record, fault, -amount)
 
 
 def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
     """Return the faults that a record could show.
 
-    With a single channel of airspeed, a fault of the pitot line and one of the channel are the same: the channel's.
-    Without a static pressure what a fault of the line makes of each channel is not known.
+    With a single channel of airspeed, a fault of the pitot line and one of the channel are the same: the channel's. An
+    impact pressure is the line's own. Without a static pressure what a fault of the line makes of each channel is not known.
     """
     recorded = {name for name in record.channels if name != "tas" or record.airspeed == "tas"}
     airspeeds = recorded & set(IMPACT_SOURCES)
-    possible = set(recorded)
-    if len(airspeeds) > 1 and recorded & set(STATIC_SOURCES):
+    possible = recorded - {"q_impact"}
+    if (len(airspeeds) > 1 or airspeeds == {"q_impact"}) and recorded & set(STATIC_SOURCES):
         possible |= {"q_impact"}
     if {"velocity_north", "velocity_east"} <= recorded:
         possible |= {"ground_speed"}

@@ -20,7 +20,7 @@ from ..airdata import (
 )
 from .record import KINEMATICS, Record
 
-__all__ = ["RESIDUALS", "Constants", "ResidualKind", "available", "constants_of"]
+__all__ = ["RESIDUALS", "Constants", "ResidualKind", "available", "constants_of", "geometric_climb_rate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -93,10 +93,10 @@ def _zero_lift_column(record: Record, constants: Constants) -> tuple[FloatArray,
     return column[:, None], np.array([np.inf])
 
 
-def _geometric_climb_rate(record: Record) -> FloatArray:
+def geometric_climb_rate(record: Record) -> FloatArray:
     """Return the rate of climb in metres as they are: a pressure altitude counts those of the standard atmosphere."""
     channels = record.channels
-    if not ({"tat", "sat"} & channels.keys() and "altitude" in channels):
+    if not ({"tat", "sat"} & channels.keys() and "altitude" in channels and channels.keys() & set(IMPACT_SOURCES)):
         return channels["altitude_rate"]
     warmth = air_data_of(channels).sat / isa_temperature(channels["altitude"])
     return np.asarray(channels["altitude_rate"] * warmth)
@@ -106,7 +106,7 @@ def _climb(record: Record, constants: Constants) -> FloatArray:
     channels = record.channels
     rise = np.sin(climb_angle(channels["aoa"], channels["pitch"], channels["roll"]))
     speed = np.where(channels["tas"] > LEAST_SPEED, channels["tas"], np.nan)
-    return np.degrees(_geometric_climb_rate(record) / speed - rise)
+    return np.degrees(geometric_climb_rate(record) / speed - rise)
 
 
 def _airspeed(record: Record, constants: Constants) -> FloatArray:
@@ -126,7 +126,7 @@ def _kinematic_rate(record: Record) -> FloatArray:
 
 
 def _horizontal(record: Record) -> FloatArray:
-    squared = record.channels["tas"] ** 2 - _geometric_climb_rate(record) ** 2
+    squared = record.channels["tas"] ** 2 - geometric_climb_rate(record) ** 2
     return np.sqrt(np.where(squared > 0.0, squared, np.nan))
 
 

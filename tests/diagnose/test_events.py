@@ -62,6 +62,12 @@ def test_clusters_part_the_windows_so_that_none_of_two_clusters_overlap(seed: in
         assert all(any(windows[k][0] <= t < windows[k][1] for k in one) for t in moments)
 
 
+def test_a_channel_that_never_follows_the_flight_explains_no_step_that_the_scan_finds():
+    vane = draft(0.0, (0.0, 3000.0), fault="aoa", stage="sensors", shape="scale")
+    step = draft(150.0, fault="tas", stage="scan", shape="bias")
+    assert [one.finding.fault for one in merge_stages([step, vane])] == ["aoa", "tas"]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_clusters_do_not_depend_on_the_order_of_the_windows(seed: int):
     windows = random_windows(seed)

@@ -139,3 +139,24 @@ def test_a_log_of_two_samples_has_a_record():
     log = made_log()
     record = record_of(log.take(np.arange(log.n_samples) < 2))
     assert len(record.time_s) == 1
+
+
+@pytest.mark.parametrize("airspeeds", [("q_impact",), ("q_impact", "tas"), ("q_impact", "mach", "cas")])
+def test_an_impact_pressure_beside_no_static_pressure_is_no_line_that_could_fail(airspeeds):
+    log = made_log(60.0)
+    kept = {*airspeeds, "altitude_rate", "velocity_north", "velocity_east"}
+    record = record_of(log_of(log.time_s, {n: c.values for n, c in log.channels.items() if n in kept}))
+    assert "q_impact" not in {one.fault for one in hypotheses(record)}
+
+
+@pytest.mark.parametrize("amount", [3.0, 40.0, -1.5])
+def test_a_course_that_leaves_subsonic_flight_is_missing_where_it_does(amount):
+    record = made_record()
+    course = amount * COURSE
+    for other in (with_fault(record, "q_impact", course), without_fault(record, "q_impact", course)):
+        ratio = other.channels["q_impact"] / record.channels["p_static"]
+        known = np.isfinite(ratio)
+        assert known[:40].all()
+        assert ratio[known].min() >= 0.0
+        assert ratio[known].max() < 0.9
+        np.testing.assert_array_equal(np.isfinite(other.channels["tas"]), known)

@@ -20,6 +20,7 @@ from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from ..verdicts import State
 from .corrected import corrected_channels, course_of
+from .disagreements import drafts_of_disagreements
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
@@ -66,6 +67,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     log, notes = flight.log, [*log.notes]
     with threadpool_limits(1):
         drafts = _holds(flight)
+        drafts += drafts_of_disagreements(flight, drafts)
         notes += flight.held.missing
         series = relation_series(log)
         static = find_relations(flight, series, report=partial(progress, "static relations"))

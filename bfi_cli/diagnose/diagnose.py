@@ -20,6 +20,7 @@ from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from ..verdicts import State
 from .corrected import corrected_channels, course_of
+from .disagreements import drafts_of_disagreements
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
@@ -67,7 +68,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     with threadpool_limits(1):
         part = (flight.from_s, flight.to_s)
         drafts = [Draft(finding=one, window=part, until_s=flight.to_s) for one in flight.not_credible]
-        drafts += _holds(flight)
+        held = _holds(flight)
+        drafts += [*held, *drafts_of_disagreements(flight, held)]
         notes += flight.held.missing
         series = relation_series(log)
         static = find_relations(flight, series, report=partial(progress, "static relations"))

@@ -12,8 +12,7 @@ from ..airdata import IMPACT_SOURCES
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
-from ..flightlog.phases import NO_AIRSPEED, Phase, phases_of
-from ..flightlog.record import frozen_array
+from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.recorder import with_seen_recorder
 from ..parity import (
     RESIDUALS,
@@ -44,6 +43,8 @@ FloatArray = NDArray[np.float64]
 BRIDGE_S = 10.0
 # Between two pieces of one hold: an airspeed that comes and goes about nothing.
 UNHELD_S = 60.0
+# Phases that no window covers, beside those in which no airspeed is known.
+LEFT_OUT = ("ground", "take-off", "approach", "landing", "parabola")
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 # Where an angle of zero lift that no calibration gives is from.
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
@@ -80,7 +81,7 @@ class Flight:
 
     Attributes
     ----------
-    phases : of the whole flight.
+    phases : of the whole flight; disagreements : airspeeds that contradict them.
     from_s, to_s : the part that is diagnosed, s on the log's time; is_part : whether that is less than the log.
     zero_lift : angle of attack of zero lift, rad, and where it is from; None where it is free in every window.
     moved : stretches in which flaps and gear may move.
@@ -93,6 +94,7 @@ class Flight:
     log: FlightLog
     record: Record
     phases: Sequence[Phase]
+    disagreements: Sequence[Disagreement]
     from_s: float
     to_s: float
     is_part: bool
@@ -125,6 +127,22 @@ class Flight:
             for one in self.phases
             if one.to_s > self.from_s and one.from_s < self.to_s
         )
+
+    @property
+    def skipped(self) -> tuple[tuple[float, float, str], ...]:
+        """Stretches of the part that no window covers, and why: from, to, phase.
+
+        What lies between the phases, where nothing tells whether the aircraft flies, is among them.
+        """
+        watched = flight_stretches(self.part_phases)
+        edges = [self.from_s, *(edge for stretch in watched for edge in stretch), self.to_s]
+        found = []
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            inside = [one for one in self.part_phases if one.from_s < last and one.to_s > first]
+            names = dict.fromkeys(one.phase for one in inside if one.phase in (*LEFT_OUT, NO_AIRSPEED))
+            if last > first:
+                found.append((first, last, ", ".join(names) or NO_AIRSPEED))
+        return tuple(found)
 
     def windows(self, length_s: float, step_s: float | None = None) -> list[Window]:
         """Return the windows of a length within the part that is diagnosed."""
@@ -173,7 +191,8 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     log.window(from_s, to_s)  # refuses one without samples
     _check_channels(log, config)
     held = find_holds(log, start_s, stop_s)
-    phases = phases_of(_bridged(log, held.findings))
+    whether_it_flies = find_phases(log)
+    phases = whether_it_flies.phases
     if not flight_stretches(phases):
         raise LogError(
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
@@ -194,6 +213,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         log=log,
         record=record,
         phases=phases,
+        disagreements=whether_it_flies.disagreements,
         from_s=from_s,
         to_s=to_s,
         is_part=(from_s, to_s) != (start_s, stop_s),
@@ -287,18 +307,3 @@ def _reaches(hold: Finding, time_s: float) -> bool:
 def _never_moves(values: FloatArray) -> bool:
     known = values[np.isfinite(values)]
     return known.size == 0 or float(known.min()) == float(known.max())
-
-
-def _bridged(log: FlightLog, held: Sequence[Finding]) -> FlightLog:
-    """Return the log with straight lines where a pressure line is held, which can make a flight look like a landing."""
-    channels = dict(log.channels)
-    for one in held:
-        until_s = float(log.time_s[-1]) if one.offset_s is None else one.offset_s
-        hidden = (log.time_s >= one.onset_ci95[0] - BRIDGE_S) & (log.time_s <= until_s + BRIDGE_S)
-        for name in {*one.channels} & channels.keys():
-            values = channels[name].values
-            known = ~hidden & np.isfinite(values)
-            if known.any():
-                filled = np.where(hidden, np.interp(log.time_s, log.time_s[known], values[known]), values)
-                channels[name] = replace(channels[name], values=frozen_array(filled))
-    return replace(log, channels=channels)

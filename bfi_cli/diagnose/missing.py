@@ -39,8 +39,8 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
         within = f"{worst.effect:.2g} m/s in {worst.to_s - worst.from_s:.0f} s"
         cost = f"; a slow fault of the airspeed of less than {within} would not be seen"
     said = [
-        f"from {one.from_s:.0f} to {one.to_s:.0f} s the airspeed is that of an aircraft at rest while the altitude "
-        "changes: a pitot line that has failed shows this; nothing else was looked for there"
+        f"from {one.from_s:.0f} to {one.to_s:.0f} s no airspeed is recorded, or it is that of an aircraft at "
+        "rest while other signs tell of flight: nothing else was looked for there"
         for one in flight.part_phases
         if one.phase == NO_AIRSPEED
     ]

@@ -11,29 +11,45 @@ of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .airborne import BORNE, GRAVITY, WALK, flight_speed
 from .record import LARGEST_VALUE, FlightLog, FloatArray
+from .signs import (
+    AIRSPEEDS,
+    BORNE,
+    GRAVITY,
+    LONG,
+    METRES_PER_SECOND,
+    TAXI,
+    WALK,
+    BoolArray,
+    Disagreement,
+    Run,
+    Signs,
+    Verdict,
+    cruise_of,
+    decide,
+    equivalent,
+    runs_of,
+    smoothed_speed,
+    speed_values,
+)
 
-__all__ = ["MANOEUVRES", "NO_AIRSPEED", "PARTS", "Phase", "phases_of"]
+__all__ = ["MANOEUVRES", "NO_AIRSPEED", "PARTS", "Disagreement", "FlightPhases", "Phase", "airborne_stretches"]
+__all__ += ["find_phases", "flight_stretches", "phases_of"]
 
-BoolArray = NDArray[np.bool_]
-Run = tuple[int, int]  # first sample and the one after the last
-
+# A part in flight in which no airspeed says so: none is recorded there, or all fail.
 NO_AIRSPEED = "no airspeed"
 PARTS = ("ground", "take-off", "climb", "cruise", "descent", "approach", "landing", "flight", NO_AIRSPEED)
 MANOEUVRES = ("turn", "stall", "parabola")
 
 # Means over this share of V / g are looked at: ten to a manoeuvre's shortest stroke.
 BLOCK = 0.1
-# Of the cruising speed, below which an aircraft taxies; in a stall it flies at a third or a half of it.
-TAXI = 0.3
 # Take-off ends, and landing begins, at the 35 ft of a runway's end, or at this share of V^2 / g.
 SCREEN_M, SCREEN = 10.7, 0.05
 # An approach is what is left of the last descent below 1000 ft above the field, or below V^2 / g.
@@ -42,10 +58,6 @@ APPROACH_M, APPROACH = 305.0, 1.0
 EXTENDED_BELOW = 3.0
 # A pattern that never gets so high is left at this share of its greatest height.
 PATTERN = 0.9
-# A ground has a flight on at least one side that rises above it by this share of V^2 / g; a stall high up has not.
-ABOVE_GROUND = 0.1
-# An aircraft that rests changes its altitude by less than this share of V^2 / g: the weather of a day does not.
-LOST = 0.25
 # The period of a phugoid, in V / g (Lanchester: pi sqrt 2): over that long an exchange of height for speed and back
 # is no climb. A steady climb or descent goes by more than this sine of its angle (1.5 degrees) over it ...
 PHUGOID, STEADY = 4.44, 0.026
@@ -64,6 +76,13 @@ GENTLE, NEARLY_ONE = np.radians(15.0), 0.3
 STALLING, NOSE_DROP, WITHIN = np.radians(12.0), np.radians(5.0), 2.0
 # Of the cruising speed: faster than this, or weighing less than this share of its weight, an aircraft does not stall.
 STALL_SPEED, LOADED = 0.85, 0.5
+# What an aircraft flies steadily in.
+STEADY_PARTS = ("climb", "cruise", "descent", "flight")
+# Seconds to both sides of a parabola: pull-up and pull-out are flown at the limits of the wing.
+RECOVERY_S = 30.0
+APART_S = 1.0  # of two parts that follow each other
+# Thrust, in the order in which it is asked.
+THRUST = ("n1_left", "n1_right", "fuel_flow_left", "fuel_flow_right", "throttle")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +102,9 @@ class _Flight:
     ----------
     start_s, step_s : of the grid.
     cruise, scale_s, scale_m : V, V / g and V^2 / g.
-    speed : of what bears the aircraft; height : pressure altitude, or an integral of its rate.
+    speed : of what bears the aircraft, of another airspeed where that is overruled.
+    on_ground : where the signs tell so; lost : where no airspeed is known or right though the aircraft flies.
+    height : pressure altitude, or an integral of its rate.
     bank : roll, rad; load : in weights, 1 in level flight.
     configured : more than 0 where flaps or gear are out.
     """
@@ -93,6 +114,9 @@ class _Flight:
     stop_s: float
     cruise: float
     speed: FloatArray
+    on_ground: BoolArray
+    lost: BoolArray
+    disagreements: tuple[Disagreement, ...]
     height: FloatArray | None
     pitch: FloatArray | None
     bank: FloatArray | None
@@ -119,11 +143,25 @@ class _Flight:
         return Phase(phase=name, from_s=round(from_s, 3), to_s=round(to_s, 3))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPhases:
+    """The phases of a flight, and the airspeeds that contradict them."""
+
+    phases: tuple[Phase, ...]
+    disagreements: tuple[Disagreement, ...]
+
+
 def phases_of(log: FlightLog, *, suspects: Collection[str] = ()) -> tuple[Phase, ...]:
+    """Return the phases of a flight in order of time, see `find_phases`."""
+    return find_phases(log, suspects=suspects).phases
+
+
+def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhases:
     """Return the phases of a flight in order of time, each part before the manoeuvres that begin with it.
 
-    An airspeed (or a ground speed) is needed to tell the ground from flight and to set the scale; a log without one
-    has no phases. The altitude or its rate tells climb, cruise and descent, and where take-off ends and approach and
+    An airspeed (or a ground speed) is needed to set the scale; a log without one has no phases. Whether the aircraft
+    flies is what the majority of independent signs says (`bfi_cli.flightlog.signs`): no airspeed alone does. The
+    altitude or its rate tells climb, cruise and descent, and where take-off ends and approach and
     landing begin; without both, a flight is "flight" between take-off and landing. Roll gives turns, pitch and normal
     acceleration parabolas. A stall needs a pitch and the angle of attack, which without its channel is pitch less
     flight path angle.
@@ -132,33 +170,95 @@ def phases_of(log: FlightLog, *, suspects: Collection[str] = ()) -> tuple[Phase,
     ----------
     suspects : channels that may be faulty: they are not used, an airspeed only where it is the only one.
     """
-    speed = flight_speed(log, suspects=suspects)
-    if speed is None:
-        return ()
-    known = np.where(speed.known, speed.values, np.nan)
-    if not speed.cruise > WALK:
+    nothing = FlightPhases(phases=(), disagreements=())
+    if log.n_samples < 2:
+        return nothing
+    speeds = {name: values for name in AIRSPEEDS if (values := speed_values(log, name)) is not None}
+    over_ground = speed_values(log, "ground_speed")
+    if over_ground is not None and not speeds:
+        speeds, over_ground = {"ground_speed": over_ground}, None
+    trusted = {name: values for name, values in speeds.items() if name not in suspects}
+    if not trusted and over_ground is not None and "ground_speed" not in suspects:
+        trusted, over_ground = {"ground_speed": over_ground}, None
+    speeds = trusted or dict(list(speeds.items())[:1])
+    if not speeds:
+        return nothing
+    speeds = {name: smoothed_speed(values, log.rate_hz) for name, values in speeds.items()}
+    if over_ground is not None:
+        over_ground = smoothed_speed(over_ground, log.rate_hz)
+    # The first that moves is the one that is used: a tube that was left covered tells no scale.
+    cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
+    first = next((name for name, cruise in cruises.items() if cruise > WALK), None)
+    if first is None:
         end_s = round(float(log.time_s[-1]) + 1.0 / log.rate_hz, 3)
-        return (Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s),)
-    flight = _on_grid(log, known, speed.cruise, suspects)
+        ground = Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s)
+        return FlightPhases(phases=(ground,), disagreements=())
+    ordered = {first: speeds.pop(first), **speeds}
+    flight = _on_grid(log, ordered, over_ground, cruises[first], suspects)
     parts = list(_parts(flight))
     aloft = [run for name, run in parts if name not in ("ground", "take-off", "landing", NO_AIRSPEED)]
     found = [(run, name) for name, run in parts]
-    for first, end in _joined(aloft):
-        found += [(run, "turn") for run in _turns(flight, first, end)]
-        steep = _parabolas(flight, first, end)
+    for first_row, end in _joined(aloft):
+        found += [(run, "turn") for run in _turns(flight, first_row, end)]
+        steep = _parabolas(flight, first_row, end)
         found += [(run, "parabola") for run in steep]
         found += [
             (run, "stall")
-            for run in _stalls(flight, first, end)
+            for run in _stalls(flight, first_row, end)
             if not any(run[0] < other[1] and other[0] < run[1] for other in steep)
         ]
     order = {name: i for i, name in enumerate((*PARTS, *MANOEUVRES))}
     found.sort(key=lambda one: (one[0][0], order[one[1]]))
-    return tuple(flight.phase(name, run) for run, name in found)
+    phases = tuple(flight.phase(name, run) for run, name in found)
+    return FlightPhases(phases=phases, disagreements=flight.disagreements)
 
 
-def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collection[str]) -> _Flight:
-    """Return the signals as means of blocks of a tenth of V / g, or as they are where the log is slower."""
+def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> list[tuple[float, float]]:
+    """Return (from_s, to_s) of the stretches from take-off to landing in which an airspeed is known.
+
+    Parameters
+    ----------
+    suspects : see `find_phases`.
+    """
+    aloft = [one for one in phases_of(log, suspects=suspects) if one.phase in (*STEADY_PARTS, "approach")]
+    return _stretches(aloft)
+
+
+def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
+    """Return the stretches of flight without take-off, approach, landing and parabolas."""
+    found = _stretches([one for one in phases if one.phase in STEADY_PARTS])
+    for one in [one for one in phases if one.phase == "parabola"]:
+        pieces = []
+        for first, last in found:
+            pieces += [(first, min(last, one.from_s - RECOVERY_S)), (max(first, one.to_s + RECOVERY_S), last)]
+        found = [(first, last) for first, last in pieces if last > first]
+    return found
+
+
+def _stretches(parts: Sequence[Phase]) -> list[tuple[float, float]]:
+    """Return the stretches that parts of a flight make, those that follow each other as one."""
+    found: list[tuple[float, float]] = []
+    for part in sorted(parts, key=lambda one: one.from_s):
+        if found and part.from_s - found[-1][1] <= APART_S:
+            found[-1] = (found[-1][0], part.to_s)
+        else:
+            found.append((part.from_s, part.to_s))
+    return found
+
+
+def _on_grid(
+    log: FlightLog,
+    speeds: Mapping[str, FloatArray],
+    over_ground: FloatArray | None,
+    cruise: float,
+    suspects: Collection[str],
+) -> _Flight:
+    """Return the signals as means of blocks of a tenth of V / g, or as they are where the log is slower.
+
+    Parameters
+    ----------
+    speeds : (n_samples,) airspeeds, the one that is used first; over_ground : ground speed; cruise : of the first.
+    """
     start_s, step_s = float(log.time_s[0]), max(BLOCK * cruise / GRAVITY, 1.0 / log.rate_hz)
     block = np.floor((log.time_s - start_s) / step_s + 1e-6).astype(np.intp)
     n, firsts = int(block[-1]) + 1, np.flatnonzero(np.diff(block, prepend=-1))
@@ -179,7 +279,8 @@ def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collect
         measured = np.abs(values) <= LARGEST_VALUE
         return mean(values if measured.all() else np.where(measured, values, np.nan)) if measured.any() else None
 
-    speed = mean(speed)
+    means = {name: mean(values) for name, values in speeds.items()}
+    speed = next(iter(means.values()))
     pitch, bank, aoa = channel("pitch"), channel("roll"), channel("aoa")
     rate, height, load = channel("altitude_rate"), channel("altitude"), channel("normal_acc")
     if rate is None and height is not None:
@@ -188,6 +289,38 @@ def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collect
         rate = speed * np.sin(pitch - aoa)  # in straight flight; in turns it is too small
     if height is None and rate is not None:
         height = np.where(np.isfinite(rate), np.cumsum(np.nan_to_num(rate)) * step_s, np.nan)
+    scale_m, long = cruise**2 / GRAVITY, max(2, round(LONG * cruise / GRAVITY / step_s))
+    moving = {
+        "attitude": [one for one in (pitch, bank) if one is not None],
+        "load": [load] if load is not None else [],
+        "height": [height] if height is not None else [],
+    }
+    thrust = next((values for name in THRUST if (values := channel(name)) is not None), None)
+    signs = Signs(
+        airspeeds={name: equivalent(name, values, height) for name, values in means.items()},
+        ground_speed=None if over_ground is None else mean(over_ground),
+        height=height,
+        levels={} if thrust is None else {"thrust": thrust},
+        moving={name: group for name, group in moving.items() if group},
+        scale_m=scale_m,
+        long=long,
+    )
+    verdict = decide(signs)
+    speed, lost = _right_speed(means, verdict)
+    stop_s = float(log.time_s[-1]) + 1.0 / log.rate_hz
+    disagreements = tuple(
+        Disagreement(
+            channel=one.channel,
+            from_s=round(start_s + one.run[0] * step_s, 3),
+            to_s=round(min(start_s + one.run[1] * step_s, stop_s), 3),
+            says=one.says,
+            alone=one.alone,
+            certain=one.certain,
+            error=_error(means, verdict, one.channel, one.run),
+            least_s=long * step_s,
+        )
+        for one in verdict.against
+    )
     if aoa is None and pitch is not None and rate is not None:
         path = np.arcsin(np.clip(rate / np.maximum(speed, TAXI * cruise), -1.0, 1.0))
         upright = 1.0 if bank is None else np.maximum(np.cos(bank), 0.5)
@@ -198,9 +331,12 @@ def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collect
     return _Flight(
         start_s=start_s,
         step_s=step_s,
-        stop_s=float(log.time_s[-1]) + 1.0 / log.rate_hz,
+        stop_s=stop_s,
         cruise=cruise,
         speed=speed,
+        on_ground=verdict.on_ground,
+        lost=lost,
+        disagreements=disagreements,
         height=height,
         pitch=pitch,
         bank=bank,
@@ -208,6 +344,52 @@ def _on_grid(log: FlightLog, speed: FloatArray, cruise: float, suspects: Collect
         incidence=aoa,
         configured=sum(((one > _middle(one)).astype(np.float64) for one in out), np.zeros(n)) if out else None,
     )
+
+
+def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[FloatArray, BoolArray]:
+    """Return the first speed, another one where that is missing or has been overruled, and where none is right.
+
+    An airspeed that was overruled may err further where it no longer contradicts the others.
+    """
+    first, *others = means
+    speed = means[first].copy()
+    wrong = ~np.isfinite(speed)
+    for one in verdict.against:
+        if one.channel == first:
+            wrong[slice(*one.run)] = True
+    lost = wrong & ~verdict.on_ground & ~verdict.unknown
+    wrong[min((one.run[0] for one in verdict.against if one.channel == first and one.alone), default=speed.size) :] = (
+        True
+    )
+    for name in others:
+        usable = wrong & np.isfinite(means[name]) & (verdict.claims[name] == verdict.on_ground)
+        ratio = _ratio(means, verdict, first, name)
+        if ratio is not None:
+            speed[usable] = ratio * means[name][usable]
+            wrong, lost = wrong & ~usable, lost & ~usable
+    speed[lost] = np.nan
+    return speed, lost
+
+
+def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: str) -> float | None:
+    """Return the median of one speed over another in flight where neither is overruled, None where there is none."""
+    used = ~verdict.on_ground & ~verdict.unknown & np.isfinite(means[name]) & (means[other] > 0.0)
+    for one in verdict.against:
+        if one.channel in (name, other):
+            used[slice(*one.run)] = False
+    return float(np.median(means[name][used] / means[other][used])) if used.any() else None
+
+
+def _error(means: Mapping[str, FloatArray], verdict: Verdict, name: str, run: Run) -> float | None:
+    """Return the median over a run of an airspeed less that of others, in its unit."""
+    part = slice(*run)
+    for other in means:
+        ratio = _ratio(means, verdict, name, other)
+        agrees = (verdict.claims[other] == verdict.on_ground)[part] & np.isfinite(means[name] - means[other])[part]
+        if other != name and ratio is not None and agrees.any():
+            off = np.median((means[name] - ratio * means[other])[part][agrees])
+            return float(off) / METRES_PER_SECOND.get(name, 1.0)
+    return None
 
 
 def _middle(values: FloatArray) -> float:
@@ -223,7 +405,7 @@ def _bridged(values: FloatArray, most: int) -> FloatArray:
         return values
     index = np.arange(values.size)
     filled = np.interp(index, index[~bad], values[~bad])
-    for first, end in _runs(bad):
+    for first, end in runs_of(bad):
         if end - first > most:
             filled[first:end] = np.nan
     return filled
@@ -240,11 +422,6 @@ def _weights(normal_acc: FloatArray, flying: BoolArray) -> FloatArray | None:
     return np.asarray(normal_acc / np.copysign(GRAVITY, middle))
 
 
-def _runs(mask: BoolArray) -> list[Run]:
-    edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
-
-
 def _joined(runs: list[Run]) -> list[Run]:
     """Return the runs with those that touch made one."""
     whole: list[Run] = []
@@ -258,15 +435,13 @@ def _joined(runs: list[Run]) -> list[Run]:
 
 def _held(strong: BoolArray, weak: BoolArray) -> list[Run]:
     """Return the runs of `weak` that hold a sample of `strong`: hysteresis, forwards and backwards."""
-    return [(first, end) for first, end in _runs(strong | weak) if strong[first:end].any()]
+    return [(first, end) for first, end in runs_of(strong | weak) if strong[first:end].any()]
 
 
 def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
-    """Yield the parts of the flight; where the speed is not known there is none, and where it is lost no other."""
-    lost = _lost(flight)
-    yield from ((NO_AIRSPEED, run) for run in _runs(lost))
-    flight = replace(flight, speed=np.where(lost, np.nan, flight.speed))
-    for first, end in _runs(np.isfinite(flight.speed)):
+    """Yield the parts of the flight; where nothing tells whether the aircraft flies there is none."""
+    yield from ((NO_AIRSPEED, run) for run in runs_of(flight.lost))
+    for first, end in runs_of((np.isfinite(flight.speed) | flight.on_ground) & ~flight.lost):
         grounds = _grounds(flight, first, end)
         last = first
         for i, (down, up) in enumerate(grounds):
@@ -279,37 +454,9 @@ def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
             yield from _aloft(flight, first, end, lands=False)
 
 
-def _lost(flight: _Flight) -> BoolArray:
-    """Return where the airspeed is that of an aircraft at rest and the altitude tells of flight: a line has failed."""
-    lost = np.zeros(flight.speed.size, dtype=bool)
-    if flight.height is None:
-        return lost
-    for first, end in _runs(flight.speed < TAXI * flight.cruise):
-        heights = flight.height[first:end]
-        heights = heights[np.isfinite(heights)]
-        # Not the extremes: an altimeter may begin at 0, and a sample may be wrong.
-        low, high = np.percentile(heights, (20.0, 80.0)) if heights.size else (0.0, 0.0)
-        if high - low > LOST * flight.scale_m:
-            lost[first:end] = True
-    return lost
-
-
 def _grounds(flight: _Flight, first: int, end: int) -> list[Run]:
     """Return the runs on the ground, from screen height at landing to screen height at take-off."""
-    slow = np.zeros(flight.speed.size, dtype=bool)
-    slow[first:end] = flight.speed[first:end] < BORNE * flight.cruise
-    runs = [run for run in _runs(slow) if flight.speed[slice(*run)].min() < TAXI * flight.cruise]
-    kept, height = [], flight.height
-    for i, (low, high) in enumerate(runs):
-        before, after = runs[i - 1][1] if i else first, runs[i + 1][0] if i + 1 < len(runs) else end
-        sides = [slice(before, low), slice(high, after)]
-        if height is not None:
-            field = _field(flight, (low, high), at_end=True)
-            rises = [float(np.nanmax(height[one])) - field for one in sides if np.isfinite(height[one]).any()]
-            # An aircraft that is slow on high, in a stall, has come up there, or goes down from there.
-            if rises and min(rises) < ABOVE_GROUND * flight.scale_m:
-                continue
-        kept.append((low, high))
+    kept = [(first + low, first + high) for low, high in runs_of(flight.on_ground[first:end])]
     wide: list[Run] = []
     for i, run in enumerate(kept):
         after = kept[i + 1][0] if i + 1 < len(kept) else end
@@ -422,15 +569,15 @@ def _ways(flight: _Flight, height: FloatArray) -> NDArray[np.int8]:
             strong = first + np.flatnonzero(sign * rate[first:end] > 0.5 * np.median(sign * rate[first:end]))
             way[strong[0] : strong[-1] + 1] = sign
     # Short level flight between two climbs belongs to them; short climbs, and low ones, belong to level flight.
-    for first, end in _runs(way == 0):
+    for first, end in runs_of(way == 0):
         if end - first < least and first > 0 and end < n and way[first - 1] == way[end]:
             way[first:end] = way[end]
     for sign in (1, -1):
-        for first, end in _runs(way == sign):
+        for first, end in runs_of(way == sign):
             if abs(height[end - 1] - height[first]) < ENOUGH * flight.scale_m:
                 way[first:end] = 0
     # What level flight is left between a climb and a descent, or at an end, is no cruise either.
-    for first, end in _runs(way == 0):
+    for first, end in runs_of(way == 0):
         if end - first < least and end - first < n:
             beside = way[end] if end < n and (first == 0 or way[first - 1] == 0) else way[first - 1]
             way[first:end] = beside
@@ -469,7 +616,7 @@ def _parabolas(flight: _Flight, first: int, end: int) -> list[Run]:
         weak |= np.abs(load - 1.0) > NEARLY_ONE
     # The nose passes the horizon in between, in free fall within V / g; from a pull-up to no weight the load passes 1.
     for mask, most in ((strong, 2.0), (weak, 0.5)):
-        for (_, low), (high, _) in pairwise(_runs(mask)):
+        for (_, low), (high, _) in pairwise(runs_of(mask)):
             if high - low < flight.samples(most):
                 weak[low:high] = True
     return [(first + low, first + high) for low, high in _held(strong, weak)]
@@ -486,7 +633,7 @@ def _stalls(flight: _Flight, first: int, end: int) -> Iterator[Run]:
     incidence = _smoothed(np.nan_to_num(flight.incidence[first:end]), flight.samples(0.2))
     pitch, reach, last = flight.pitch[first:end], flight.samples(WITHIN), -1
     runs: list[Run] = []
-    for low, high in _runs(slow & loaded & (incidence > STALLING)):
+    for low, high in runs_of(slow & loaded & (incidence > STALLING)):
         ahead = pitch[low : high + reach]
         if not np.isfinite(ahead).all():
             continue

@@ -49,7 +49,6 @@ FEWEST_MOVES = 3  # a window with fewer holds a single correction, no manoeuvre
 MOST_WINDOWS = 10  # suggested in all
 # A window of which more than this lies on the ground or in what no linear model follows comes after the others.
 UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola", NO_AIRSPEED), 0.05
-SLOWEST_AIRSPEED = 0.3  # of the airspeed in flight: below it the aircraft stands or rolls
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +194,8 @@ def is_uniform(time_s: FloatArray) -> bool:
 
 def inspect_log(log: FlightLog) -> LogReport:
     """Return what there is to know about a log before it is analysed."""
-    channels, questions, flying, phases = [], [], _flying(log), phases_of(log)
+    channels, questions, phases = [], [], phases_of(log)
+    flying = _flying(log, phases)
     for channel in log.channels.values():
         values = channel.values  # of a large file read here, once
         is_finite = np.isfinite(values)
@@ -260,7 +260,7 @@ def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:
     duration_s = float(log.time_s[-1] - log.time_s[0])
     if duration_s <= LONG_S:
         return None
-    windows = _suggested_windows(log, at_most=MOST_NAMED)
+    windows = _suggested_windows(log, phases_of(log), at_most=MOST_NAMED)
     named = [f"--from {w.start_s:.10g} --to {w.stop_s:.10g} ({w.channel})" for w in windows]
     return (
         f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}"
@@ -362,14 +362,13 @@ def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
     return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
 
 
-def _flying(log: FlightLog) -> NDArray[np.bool_]:
-    """Mark the samples at which the airspeed, where there is one, does not say that the aircraft stands or rolls."""
-    airspeed = next((log.channels[name].values for name in ("tas", "cas", "ias") if name in log.channels), None)
-    if airspeed is None or not np.isfinite(airspeed).any():
-        return np.ones(log.n_samples, dtype=bool)
-    return np.asarray(
-        airspeed >= SLOWEST_AIRSPEED * np.quantile(airspeed[np.isfinite(airspeed)], 0.95, overwrite_input=True)
-    )
+def _flying(log: FlightLog, phases: Sequence[Phase]) -> NDArray[np.bool_]:
+    """Mark the samples that are on no ground."""
+    flying = np.ones(log.n_samples, dtype=bool)
+    for one in phases:
+        if one.phase == "ground":
+            flying[(log.time_s >= one.from_s) & (log.time_s < one.to_s)] = False
+    return flying
 
 
 def _excitation(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> Excitation:
@@ -415,12 +414,12 @@ def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWind
         inside = sum(max(0.0, min(window.stop_s, to_s) - max(window.start_s, from_s)) for from_s, to_s in unfit)
         return inside > UNFIT_SHARE * (window.stop_s - window.start_s), -window.moves, window.start_s
 
-    windows = _suggested_windows(log, at_most=MOST_WINDOWS)
+    windows = _suggested_windows(log, phases, at_most=MOST_WINDOWS)
     ranks = {one: rank for rank, one in enumerate(sorted(windows, key=worth), start=1)}
     return tuple(replace(one, rank=ranks[one]) for one in windows)
 
 
-def _suggested_windows(log: FlightLog, *, at_most: int) -> tuple[ExcitedWindow, ...]:
+def _suggested_windows(log: FlightLog, phases: Sequence[Phase], *, at_most: int) -> tuple[ExcitedWindow, ...]:
     """Return the stretches without gaps in which the first input that moves at all does so, in order of time.
 
     In a log without inputs the pitch attitude, which they move, takes their place.
@@ -429,7 +428,7 @@ def _suggested_windows(log: FlightLog, *, at_most: int) -> tuple[ExcitedWindow, 
     ----------
     at_most : the stretches with the most moves are kept.
     """
-    gaps, flying = _gaps(log), _flying(log)
+    gaps, flying = _gaps(log), _flying(log, phases)
     for name in _inputs(log) or [name for name in ("pitch",) if name in log.channels]:
         times = _move_times(log, name, flying)
         # Moves are apart where the input rests for longer than the margins, or the log has a gap.

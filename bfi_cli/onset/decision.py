@@ -25,7 +25,7 @@ from ..calibration import (
 from ..config import Config, merge
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
-from ..flightlog.airborne import airborne_stretches
+from ..flightlog.phases import airborne_stretches
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
 from ..kernels.progress import Progress, Report, parts, silent, unseen

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..flightlog import FlightLog
-from ..flightlog.airborne import airborne_stretches
 from ..flightlog.holds import find_quantum
+from ..flightlog.phases import airborne_stretches
 from ..kernels.quantisation import quantum_of_plateaus
 
 __all__ = ["Blocks", "airborne", "quanta_of", "unit_of"]

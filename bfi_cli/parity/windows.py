@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..flightlog.phases import Phase
+from ..flightlog.phases import Phase, flight_stretches
 from .record import Record
 
 __all__ = [
@@ -31,9 +31,6 @@ LENGTHS_S = (60.0, 120.0, 240.0)
 OVERLAP = 0.5
 # Flaps and gear move after take-off, for so many V / g or seconds, and from the last descent on.
 CLEAN_UP, CLEAN_UP_S, GRAVITY = 10.0, 120.0, 9.8
-# To both sides of a parabola: pull-up and pull-out are flown at the limits of the wing.
-RECOVERY_S = 30.0
-APART_S = 1.0  # of two parts that follow each other
 ROUNDING = 1e-9  # of a length, of times that are computed
 
 
@@ -48,24 +45,6 @@ def within(time_s: FloatArray, stretches: Sequence[Window]) -> BoolArray:
 def overlaps(window: Window, stretches: Sequence[Window]) -> bool:
     """Return whether a window shares time with one of the stretches."""
     return any(window[0] < last and first < window[1] for first, last in stretches)
-
-
-def flight_stretches(phases: Sequence[Phase]) -> list[Window]:
-    """Return the stretches of flight without take-off, approach, landing and parabolas."""
-    parts = [one for one in phases if one.phase in ("climb", "cruise", "descent", "flight")]
-    steep = [one for one in phases if one.phase == "parabola"]
-    found: list[Window] = []
-    for part in sorted(parts, key=lambda one: one.from_s):
-        if found and part.from_s - found[-1][1] <= APART_S:
-            found[-1] = (found[-1][0], part.to_s)
-        else:
-            found.append((part.from_s, part.to_s))
-    for one in steep:
-        pieces = []
-        for first, last in found:
-            pieces += [(first, min(last, one.from_s - RECOVERY_S)), (max(first, one.to_s + RECOVERY_S), last)]
-        found = [(first, last) for first, last in pieces if last > first]
-    return found
 
 
 def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None = None) -> list[Window]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..channels import INPUTS
 from ..config import Config, merge
 from ..flightlog import Channel, FlightLog
-from ..flightlog.airborne import airborne_stretches
+from ..flightlog.phases import airborne_stretches
 from ..flightlog.quality import gap_starts, held_hz
 
 __all__ = ["with_defaults_of"]

@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.config import Config
+from bfi_cli.config import Config, merge
 from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
+from bfi_cli.diagnose.flight import flight_of
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array
 
 ONSET_S = 350.0
@@ -86,7 +88,24 @@ def test_an_airspeed_that_is_lost_in_flight_is_said(journey: FlightLog) -> None:
         failed = plus(failed, name, lambda t, recorded=recorded: np.where(t > 600.0, -0.97, 0.0) * recorded)
     answer = diagnosed(failed)
     assert [one.phase for one in answer.phases if one.to_s > 600.0 and one.from_s < 700.0] == ["cruise", "no airspeed"]
-    assert any("airspeed is that of an aircraft at rest while the altitude changes" in one for one in answer.missing)
+    assert any("that of an aircraft at rest while other signs tell of flight" in one for one in answer.missing)
+
+
+def test_an_airspeed_that_alone_is_too_slow_for_flight_is_named(journey: FlightLog) -> None:
+    """What is compared with it is no second fault."""
+    recorded = journey.channels["cas"].values
+    failed = plus(without_elevator(journey), "cas", lambda t: np.where(t >= 500.0, -0.8, 0.0) * recorded)
+    answer = diagnose_flight(failed, merge(Config(), {"window.from_s": 440.0, "window.to_s": 580.0}))
+    (event,) = [one for one in answer.events if "cas" in one.channels]
+    assert (event.fault, event.among, event.state, event.stages[0]) == ("cas", ("cas",), "declared", "sensors")
+    assert event.onset_s == pytest.approx(500.0, abs=3.0)
+    assert event.effect["cas"] == pytest.approx(0.8 * np.median(recorded[journey.time_s > 500.0]), rel=0.2)
+
+
+def test_the_phases_of_a_diagnosis_are_those_of_the_log(journey: FlightLog) -> None:
+    """A tube that is blocked in the last descent once made the landing roll a cruise."""
+    blocked = inject(without_elevator(journey), [Fault(shape="pitot_blocked", onset_s=600.0)])
+    assert flight_of(blocked, Config()).phases == phases_of(blocked)
 
 
 def test_a_spike_of_the_altitude_on_the_ground_is_no_loss_of_airspeed(journey: FlightLog) -> None:

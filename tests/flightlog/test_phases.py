@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bfi_cli.flightlog import Channel, FlightLog, read_log
-from bfi_cli.flightlog.phases import MANOEUVRES, PARTS, Phase, phases_of
+from bfi_cli.flightlog.phases import MANOEUVRES, NO_AIRSPEED, PARTS, Phase, airborne_stretches, find_phases, phases_of
 from bfi_cli.flightlog.record import frozen_array
 
 G = 9.8
@@ -342,3 +343,120 @@ def test_what_no_instrument_shows_is_as_good_as_missing(value: float) -> None:
         missing = {**signals, name: np.where(time_s == time_s[700], np.nan, signals[name])}
         assert phases_of(log_of(time_s, damaged)) == phases_of(log_of(time_s, missing))
         assert isinstance(phases_of(log_of(time_s, {**signals, name: np.full(time_s.shape, value)})), tuple)
+
+
+def computed(speed: float = 100.0) -> dict[str, np.ndarray]:
+    """Return the signals of a flight of an aircraft with an air-data computer, its ground speed and engines."""
+    signals = flight(speed, rate_hz=2.0)
+    swaying = np.where(signals["cas"] > 0.6 * speed, np.sin(0.3 * signals["time"]), 0.01)
+    return {
+        **signals,
+        "tas": 1.1 * signals["cas"],
+        "mach": signals["cas"] / 340.0,
+        "roll": 0.05 * swaying,
+        "ground_speed": 1.05 * signals["cas"],
+        "n1_left": np.where(signals["cas"] > 0.5 * speed, 80.0, 30.0),
+    }
+
+
+def in_all(signals: Mapping[str, np.ndarray]) -> FlightLog:
+    return log_of(signals["time"], {name: values for name, values in signals.items() if name != "time"})
+
+
+# V / g is 10.2 s: a climb to 1020 s, cruise to 1837 s, touch-down at 2449 s.
+@pytest.mark.parametrize("wrong", ["cas", "tas", "mach"])
+@pytest.mark.parametrize("share", [0.2, 0.0, np.nan])
+def test_no_airspeed_alone_decides_whether_the_aircraft_flies(wrong: str, share: float) -> None:
+    """One that fails in cruise to the end of the log changes no phase, and is told where it says something."""
+    signals = computed()
+    healthy = find_phases(in_all(signals))
+    assert healthy.disagreements == ()
+    signals[wrong] = np.where(signals["time"] > 1500.0, share, 1.0) * signals[wrong]
+    found = find_phases(in_all(signals))
+    assert [one.phase for one in found.phases] == [one.phase for one in healthy.phases]
+    # The smoothing of an airspeed, and what is a little before the end of another.
+    assert [one.from_s for one in found.phases] == pytest.approx([one.from_s for one in healthy.phases], abs=15.0)
+    if np.isnan(share):
+        assert found.disagreements == ()
+        return
+    (one,) = found.disagreements
+    assert (one.channel, one.says, one.alone, one.certain) == (wrong, "ground", True, True)
+    assert one.from_s == pytest.approx(1500.0, abs=4.0)
+    right = {"cas": 100.0, "tas": 110.0, "mach": 100.0 / 340.0}[wrong]
+    assert one.error == pytest.approx((share - 1.0) * right, rel=0.05)
+
+
+def test_an_airspeed_that_stays_after_the_landing_is_told() -> None:
+    signals = computed()
+    signals["cas"] = np.maximum(signals["cas"], np.where(signals["time"] > 1500.0, 90.0, 0.0))
+    found = find_phases(in_all(signals))
+    assert [one.phase for one in found.phases][-3:] == ["approach", "landing", "ground"]
+    assert [(one.channel, one.says) for one in found.disagreements] == [("cas", "flight")]
+
+
+@pytest.mark.parametrize("lacks", [(), ("altitude",), ("ground_speed", "n1_left")])
+@pytest.mark.parametrize("share", [0.05, np.nan])
+def test_where_every_airspeed_fails_the_aircraft_still_flies(lacks: tuple[str, ...], share: float) -> None:
+    signals = {name: values for name, values in computed().items() if name not in lacks}
+    for name in ("cas", "tas", "mach"):
+        signals[name] = np.where(np.abs(signals["time"] - 1400.0) < 150.0, share, 1.0) * signals[name]
+    found = find_phases(in_all(signals))
+    (lost,) = named(found.phases, NO_AIRSPEED)
+    assert lost == (pytest.approx(1250.0, abs=6.0), pytest.approx(1550.0, abs=6.0))
+    assert len(named(found.phases, "landing")) == 1
+    told = {one.channel for one in found.disagreements if one.certain and not one.alone}
+    assert told == (set() if np.isnan(share) else {"cas", "tas", "mach"})
+
+
+@pytest.mark.parametrize("seconds", [2.0, 20.0])
+def test_a_short_loss_of_airspeed_on_high_is_a_stall_and_no_failure(seconds: float) -> None:
+    signals = computed()
+    for name in ("cas", "tas", "mach"):
+        signals[name] = np.where(np.abs(signals["time"] - 1400.0) < 0.5 * seconds, 0.0, 1.0) * signals[name]
+    found = find_phases(in_all(signals))
+    assert found.disagreements == ()
+    assert len(named(found.phases, "ground")) == 2
+
+
+@pytest.mark.parametrize(("name", "factor"), [("tas", 1.0), ("mach", 1.0 / 340.0)])
+def test_an_approach_is_no_ground_for_an_airspeed_that_grows_with_altitude(name: str, factor: float) -> None:
+    """An airliner at 250 m/s in 11 km and at 70 m/s on approach: less than a third, at the same lift."""
+    time_s = np.arange(0.0, 3600.0, 1.0)
+    altitude = np.interp(time_s, [0.0, 2000.0, 3600.0], [11_000.0, 11_000.0, 300.0])
+    speed = factor * np.interp(time_s, [0.0, 2000.0, 3600.0], [250.0, 250.0, 70.0])
+    found = phases_of(log_of(time_s, {name: speed, "altitude": altitude}))
+    assert {one.phase for one in found} == {"cruise", "descent"}
+    assert airborne_stretches(log_of(time_s, {name: speed, "altitude": altitude})) == [(0.0, 3600.0)]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    start=st.floats(640.0, 2200.0),
+    length=st.floats(20.0, 600.0),
+    lacks=st.sets(st.sampled_from(["tas", "mach", "ground_speed", "n1_left", "altitude"])),
+)
+def test_any_part_that_begins_and_ends_in_the_air_is_in_flight(start: float, length: float, lacks: set[str]) -> None:
+    signals = {name: values for name, values in computed().items() if name not in lacks}
+    part = in_all(signals).window(start, min(start + length, 2400.0))
+    stretch = (float(part.time_s[0]), pytest.approx(float(part.time_s[-1]) + 0.5))
+    assert airborne_stretches(part) == [stretch]
+
+
+@pytest.mark.realdata
+def test_a_step_of_an_airspeed_changes_no_phase_of_a_recorded_flight(flights: Path) -> None:
+    log = read_log(flights / "citation_20180312_f1.h5")
+    stepped = np.where(log.time_s > 1500.0, -60.0, 0.0) + log.channels["cas"].values
+    off = replace(log, channels={**log.channels, "cas": replace(log.channels["cas"], values=frozen_array(stepped))})
+    healthy, found = find_phases(log), find_phases(off)
+    assert healthy.disagreements == ()
+    assert airborne_stretches(off) == [pytest.approx(stretch, abs=2.0) for stretch in airborne_stretches(log)]
+    (one,) = found.disagreements
+    assert (one.channel, one.says, one.alone) == ("cas", "ground", True)
+    assert one.from_s == pytest.approx(1500.0, abs=2.0)
+    assert one.error == pytest.approx(-60.0, abs=4.0)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["citation_20190312_123416.h5", "px4_flight3", "reader_samples/g1000_c172.csv"])
+def test_no_airspeed_of_a_healthy_flight_disagrees(flights: Path, name: str) -> None:
+    assert find_phases(read_log(flights / name)).disagreements == ()

@@ -16,7 +16,7 @@ from trials import FULL
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
-from bfi_cli.flightlog.airborne import airborne_stretches
+from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.recorder import with_seen_recorder
 from bfi_cli.parity.holds import find_holds

@@ -19,8 +19,7 @@ from trials import FULL, not_above, not_below, sized
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
-from bfi_cli.flightlog.airborne import airborne_stretches
-from bfi_cli.flightlog.phases import Phase, phases_of
+from bfi_cli.flightlog.phases import Phase, airborne_stretches, phases_of
 from bfi_cli.parity import ParityTable, Threshold, explain, record_of, scan_window, threshold_of, zero_lift_of
 from bfi_cli.parity.record import Record
 from bfi_cli.parity.residuals import available

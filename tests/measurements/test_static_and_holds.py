@@ -17,7 +17,7 @@ from trials import FULL, not_above, not_below
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
-from bfi_cli.flightlog.airborne import airborne_stretches
+from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.parity.holds import find_holds
 from bfi_cli.parity.lines import lines_of
 from bfi_cli.parity.static_relations import find_static, relation_series

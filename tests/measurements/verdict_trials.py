@@ -29,7 +29,7 @@ from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, build_up_s, unit_signal
 from bfi_cli.flightlog import FlightLog, read_log
-from bfi_cli.flightlog.airborne import airborne_stretches
+from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.recorder import with_seen_recorder
 from bfi_cli.identify.from_scan import identify_and_scan, identify_from_scan

@@ -1,0 +1,364 @@
+"""Whether the aircraft flies: what the independent signs of a log say, and which airspeed contradicts the others.
+
+An airspeed may be the faulty channel, so that no single one decides. Signs are the airspeeds (all of one air-data
+system, so that together they have one voice), the ground speed, the altitude, how much attitude, load and altitude
+move, and the thrust. Of the last three groups the log itself says what is usual in flight and what on the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..airdata import SEA_LEVEL_PRESSURE, isa_temperature, pressure_at
+from .record import LARGEST_VALUE, FlightLog
+
+__all__ = [
+    "AIRSPEEDS",
+    "BORNE",
+    "GRAVITY",
+    "LONG",
+    "METRES_PER_SECOND",
+    "TAXI",
+    "WALK",
+    "Disagreement",
+    "Run",
+    "Signs",
+    "Verdict",
+]
+__all__ += ["cruise_of", "decide", "equivalent", "runs_of", "smoothed_speed", "speed_values"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Run = tuple[int, int]  # first sample and the one after the last
+Says = Literal["ground", "flight"]
+
+# The ones that bear the aircraft first: true airspeed and Mach number grow with altitude at the same lift.
+AIRSPEEDS = ("cas", "ias", "tas", "mach")
+METRES_PER_SECOND = {"mach": 340.0}
+GRAVITY = 9.8  # m/s^2
+# A gust, or noise of a pitot tube at rest, is no flight: the median over this time counts.
+SMOOTHING_S = 5.0
+# What is slower than a quarter of the fastest sample is no flight either: an aircraft at a quarter of a speed has a
+# sixteenth of its lift. The fastest is a quantile, since a single sample may be wrong.
+FASTEST, MOVING = 0.99, 0.25
+# Of the median speed of what is left, down to which an aircraft is borne: lift-off and touch-down lie at half to two
+# thirds of the cruising speed, of a jet (55 of 95 m/s) as of a drone (6 of 10 m/s), slow flight at two thirds.
+BORNE = 0.6
+# Of the cruising speed, below which an aircraft taxies; in a stall it flies at a third or a half of it.
+TAXI = 0.3
+# Below a walk nothing flies, whatever the quantiles of a log on the ground say, m/s.
+WALK = 3.0
+# V / g for which an aircraft without airspeed stays in the air at most: falling freely it has its speed back after one,
+# with the pull-out and the smoothing of the airspeed after three. So a longer stretch without airspeed is the sensor's.
+LONG = 5.0
+# A ground has a flight on at least one side that rises above it by this share of V^2 / g; a stall high up has not.
+ABOVE_GROUND = 0.1
+# An aircraft that rests changes its altitude by less than this share of V^2 / g: the weather of a day does not.
+LOST = 0.25
+# Motion and thrust speak only where flight and ground differ: this quantile in flight above that one on the ground,
+# each of at least so many pieces of LONG. By definition of no overlap but for a fifth; no tuning record.
+LEAST_IN_FLIGHT, MOST_ON_GROUND, FEWEST_PIECES = 0.2, 0.8, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disagreement:
+    """A stretch in which an airspeed says "ground" or "flight" and the other signs of the log the contrary.
+
+    Attributes
+    ----------
+    alone : other airspeeds say the contrary too; else all of them fail together, as those of one pressure line do.
+    certain : most signs say the contrary; else as many as agree with the airspeed, the altitude among them.
+    error : median of the airspeed less that of the others, in its unit; None where no other tells it.
+    least_s : from which length on a stretch is no flare, stall or difference about when.
+    """
+
+    channel: str
+    from_s: float
+    to_s: float
+    says: Says
+    alone: bool
+    certain: bool
+    error: float | None
+    least_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Signs:
+    """What a log has to say, on a grid; (n,) each, NaN where it is not known.
+
+    Attributes
+    ----------
+    airspeeds : equivalent airspeeds by channel, the one that is used first; ground_speed : None where there is none.
+    height : pressure altitude, m, or an integral of its rate.
+    levels : signals that are larger in flight than on the ground; moving : groups of signals that move more.
+    scale_m : V^2 / g; long : samples that are LONG.
+    """
+
+    airspeeds: Mapping[str, FloatArray]
+    ground_speed: FloatArray | None
+    height: FloatArray | None
+    levels: Mapping[str, FloatArray]
+    moving: Mapping[str, Sequence[FloatArray]]
+    scale_m: float
+    long: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overruled:
+    """A run in which an airspeed is overruled; see `Disagreement`."""
+
+    channel: str
+    run: Run
+    says: Says
+    alone: bool
+    certain: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Verdict:
+    """Where the aircraft is on the ground; what is neither that nor `unknown` is in flight.
+
+    Attributes
+    ----------
+    on_ground, unknown : (n,); nothing tells of what is unknown.
+    claims : by airspeed, (n,) where it says ground, and `known` where it says something.
+    against : runs in which an airspeed is overruled.
+    """
+
+    on_ground: BoolArray
+    unknown: BoolArray
+    claims: Mapping[str, BoolArray]
+    against: tuple[Overruled, ...]
+
+
+def speed_values(log: FlightLog, name: str) -> FloatArray | None:
+    """Return (n_samples,) a speed of the log, m/s, NaN where it is none; None where the log does not have it."""
+    if name == "ground_speed" and name not in log.channels:
+        if not {"velocity_north", "velocity_east"} <= log.channels.keys():
+            return None
+        values = np.hypot(log.channels["velocity_north"].values, log.channels["velocity_east"].values)
+    elif name in log.channels:
+        values = log.channels[name].values * METRES_PER_SECOND.get(name, 1.0)
+    else:
+        return None
+    known = np.abs(values) <= LARGEST_VALUE
+    return np.where(known, values, np.nan) if known.any() else None
+
+
+def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:
+    """Return the median of a speed over five seconds, NaN where it is not known."""
+    known = np.isfinite(values)
+    speed = np.abs(_running_median(np.where(known, values, 0.0), round(SMOOTHING_S * rate_hz)))
+    return np.where(known, speed, np.nan)
+
+
+def cruise_of(speed: FloatArray) -> float:
+    """Return the median of what is not slow, m/s; at walking speed or below it the log is one of the ground."""
+    known = speed[np.isfinite(speed)]
+    if not known.size:
+        return 0.0
+    # The copy is sorted in place: of a day at 100 Hz each takes 70 MB.
+    fastest = float(np.quantile(known.copy(), FASTEST, overwrite_input=True))
+    return float(np.median(known[known >= MOVING * fastest], overwrite_input=True))
+
+
+def equivalent(name: str, speed: FloatArray, height: FloatArray | None) -> FloatArray:
+    """Return the equivalent airspeed, which bears an aircraft alike at any altitude, in the standard atmosphere.
+
+    Without an altitude a true airspeed and a Mach number are taken as they are.
+    """
+    if name not in ("tas", "mach") or height is None:
+        return speed
+    height = np.clip(np.nan_to_num(height), -4_000.0, 19_000.0)
+    pressure = pressure_at(height) / SEA_LEVEL_PRESSURE
+    if name == "mach":
+        return np.asarray(speed * np.sqrt(pressure))
+    return np.asarray(speed * np.sqrt(pressure * isa_temperature(0.0) / isa_temperature(height)))
+
+
+def runs_of(mask: BoolArray) -> list[Run]:
+    """Return the runs in which a mask is true."""
+    edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def decide(signs: Signs) -> Verdict:
+    """Return where the aircraft is on the ground, by the majority of the signs.
+
+    1. What each speed claims: ground where it is too slow to bear the aircraft and comes down to that of taxiing.
+    2. Claims that differ for less than LONG differ about when, not about whether: those of the majority count.
+    3. Every run of equal claims is decided by the votes of all signs; where they are equal the altitude decides, which
+       no airspeed fault can move, and where it does not say, the airspeeds.
+    """
+    n = next(iter(signs.airspeeds.values())).size
+    cruises = {name: cruise_of(speed) for name, speed in signs.airspeeds.items()}
+    claims = {name: _claims_ground(speed, cruises[name]) for name, speed in signs.airspeeds.items()}
+    known = {name: np.isfinite(speed) for name, speed in signs.airspeeds.items()}
+    rolls, rolls_known = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    if signs.ground_speed is not None:
+        rolls, rolls_known = (
+            _claims_ground(signs.ground_speed, cruise_of(signs.ground_speed)),
+            np.isfinite(signs.ground_speed),
+        )
+    common = _majority(claims, known)
+    for own in (*claims.values(), rolls):
+        for low, high in runs_of(own != common):
+            if high - low < signs.long:
+                own[low:high] = common[low:high]
+    any_known = np.any(list(known.values()), axis=0)
+    table = np.array([*claims.values(), *known.values(), rolls, rolls_known])
+    edges = [0, *(np.flatnonzero(np.any(table[:, 1:] != table[:, :-1], axis=0)) + 1).tolist(), n]
+    all_ground = np.all([claims[name] | ~known[name] for name in claims], axis=0) & any_known & (rolls | ~rolls_known)
+    all_flight = ~np.any(list(claims.values()), axis=0) & any_known & ~rolls
+    moving = [np.sum([_variance(one, signs.long) for one in group], axis=0) for group in signs.moving.values()]
+
+    on_ground, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    against: list[Overruled] = []
+    claimed = common | rolls | np.any(list(claims.values()), axis=0)
+    for low, high in pairwise(edges):
+        run, here = slice(low, high), {name: bool(claims[name][low]) for name in claims if known[name][low]}
+        if all_flight[low]:
+            continue
+        altitude = _altitude_says(signs, (low, high), claimed | ~any_known, all_ground)
+        n_ground = sum(here.values())
+        votes = [np.sign(2 * n_ground - len(here)), altitude]
+        if high - low >= signs.long:
+            votes += [1 if rolls[low] else -1] if rolls_known[low] else []
+            outside = np.ones(n, dtype=bool)
+            outside[run] = False
+            for values in (*signs.levels.values(), *moving):
+                votes.append(_usual(values, run, all_ground & outside, all_flight & outside, signs.long))
+        total = sum(votes) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
+        on_ground[run] = total > 0
+        unknown[run] = total == 0
+        if high - low < signs.long:
+            continue
+        certain = bool(total * sum(votes) > 0)
+        for name, says_ground in here.items():
+            rests = int(np.count_nonzero(signs.airspeeds[name][run] < TAXI * cruises[name]))
+            if says_ground and total < 0 and (n_ground < len(here) or rests >= signs.long):
+                alone = n_ground < len(here)
+                against.append(Overruled(channel=name, run=(low, high), says="ground", alone=alone, certain=certain))
+            elif not says_ground and total > 0 and n_ground:
+                # Without another airspeed at rest it may be wind: a drone on the ground flies as well in that.
+                against.append(Overruled(channel=name, run=(low, high), says="flight", alone=True, certain=certain))
+    # What nothing tells of is as what is on both of its sides.
+    for low, high in runs_of(unknown):
+        beside = [bool(on_ground[k]) for k in (low - 1, high) if 0 <= k < n]
+        if beside and all(one == beside[0] for one in beside) and len(beside) == 2:
+            on_ground[low:high], unknown[low:high] = beside[0], False
+    return Verdict(on_ground=on_ground, unknown=unknown, claims=claims, against=tuple(_joined(against)))
+
+
+def _majority(claims: Mapping[str, BoolArray], known: Mapping[str, BoolArray]) -> BoolArray:
+    """Return what most airspeeds claim; where as many claim the contrary, what the first that is known does."""
+    votes = sum(np.where(known[name], 2 * claims[name].astype(np.int8) - 1, 0) for name in claims)
+    first = np.zeros(np.shape(votes), dtype=np.int8)
+    for name in reversed(tuple(claims)):
+        first = np.where(known[name], 2 * claims[name].astype(np.int8) - 1, first)
+    return np.asarray(np.where(votes == 0, first, votes) > 0)
+
+
+def _claims_ground(speed: FloatArray, cruise: float) -> BoolArray:
+    ground = np.zeros(speed.size, dtype=bool)
+    if not cruise > WALK:
+        return np.isfinite(speed)
+    for low, high in runs_of(speed < BORNE * cruise):
+        ground[low:high] = speed[low:high].min() < TAXI * cruise
+    return ground
+
+
+def _altitude_says(signs: Signs, run: Run, claimed: BoolArray, all_ground: BoolArray) -> int:
+    """Return 1 where the altitude of a run is that of a ground, -1 where it is not, 0 where it does not tell."""
+    if signs.height is None:
+        return 0
+    low, high = run
+    heights = signs.height[low:high]
+    heights = heights[np.isfinite(heights)]
+    if not heights.size:
+        return 0
+    # Not the extremes: an altimeter may begin at 0, and a sample may be wrong.
+    lowest, highest = np.percentile(heights, (20.0, 80.0))
+    if highest - lowest > LOST * signs.scale_m:
+        return -1
+    # An aircraft that is slow on high has come up there, or goes down from there: on that side nothing is higher.
+    free = ~claimed
+    free[low:high] = False
+    before = np.flatnonzero(~free[:low])  # the flight right before the run, and right after it
+    after = np.flatnonzero(~free[high:])
+    sides = [
+        signs.height[(int(before[-1]) + 1 if before.size else 0) : low],
+        signs.height[high : high + (int(after[0]) if after.size else free.size - high)],
+    ]
+    own = float(np.median(heights))
+    # A shorter side may be the roll before lift-off or after touch-down.
+    long = [side for side in sides if side.size >= signs.long and np.isfinite(side).any()]
+    rises = [float(np.nanmax(side)) - own for side in long]
+    if rises and min(rises) < ABOVE_GROUND * signs.scale_m:
+        return -1
+    others = signs.height.copy()
+    others[low:high] = np.nan
+    fields = others[all_ground & np.isfinite(others)]
+    above = bool(fields.size) and own > float(fields.max()) + ABOVE_GROUND * signs.scale_m
+    return 1 if rises and not above else 0
+
+
+def _usual(values: FloatArray, run: slice, ground: BoolArray, flight: BoolArray, long: int) -> int:
+    """Return 1 where a signal is in a run as on the ground, -1 as in flight, 0 where these do not differ in the log."""
+    finite = np.isfinite(values)
+    here, on_ground, in_flight = (
+        values[run][finite[run]],
+        values[ground & finite],
+        values[flight & finite],
+    )
+    if not here.size or min(on_ground.size, in_flight.size) < FEWEST_PIECES * long:
+        return 0
+    low, high = float(np.quantile(on_ground, MOST_ON_GROUND)), float(np.quantile(in_flight, LEAST_IN_FLIGHT))
+    if not low < high:
+        return 0
+    return 1 if float(np.median(here)) < 0.5 * (low + high) else -1
+
+
+def _variance(values: FloatArray, long: int) -> FloatArray:
+    """Return (n,) the variance of a signal over its piece of `long` samples, NaN where half of that is missing."""
+    number = np.arange(values.size) // long
+    good = np.isfinite(values)
+    count = np.bincount(number, good)
+    middle = float(np.median(values[good])) if good.any() else 0.0
+    kept = np.where(good, values - middle, 0.0)
+    total, squares = np.bincount(number, kept), np.bincount(number, kept**2)
+    variance = np.maximum(squares / np.maximum(count, 1) - (total / np.maximum(count, 1)) ** 2, 0.0)
+    return np.asarray(np.where(2 * count >= long, variance, np.nan)[number])
+
+
+def _joined(found: Sequence[Overruled]) -> list[Overruled]:
+    """Return the runs of each channel with those that touch made one."""
+    whole: list[Overruled] = []
+    last: dict[tuple[str, Says], int] = {}
+    for one in found:
+        k = last.get((one.channel, one.says))
+        if k is not None and whole[k].run[1] == one.run[0]:
+            before = whole[k]
+            alone, certain = before.alone and one.alone, before.certain or one.certain
+            whole[k] = replace(before, run=(before.run[0], one.run[1]), alone=alone, certain=certain)
+        else:
+            last[one.channel, one.says] = len(whole)
+            whole.append(one)
+    return whole
+
+
+def _running_median(values: FloatArray, n: int) -> FloatArray:
+    from scipy.ndimage import median_filter
+
+    # A long window is thinned: the median of 25 samples of five seconds says the same at any rate.
+    step = max(1, n // 25)
+    if step == 1:
+        return np.asarray(median_filter(values, max(1, n), mode="nearest"), dtype=np.float64)
+    coarse = median_filter(values[::step], 25, mode="nearest")
+    return np.asarray(np.repeat(coarse, step)[: len(values)], dtype=np.float64)

@@ -43,7 +43,7 @@ from .motion import (
     lift_speed,
     zero_lift_angle,
 )
-from .system import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
+from .system import DEPENDS_ON, IMPACT_SOURCES, SENSORS, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
 
 __all__ = [
     "DEPENDS_ON",
@@ -54,6 +54,7 @@ __all__ = [
     "SEA_LEVEL_PRESSURE",
     "SEA_LEVEL_SPEED_OF_SOUND",
     "SEA_LEVEL_TEMPERATURE",
+    "SENSORS",
     "STATIC_SOURCES",
     "AirData",
     "G",

@@ -46,7 +46,7 @@ from .motion import (
     vane_angle,
     zero_lift_angle,
 )
-from .system import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
+from .system import DEPENDS_ON, IMPACT_SOURCES, SENSORS, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
 
 __all__ = [
     "DEPENDS_ON",
@@ -58,6 +58,7 @@ __all__ = [
     "SEA_LEVEL_PRESSURE",
     "SEA_LEVEL_SPEED_OF_SOUND",
     "SEA_LEVEL_TEMPERATURE",
+    "SENSORS",
     "SONIC_RATIO",
     "STATIC_SOURCES",
     "AirData",

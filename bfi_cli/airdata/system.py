@@ -26,7 +26,16 @@ from .airspeed import (
 from .atmosphere import HIGHEST, LOWEST, PRESSURES, altitude_of, isa_temperature, pressure_at
 from .domain import FloatArray
 
-__all__ = ["DEPENDS_ON", "IMPACT_SOURCES", "STATIC_SOURCES", "AirData", "Impossible", "air_data_of", "channels_of"]
+__all__ = [
+    "DEPENDS_ON",
+    "IMPACT_SOURCES",
+    "SENSORS",
+    "STATIC_SOURCES",
+    "AirData",
+    "Impossible",
+    "air_data_of",
+    "channels_of",
+]
 
 # The pressures that a channel follows from; `tas` from a temperature too, `sat` where it was made of a recorded `tat`.
 BOTH = ("p_static", "p_total")
@@ -42,6 +51,14 @@ DEPENDS_ON: Mapping[str, tuple[str, ...]] = {
     "tas": BOTH,
     "tas_rate": BOTH,
     "sat": BOTH,
+}
+# The sensors that a channel comes from: what moves it when it fails. A channel that is not here has its own.
+SENSORS: Mapping[str, frozenset[str]] = {
+    **dict.fromkeys(("p_static", "altitude", "altitude_rate"), frozenset({"static port"})),
+    "p_total": frozenset({"pitot line"}),
+    **dict.fromkeys(("q_impact", "cas", "ias", "mach"), frozenset({"static port", "pitot line"})),
+    **dict.fromkeys(("tas", "tas_rate", "sat"), frozenset({"static port", "pitot line", "temperature probe"})),
+    "tat": frozenset({"temperature probe"}),
 }
 # What the static and the impact pressure are taken from, the best first.
 STATIC_SOURCES = ("p_static", "altitude")

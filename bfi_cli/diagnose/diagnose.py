@@ -15,23 +15,24 @@ from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
 from ..parity import LENGTHS_S, Threshold
 from ..parity.static_relations import RelationAnswer, relation_series
-from ..parity.windows import overlaps
+from ..parity.windows import Window, overlaps
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
-from ..verdicts import State
+from ..verdicts import State, decide
 from .corrected import corrected_channels, course_of
 from .disagreements import drafts_of_disagreements
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
-from .limits import limits_of
+from .limits import bounds_of, limits_of
 from .looks import Scanned
 from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
 from .slow_faults import find_slow_faults
-from .verdict import decision_of, sentence_of, verdicts_of
+from .unwatched import unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
+from .verdict import sentence_of, verdicts_of
 
 __all__ = ["diagnose_flight"]
 
@@ -70,7 +71,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         drafts = [Draft(finding=one, window=part, until_s=flight.to_s) for one in flight.not_credible]
         held = _holds(flight)
         drafts += [*held, *drafts_of_disagreements(flight, held)]
-        notes += flight.held.missing
+        notes += flight.held.missing_in(flight.from_s, flight.to_s)
         series = relation_series(log)
         static = find_relations(flight, series, report=partial(progress, "static relations"))
         drafts += drafts_of_relations(flight, series, static)
@@ -87,12 +88,17 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
             f"this flight shows {slow.scale:.3g} times what the flights of the tables do, as rough air would, or a "
             "fault through most of it: thresholds are raised by that"
         )
-    glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
+    glanced, glances_missing, stepped = _glances(
+        flight, config, static, workers, partial(progress, "steps and oscillations")
+    )
     drafts += glanced
     events = tuple(_event(flight, draft) for draft in as_one(merge_stages(drafts)))
     shown = [name for name in SHOWN if name in flight.record.channels]
-    limits = limits_of(flight, slow.looks, static, events)
-    verdicts = verdicts_of(events, limits)
+    bounds = bounds_of(flight, slow.looks, static, events)
+    limits = limits_of(flight, bounds)
+    unwatched = [*unwatched_by_scan(flight, bounds, events), *unwatched_by_lines(flight)]
+    without_steps = unwatched_by_steps(flight, stepped) if stepped else []
+    verdicts = verdicts_of(events, limits, unwatched, flight.recorded)
     missing = (
         *flight.unused,
         *missing_sentences(flight, slow.scanned, limits),
@@ -102,11 +108,12 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     inside = log.window(flight.from_s, flight.to_s)
     return DiagnoseResult(
         log=log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz),
-        decision=decision_of(verdicts, events, config.require),
+        decision=decide(verdicts, config.require),
         verdicts=verdicts,
-        summary=sentence_of(verdicts, events, limits, looked_for_steps=not glances_missing),
+        summary=sentence_of(verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)),
         events=events,
         limits=limits,
+        unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
         phases=flight.part_phases,
         windows=tuple(look for _, _, look in slow.looks),
         missing=missing,
@@ -139,16 +146,16 @@ def _glances(
     static: StaticWindows,
     workers: int,
     report: Report,
-) -> tuple[list[Draft], list[str]]:
-    """Return what the scan for steps and oscillations found, and why it did not look."""
+) -> tuple[list[Draft], list[str], list[Window]]:
+    """Return what the scan for steps and oscillations found, why it did not look, and the windows in which it did."""
     inputs = inputs_for(flight.log)
     output = next((name for name in ("tas", "cas", "ias") if name in flight.recorded), None)
     if "elevator" not in inputs or output is None:
         lacking = "elevator" if output is not None else "airspeed"
-        return [], [f"no {lacking}: steps and oscillations of the airspeed were not looked for"]
+        return [], [f"no {lacking}: steps and oscillations of the airspeed were not looked for"], []
     windows = flight.windows(GLANCE_S, STEP_S)
     if not windows:
-        return [], [f"no {GLANCE_S:g} s of flight: steps and oscillations of the airspeed were not looked for"]
+        return [], [f"no {GLANCE_S:g} s of flight: steps and oscillations of the airspeed were not looked for"], []
     used = merge(config, {"inputs": inputs, "outputs": (output,)})
     found = glance_at_flight(flight.log, windows, used, workers=workers, report=report)
     drafts = []
@@ -163,7 +170,7 @@ def _glances(
         drafts.append(Draft(finding=finding, window=window, until_s=window[1]))
     failed = summary_of(found)
     missing = [f"{n} of {len(found)} windows were not scanned for steps: {why}" for why, n in failed.items()]
-    return with_ends(join(drafts)), missing
+    return with_ends(join(drafts)), missing, [window for window, answer in found if not isinstance(answer, str)]
 
 
 def _event(flight: Flight, draft: Draft) -> Event:

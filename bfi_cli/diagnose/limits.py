@@ -3,102 +3,266 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..channels import STANDARD
-from ..parity import Limit, Threshold
-from ..parity.windows import Window, overlaps
+from ..channels import LARGEST_ERROR, STANDARD
+from ..parity import Bound, Threshold
+from ..parity.windows import Window, flight_stretches, overlaps, within
 from ..preprocessing.tolerance import tolerance_of
+from .events import NEAR, TRACE
 from .flight import Flight
 from .looks import Scanned
 from .relations import StaticWindows
 from .result import Event, FlightLimit, Look
 
-__all__ = ["AIRSPEEDS", "limits_of"]
+__all__ = ["AIRSPEEDS", "PITOT_LINE", "Bounds", "bounds_of", "limits_of"]
+
+FloatArray = NDArray[np.float64]
 
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
-# Limits are compared over stretches of this length.
-BIN_S = 30.0
+PITOT_LINE = "pitot_icing"
+# Limits are compared over stretches of this length, by which the onsets that windows of 60 s cover (40 s each, every
+# 30 s) overlap, so that each lies within those of one window.
+BIN_S = 10.0
+# Of the flight time that is watched, in which the second limit of each fault holds (METHOD of the trials).
+MOSTLY = 0.95
+PER_SECOND = {"1": "1/s", "m/s": "m/s^2", "rad": "rad/s", "m/s^2": "m/s^3", "Pa": "Pa/s"}
 
 
-def limits_of(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hidden:
+    """What one window leaves unseen of a fault.
+
+    Attributes
+    ----------
+    onsets_s : (n,) that it shows; sizes : (n,) the largest that may begin there unseen, infinite where any may.
+    scale : error on the channel by a fault of size 1, after a second where it grows.
+    tolerance : of the channel in this window, None where it has none.
+    """
+
+    window: Window
+    onsets_s: FloatArray
+    sizes: FloatArray
+    scale: float
+    tolerance: float | None
+
+    @property
+    def watched(self) -> list[Window]:
+        """The onsets that it covers; a fault that grew before the first of them shows as one from there on."""
+        edges = np.flatnonzero(np.diff(np.isfinite(self.sizes).astype(np.int8), prepend=0, append=0)).tolist()
+        return [
+            (float(self.onsets_s[first]) if first else self.window[0], float(self.onsets_s[end - 1]))
+            for first, end in zip(edges[::2], edges[1::2], strict=True)
+        ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bounds:
+    """The windows that bound a fault of a shape."""
+
+    fault: str
+    shape: str
+    channel: str
+    unit: str
+    bounds: Bound
+    windows: tuple[Hidden, ...]
+
+
+def bounds_of(
     flight: Flight,
-    judgements: Sequence[tuple[Scanned, Threshold, Look]],
+    looks: Sequence[tuple[Scanned, Threshold, Look]],
     static: StaticWindows,
     events: Sequence[Event],
-) -> tuple[FlightLimit, ...]:
-    """Return per fault and shape what the worst stretch of the flight excludes; of its windows the best counts.
+) -> tuple[Bounds, ...]:
+    """Return by fault and shape the windows that bound it, of the parity scan and of the static relations.
 
-    Stretches in which flaps and gear are moved are left out, since nothing is declared there, and windows with a
-    declared fault, which exclude no other of its size. What may last excludes nothing of its own after it.
+    Windows with a declared fault are left out: they exclude no other of its size. What may last excludes nothing of its
+    own after it. Of the scan a size counts as seen where it would be declared from this window alone.
     """
     left_out = [
         (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
         for one in events
         if one.state == "declared" and one.stages[0] != "sensors"
     ]
-    bins = np.arange(flight.from_s, flight.to_s, BIN_S) + 0.5 * BIN_S
-    best: dict[tuple[str, str], list[FlightLimit | None]] = {}
+    found: dict[tuple[str, str, Bound], Bounds] = {}
+    tolerance = cache(lambda channel, window: _tolerance(flight, channel, window))
+    largest = cache(lambda channel: _largest_error(flight, channel))
 
-    def offer(limit: FlightLimit) -> None:
-        kept = best.setdefault((limit.fault, limit.shape), [None] * len(bins))
-        for k in np.flatnonzero((bins >= limit.from_s) & (bins < limit.to_s)).tolist():
-            other = kept[k]
-            if other is None or limit.effect < other.effect:
-                kept[k] = limit
+    def hidden(kind: Bounds, window: Window, onsets_s: FloatArray, sizes: FloatArray, scale: float) -> Hidden:
+        reach = window[1] - onsets_s if kind.shape == "drift" else 1.0
+        sizes = np.where(sizes * scale * reach <= largest(kind.channel), sizes, np.inf)
+        tolerated = tolerance(kind.channel, window)
+        return Hidden(window=window, onsets_s=onsets_s, sizes=sizes, scale=scale, tolerance=tolerated)
 
-    for one, threshold, _ in judgements:
+    def offer(kind: Bounds, hidden: Hidden) -> None:
+        key = (kind.fault, kind.shape, kind.bounds)
+        known = found.get(key, kind)
+        found[key] = replace(known, windows=(*known.windows, hidden))
+
+    for one, threshold, _ in looks:
         window = (one.from_s, one.to_s)
-        told = () if overlaps(window, (*flight.moved, *left_out)) else one.magnitude
-        for fault in [name for name in told if name not in one.lasting]:
-            slope, reached = one.largest_hidden(fault, threshold.level)
-            offer(_of_drift(flight, fault, slope, reached, window))
-            if fault in AIRSPEEDS and fault == flight.record.airspeed and "q_impact" not in one.magnitude:
+        told = () if overlaps(window, left_out) else one.magnitude
+        level = threshold.level * (TRACE if one.lasting else NEAR)
+        for name in [name for name in told if name not in one.lasting]:
+            kind, scale = _drift_of(flight, name, window)
+            sizes = one.hidden_slopes(name, level)
+            offer(kind, hidden(kind, window, one.onsets_s, sizes, scale))
+            if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in one.magnitude:
                 # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
-                limit = _of_drift(flight, fault, slope, reached, window)
-                relative = 2.0 * slope / _speed(flight, window, fault)
-                offer(replace(limit, fault="pitot_icing", excluded_above=relative, unit="1/s"))
+                line, scale = replace(kind, fault=PITOT_LINE, unit="1/s"), 0.5 * _speed(flight, window, name)
+                offer(line, hidden(line, window, one.onsets_s, sizes / scale, scale))
     for window, answer in static:
-        for of_relation in () if overlaps(window, left_out) else answer.limits:
-            offer(_flight_limit(flight, of_relation, window))
-    worst = (max((one for one in kept if one is not None), key=lambda one: one.effect) for kept in best.values())
-    return tuple(sorted(worst, key=lambda one: (one.shape, one.fault)))
+        for limit in () if overlaps(window, left_out) else answer.limits:
+            kind = Bounds(
+                fault=limit.fault,
+                shape=limit.shape,
+                channel=limit.channel,
+                unit=limit.unit,
+                bounds=limit.bounds,
+                windows=(),
+            )
+            offer(kind, hidden(kind, window, np.array(limit.onsets_s), np.array(limit.sizes), 1.0))
+    return tuple(found.values())
 
 
-def _of_drift(flight: Flight, fault: str, slope: float, reached: float, window: Window) -> FlightLimit:
-    name, channel, unit, effect = fault, fault, STANDARD["tas"].unit, reached
-    if fault == "q_impact":
-        name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * _speed(flight, window)
-    elif fault == "ground_speed":
-        channel = "ground_speed"
-    else:
-        unit = STANDARD[fault].unit
-    per_second = {"1": "1/s", "m/s": "m/s^2", "rad": "rad/s", "m/s^2": "m/s^3", "Pa": "Pa/s"}[unit]
-    limit = Limit(fault=name, shape="drift", channel=channel, excluded_above=slope, unit=per_second, effect=effect)
-    return _flight_limit(flight, limit, window)
+def limits_of(flight: Flight, bounds: Sequence[Bounds]) -> tuple[FlightLimit, ...]:
+    """Return per fault and shape what the worst stretch of the watched flight excludes, and what most of it does.
+
+    Of the windows over a stretch that with the least error over its tolerance counts, of the stretches the one with the
+    most. A third limit is that of a fault that grows on until a later window would have shown it.
+    """
+    rows = [row for one in bounds for row in _rows(flight, one)]
+    return tuple(
+        sorted(rows, key=lambda row: (row.bounds != "error", row.shape, row.fault, -row.holds_in, row.grows_on))
+    )
 
 
-def _speed(flight: Flight, window: Window, channel: str = "tas") -> float:
-    return float(np.nanmean(flight.record.between(*window).channels[channel]))
+def _rows(flight: Flight, one: Bounds) -> list[FlightLimit]:
+    windows = sorted(one.windows, key=lambda hidden: hidden.window[1])
+    starts = np.arange(flight.from_s, flight.to_s - BIN_S + 1e-6, BIN_S)
+    sizes, inside = _by_stretch(windows, starts)
+    grows = one.shape == "drift"
+    ends = np.array([hidden.window[1] for hidden in windows])
+    scales = np.array([hidden.scale for hidden in windows])
+    reach = (ends - starts[:, None] if grows else np.ones_like(sizes)) * scales
+    tolerances = [hidden.tolerance or 1.0 for hidden in windows]
+    shares = np.where(inside, np.where(inside, sizes, 0.0) * reach / tolerances, np.inf)
+    watched = inside.any(axis=1)
+    if not watched.any():
+        return []
+    k = np.flatnonzero(watched)
+    best = np.argmin(shares[k], axis=1)
+    order = np.argsort(shares[k, best], kind="stable")
+    rows = []
+    for holds_in, at in ((1.0, order[-1]), (MOSTLY, order[int(np.ceil(MOSTLY * len(order))) - 1])):
+        window, size = windows[best[at]], float(sizes[k[at], best[at]])
+        effect = size * float(reach[k[at], best[at]])
+        rows.append(_row(flight, one, window, size, effect, window.window, holds_in=holds_in))
+    if grows:
+        size, effect, first, last = _grown(sizes[k], reach[k], best, tolerances)
+        span = (float(starts[k[first]]), float(ends[last]))
+        rows.append(_row(flight, one, windows[last], size, effect, span, grows_on=True))
+    return rows
 
 
-def _flight_limit(flight: Flight, one: Limit, window: Window) -> FlightLimit:
-    tolerance = _tolerance(flight, one.channel, window)
+def _by_stretch(windows: Sequence[Hidden], starts: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return (n_stretches, n_windows) the largest sizes that may begin in a stretch unseen by a window, and where.
+
+    What begins before a window and grows shows in it as from its first onset on; `inside` are the stretches that a
+    window covers itself.
+    """
+    sizes = np.full((len(starts), len(windows)), np.inf)
+    inside = np.zeros(sizes.shape, dtype=np.bool_)
+    for j, hidden in enumerate(windows):
+        first = np.searchsorted(hidden.onsets_s, starts, side="right") - 1
+        last = np.searchsorted(hidden.onsets_s, starts + BIN_S - 1e-6)
+        known = np.flatnonzero(last < len(hidden.onsets_s))
+        sizes[known, j] = [hidden.sizes[max(first[k], 0) : last[k] + 1].max() for k in known]
+        inside[known, j] = starts[known] >= hidden.window[0] - 1e-6
+    return sizes, inside & np.isfinite(sizes)
+
+
+def _grown(
+    sizes: FloatArray, reach: FloatArray, best: NDArray[np.intp], tolerances: Sequence[float]
+) -> tuple[float, float, int, int]:
+    """Return size and error of a fault that grows on, its stretch, and the window that it is hidden from last.
+
+    A fault that grew to the end of a window is hidden where its size is less than what that window and all that ended
+    before it show. It may stop just before the next window ends: the worst of all such ends counts.
+
+    Parameters
+    ----------
+    sizes, reach : (n_stretches, n_windows) windows in the order of their ends; reach is the error by size 1 at its end.
+    best : (n_stretches,) the window from whose end on it grows.
+    """
+    least = np.minimum.accumulate(sizes, axis=1)
+    before = np.concatenate([np.full((len(sizes), 1), np.inf), least[:, :-1]], axis=1)
+    later = np.arange(sizes.shape[1]) > best[:, None]
+    at_best = np.arange(sizes.shape[1]) == best[:, None]
+    unseen = np.where(later, before, np.where(at_best, least, 0.0))
+    errors = unseen * reach
+    first, last = np.unravel_index(int(np.argmax(errors / tolerances)), errors.shape)
+    return float(unseen[first, last]), float(errors[first, last]), int(first), int(last)
+
+
+def _row(
+    flight: Flight,
+    one: Bounds,
+    hidden: Hidden,
+    size: float,
+    effect: float,
+    span: Window,
+    *,
+    holds_in: float = 1.0,
+    grows_on: bool = False,
+) -> FlightLimit:
+    any_size = effect > _largest_error(flight, one.channel)
     return FlightLimit(
         fault=one.fault,
         shape=one.shape,
         channel=one.channel,
-        excluded_above=one.excluded_above,
+        bounds=one.bounds,
+        holds_in=holds_in,
+        grows_on=grows_on,
+        excluded_above=None if any_size else size,
         unit=one.unit,
-        effect=one.effect,
+        effect=None if any_size else effect,
         effect_unit=_unit(flight, one.channel),
-        tolerance=tolerance,
-        within_tolerance=tolerance is not None and one.effect <= tolerance,
-        from_s=window[0],
-        to_s=window[1],
+        tolerance=hidden.tolerance,
+        within_tolerance=not any_size and hidden.tolerance is not None and effect <= hidden.tolerance,
+        from_s=span[0],
+        to_s=span[1],
     )
+
+
+def _largest_error(flight: Flight, channel: str) -> float:
+    """Return the error beyond which a limit says nothing: of an airspeed its median in flight, all of what it shows."""
+    largest = LARGEST_ERROR.get(channel, np.inf)
+    values = flight.record.channels.get(channel, np.empty(0))
+    if channel not in AIRSPEEDS or not values.size:
+        return largest
+    flown = values[within(flight.record.time_s, flight_stretches(flight.part_phases)) & np.isfinite(values)]
+    return min(largest, float(np.median(flown))) if flown.size else largest
+
+
+def _drift_of(flight: Flight, fault: str, window: Window) -> tuple[Bounds, float]:
+    """Return what a hypothesis of the scan is called as a drift, and the error of its channel by 1 after a second."""
+    name, channel, scale = fault, fault, 1.0
+    if fault == "q_impact":
+        # A share of the impact pressure is half as large a share of the airspeed.
+        name, channel = PITOT_LINE, next((one for one in AIRSPEEDS if one in flight.recorded), "tas")
+        scale = 0.5 * _speed(flight, window, channel)
+    unit = "1" if fault == "q_impact" else "m/s" if fault == "ground_speed" else STANDARD[fault].unit
+    kind = Bounds(fault=name, shape="drift", channel=channel, unit=PER_SECOND[unit], bounds="error", windows=())
+    return kind, scale
+
+
+def _speed(flight: Flight, window: Window, channel: str) -> float:
+    return float(np.nanmean(flight.record.between(*window).channels[channel]))
 
 
 def _unit(flight: Flight, channel: str) -> str:

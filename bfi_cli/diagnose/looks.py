@@ -43,7 +43,7 @@ class Scanned:
     Attributes
     ----------
     statistic, fault, onset_s : the largest ratio, and where it is.
-    magnitude, sd : by fault, (n_onsets,) of ramps from onsets in the first half of the window; cost : of the levels.
+    magnitude, sd : by fault, (n_onsets,) of ramps; cost : of the levels.
     onsets_s : (n_onsets,) of these.
     lasting : faults that began before it, which its statistic leaves out.
     """
@@ -66,16 +66,12 @@ class Scanned:
     def length_s(self) -> float:
         return self.to_s - self.from_s
 
-    def largest_hidden(self, fault: str, level: float) -> tuple[float, float]:
-        """Return the ramp, per second, that may hide under a threshold, and the error that it reaches in the window.
+    def hidden_slopes(self, fault: str, level: float) -> FloatArray:
+        """Return (n_onsets,) the steepest ramps, per second and of either sign, that may hide under a threshold.
 
-        A ramp is hidden where the scan's ratio, which grows by ((|z| - |z^|) / sd)^2, stays below the threshold; of the
-        onsets in the first half of the window the worst counts, for later ones the next window does.
+        With a ramp z the ratio grows by ((|z| - |z^|) / sd)^2; it is hidden while that stays below the threshold.
         """
-        slope = np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]
-        reached = slope * (self.to_s - self.onsets_s)
-        worst = int(np.argmax(reached))
-        return float(slope[worst]), float(reached[worst])
+        return np.asarray(np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault])
 
 
 def rates_of(false_alarm: float) -> dict[float, float]:
@@ -112,7 +108,6 @@ def scan_flight(
 
 def _reduced(scan: WindowScan, from_s: float, to_s: float, *, lasting: tuple[str, ...]) -> Scanned:
     best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
-    early = scan.onsets_s <= max(0.5 * (from_s + to_s), scan.onsets_s[0])
     return Scanned(
         from_s=from_s,
         to_s=to_s,
@@ -122,9 +117,9 @@ def _reduced(scan: WindowScan, from_s: float, to_s: float, *, lasting: tuple[str
         statistic=scan.statistic,
         fault=best,
         onset_s=float(scan.onsets_s[int(np.argmax(scan.ratios[best].ratio))]),
-        onsets_s=scan.onsets_s[early],
-        magnitude={fault: one.magnitude[early] for fault, one in scan.ratios.items()},
-        sd={fault: one.sd[early] for fault, one in scan.ratios.items()},
+        onsets_s=scan.onsets_s,
+        magnitude={fault: one.magnitude for fault, one in scan.ratios.items()},
+        sd={fault: one.sd for fault, one in scan.ratios.items()},
         cost=sum(residual.cost for residual in scan.residuals),
         lasting=lasting,
     )

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from ..flightlog.phases import NO_AIRSPEED
 from ..parity import LENGTHS_S, available
+from ..verdicts import two_digits
 from .flight import Flight
+from .limits import PITOT_LINE
 from .looks import Scanned
 from .result import FlightLimit
 
@@ -32,12 +34,11 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
     for one in scanned:
         lacking.update(one.lacking)
     used = {name for one in scanned for name in one.residuals}
-    seen = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
+    mostly = next((one for one in limits if one.fault == PITOT_LINE and one.holds_in < 1.0), None)
     cost = ""
-    if any(one.fault == "pitot_icing" for one in seen):
-        worst = max(seen, key=lambda one: one.effect)
-        within = f"{worst.effect:.2g} m/s in {worst.to_s - worst.from_s:.0f} s"
-        cost = f"; a slow fault of the airspeed of less than {within} would not be seen"
+    if mostly is not None and mostly.effect is not None:
+        within = f"{two_digits(mostly.effect)} m/s in {mostly.to_s - mostly.from_s:.0f} s"
+        cost = f"; in most of the flight a slow fault of the airspeed of less than {within} would not be seen"
     said = [
         f"from {one.from_s:.0f} to {one.to_s:.0f} s no airspeed is recorded, or it is that of an aircraft at "
         "rest while other signs tell of flight: nothing else was looked for there"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..channels import LARGEST_ERROR, STANDARD
+from ..channels import STANDARD
 from ..display_units import SI, Shown, Units
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import bands_of, lanes_of, phase_table
@@ -83,6 +82,7 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
         tables=(
             *_event_tables(events, units),
             *_limit_tables(document["limits"], units),
+            *_unwatched_table(document["unwatched"]),
             *phase_table(document["phases"]),
         ),
         drawings=tuple(drawings),
@@ -205,23 +205,40 @@ def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
 
 
 def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
-    rows = tuple(
-        (
-            str(one["fault"]),
-            str(one["shape"]),
-            change(one["excluded_above"], units.of(one["unit"], channel=_channel(one["fault"]))),
-            "any"
-            if one["effect"] is not None and one["effect"] > LARGEST_ERROR.get(one["channel"], math.inf)
-            else change(one["effect"], units.of(one["effect_unit"], channel=one["channel"])),
-            change(one["tolerance"], units.of(one["effect_unit"], channel=one["channel"])),
-            "-" if one["tolerance"] is None else "yes" if one["within_tolerance"] else "no",
-            f"{instant(round(one['from_s']))} to {instant(round(one['to_s']))}",
+    """Return what could be there unseen: errors, and apart from them how far channels of one sensor may disagree."""
+    titles = {
+        "error": "How large a fault could be there unseen, in the stretches that were watched",
+        "disagreement": "How far channels of one sensor could disagree unseen; it bounds no error that they share",
+    }
+    heads = ("fault", "shape", "excluded above", "could hide", "tolerance", "within", "holds in", "stretch [s]")
+    tables = []
+    for bounds, title in titles.items():
+        rows = tuple(
+            (
+                str(one["fault"]),
+                str(one["shape"]),
+                change(one["excluded_above"], units.of(one["unit"], channel=_channel(one["fault"]))),
+                "any"
+                if one["effect"] is None
+                else change(one["effect"], units.of(one["effect_unit"], channel=one["channel"])),
+                change(one["tolerance"], units.of(one["effect_unit"], channel=one["channel"])),
+                "-" if one["tolerance"] is None else "yes" if one["within_tolerance"] else "no",
+                "growing on" if one["grows_on"] else f"{100.0 * one['holds_in']:.0f} %",
+                f"{instant(round(one['from_s']))} to {instant(round(one['to_s']))}",
+            )
+            for one in limits
+            if one["bounds"] == bounds
         )
-        for one in limits
-    )
-    heads = ("fault", "shape", "excluded above", "could hide", "tolerance", "within", "worst window [s]")
-    title = "How large a fault could be there unseen, in the worst stretch without one, flaps and gear at rest"
-    return (Table(name="limits", title=title, heads=heads, rows=rows),) if rows else ()
+        if rows:
+            name = "limits" if bounds == "error" else "agreement"
+            tables.append(Table(name=name, title=title, heads=heads, rows=rows))
+    return tuple(tables)
+
+
+def _unwatched_table(unwatched: Sequence[Sequence[Any]]) -> tuple[Table, ...]:
+    rows = tuple((f"{instant(round(first))} to {instant(round(last))}", str(why)) for first, last, why in unwatched)
+    title = "Flight that was not watched"
+    return (Table(name="unwatched", title=title, heads=("stretch [s]", "why"), rows=rows),) if rows else ()
 
 
 def _named(events: Sequence[Plain]) -> list[dict[str, Any]]:

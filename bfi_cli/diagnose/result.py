@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..faults import Decision
 from ..flightlog.phases import Phase
-from ..parity.finding import Stage
+from ..parity.finding import Bound, Stage
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 from ..verdicts import State
@@ -72,21 +72,28 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightLimit:
-    """What the worst window of the flight still excludes of a fault and shape: magnitudes above `excluded_above`.
+    """What a flight excludes of a fault and shape: magnitudes above `excluded_above`.
 
     Attributes
     ----------
-    effect : the error on `channel` that this magnitude makes in the window, in `effect_unit`.
-    within_tolerance : whether that is no more than the channel's tolerance.
-    from_s, to_s : of the window.
+    bounds : the error of the channel, or how far it disagrees with channels that share a sensor with it.
+    holds_in : the share of the watched time in which it holds: 1 for the worst stretch, 0.95 beside it.
+    grows_on : whether it is that of a fault that grows beyond a window until a later one would have shown it.
+    excluded_above, effect : None where any size could hide; effect is the error on `channel` that this magnitude makes
+        by `to_s`, in `effect_unit`.
+    within_tolerance : whether that is no more than the channel's tolerance there.
+    from_s, to_s : of the window; where the fault grows on, from its onset.
     """
 
     fault: str
     shape: str
     channel: str
-    excluded_above: float
+    bounds: Bound
+    holds_in: float
+    grows_on: bool
+    excluded_above: float | None
     unit: str
-    effect: float
+    effect: float | None
     effect_unit: str
     tolerance: float | None
     within_tolerance: bool
@@ -153,6 +160,7 @@ class DiagnoseResult:
     verdicts : on each kind of fault; decision : on those required.
     summary : what the log says of the kinds of which no fault is declared.
     limits : per fault and shape.
+    unwatched : (from_s, to_s, why) of half a minute of flight and more that an analysis did not cover.
     windows : of the parity scan.
     missing : what the log lacks, and what that costs.
     zero_lift_rad : angle of attack of zero lift, None where it is not known; zero_lift_from : where it comes from.
@@ -165,6 +173,7 @@ class DiagnoseResult:
     summary: str
     events: tuple[Event, ...]
     limits: tuple[FlightLimit, ...]
+    unwatched: tuple[tuple[float, float, str], ...]
     phases: tuple[Phase, ...]
     windows: tuple[Look, ...]
     missing: tuple[str, ...]

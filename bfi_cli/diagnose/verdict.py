@@ -2,30 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
-from ..channels import LARGEST_ERROR
 from ..faults import Decision
 from ..shapes import Kind
-from ..verdicts import KINDS, decide, two_digits
-from .limits import AIRSPEEDS
+from ..verdicts import KINDS, two_digits
+from .limits import AIRSPEEDS, PITOT_LINE
 from .result import Event, FlightLimit
+from .unwatched import Unwatched
 
-__all__ = ["decision_of", "sentence_of", "verdicts_of"]
+__all__ = ["sentence_of", "verdicts_of"]
 
-STEPS: Mapping[Kind, str] = {"abrupt": "a step", "oscillating": "an oscillation"}
+STEPS: Mapping[Kind, tuple[str, str]] = {"abrupt": ("step", "a step"), "oscillating": ("oscillation", "an oscillation")}
+SPEEDS = ("tas", "cas", "ias")
+SHOWN = 3  # of what was not watched, in a sentence
 
 
-def verdicts_of(events: Sequence[Event], limits: Sequence[FlightLimit]) -> dict[Kind, Decision]:
-    """Return the verdict on every kind: a slow fault is excluded where its limits on all airspeeds are tolerable.
+def verdicts_of(
+    events: Sequence[Event],
+    limits: Sequence[FlightLimit],
+    unwatched: Sequence[Unwatched],
+    recorded: Collection[str],
+) -> dict[Kind, Decision]:
+    """Return the verdict on every kind: a slow fault is excluded where all limits on the airspeeds are tolerable.
 
-    Relations between airspeeds say nothing of the line that all are made of, so that its own limit is needed.
-    How small a step or an oscillation could hide is told by `start-time` on a window: here they are only found.
+    Relations between airspeeds say nothing of the line that all are made of, so that its own limit is needed, and each
+    recorded airspeed needs one; of one that only a relation reads (mach beside cas) that relation excludes what is its
+    own. How small a step or an oscillation could hide is told by `start-time` on a window: here they are only found.
+
+    Parameters
+    ----------
+    unwatched : flight in which a slow fault would not have been seen.
     """
     verdicts: dict[Kind, Decision] = dict.fromkeys(KINDS, "inconclusive")
     suspected = {one.kind for one in events if one.state == "suspected"}
-    slow = [one for one in limits if one.shape == "drift" and one.channel in AIRSPEEDS]
-    if _bounds_line(slow) and all(one.within_tolerance for one in slow) and "slow" not in suspected:
+    needed = (PITOT_LINE, *(name for name in AIRSPEEDS if name in recorded))
+    rows = {name: _deciding(limits, name) for name in needed}
+    excluded = all(of_fault and all(one.within_tolerance for one in of_fault) for of_fault in rows.values())
+    if excluded and not unwatched and "slow" not in suspected:
         verdicts["slow"] = "no_fault"
     for one in events:
         if one.state == "declared":
@@ -33,46 +47,71 @@ def verdicts_of(events: Sequence[Event], limits: Sequence[FlightLimit]) -> dict[
     return verdicts
 
 
-def decision_of(verdicts: Mapping[Kind, Decision], events: Sequence[Event], required: Sequence[Kind]) -> Decision:
-    """Return the decision on the flight: what is only suspected leaves it open."""
-    if any(one.state == "suspected" for one in events) and "fault" not in verdicts.values():
-        return "inconclusive"
-    return decide(verdicts, required)
+def _deciding(limits: Sequence[FlightLimit], fault: str) -> list[FlightLimit]:
+    """Return the limits on a slow fault that a verdict rests on: on its error, where none is on its disagreement."""
+    slow = [one for one in limits if one.shape == "drift" and one.fault == fault]
+    return [one for one in slow if one.bounds == "error"] or slow
 
 
 def sentence_of(
     verdicts: Mapping[Kind, Decision],
     events: Sequence[Event],
     limits: Sequence[FlightLimit],
+    unwatched: Sequence[Unwatched],
+    unwatched_by_steps: Sequence[Unwatched],
     *,
     looked_for_steps: bool,
 ) -> str:
-    """Return what a reader is told of the kinds of faults that were not found, with their sizes."""
-    slow = [one for one in limits if one.shape == "drift" and one.channel in ("tas", "cas", "ias")]
+    """Return what a reader is told of the kinds of faults that were not found, with their sizes, and where not."""
     said = []
-    worst = max(slow, key=lambda one: one.effect, default=None)
-    if (
-        verdicts["slow"] != "fault"
-        and worst is not None
-        and _bounds_line(slow)
-        and worst.effect <= LARGEST_ERROR["tas"]
-    ):
-        verb = "no slow fault above" if verdicts["slow"] == "no_fault" else "a slow fault could reach"
-        end = "" if verdicts["slow"] == "no_fault" else " unseen"
-        said.append(
-            f"{verb} {two_digits(worst.effect)} m/s on {worst.channel}{end} within {worst.to_s - worst.from_s:.0f} s"
-        )
-    elif verdicts["slow"] != "fault":
-        said.append("a slow fault of any size could be there unseen")
-    unseen_kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
-    if unseen_kinds and looked_for_steps:
+    if verdicts["slow"] != "fault":
+        said.append(_of_slow_faults(limits, excluded=verdicts["slow"] == "no_fault") + _except(unwatched))
+    kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
+    if kinds and looked_for_steps:
         beside = " beside these events" if events else ""
-        none = " and ".join(f"no {noun.split(' ', 1)[1]}" for noun in unseen_kinds)
-        said.append(f"{none} was found{beside}; bfi start-time says how large one could be unseen")
-    elif unseen_kinds:
-        said.append(f"{' or '.join(unseen_kinds)} was not looked for")
+        none = " and ".join(f"no {noun}" for noun, _ in kinds)
+        where = _except(unwatched_by_steps)
+        said.append(f"{none} was found{beside}{where}; bfi start-time says how large one could be unseen")
+    elif kinds:
+        said.append(f"{' or '.join(noun for _, noun in kinds)} was not looked for")
     return "; ".join(said)
 
 
-def _bounds_line(limits: Sequence[FlightLimit]) -> bool:
-    return any(one.fault == "pitot_icing" for one in limits)
+def _of_slow_faults(limits: Sequence[FlightLimit], *, excluded: bool) -> str:
+    slow = [one for one in limits if one.shape == "drift" and one.bounds == "error" and one.channel in SPEEDS]
+    worst, most, last = (
+        max(
+            (one for one in slow if one.grows_on == grows and (one.holds_in == 1.0) == always), key=_share, default=None
+        )
+        for grows, always in ((False, True), (False, False), (True, True))
+    )
+    if not any(one.fault == PITOT_LINE for one in slow) or worst is None or most is None or most.effect is None:
+        return "a slow fault of any size could be there unseen"
+    length = f"within {most.to_s - most.from_s:.0f} s"
+    at_worst = f"{_size(worst)} from {worst.from_s:.0f} to {worst.to_s:.0f} s"
+    grown = "" if last is None else f", {_size(last)} by {last.to_s:.0f} s if it grows on from {last.from_s:.0f} s"
+    if excluded:
+        return f"no slow fault above {_size(most)} {length} in 95 % of the watched flight, {at_worst}{grown}"
+    return f"a slow fault could reach {_size(most)} unseen {length} in 95 % of the watched flight, {at_worst}{grown}"
+
+
+def _size(limit: FlightLimit) -> str:
+    return "any size" if limit.effect is None else f"{two_digits(limit.effect)} m/s on {limit.channel}"
+
+
+def _share(one: FlightLimit) -> float:
+    """Return the hidden error over the tolerance."""
+    if one.effect is None:
+        return float("inf")
+    return one.effect / one.tolerance if one.tolerance else one.effect
+
+
+def _except(unwatched: Sequence[Unwatched]) -> str:
+    """Return where a statement does not hold, the longest stretches first, "" where it does everywhere."""
+    if not unwatched:
+        return ""
+    longest = sorted(unwatched, key=lambda one: -one.seconds)[:SHOWN]
+    said = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s ({one.why})" for one in longest)
+    rest = unwatched[SHOWN:] and sum(one.seconds for one in unwatched) - sum(one.seconds for one in longest)
+    more = f", and {rest:.0f} s elsewhere" if rest else ""
+    return f"; not watched for that: {said}{more}"

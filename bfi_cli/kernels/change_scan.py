@@ -34,6 +34,8 @@ class ChangeScan:
     statistic : (n_candidates,) twice the gain in log-likelihood, 0 for a candidate that the nuisances imitate.
     amplitude, sd : (n_candidates,) its size in units of y and the standard deviation of that, infinite for the same.
     leverage : (n_candidates,) how much an error of at most 1 in every sample, of any course, changes the size at most.
+    hidden : (n_candidates,) the largest size, of either sign, that added to the record may leave its statistic below
+        `declared_at`; infinite where any may.
     noise_sd : of the noise without a change.
     """
 
@@ -41,6 +43,7 @@ class ChangeScan:
     amplitude: FloatArray
     sd: FloatArray
     leverage: FloatArray
+    hidden: FloatArray
     noise_sd: float
 
 
@@ -58,6 +61,7 @@ def scan_changes(
     *,
     floor: float,
     sizes: FloatArray | None = None,
+    declared_at: float = np.inf,
 ) -> ChangeScan:
     """Return how much better each candidate explains a record than none.
 
@@ -70,6 +74,7 @@ def scan_changes(
     floor : the least standard deviation that the noise has, in units of y; greater than 0.
     sizes : (n_nuisances,) prior standard deviations of the nuisances' coefficients, infinite for a free one; None
         where all are free.
+    declared_at : the statistic from which on a change is told, for `hidden`.
 
     Raises
     ------
@@ -90,6 +95,7 @@ def scan_changes(
     best_none, noise_sd = -np.inf, floor
     best, amplitude, sd = np.full(m, -np.inf), np.zeros(m), np.full(m, np.inf)
     leverage = np.full(m, np.inf)
+    without_change: list[tuple[float, float, FloatArray, FloatArray]] = []
     for correlation in CORRELATIONS:
         white, log_det = _whitened(stacked, time_s, correlation)
         white = np.vstack([white, prior])
@@ -101,6 +107,7 @@ def scan_changes(
         known = power > LEAST_LEFT * np.einsum("ij,ij->j", white[:, 1 : 1 + m], white[:, 1 : 1 + m])
         size = np.divide(gain, power, out=np.zeros(m), where=known)
         squares = float(own @ own)
+        without_change.append((squares, log_det, gain, np.where(known, power, 0.0)))
         without = _log_likelihood(np.array(squares), n, floor) - 0.5 * log_det
         with_change = np.maximum(squares - size * gain, 0.0)
         likelihood = np.where(known, _log_likelihood(with_change, n, floor) - 0.5 * log_det, -np.inf)
@@ -119,6 +126,7 @@ def scan_changes(
         amplitude=amplitude,
         sd=sd,
         leverage=leverage,
+        hidden=_hidden(without_change, best - 0.5 * declared_at, n, floor),
         noise_sd=noise_sd,
     )
 
@@ -138,6 +146,37 @@ def _transposed(x: FloatArray, time_s: FloatArray, correlation: float) -> FloatA
     turned[1:] /= np.sqrt(1.0 - before**2)
     turned[:-1] -= before * turned[1:]
     return turned
+
+
+def _hidden(
+    without_change: list[tuple[float, float, FloatArray, FloatArray]], least: FloatArray, n: int, floor: float
+) -> FloatArray:
+    """Return (n_candidates,) the size beyond which a change makes "no change" less likely than `least` allows.
+
+    A change of size x that is added is explained by its candidate as well as what was there, so that the likelihood
+    with it stays the same, while the squares without it become S + 2 g x + p x^2, at every correlation.
+
+    Parameters
+    ----------
+    without_change : of every correlation S, the logarithm of the determinant, and (n_candidates,) g and p, 0 where the
+        nuisances imitate the candidate.
+    least : (n_candidates,) the log-likelihood without a change at which the change is declared.
+    """
+    size = np.zeros(len(least))
+    for squares, log_det, gain, power in without_change:
+        more = np.where(power > 0.0, _squares_of(least + 0.5 * log_det, n, floor) - squares, 0.0)
+        root = np.sqrt(np.maximum(gain**2 + power * more, 0.0))
+        told = np.divide(np.abs(gain) + root, power, out=np.full(len(least), np.inf), where=power > 0.0)
+        size = np.maximum(size, told)
+    return size
+
+
+def _squares_of(likelihood: FloatArray, n: int, floor: float) -> FloatArray:
+    """Return the squares at which white noise has a log-likelihood: the inverse of `_log_likelihood`."""
+    at_floor = -0.5 * (n * np.log(floor**2) + n)
+    with np.errstate(over="ignore"):
+        above = n * np.exp(-(2.0 * likelihood + n) / n)
+    return np.asarray(np.where(likelihood <= at_floor, above, floor**2 * (-2.0 * likelihood - n * np.log(floor**2))))
 
 
 def _log_likelihood(squares: FloatArray, n: int, floor: float) -> FloatArray:

@@ -1,7 +1,7 @@
 """Air data as one system: faults found where pressures, lift, attitude, inertia and ground velocity disagree."""
 
 from .explain import Fit, corrected, effects, explain
-from .finding import Finding, Limit
+from .finding import Bound, Finding, Limit
 from .record import Record, record_of
 from .residuals import RESIDUALS, available
 from .scan import WindowScan, scan_window
@@ -9,8 +9,9 @@ from .thresholds import ParityTable, Threshold, shipped_tables, table_for, thres
 from .windows import LENGTHS_S, configuration_changes, windows_in
 from .zero_lift import zero_lift_of
 
-__all__ = ["LENGTHS_S", "RESIDUALS", "Finding", "Fit", "Limit", "ParityTable", "Record", "Threshold", "WindowScan"]
+__all__ = ["LENGTHS_S", "RESIDUALS", "Bound", "Finding", "Fit", "Limit", "ParityTable", "Record", "Threshold"]
 __all__ += [
+    "WindowScan",
     "available",
     "configuration_changes",
     "corrected",

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-__all__ = ["Finding", "Limit", "Stage"]
+__all__ = ["Bound", "Finding", "Limit", "Stage"]
 
+Bound = Literal["error", "disagreement"]
 Stage = Literal["sensors", "static relations", "holds", "parity", "scan"]
 
 
@@ -58,7 +59,10 @@ class Limit:
 
     Attributes
     ----------
-    effect : largest error in the window that this magnitude makes on `channel`, in the channel's unit.
+    excluded_above : at the worst onset; of a drift of those in the first half of the window.
+    effect : largest error in the window that such a fault makes on `channel`, in the channel's unit.
+    onsets_s : on the log's axis; sizes : at each the largest that may hide, infinite where any may.
+    bounds : the error of the channel, or only how far it disagrees with others that share one of its sensors.
     """
 
     fault: str
@@ -67,3 +71,6 @@ class Limit:
     excluded_above: float
     unit: str
     effect: float
+    onsets_s: tuple[float, ...]
+    sizes: tuple[float, ...]
+    bounds: Bound

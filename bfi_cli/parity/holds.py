@@ -36,12 +36,13 @@ from .lines import (
     touching_runs,
 )
 
-__all__ = ["Holds", "LineReport", "find_holds"]
+__all__ = ["Holds", "LineReport", "UnseenLine", "find_holds"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 FAULT = {"p_total": "pitot_blocked", "p_static": "static_blocked"}
+PRESSURES = {fault: pressure for pressure, fault in FAULT.items()}
 # A still stretch strays at most by this share of what the calmest twentieth of the log's moving stretches does. Where
 # already the limit is this share of that, steps and noise hide the calm: a total pressure must then be without any
 # motion, and a static one must stop at once.
@@ -78,7 +79,7 @@ class LineReport:
         noise of the transducer, the median over the window. NaN where there is no flight in it.
     calm_pa : the same of the calmest twentieth of the log's moving stretches (for the static pressure, in level
         flight); None where the log has too few.
-    watched_s : time within stretches that moved; unwatched_s : in flight, between gaps too short for a stretch.
+    watched_s : time within stretches that moved; unwatched : in flight, between gaps too short for a stretch.
     untold : (from_s, to_s, why) of stretches that are still, but not told from calm air.
     """
 
@@ -87,8 +88,19 @@ class LineReport:
     limit_pa: float
     calm_pa: float | None
     watched_s: float
-    unwatched_s: float
+    unwatched: tuple[tuple[float, float], ...]
     untold: tuple[tuple[float, float, str], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnseenLine:
+    """A stretch of flight in which a blocked line "could hide", or "was not looked for", and why."""
+
+    fault: str
+    what: str
+    from_s: float
+    to_s: float
+    why: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,12 +114,29 @@ class Holds:
         its threshold 85 %; of a static line that leaks, the change of its vertical speed at the onset, m/s, its
         threshold 4 m/s. The evidence of a leak holds its time constant, s.
     lines : how each was watched.
-    missing : sentences on what was not watched, or is seen less well, and why.
+    unseen : stretches of flight in which a blocked line would not have been seen.
+    lacking : sentences on what the log lacks for a line.
     """
 
     findings: tuple[Finding, ...]
     lines: tuple[LineReport, ...]
-    missing: tuple[str, ...]
+    unseen: tuple[UnseenLine, ...]
+    lacking: tuple[str, ...]
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Sentences on what was not watched, or is seen less well, and why."""
+        return self.missing_in(-np.inf, np.inf)
+
+    def missing_in(self, from_s: float, to_s: float) -> tuple[str, ...]:
+        """Return these sentences for a part of the window."""
+        said = list(self.lacking)
+        for fault, what, why in dict.fromkeys((one.fault, one.what, one.why) for one in self.unseen):
+            alike = [one for one in self.unseen if (one.fault, one.why) == (fault, why)]
+            seconds = sum(max(0.0, min(one.to_s, to_s) - max(one.from_s, from_s)) for one in alike)
+            if seconds >= LENGTH_S[PRESSURES[fault]]:
+                said.append(f"{fault} {what} in {seconds:.0f} s of the flight: {why}")
+        return tuple(said)
 
 
 def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | None = None) -> Holds:
@@ -144,28 +173,31 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
     # While the static line shows the cabin it holds, and no impact pressure tells of the pitot tube.
     findings = [one for one in findings if not any(begins_within(one, leak) for leak in to_cabin)] + to_cabin
     findings.sort(key=lambda one: one.onset_s)
-    missing = [*lines.missing, *(sentence for report in reports for sentence in _unseen(lines, report))]
-    return Holds(findings=tuple(findings), lines=tuple(reports), missing=tuple(missing))
+    unseen = tuple(one for report in reports for one in _unseen(lines, report))
+    return Holds(findings=tuple(findings), lines=tuple(reports), unseen=unseen, lacking=lines.missing)
 
 
-def _unseen(lines: Lines, report: LineReport) -> Iterator[str]:
-    """Yield for how long in flight a blocked line would not have been seen."""
+def _unseen(lines: Lines, report: LineReport) -> Iterator[UnseenLine]:
+    """Yield where in flight a blocked line would not have been seen."""
     fault, channels, length_s = FAULT[report.pressure], " and ".join(report.made_of), LENGTH_S[report.pressure]
-    if report.unwatched_s > length_s:
-        yield (
-            f"{fault} was not looked for in {report.unwatched_s:.0f} s of the flight: gaps and missing samples of "
-            f"{channels} leave less than {length_s:.0f} s at once"
-        )
+    gaps = f"gaps and missing samples of {channels} leave less than {length_s:.0f} s at once"
+    for first_s, last_s in report.unwatched:
+        yield UnseenLine(fault=fault, what="was not looked for", from_s=first_s, to_s=last_s, why=gaps)
     hides = np.zeros(len(lines.time_s), dtype=bool)
     for start_s, end_s, why in report.untold:
         if why not in (LANDED, LANDING, STEADY):
             hides |= (lines.time_s >= start_s) & (lines.time_s <= end_s)
-    hidden_s = float(np.count_nonzero(hides & lines.flies) * lines.step_s)
-    if hidden_s >= length_s:
-        yield (
-            f"{fault} could hide in {hidden_s:.0f} s of the flight, in which {channels} moved no more than calm air "
-            "and the steps of the record let them"
-        )
+    calm = f"{channels} moved no more than calm air and the steps of the record let them"
+    for first_s, last_s in _stretches(lines, hides & lines.flies):
+        yield UnseenLine(fault=fault, what="could hide", from_s=first_s, to_s=last_s, why=calm)
+
+
+def _stretches(lines: Lines, marked: BoolArray) -> tuple[tuple[float, float], ...]:
+    """Return the times from which to which blocks are marked."""
+    return tuple(
+        (float(lines.time_s[first]) - 0.5 * lines.step_s, float(lines.time_s[last]) + 0.5 * lines.step_s)
+        for first, last in runs_of(marked)
+    )
 
 
 def _or_blocked_port(log: FlightLog, lines: Lines, line: PressureLine, leak: Finding, low_s: float) -> Finding:
@@ -243,7 +275,7 @@ def _holds_of(
         limit_pa=float(np.median(own.limit[own.inside])) if own.inside.any() else np.nan,
         calm_pa=calm,
         watched_s=float(np.count_nonzero(_covered(lines, watched, own.n)) * lines.step_s),
-        unwatched_s=float(np.count_nonzero(flies & ~_covered(lines, own.inside, own.n)) * lines.step_s),
+        unwatched=_stretches(lines, flies & ~_covered(lines, own.inside, own.n)),
         untold=tuple(untold),
     )
     return report, findings

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..airdata import (
     SEA_LEVEL_SPEED_OF_SOUND,
+    SENSORS,
     altitude_of,
     calibrated_airspeed,
     impact_pressure_of_cas,
@@ -53,7 +54,7 @@ AS_GOOD = 4.6
 # Of a step of one quantisation, in a comparison of channels: a change lies between two means, which average most of it.
 # With 1 in place of 0.5 a tenth of the errors of tas of 0.1 m/s was named with tat, with 0.5 a hundredth, none wrong.
 AVERAGED = 0.5
-CI95, ONE_SIDED95 = 3.84, 1.645
+CI95 = 3.84
 # Pieces of this length about a line show the noise of a relation that no recorded step explains.
 PIECE_S = 20.0
 # Where some channel does not show its steps, what the known ones do not explain of that noise counts so many times: the
@@ -361,6 +362,11 @@ class _Scanned:
         return np.maximum(LEAST_STEPS * self.series.noise_sd / self.reach, self.by_rounding)
 
     @property
+    def hidden(self) -> FloatArray:
+        """Largest sizes of the candidates that, added to the window, may not be told."""
+        return np.maximum(self.scan.hidden, np.abs(self.scan.amplitude) + self.least)
+
+    @property
     def best(self) -> int:
         large = np.abs(self.scan.amplitude) >= self.least
         statistic = self.scan.statistic
@@ -501,7 +507,15 @@ def find_static(
         candidates = np.hstack(steps_and_ramps(time_s, onsets_s))
         nuisances = one.nuisances[inside]
         nuisances = np.column_stack([nuisances[:, 0], nuisances[:, 1:] - nuisances[:, 1:].mean(axis=0)])
-        scan = scan_changes(one.values[inside], time_s, nuisances, candidates, floor=one.noise_sd, sizes=one.sizes)
+        scan = scan_changes(
+            one.values[inside],
+            time_s,
+            nuisances,
+            candidates,
+            floor=one.noise_sd,
+            sizes=one.sizes,
+            declared_at=THRESHOLD,
+        )
         effects = {name: float(np.nanmedian(effect[inside])) for name, effect in one.effects.items()}
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
         reach = np.concatenate([np.ones(onsets_s.size), to_s - onsets_s])
@@ -515,8 +529,8 @@ def find_static(
     findings: tuple[Finding, ...] = ()
     if declared:
         findings = (_finding(log, scanned, scanned[max(declared)[1]], onsets_s),)
-    accused = {name for finding in findings for name in finding.among}
-    limits = _limits(log, scanned, onsets_s, accused)
+    # Beside a change that is told no second one is looked for.
+    limits = () if findings else _limits(log, scanned, onsets_s)
     return StaticRelations(findings=findings, relations=answers, limits=limits, missing=tuple(dict.fromkeys(said)))
 
 
@@ -588,32 +602,43 @@ def _magnitude_unit(shape: str, unit: str) -> str:
     return magnitude_unit(Fault(shape=shape, channel="any", magnitude=1.0, onset_s=0.0), unit)
 
 
-def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray, accused: set[str]) -> tuple[Limit, ...]:
-    """Return by channel and shape the largest change that the window leaves possible, of channels not accused."""
+def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tuple[Limit, ...]:
+    """Return by channel and shape the largest change that would not have been told, at the worst of the onsets.
+
+    A relation excludes what moves one of its sides alone: where the others share a sensor with a channel, how far that
+    channel is from what they make of it, and not its error.
+    """
     least: dict[tuple[str, str], Limit] = {}
     n = onsets_s.size
-    early = np.arange(n) < max(1, n // 2)  # a drift that begins in the second half may be of any size
+    half = max(1, n // 2)  # a drift that begins late in the window may be of nearly any size
     for one in scanned:
         if not one.series.declares:
             continue
-        sampling = ONE_SIDED95 * np.hypot(one.scan.sd, one.series.noise_sd / one.reach)
-        upper = np.abs(one.scan.amplitude) + np.maximum(sampling, one.by_rounding)
-        for shape, part in (("bias", upper[:n]), ("drift", upper[n:][early])):
-            if not np.isfinite(part).all():
+        for shape, every, counted in (("bias", slice(0, n), n), ("drift", slice(n, 2 * n), half)):
+            sizes, reach = one.hidden[every], one.reach[every]
+            if not np.isfinite(sizes[:counted]).all():
                 continue
             for channel, effect in one.effects.items():
-                if channel in accused:
-                    continue
-                size, unit = float(part.max()) / abs(effect), unit_of(log, channel)
+                others = frozenset[str]().union(*(_sensors(name) for name in one.effects.keys() - {channel}))
                 limit = Limit(
                     fault=channel,
                     shape=shape,
                     channel=channel,
-                    excluded_above=size,
-                    unit=_magnitude_unit(shape, unit),
-                    effect=size * (1.0 if shape == "bias" else float(one.reach[n])),
+                    excluded_above=float(sizes[:counted].max()) / abs(effect),
+                    unit=_magnitude_unit(shape, unit_of(log, channel)),
+                    effect=float((sizes * reach)[:counted].max()) / abs(effect),
+                    onsets_s=tuple(onsets_s.tolist()),
+                    sizes=tuple((sizes / abs(effect)).tolist()),
+                    bounds="disagreement" if _sensors(channel) & others else "error",
                 )
                 known = least.get((channel, shape))
-                if known is None or size < known.excluded_above:
+                if known is None or limit.effect < known.effect:
                     least[channel, shape] = limit
     return tuple(least.values())
+
+
+def _sensors(channel: str) -> frozenset[str]:
+    """Return the sensors of a channel; a second one of a quantity may have those of the first."""
+    match = match_name(channel) or match_name(NUMBERED.sub("", channel))
+    name = channel if match is None else match.name
+    return SENSORS.get(name, frozenset({name}))

@@ -23,14 +23,26 @@ VANE = f"drift,channel=aoa,magnitude=0.0007,onset_s={ONSET_S}"
 AIRSPEEDS = {"tas", "cas", "mach", "sat"}
 
 # The contract of `bfi diagnose --json`, and what was added to it.
-KEYS = {"kind", "schema", "decision", "events", "limits", "phases", "windows", "missing", "notes", "provenance"}
+KEYS = {
+    "kind",
+    "schema",
+    "decision",
+    "events",
+    "limits",
+    "unwatched",
+    "phases",
+    "windows",
+    "missing",
+    "notes",
+    "provenance",
+}
 MORE = {"log", "verdicts", "summary", "false_alarm", "zero_lift_rad", "zero_lift_from"}
 EVENT_KEYS = {"fault", "among", "channels", "state", "shape", "magnitude", "unit", "ci95", "effect", "onset_s"}
 EVENT_KEYS |= {"onset_ci95", "offset_s", "p_value", "evidence"}
 EVENT_MORE = {"kind", "stages", "constant_s", "frequency_hz", "sd", "seen_until_s", "window_s", "statistic"}
 EVENT_MORE |= {"threshold", "note", "repeat"}
 LIMIT_KEYS = {"fault", "shape", "excluded_above", "unit", "effect", "within_tolerance", "from_s", "to_s"}
-LIMIT_MORE = {"channel", "effect_unit", "tolerance"}
+LIMIT_MORE = {"channel", "effect_unit", "tolerance", "bounds", "holds_in", "grows_on"}
 FIGURES = {"timeline", "event_1"}
 
 
@@ -120,7 +132,8 @@ def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
     assert outcome.code == 0
     assert "Fault: pitot icing from 4" in outcome.stdout
     names = {path.name for path in (tmp_path / "a").iterdir()}
-    assert names == {"result.json", "report.html", "events.csv", "limits.csv", "phases.csv"} | {
+    tables = {f"{name}.csv" for name in ("events", "limits", "agreement", "unwatched", "phases")}
+    assert names == {"result.json", "report.html"} | tables | {
         name for figure in FIGURES for name in (f"{figure}.png", f"{figure}.svg", f"{figure}_figure.csv")
     }
     stored = json.loads((tmp_path / "a" / "result.json").read_text("utf-8"))

@@ -135,8 +135,9 @@ def test_relations_alone_do_not_clear_the_pitot_line(journey: FlightLog):
     names = ("tas", "cas", "mach", "altitude", "tat", "sat")
     result = diagnosed(replace(journey, channels={name: journey.channels[name] for name in names}))
     exact = [one for one in result.limits if one.shape == "drift" and one.fault in ("tas", "cas", "mach")]
-    assert all(one.within_tolerance for one in exact)
-    assert len(exact) == 3
+    assert {(one.fault, one.bounds) for one in exact} == {(name, "disagreement") for name in ("tas", "cas", "mach")}
+    assert all(one.within_tolerance for one in exact if not one.grows_on)
+    assert result.unwatched == ((400.0, 560.0, "nothing bounds a slow fault of the pitot line that begins there"),)
     assert result.verdicts["slow"] == "inconclusive"
     assert "a slow fault of any size could be there unseen" in result.summary
 
@@ -144,8 +145,8 @@ def test_relations_alone_do_not_clear_the_pitot_line(journey: FlightLog):
 def test_one_airspeed_bounds_its_line_as_itself(journey: FlightLog):
     names = ("tas", "altitude", "altitude_rate", *GROUND)
     result = diagnosed(replace(journey, channels={name: journey.channels[name] for name in names}))
-    limits = {one.fault: one for one in result.limits if one.shape == "drift"}
-    assert limits["pitot_icing"].effect == limits["tas"].effect
+    limits = {one.fault: one for one in result.limits if one.shape == "drift" and one.holds_in == 0.95}
+    assert limits["pitot_icing"].effect == pytest.approx(limits["tas"].effect)
     # A relative loss of impact pressure is half as large, relative, in airspeed, here of about 105 m/s.
     assert limits["pitot_icing"].excluded_above == pytest.approx(2.0 * limits["tas"].excluded_above / 105.0, rel=0.1)
 

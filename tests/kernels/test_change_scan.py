@@ -121,3 +121,25 @@ def test_the_statistic_of_one_candidate_is_a_chi_square():
 def test_what_cannot_be_scanned_is_refused(n, floor, message):
     with pytest.raises(ValueError, match=message):
         scan_changes(np.zeros(n), TIME_S[:n], NUISANCES[:n], CANDIDATES[:n], floor=floor)
+
+
+@pytest.mark.parametrize("floor", [0.1, 3.0], ids=["noise", "least noise"])
+def test_a_hidden_size_is_where_the_statistic_of_the_worse_sign_reaches_the_threshold(floor: float):
+    y, declared_at = record(5), 25.0
+    scan = scan_changes(y, TIME_S, NUISANCES, CANDIDATES, floor=floor, declared_at=declared_at)
+    for j in (0, 9, len(ONSETS_S), len(ONSETS_S) + 10):
+
+        def least(size: float, j: int = j) -> float:
+            changed = (y + sign * size * CANDIDATES[:, j] for sign in (1.0, -1.0))
+            scans = (scan_changes(one, TIME_S, NUISANCES, CANDIDATES[:, j : j + 1], floor=floor) for one in changed)
+            return min(float(one.statistic[0]) for one in scans)
+
+        assert least(scan.hidden[j]) == pytest.approx(declared_at, rel=1e-6)
+        assert least(1.01 * scan.hidden[j]) > declared_at > least(0.99 * scan.hidden[j])
+
+
+def test_what_the_nuisances_imitate_may_hide_at_any_size():
+    nuisances = np.column_stack([NUISANCES, CANDIDATES[:, 4]])
+    scan = scan_changes(record(3), TIME_S, nuisances, CANDIDATES, floor=0.1, declared_at=25.0)
+    assert scan.hidden[4] == np.inf
+    assert np.isfinite(scan.hidden[9])

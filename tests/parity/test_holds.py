@@ -268,7 +268,7 @@ def test_single_missing_samples_hide_no_blocked_port():
     answer = find_holds(changed(log, altitude=altitude), 0.0, 600.0)
     assert [one.fault for one in answer.findings] == ["static_blocked"]
     assert answer.missing == ()
-    assert all(one.unwatched_s == 0.0 for one in answer.lines)
+    assert all(one.unwatched == () for one in answer.lines)
 
 
 def test_how_long_gaps_keep_a_port_from_being_watched_is_said():

@@ -1,0 +1,164 @@
+"""Flight that no analysis covered: named, so that silence about it is not taken for health."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from ..flightlog.phases import NO_AIRSPEED, PARTS
+from ..parity.windows import Window
+from .flight import Flight
+from .glances import GLANCE_S
+from .limits import AIRSPEEDS, PITOT_LINE, Bounds
+from .result import Event
+
+__all__ = ["Unwatched", "flown_of", "left_of", "unwatched_by_lines", "unwatched_by_scan", "unwatched_by_steps"]
+
+# Half a minute of flight: what is shorter narrows a claim by less than the onsets of slow faults are uncertain.
+LEAST_S = 30.0
+ON_GROUND = ("ground", "take-off", "landing")
+AIRBORNE = tuple(phase for phase in PARTS if phase not in ON_GROUND)
+# A step is told where it lies so far inside of a window of the scan: the overlap of these is twice that.
+STEP_MARGIN_S = 15.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unwatched:
+    """A stretch of flight that one analysis did not cover, and why."""
+
+    from_s: float
+    to_s: float
+    why: str
+
+    @property
+    def seconds(self) -> float:
+        return self.to_s - self.from_s
+
+
+def flown_of(flight: Flight) -> list[Window]:
+    """Return the flight within the part that is diagnosed, from screen height to screen height.
+
+    Time without a phase has no airspeed; it counts as flight where it follows or precedes flight.
+    """
+    parts = sorted((one for one in flight.part_phases if one.phase in PARTS), key=lambda one: one.from_s)
+    flown = [(one.from_s, one.to_s) for one in parts if one.phase in AIRBORNE]
+    edges = [(flight.from_s, None), *((one.to_s, one) for one in parts)]
+    follow = [*((one.from_s, one) for one in parts), (flight.to_s, None)]
+    for (first, before), (last, after) in zip(edges, follow, strict=True):
+        if last > first and any(one is not None and one.phase in AIRBORNE for one in (before, after)):
+            flown.append((first, last))
+    return _joined(flown)
+
+
+def left_of(stretches: Sequence[Window], covered: Iterable[Window]) -> list[Window]:
+    """Return what is left of stretches less what is covered."""
+    left = list(stretches)
+    for first, last in covered:
+        pieces = [piece for one in left for piece in ((one[0], min(one[1], first)), (max(one[0], last), one[1]))]
+        left = [one for one in pieces if one[1] > one[0]]
+    return left
+
+
+def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence[Event]) -> list[Unwatched]:
+    """Return where no window bounds a slow fault of the pitot line, or of an airspeed, that begins there.
+
+    An airspeed that no residual reads is bounded by its relation to one that is.
+    """
+    drifts = {(one.fault, one.bounds): one.windows for one in bounds if one.shape == "drift"}
+    found: list[tuple[Window, str]] = []
+    for name in (PITOT_LINE, *(name for name in AIRSPEEDS if name in flight.recorded)):
+        windows = drifts.get((name, "error")) or drifts.get((name, "disagreement")) or ()
+        for piece in left_of(flown_of(flight), _joined([stretch for one in windows for stretch in one.watched])):
+            found.append((piece, "the pitot line" if name == PITOT_LINE else name))
+    declared = [
+        (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
+        for one in events
+        if one.state == "declared"
+    ]
+    parts = [(one.from_s, one.to_s) for one in flight.part_phases]
+    stretches = [*parts, *(piece for piece, _ in found), *(window for window, _ in _reasons(flight, declared))]
+    cuts = sorted({time_s for stretch in stretches for time_s in stretch})
+    pieces = []
+    for first, last in pairwise(cuts):
+        names = [name for piece, name in found if piece[0] <= first and last <= piece[1]]
+        if names:
+            pieces.append(Unwatched(from_s=first, to_s=last, why=_why(flight, (first, last), declared, names)))
+    return _long(pieces)
+
+
+def _reasons(flight: Flight, declared: Sequence[Window]) -> list[tuple[Window, str]]:
+    """Return the stretches in which slow faults are not looked for, and why, the first that holds first."""
+    at_rest = "the airspeed is that of an aircraft at rest while the altitude changes"
+    return [
+        *(((one.from_s, one.to_s), at_rest) for one in flight.part_phases if one.phase == NO_AIRSPEED),
+        *((window, "a declared fault hides others") for window in declared),
+        *(
+            ((one.from_s, one.to_s), f"{one.phase}: no slow fault is looked for")
+            for one in flight.part_phases
+            if one.phase in ("approach", "parabola")
+        ),
+        *((window, "flaps or gear may move") for window in flight.moved),
+    ]
+
+
+def _why(flight: Flight, piece: Window, declared: Sequence[Window], names: Sequence[str]) -> str:
+    """Return why a piece, which no reason holds in part, is not watched."""
+    parts = [(one.from_s, one.to_s) for one in flight.part_phases if one.phase in PARTS]
+    if left_of([piece], parts) == [piece]:
+        return "no airspeed is recorded"
+    for (first, last), why in _reasons(flight, declared):
+        if first <= piece[0] and piece[1] <= last:
+            return why
+    return f"nothing bounds a slow fault of {' and '.join(names)} that begins there"
+
+
+def unwatched_by_steps(flight: Flight, windows: Sequence[Window]) -> list[Unwatched]:
+    """Return where no window of the scan for steps looked; `windows` are those that were scanned."""
+    covered = [(first + STEP_MARGIN_S, last - STEP_MARGIN_S) for first, last in windows]
+    why = f"no window of {GLANCE_S:g} s could be scanned for steps and oscillations"
+    return _long(
+        [Unwatched(from_s=first, to_s=last, why=why) for first, last in left_of(flown_of(flight), _joined(covered))]
+    )
+
+
+def unwatched_by_lines(flight: Flight) -> list[Unwatched]:
+    """Return where a blocked pressure line would not have been seen."""
+    found = []
+    for one in flight.held.unseen:
+        first, last = max(one.from_s, flight.from_s), min(one.to_s, flight.to_s)
+        if last - first >= LEAST_S:
+            found.append(Unwatched(from_s=first, to_s=last, why=f"{one.fault} {one.what}: {one.why}"))
+    return sorted(found, key=lambda one: one.from_s)
+
+
+def _joined(windows: Iterable[Window]) -> list[Window]:
+    """Return the union of windows."""
+    found: list[Window] = []
+    for first, last in sorted(windows):
+        if found and first <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], last))
+        else:
+            found.append((first, last))
+    return found
+
+
+def _long(pieces: Sequence[Unwatched]) -> list[Unwatched]:
+    """Return runs of pieces of half a minute and more, a short piece of a run with the longer of its neighbours."""
+    runs: list[list[Unwatched]] = []
+    for one in pieces:
+        if not runs or one.from_s > runs[-1][-1].to_s:
+            runs.append([one])
+        elif one.why == runs[-1][-1].why:
+            runs[-1][-1] = replace(runs[-1][-1], to_s=one.to_s)
+        else:
+            runs[-1].append(one)
+    found = []
+    for run in runs:
+        while len(run) > 1 and min(one.seconds for one in run) < LEAST_S:
+            k = min(range(len(run)), key=lambda k: run[k].seconds)
+            other = max((j for j in (k - 1, k + 1) if 0 <= j < len(run)), key=lambda j: run[j].seconds)
+            first, last = sorted((k, other))
+            run[first : last + 1] = [replace(run[first], to_s=run[last].to_s, why=run[other].why)]
+        found += [one for one in run if one.seconds >= LEAST_S - 1e-6]
+    return found

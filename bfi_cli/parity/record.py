@@ -203,7 +203,8 @@ def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
     """Return the faults that a record could show.
 
     With a single channel of airspeed, a fault of the pitot line and one of the channel are the same: the channel's. An
-    impact pressure is the line's own. Without a static pressure what a fault of the line makes of each channel is not known.
+    impact pressure is the line's own. Without a static pressure what a fault of the line makes of each channel is not
+    known.
     """
     recorded = {name for name in record.channels if name != "tas" or record.airspeed == "tas"}
     airspeeds = recorded & set(IMPACT_SOURCES)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import bars
 import pytest
@@ -20,6 +22,8 @@ from bars import (
     upper_limit,
 )
 
+HERE = Path(__file__).parent
+VALIDATION = (HERE.parents[1] / "docs" / "validation.md").read_text("utf-8")
 WANTED = (0.5, 0.8, 0.9, 0.95, 0.99)
 NUMBERS = (1, 2, 5, 8, 20, 63, 254, 1300)
 
@@ -119,3 +123,17 @@ def test_more_events_than_that_have_a_chance_of_the_level_at_most(expected: floa
 
     assert chance_above(most_events(expected)) <= LEVEL + 1e-12
     assert chance_above(most_events(expected) - 1) > LEVEL
+
+
+def test_every_measurement_has_its_place_in_the_page_and_every_name_there_a_file():
+    named = set(re.findall(r"`(test_\w+)`", VALIDATION))
+    assert {path.stem for path in HERE.glob("test_*.py")} - named == set()
+    assert named - {path.stem for path in HERE.parent.rglob("test_*.py")} == set()
+
+
+def test_the_table_of_the_page_is_what_the_bars_are():
+    rows = re.findall(r"^\| (\d+) \| (\d+) % \| (\d+) \| (\d+) % \|$", VALIDATION, flags=re.MULTILINE)
+    assert len(rows) >= 5
+    for n, wanted, keep, fails in (map(int, row) for row in rows):
+        assert fewest(n, wanted / 100.0) == keep
+        assert 100.0 * noticed(n, wanted / 100.0) == pytest.approx(fails, abs=0.5)

@@ -12,7 +12,7 @@ __all__ = [
     "first_line",
 ]
 
-LONGEST_DETAIL = 120
+LONGEST_DETAIL = 120  # letters: a line of a terminal, and as much again for where it happened
 
 
 class BfiError(Exception):

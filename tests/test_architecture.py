@@ -244,6 +244,58 @@ def test_what_a_module_offers_exists():
     ] == []
 
 
+def numeric(value: ast.expr) -> bool:
+    """Return whether an expression is made of numbers: of them, of names, and of what numpy makes of both."""
+    made = (ast.Constant, ast.Name, ast.Attribute, ast.Call, ast.BinOp, ast.UnaryOp, ast.Tuple, ast.List, ast.Dict)
+    nodes = [node for node in ast.walk(value) if isinstance(node, ast.expr)]
+    calls = (ast.unparse(node.func) for node in nodes if isinstance(node, ast.Call))
+    return (
+        all(isinstance(node, made) for node in nodes)
+        and any(isinstance(node, ast.Constant) and type(node.value) in (int, float) for node in nodes)
+        and all(call in ("float", "range", "tuple") or call.startswith(("np.", "math.")) for call in calls)
+    )
+
+
+def uncommented(source: str) -> list[str]:
+    """Return the numeric constants of a module without a comment on a line of theirs or above their block of lines."""
+    lines, found = source.splitlines(), []
+    for node in ast.parse(source).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not numeric(node.value):
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        name = ", ".join(ast.unparse(target) for target in targets)
+        # The version of a document is what the document's page says.
+        if not re.search(r"^\W*_?[A-Z]", name) or name.endswith("SCHEMA"):
+            continue
+        first = node.lineno - 1
+        while first and lines[first - 1].strip() and not lines[first - 1].startswith(("#", "def ", "class ", "@")):
+            first -= 1
+        headed = first and lines[first - 1].startswith("#")
+        if not headed and not any("  # " in line for line in lines[node.lineno - 1 : node.end_lineno]):
+            found.append(name)
+    return found
+
+
+def test_every_number_has_its_source_beside_it():
+    assert {name: bare for name, path in FILES.items() if (bare := uncommented(path.read_text("utf-8")))} == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "bare"),
+    [
+        ("A = 1.5\n", ["A"]),
+        ("A = 1.5  # of a second\n", []),
+        ("# Of a second.\nA = 1.5\nB, C = 2, np.array([3.0])\n", []),
+        ("# Of a second.\n\nA = 1.5\n", ["A"]),
+        ("A: float = -(2**3)\n", ["A"]),
+        ("A = {'tas': 1.0}\n\nB = np.geomspace(1.0, 2.0, 3)\n", ["A", "B"]),
+        ("A = 'text'\nB = frozenset()\nc = 1.0\nA_SCHEMA = 2\nD = Path(__file__)\n", []),
+    ],
+)
+def test_a_number_without_a_source_is_found(source: str, bare: list[str]):
+    assert uncommented(source) == bare
+
+
 def test_tests_import_no_private_names():
     imported = re.compile(r"^ *from bfi_cli[\w.]* import (\([^)]*\)|.*)", re.MULTILINE)
     for path in sorted(Path(__file__).parent.rglob("*.py")):

@@ -16,7 +16,7 @@ __all__ = ["GAMMA", "SEA_LEVEL_SPEED_OF_SOUND", "calibrated_airspeed", "impact_p
 __all__ += ["impact_pressure_of_mach", "mach_number", "mach_of_tas", "speed_of_sound", "static_temperature"]
 __all__ += ["total_temperature", "true_airspeed"]
 
-GAMMA = 1.4
+GAMMA = 1.4  # of air, as ICAO Doc 7488 has it
 HALF = 0.5 * (GAMMA - 1.0)  # (gamma - 1) / 2 = 0.2
 POWER = GAMMA / (GAMMA - 1.0)  # 3.5
 SEA_LEVEL_SPEED_OF_SOUND = float(np.sqrt(GAMMA * GAS_CONSTANT * SEA_LEVEL_TEMPERATURE))

@@ -22,7 +22,7 @@ NEARLY_ALIKE = 0.99
 NEARLY_DEPENDENT, TAKES_PART = 100.0, 0.2
 # Of the equation a signal may obey: a drift has order 2, an oscillation 2, their sum with a bias 5. No tuning record.
 LARGEST_ORDER = 6
-MOST_NAMED = 5
+MOST_NAMED = 5  # entries in a sentence
 
 
 def own_channel(theta: FloatArray) -> FloatArray:

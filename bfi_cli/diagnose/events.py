@@ -15,16 +15,21 @@ __all__ = ["NEAR", "Draft", "as_one", "clusters", "is_certain", "is_return", "jo
 Window = tuple[float, float]
 
 # A finding belongs to an event that began at most this long after it: onsets of slow faults are uncertain by as much.
+# Twice the standard deviation of 7.5 s that the Cramer-Rao bound leaves a drift in 240 s (docs/theory.md, 15.7).
 BEFORE_S = 15.0
 # Relative, of the frequency of an oscillation where it begins and where it ends.
+# The peak of a window of 120 s is as wide at 0.17 Hz.
 FREQUENCY_TOLERANCE = 0.05
 # Of what a fault has grown to, by which a step back may miss where it came from: so much where the intervals say
 # nothing, standard deviations of both where they do, and never more than that share, which would be a part of a return.
+# Chosen by hand, not tuned.
 STEP_BACK, SURE, MOST_LEFT = 0.1, 3.0, 0.5
 # A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
+# Chosen by hand, not tuned.
 NEAR = 1.2
 # While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
 # half of its angle leaves 1.8 in a phugoid (tests/measurements/test_lasting_faults.py).
+# The factor is that and a third more.
 TRACE = 2.5
 # The order of trust: what a line or a relation shows is exact, what windows of a regression show is not. A line that is
 # held goes before the relations that it disturbs.

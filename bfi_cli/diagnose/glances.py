@@ -25,7 +25,7 @@ Window = tuple[float, float]
 GLANCE_S, STEP_S = 120.0, 90.0
 # The inputs of the shipped tables: the surface, and what bounds the airspeed whatever the surface does.
 INPUTS = ("elevator", "pitch", "longitudinal_acc")
-CHUNK = 4
+CHUNK = 4  # windows that a worker takes at once; for the speed only
 FEWEST_FOR_WORKERS = 8  # a worker takes a second to start
 
 

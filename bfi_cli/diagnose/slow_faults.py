@@ -32,7 +32,7 @@ __all__ = ["SlowFaults", "find_slow_faults"]
 NEAR_START_S = 20.0
 # Where in the window that describes an event its onset lies.
 ONSET_SHARE = 0.4
-MOVES = 3
+MOVES = 3  # of that window at most; chosen by hand, it mostly rests after one
 # Windows in which the return of a sensor is sought; of those that stand out so many are explained, since the first tell
 # it where there is one.
 RETURN_S, MOST_EXPLAINED = 120.0, 12

@@ -22,7 +22,7 @@ Kind = Literal["number", "clock", "date", "moment", "text"]
 ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 CLOCK = re.compile(r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
-DAY_S = 86400.0
+DAY_S = 86400.0  # without leap seconds, which clocks of recorders do not count
 EPOCH = date(1970, 1, 1).toordinal()
 
 

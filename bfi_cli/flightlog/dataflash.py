@@ -21,7 +21,7 @@ from .topics import Topic, fields_of, with_ground_velocity
 __all__ = ["read_dataflash", "read_dataflash_topics"]
 
 BEGIN = b"\xa3\x95"
-FMT, FMT_LENGTH = 0x80, 89
+FMT, FMT_LENGTH = 0x80, 89  # type and bytes of the message that describes a format
 # Type and scale of the numbers by their letter, and the bytes of what is no number.
 NUMBERS = {
     "b": ("<i1", 1.0),

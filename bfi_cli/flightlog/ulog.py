@@ -44,7 +44,7 @@ DATA, FORMAT, ADDED, FLAGS, DROPOUT = b"DFABO"
 LONGEST = 0xFFFF  # bytes of a message
 DEEPEST = 8  # formats inside each other; PX4 nests one
 APPENDED = 1  # the only incompatible flag that is known: data after the end, at the offsets of the flags
-MICROSECOND = 1e-6
+MICROSECOND = 1e-6  # of the time stamps
 
 
 @dataclass(slots=True)

@@ -20,7 +20,7 @@ from .topics import Topic, fields_of, with_angles
 
 __all__ = ["folder_digest", "is_topic_file", "read_folder", "read_topic_file", "topic_files"]
 
-MICROSECOND = 1e-6
+MICROSECOND = 1e-6  # of the time stamps
 HEADER = ("timestamp,", "timestamp;")
 
 

@@ -22,7 +22,7 @@ __all__ = ["BLIND_NOTE", "hidden_atoms", "warnings_of"]
 WHITE_P = 1e-3
 # Regressors this dependent leave eight digits of the sixteen of double precision to their coefficients.
 ILL_CONDITIONED = 1e8
-MOST_NAMED = 5
+MOST_NAMED = 5  # entries in a sentence
 # A fault that must be this many times the output's whole movement to be seen cannot be excluded by the log.
 BLIND = 3.0
 # More exceedances of five standard deviations than this share are gusts rather than an abrupt event.

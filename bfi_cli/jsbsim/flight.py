@@ -46,7 +46,7 @@ LEAD_IN_S = 1.0  # flown before the log begins, in calm air, in which fuel flow 
 INTEGRATION_HZ = 120.0  # at least; JSBSim's own default
 # Of a flight that is no longer one, rad: a spin or a tumble, beyond the tables of most aircraft.
 LARGEST_AOA = 0.6
-LARGEST_ROLL = 1.4
+LARGEST_ROLL = 1.4  # 80 degrees
 RETRACTABLE = re.compile(r"<\s*retractable\s*>\s*1|retractable\?:\s*yes|RETRACT")
 
 

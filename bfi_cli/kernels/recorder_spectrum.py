@@ -21,7 +21,7 @@ from .low_pass import RECORDERS, Kind, low_pass
 SEGMENT, FEWEST_SEGMENTS = 512, 8
 # From so many cycles per segment, below which the window smears a steep spectrum, to a share of the sampling rate.
 LOWEST_CYCLES, HIGHEST = 8.0, 0.48
-PER_OCTAVE = 8
+PER_OCTAVE = 8  # bands in which the spectrum is averaged
 # Only the band counts that stands this far, in natural logarithms of power, above the smallest value: below it there is
 # noise from behind the filter. Fewer bins than these do not tell a power law from a cliff.
 ABOVE_FLOOR, FEWEST_BINS = 3.5, 12

@@ -37,7 +37,7 @@ from .thesis import find_onset_as_published
 MOST_FAULTS = 5
 # Rounds of re-estimation, which end earlier once no onset moves and no magnitude by a tenth of its standard deviation.
 MOST_ROUNDS = 4
-UNMOVED = 0.1
+UNMOVED = 0.1  # of a standard deviation
 # An update may raise twice the negative log-likelihood by this much per sample, so that round-off does not stop the
 # refinement; the losses that it must reject, an onset too close to the ends for another order, are far larger.
 SLACK = 1e-3

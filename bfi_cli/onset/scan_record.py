@@ -26,7 +26,7 @@ from .shapes import Sampling, ShapeHypothesis, shape_hypotheses
 # Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told
 # from a drift, and at least five samples per period.
 CYCLES = 3.0
-FASTEST = 0.2
+FASTEST = 0.2  # of the rate
 # Times are rounded to a nanosecond, so that 13.8 s is not shown as 13.799999999999999 s.
 DECIMALS = 9
 # Relative precision of the fitted magnitudes: far below their standard deviation, and above round-off.

@@ -27,7 +27,7 @@ SubsampleIndex = tuple[int, int]
 # Time constants and durations to try, a factor of two apart: the response to one between two of them differs little
 # from the nearer. One longer than a quarter of the window cannot be told from a drift.
 CONSTANTS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
-LARGEST_SHARE = 0.25
+LARGEST_SHARE = 0.25  # of the window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,10 +35,10 @@ STEPS, CONVERGED = 12, 0.02
 # gains pressure; then an inertial sensor or the satellite receiver. A commoner fault that is near with these odds only
 # is the last of the set: of 15 drifts of an only airspeed an accelerometer explained 3 better by 8 to 15.
 INERTIAL = ("pitch", "normal_acc", "longitudinal_acc", "altitude_rate", "ground_speed")
-RARER = 4.6
+RARER = 4.6  # 2 ln 10
 # What another course than a ramp must gain: it was chosen from several.
-PRICE = 3.0
-CHI_SQUARE_95 = 3.84
+PRICE = 3.0  # 2 ln 4.5: from one of eight courses; chosen by hand, not tuned
+CHI_SQUARE_95 = 3.84  # with one degree of freedom
 # Of the standard deviations of magnitude and onset: 95 % of the magnitudes of twelve trials on those flights lie within
 # 1.9 to 3.2 of them, in the median 2.6, where a normal distribution has 1.96.
 TAILS = 1.3

@@ -28,6 +28,8 @@ __all__ = ["LANDING", "begins_within", "pitot_leaks", "static_leaks"]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+# What names no other source was set with 137 windows of two Citation flights, their landings and those of a Cessna 172
+# and a drone in view (docs/theory.md, 15.6): what is counted there is in-sample.
 FREED = "the static pressure rests before it too: a blocked port that opens jumps as well, to a level within a step"
 LANDING = "the impact pressure is lost as in a landing"
 # A leak with an open drain takes all of the impact pressure: how long, s, nearly none is left at least, and how long

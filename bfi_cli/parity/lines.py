@@ -35,9 +35,11 @@ __all__ += ["touching_runs"]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+# s of a log of which one mean is taken: five to a point.
 BLOCK_S = 0.5
 # Points of a stretch are means over this long: steps and noise of a trapped line mostly average, motion does not.
 POINT_S = 2.5
+# s of a stretch to which a line is fitted; set on the flights of docs/theory.md, 15.6.
 LENGTH_S = {"p_total": 30.0, "p_static": 40.0}
 FEWEST_POINTS = 5  # of a stretch; with fewer a line passes through anything
 # Times the standard deviation that steps and noise make. The step of a slow signal errs by its full standard deviation,

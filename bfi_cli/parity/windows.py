@@ -28,7 +28,7 @@ Window = tuple[float, float]
 
 # Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.7).
 LENGTHS_S = (60.0, 120.0, 240.0)
-OVERLAP = 0.5
+OVERLAP = 0.5  # of two windows, so that every onset lies well inside of one; the rate of a window counts it
 # Flaps and gear move after take-off, for so many V / g or seconds, and from the last descent on.
 CLEAN_UP, CLEAN_UP_S, GRAVITY = 10.0, 120.0, 9.8
 ROUNDING = 1e-9  # of a length, of times that are computed

@@ -29,7 +29,7 @@ __all__ += ["limits_within_tolerance", "magnitudes_of_fit", "profiled_limits", "
 
 FloatArray = NDArray[np.float64]
 
-CONFIDENCE = 0.95
+CONFIDENCE = 0.95  # of intervals
 CLOSE = 20.0  # orders whose criterion is further from the best weigh less than exp(-10) and are not worth their time
 RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the variance of either
 # Twice the log likelihood ratio against a root at 1 from which on the model without it counts more: what 5 % of the

@@ -11,6 +11,7 @@ from ..flightlog import FlightLog
 
 __all__ = ["tolerance_of", "tolerances_of"]
 
+# Exact by definition.
 KNOT, FOOT, DEGREE = 1852.0 / 3600.0, 0.3048, np.pi / 180.0
 AIRSPEEDS = ("tas", "cas", "ias", "lift_speed", "ground_airspeed")
 # CS/FAR 25.1323(b): the error of an airspeed may be 3 % or 5 kt, whichever is greater; of a slow aircraft that would
@@ -26,7 +27,7 @@ FIXED = {
     **dict.fromkeys(("pitch_rate", "roll_rate", "yaw_rate"), DEGREE),
     **dict.fromkeys(("longitudinal_acc", "lateral_acc", "normal_acc", "kinematic_acc"), 0.3),
 }
-OTHER_SHARE = 0.1
+OTHER_SHARE = 0.1  # of the range of a channel that neither names
 
 
 def tolerances_of(log: FlightLog, window: FlightLog, channels: tuple[str, ...], config: Config) -> dict[str, float]:

@@ -22,6 +22,7 @@ CANDIDATE_COLUMNS = (
     *("minimal_detectable_scan", "excluded_above", "effect", "tolerance", "channel_unit", "note"),
     *("physical_scale", "physical_unit"),
 )
+# Letters of a name in a table, and the order of its rows.
 NAME_LETTERS = 40
 STATES = {"declared": 0, "suspected": 1, "not_seen": 2, "excluded": 3, None: 4}
 WORDS = {"not_seen": "not seen", None: "left out"}

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MAX_NOTES", "MAX_ROWS", "print_content"]
 
-MAX_ROWS, MAX_NOTES = 60, 20
+MAX_ROWS, MAX_NOTES = 60, 20  # what a screen holds without much scrolling; the report has all
 # Columns of a table that a narrow terminal keeps: what fails, where and when come first.
 KEPT = 3
 # Letters that the lines of a table take at its edges and between two columns.

@@ -31,6 +31,7 @@ __all__ += ["fly_cases", "indices", "montecarlo", "options_from"]
 FloatArray = NDArray[np.float64]
 NotNegative = Annotated[Number, Field(ge=0)]
 WHERE = "f16-table2"  # what messages about an option name
+# The experiment of the paper (eq. 26): s and degrees of the manoeuvre, and what its gyros get.
 AOA_COMMAND = ((0.0, 0.0), (1.0, 8.0), (2.0, 8.0), (4.0, 35.0), (5.5, 35.0), (7.5, 6.0), (20.0, 6.0))
 ONSET_S, GROWS_S = 4.0, 12.0  # of the fault, eq. 26
 AMPLITUDES_DEG_S = (2.0, 4.0)
@@ -43,12 +44,13 @@ INSTANT = 1e-9  # s: a sample at an instant belongs to what begins there
 END = 1e-6  # s: a sample at the end of a window belongs to the next one
 
 AXES = ("roll rate", "pitch rate")
-WINDOWS = ((0.0, 4.0), (4.0, 12.0), (12.0, 20.0))
+WINDOWS = ((0.0, 4.0), (4.0, 12.0), (12.0, 20.0))  # s, those of the paper's table
 FAULTY = {"2 deg/s": WINDOWS[1], "4 deg/s": WINDOWS[2]}
 TABLE_2, BANDWIDTHS = (np.array(load("f16_table2")[key]) for key in ("index", "bandwidth"))
 """Published: one row per axis, one column per window."""
 EARLY = 0.2  # just above the published 0.17 and 0.19 of the window before the fault
 
+# Flights of each reading of the paper: as many as a minute takes, and fewer.
 SEEDS, QUICK_SEEDS, OTHER_SEEDS = 6, 2, 2
 QUICK_STEP_S = 0.05
 DRAWS = 2000  # values of each density in eq. 17

@@ -21,6 +21,7 @@ __all__ = ["METHODS", "TAPS", "Problem", "bound", "error", "fir", "output", "run
 
 FloatArray = NDArray[np.float64]
 
+# A filter and three faults, by their number in the dictionary, that nothing singles out.
 TAPS = np.array([1.0, 0.5, -0.3])
 SIZES = {1: 4.0, 2: 2.0, 6: 1.0}
 METHODS: Mapping[str, Mapping[str, Any]] = {
@@ -30,9 +31,10 @@ METHODS: Mapping[str, Mapping[str, Any]] = {
 }
 RISRO, NUCLEAR, WEAK = METHODS
 N_SAMPLES, N_ATOMS, MOST_CYCLES = 1000, 7, 5  # of a random dictionary
+# Over the output.
 NOISES, QUICK_NOISES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), (1e-4, 1e-2)
 SHARES, QUICK_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), (1.0, 0.03, 0.001)  # of white noise in a dictionary
-TRIALS, QUICK_TRIALS = 100, 3
+TRIALS, QUICK_TRIALS = 100, 3  # of each noise
 SWEEP_NOISE = 1e-2  # over the output, in the sweep over condition numbers
 LEAST = 1e-17  # what a log axis shows of an error of zero
 

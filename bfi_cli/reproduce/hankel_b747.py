@@ -21,6 +21,7 @@ __all__ = ["COUPLED", "DIAGONAL", "FAILURES", "KINDS", "N_SAMPLES", "ONSET", "WI
 FloatArray = NDArray[np.float64]
 Failure = tuple[int, tuple[str, ...]]
 
+# The paper's experiment: samples, columns of its matrices, and the sensors that fail at which sample.
 RATE_HZ, N_SAMPLES, WIDTH = 100.0, 61, 10
 GAIN = 0.9  # of a failed sensor, not printed
 DEFLECTION = np.radians(5.0)  # of the engines' levers
@@ -34,7 +35,7 @@ FAILURES: tuple[Failure, ...] = (
     (35, ("altitude",)),
     (40, ("tas_rate", "pitch_rate")),
 )
-KINDS = {"one sample": 1, "to the end": N_SAMPLES}
+KINDS = {"one sample": 1, "to the end": N_SAMPLES}  # samples that a failure lasts
 LEAST = 1e-18  # what a log axis shows of zero
 LATER = 5  # samples after a failure in which its ratio is followed
 PRINTED_A15 = -2.4e-6  # in the paper, where the test data have -2.04e-6

@@ -42,7 +42,7 @@ Support = tuple[int, ...]
 # At 100 Hz lags remember so little that white noise becomes a drift; order 6 is among those that identify tries.
 RATE_HZ, ORDER = 10.0, 6
 STEPS_S = 120.0  # duration of the record of the dictionaries of steps
-THESIS_ATOMS = 7
+THESIS_ATOMS = 7  # in the dictionary of its table 5-2
 NOISES, QUICK_NOISES = (1e-4, 1e-3, 0.01, 0.05, 0.2), (0.01,)  # m/s, on the thesis's atoms
 SIZES, QUICK_SIZES = (10, 20, 40, 80), (20,)  # numbers of steps
 STEP_NOISES = (0.2, 0.5)  # m/s, on the steps

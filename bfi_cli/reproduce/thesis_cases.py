@@ -50,11 +50,12 @@ SLOW = Fault(shape="sine", name="sine_0.35", magnitude=4.0, frequency_hz=0.35, o
 LATE_SINE = Fault(shape="sine", magnitude=1.0, frequency_hz=1.15, onset_s=15.86, phase_reference="window")
 LATE_DRIFT = Fault(shape="drift", magnitude=1.0, slope=0.23, onset_s=15.86)
 
+# Sizes of the perturbation, of figure 5-8.
 KAPPAS = tuple(np.round(np.arange(0.0, 0.501, 0.05), 2).tolist())
-QUICK_KAPPAS = (0.0, 0.5)
+QUICK_KAPPAS = (0.0, 0.5)  # those at its ends
 KAPPA = 0.2  # of figures 5-7, 5-9 and 5-10
-ORDERS = tuple(range(3, 81))
-QUICK_ORDERS = (5, 25, 45, 60)
+ORDERS = tuple(range(3, 81))  # of the thesis's figure 5-9
+QUICK_ORDERS = (5, 25, 45, 60)  # some of these
 LOW, BEST = 4, 45  # the orders of the thesis: of most of its figures, and the best of figure 5-9
 SHOWN = (3, 4, 5, 10, 25, 40, 44, 45, 50, 60, 80)  # in the table of figure 5-9, and those solved with noise too
 LISTING_SHARE = 0.01  # of the norm of all magnitudes: what the listing of the sweep over orders counts as a fault

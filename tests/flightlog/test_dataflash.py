@@ -93,15 +93,15 @@ NUMBERS = {
 
 @pytest.mark.parametrize("letter", NUMBERS)
 def test_a_letter_is_the_number_that_was_written(letter: str, tmp_path: Path):
-    """Of the largest and of the least number of its type, signs included."""
+    """Of numbers beside the largest and the least of its type, whose bytes differ."""
     code, per_unit = NUMBERS[letter]
     n_bits = 8 * struct.calcsize("<" + code)
     if code in "efd":
         ends = (-1.5, 100.25)
     elif code.islower():
-        ends = (-(2 ** (n_bits - 1)), 2 ** (n_bits - 1) - 1)
+        ends = (1 - 2 ** (n_bits - 1), 2 ** (n_bits - 1) - 2)
     else:
-        ends = (0, 2**n_bits - 1)
+        ends = (1, 2**n_bits - 2)
     rows = [struct.pack("<Q" + code, 100_000 * k, end) for k, end in enumerate(ends)]
     body = b"".join(b"\xa3\x95\x09" + row for row in rows)
     length = 3 + 8 + n_bits // 8

@@ -1,7 +1,11 @@
 """The detector on every 300 s window of two recorded flights, faults through the recorder, trained on the first third.
 
 A seeded part runs; BFI_FULL=1 takes every window, four choices of channels and three onsets. What is excluded is tried,
-too, on the same logs with a recorder that nobody states.
+too, on the same logs with a recorder that nobody states. Windows overlap by half and several runs look at one window:
+bars count as many trials as there are windows side by side.
+
+The factor for gusts that the healthy time has not met was set on these flights. So the false alarms with it are
+in-sample; each flight with the factor that the other one makes is not.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trials import FULL, not_below
+from bars import FULL, not_above, not_below
 
 from bfi_cli.config import Config, merge
 from bfi_cli.detect import detect_faults
@@ -116,13 +120,12 @@ def test_healthy_windows_raise_few_alarms(logs: tuple[FlightLog, ...]) -> None:
         factor = exceeded_by_one_in_a_hundred(other)
         passed = sum(ratio > factor for ratio in own)
         print(f"factor of the other flight {factor:.2f}: {passed} of {len(own)} windows of {log.path} above it")
-        assert not_below(1.0 - passed / len(own), 0.95, len(own))
+        assert not_above(passed / len(own), 0.05, len(own) // (2 * len(CASES)))
     pooled = exceeded_by_one_in_a_hundred([one.ratio for one in every])
-    print(f"factor of both flights together {pooled:.2f}, shipped {UNSEEN_GUSTS:g}")
-    assert not FULL or pooled == pytest.approx(UNSEEN_GUSTS, abs=0.05)
-    for found in (*runs.values(), every):
+    print(f"factor of both flights together {pooled:.2f}, shipped {UNSEEN_GUSTS:g}; in-sample:")
+    for found, each in (*((found, 1) for found in runs.values()), (every, len(CASES))):
         alarms = sum(bool(one.alarms) for one in found)
-        assert not_below(1.0 - alarms / len(found), 0.95, len(found))
+        assert not_above(alarms / len(found), 0.05, len(found) // (2 * each))
 
 
 @pytest.mark.parametrize("case", CASES if FULL else ["altitude", "normal_acc"])
@@ -140,7 +143,7 @@ def test_faults_through_the_recorder_are_localised(logs: tuple[FlightLog, ...], 
                         errors.append(abs(alarms[0].onset_s - onset_s))
     print(f"\n{case}: localised {dict(counts)} of {n} each, onset off by {np.median(errors):.2f} s in the median")
     for channel in FAULTS:
-        assert not_below(counts[channel] / n, 0.5, n)
+        assert not_below(counts[channel] / n, 0.7, n // (2 * len(ONSETS)))
     assert np.median(errors) <= 1.0
 
 
@@ -174,4 +177,4 @@ def test_steps_just_above_what_is_excluded_raise_an_alarm(
     print(f"\nrates {dict(rates)}: of {n} steps just above what is excluded {dict(found)} raise an alarm")
     assert n > 0
     assert len(found) == (1 if stated else 3)
-    assert all(not_below(count / n, 0.95, n) for count in found.values())
+    assert all(not_below(count / n, 0.95, n // 2, worse=0.75) for count in found.values())

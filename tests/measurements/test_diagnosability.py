@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from bars import FULL
 from scipy import stats
-from trials import CONFIGS, FULL, Trial, run_all, sized
+from trials import CONFIGS, Trial, run_all, sized
 
 from bfi_cli.config import Config, merge
 from bfi_cli.diagnosability import DiagnosabilityResult, Magnitudes, ModelFlights, assess, assess_manoeuvres

@@ -1,9 +1,10 @@
 """`bfi diagnose` as a whole on recorded flights: what is named right, onsets and sizes, and false alarms.
 
 Thresholds and the angle of zero lift come from the other of the two flights, whose positions are left out since only
-one has them. The thresholds for steps and oscillations are the shipped ones, which both flights made. Faults go through
-the recorder. Eight seeded windows run, of which a share of 95 % may fail one, and one of 80 % three (two binomial
-standard deviations); BFI_FULL=1 takes every one.
+one has them. The thresholds for steps and oscillations are the shipped ones, which both flights made, and so are the
+constants of the parity scan: on these flights all of it is in-sample. Faults go through the recorder. Eight seeded
+windows run as a smoke check, which notices a share of 95 % that has become 54 %; BFI_FULL=1 takes every one, and of
+those, which overlap by half, half count.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bars import FULL, not_below
 from shipped_parity import FLIGHTS, clean_windows
-from trials import FULL, not_above, not_below
 
 from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge
@@ -37,6 +38,7 @@ POSITION = ("latitude", "longitude")
 LACKING = ("cas", "ias", "mach", "tat", "sat")
 SHARE = 1.0 if FULL else 0.0
 FEWEST = 8  # windows that run
+MOST_FALSE = 0.3  # events an hour of flight without a fault: none in the 2.3 hours of both, which shows 1.6 at most
 # A fault ends after the window, so that the rest of the log is a flight.
 AFTER_S = 5.0
 WIDE, NARROW = 0.5, 0.25  # where in a window a fault that grows begins, as a share of the window
@@ -147,6 +149,11 @@ def windows(pair: Pair, length_s: float) -> Iterator[tuple[FlightLog, Config, tu
         yield every[k]
 
 
+def worth(n: int) -> int:
+    """Return how many trials of their own n windows are: all of them overlap by half, eight drawn ones hardly."""
+    return n // 2 if FULL else n
+
+
 def diagnosed(log: FlightLog, config: Config, window: tuple[float, float]) -> DiagnoseResult:
     return diagnose_flight(log, merge(config, {"window": {"from_s": window[0], "to_s": window[1]}}))
 
@@ -193,7 +200,7 @@ def test_faults_are_named(pairs: Mapping[bool, Pair], case: Case) -> None:
     print(f"  {dict(counts.most_common())}")
     if sizes:
         print(f"  magnitude {np.median(sizes):.1%} off in {len(sizes)}")
-    assert not_below(right / n, case.bar, n)
+    assert not_below(right / n, case.bar, worth(n), worse=case.bar - 0.2)
     if case.onset_s is not None:
         assert np.median(onsets) <= case.onset_s
     if case.size is not None:
@@ -212,7 +219,7 @@ def test_healthy_windows_raise_no_alarm(pairs: Mapping[bool, Pair], bare: bool) 
             print(f"  {Path(log.path).name[9:13]} {window[0]:.0f} s: {said(result)}")
     n = counts.total()
     print(f"healthy: {alarms} alarms in {n} windows, {dict(counts)}")
-    assert not_above(alarms / n, 0.04, n)
+    assert not_below(1.0 - alarms / n, 0.96, worth(n), worse=0.76)
 
 
 @pytest.mark.parametrize("bare", [False, True], ids=["all channels", "only tas"])
@@ -229,4 +236,4 @@ def test_a_whole_flight_has_no_false_event(pairs: Mapping[bool, Pair], bare: boo
             if one.state == "declared":
                 (outside if any(low <= one.onset_s < high for low, high in moved) else inside).append(one)
     print(f"{hours:.1f} h: {len(inside)} false events, {len(outside)} more where flaps and gear may move")
-    assert len(inside) <= hours
+    assert len(inside) <= MOST_FALSE * hours

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import not_below
 from free_shape_trials import INPUTS, decaying_step, half_sine, nothing, run_all, two_slopes
-from trials import not_below
 
 from bfi_cli.flightlog import FlightLog, read_log
 

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bars import FULL, not_above, not_below
 from jsbsim_trials import AIRCRAFT, GustTrial, SmoothTrial, TourTrial, gust_trial, smooth_trial, tour_trial
-from trials import FULL, not_above, not_below, sized, spread
+from trials import sized, spread
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("jsbsim")

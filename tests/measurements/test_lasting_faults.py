@@ -1,4 +1,4 @@
-"""Faults that last to the end of a recorded flight: one event with the right name, and no other declared.
+"""Faults that last to the end of a recorded flight: one event with the right name, and hardly another declared.
 
 Each is put at three moments of both flights, the whole of which is diagnosed; a sixth of them runs, with BFI_FULL=1
 all. Positions are left out, since one flight has none.
@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import FULL, most_events, not_below
 from shipped_parity import FLIGHTS
-from trials import FULL
 
 from bfi_cli.config import Config
 from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
@@ -43,6 +43,7 @@ CASES = (
 )
 ONSETS_S = (900.0, 2000.0, 2900.0)
 LATE_S = 90.0  # of the onset, at most
+MOST_OTHERS = 0.3  # events an hour of flight beside the fault
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +63,7 @@ def told(result: DiagnoseResult, names: set[str], onset_s: float) -> tuple[bool,
 
 
 def test_one_fault_is_one_event(logs: list[FlightLog]) -> None:
-    named, others, n = 0, 0, 0
+    named, others, n, hours = 0, 0, 0, 0.0
     for k, (fault, names, bare) in enumerate(CASES):
         trials = [(log, onset_s) for log in logs for onset_s in ONSETS_S]
         for log, onset_s in trials if FULL else trials[k % 6 :: 6]:
@@ -70,12 +71,15 @@ def test_one_fault_is_one_event(logs: list[FlightLog]) -> None:
             faulty = inject(log, (replace(fault, onset_s=onset_s),))
             right, wrong = told(diagnose_flight(without(faulty, LACKING if bare else ()), Config()), names, onset_s)
             named, others, n = named + right, others + wrong, n + 1
+            hours += float(log.time_s[-1] - log.time_s[0]) / 3600.0
             print(
                 f"{fault.shape} {fault.channel or ''} at {onset_s:.0f} s: {'named' if right else '-'}, {wrong} others"
             )
-    print(f"named {named} of {n}, {others} other events declared")
-    assert named >= 0.8 * n
-    assert others <= 0.3 * n
+    # Of both flights again and again, so that a false event of a flight itself counts in every trial of it.
+    most = int(MOST_OTHERS * hours) if FULL else most_events(MOST_OTHERS * hours)
+    print(f"named {named} of {n}, {others} other events declared in {hours:.0f} h, {most} keep {MOST_OTHERS:g} an hour")
+    assert not_below(named / n, 0.8, n, worse=0.6)
+    assert others <= most
 
 
 RETURNS = (

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trials import CONFIGS, FULL, Outcome, draw, not_above, not_below, run_all, sized
+from bars import FULL, not_above, not_below
+from trials import CONFIGS, Outcome, draw, run_all, sized
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary

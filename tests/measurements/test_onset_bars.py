@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import FULL, not_below
 from onset_trials import SEEDS, Outcome, Trial, calibrated, described, run, run_all
-from trials import FULL, not_below, sized
+from trials import sized
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge

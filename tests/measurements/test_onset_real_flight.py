@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import FULL, not_below
 from scipy.signal import butter, sosfiltfilt
-from trials import FULL, not_below
 
 from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import FULL, not_above, not_below
 from shipped_parity import FLIGHTS, clean_windows, statistics
-from trials import FULL, not_above, not_below, sized
+from trials import sized
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
@@ -221,16 +222,19 @@ def test_a_slow_fault_is_found_and_named(both: Flights, case: Case) -> None:
     for onset, count in zip(ONSETS, counts, strict=True):
         print(f"{case}, onset at {onset:g}: {count}")
     n = sum(count.n for count in counts)
-    assert not_below(sum(count.named for count in counts) / n, case.bar, n)
+    named = sum(count.named for count in counts) / n
+    # Every window is in both counts, and overlaps the next by half: a quarter of them are trials of their own.
+    assert not_below(named, case.bar, n // 4, worse=case.bar - 0.2)
+    assert not FULL or named >= case.bar  # these flights' windows are all there, with nothing to allow for
     magnitudes, onsets, deviations, held = (
         np.concatenate([getattr(count, name) for count in counts])
         for name in ("magnitudes", "onsets", "deviations", "held")
     )
     assert abs(np.median(magnitudes) - 1.0) <= 0.1
     assert np.median(np.abs(onsets)) <= (5.0 if FULL or case.length_s < 200.0 else 8.0)
-    # Every window is in both counts, and overlaps the next by half: a quarter of them are trials of their own.
-    assert not_below(float(np.mean(np.abs(deviations) < 1.96)), 0.95, len(deviations) // 4)
-    assert not_below(float(np.mean(held)), 0.95, len(held) // 4)
+    for inside in (np.abs(deviations) < 1.96, held):
+        assert not_below(float(np.mean(inside)), 0.95, len(inside) // 4, worse=0.80)
+        assert not FULL or np.mean(inside) >= 0.88
 
 
 @pytest.mark.parametrize("length_s", [120.0, 240.0])
@@ -248,7 +252,7 @@ def test_healthy_windows_are_quiet(both: Flights, channels: str, length_s: float
     print(
         f"{channels}, {length_s:g} s: {alarms} alarms in {len(shares)} windows, largest {max(shares):.2f} of threshold"
     )
-    assert not_above(alarms / len(shares), 0.04, len(shares))
+    assert not_above(alarms / len(shares), 0.04, len(shares) // 2, worse=0.20)  # they overlap by half
 
 
 @pytest.mark.parametrize(("false_alarm", "bar"), [(0.01, 0.70), (0.03, 0.80)])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trials import FULL
+from bars import FULL
 
 from bfi_cli.config import Config, merge
 from bfi_cli.faults import Fault

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trials import Outcome, Trial, not_below, run_all
+from bars import not_below
+from trials import Outcome, Trial, run_all
 
 from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trials import FULL, not_above, not_below
+from bars import FULL, not_above, not_below
 from verdict_trials import RECORDER_SD_S, SHAPES, gaussian
 
 from bfi_cli.calibration import save_tables

@@ -10,8 +10,9 @@ from time import process_time
 
 import numpy as np
 import pytest
+from bars import FULL, not_below
 from threadpoolctl import threadpool_limits
-from trials import CONFIGS, FULL, Outcome, Trial, draw, not_below, run_all, sized, with_faults
+from trials import CONFIGS, Outcome, Trial, draw, run_all, sized, with_faults
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import STRONG_EVIDENCE, Config, merge

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import FULL, not_above, not_below
 from pressure_records import recorded_anew
 from test_recorded_faults import FLIGHTS, LENGTH_S, windows
-from trials import FULL, not_above, not_below
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
@@ -94,16 +94,17 @@ def test_channels_that_err_are_named(logs: tuple[FlightLog, FlightLog], channel:
     assert not_below(named / n, bar, n)
     if channel in ("tas", "tat", "sat") and bar:
         assert not_below(counts["alone"] / n, bar, n)
-    assert not_above((n - named - counts["()"]) / n, 0.01, n)
+    assert not_above((n - named - counts["()"]) / n, 0.01, n, worse=0.06)
 
 
 @pytest.mark.parametrize("known", ["the whole log", "the window"])
 def test_healthy_windows_raise_no_alarm(logs: tuple[FlightLog, FlightLog], known: str) -> None:
     """The bar is 1 % of both together, where the whole log tells its steps and its noise."""
     counts: Counter[str] = Counter()
+    step_s, most = 10 if FULL else 30, 0.01 if known == "the whole log" else 0.03
     for log in logs:
         series, lines = relation_series(log), lines_of(log)
-        for part in windows(log, 10 if FULL else 30):
+        for part in windows(log, step_s):
             start_s = float(part.time_s[0])
             if known == "the window":
                 relations = find_static(part, start_s, start_s + LENGTH_S)
@@ -116,7 +117,9 @@ def test_healthy_windows_raise_no_alarm(logs: tuple[FlightLog, FlightLog], known
             counts.update(f"holds: {one.fault}" for one in holds.findings)
     print(known, dict(counts))
     n = counts.pop("windows")
-    assert not_above(counts.total() / n, 0.01 if known == "the whole log" else 0.03, n)
+    # Windows side by side are trials of their own; of the full set there is nothing to allow for.
+    assert not_above(counts.total() / n, most, round(n * step_s / LENGTH_S))
+    assert not FULL or counts.total() <= most * n
 
 
 def test_a_whole_flight_has_no_false_event(logs: tuple[FlightLog, FlightLog]) -> None:
@@ -133,7 +136,7 @@ def test_a_whole_flight_has_no_false_event(logs: tuple[FlightLog, FlightLog]) ->
                 found = find_static(log, from_s, from_s + LENGTH_S, series=series).findings
                 events += [(one.among, round(one.onset_s)) for one in found]
     print(f"{hours:.1f} h, events {events}")
-    assert len(events) <= hours
+    assert len(events) <= 0.3 * hours  # none in the 2.3 hours, which shows 1.6 an hour at most
 
 
 @pytest.mark.parametrize(("shape", "time_constant_s", "_"), LINES)

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import FULL, at_most, not_above, not_below
 from test_recorded_faults import DICTIONARY, FLIGHTS, LENGTH_S, windows, with_fault
-from trials import FULL, not_above, not_below, sized
+from trials import sized
 from verdict_trials import counts_of, cross_calibrated, draw, flight_log, interval, resumed, run, wrong_of
 
 from bfi_cli.config import Config, merge
@@ -61,7 +62,8 @@ def test_no_fault_is_never_said_of_an_error_beyond_the_tolerance(tables: Path) -
     for of in ("decision", "kind"):
         n, wrong = counts[of]
         assert n > 0
-        assert not_above(wrong / n, 0.01, n)
+        # What has to be shown, not only not contradicted. Of 1 % at most 368 answers without a wrong one would tell.
+        assert at_most(wrong, n, 0.08)
 
 
 @pytest.mark.parametrize("number", WRONG_ONCE)

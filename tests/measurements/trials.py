@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from bars import FULL
 from threadpoolctl import threadpool_limits
 
 from bfi_cli.config import Config
@@ -23,7 +24,6 @@ from bfi_cli.identify import identify_faults
 from bfi_cli.identify.result import IdentifyResult
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-FULL = os.environ.get("BFI_FULL") == "1"
 
 
 Piece, Answer = TypeVar("Piece"), TypeVar("Answer")
@@ -100,16 +100,6 @@ def run(trial: Trial, *, log: FlightLog, dictionary: Dictionary, config: Config)
 def run_all(trials: Iterable[Trial], log: FlightLog, dictionary: Dictionary, config: Config) -> list[Outcome]:
     """Identify all trials."""
     return spread(partial(run, log=log, dictionary=dictionary, config=config), trials)
-
-
-def not_below(share: float, wanted: float, n: int) -> bool:
-    """Say whether a measured share is within two binomial standard deviations of what is wanted, or above."""
-    return share >= wanted - 2.0 * float(np.sqrt(wanted * (1.0 - wanted) / n))
-
-
-def not_above(share: float, wanted: float, n: int) -> bool:
-    """Say whether a measured share is within two binomial standard deviations of what is wanted, or below."""
-    return not_below(1.0 - share, 1.0 - wanted, n)
 
 
 def worst_relative_error(outcome: Outcome) -> float:

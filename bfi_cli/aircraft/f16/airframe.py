@@ -26,21 +26,24 @@ STATES = (
     *("tas", "aoa", "sideslip", "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate"),
     *("north", "east", "altitude", "power"),
 )
+# Where the states and controls stand in their vectors.
 TAS, AOA, SIDESLIP, ROLL, PITCH, YAW = range(6)
 RATES = slice(6, 9)
 GROUND = slice(9, 12)
 ALTITUDE, POWER = 11, 12
 
 CONTROLS = ("elevator", "aileron", "rudder", "throttle", "nozzle_yaw", "nozzle_pitch")
-ELEVATOR, THROTTLE = 0, 3
+ELEVATOR, THROTTLE = 0, 3  # see above
 SURFACES = slice(0, 3)
 NOZZLE = slice(4, 6)
 
+# In SI, exact by definition or rounded to fourteen digits.
 FOOT = 0.3048
 POUND = 4.4482216152605
 SLUG_FT2 = 1.3558179483314
 DEGREE = 0.017453292519943295
 
+# The book's.
 SURFACE_LIMITS = (25.0 * DEGREE, 21.5 * DEGREE, 30.0 * DEGREE)
 """Largest elevator, aileron and rudder deflections."""
 

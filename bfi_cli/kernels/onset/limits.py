@@ -20,6 +20,7 @@ __all__ = ["SPAN", "deviances", "excluded_error", "likelihood_ratios", "mean_rat
 # Magnitudes tried, relative to the one that a parabola through the minimum gives; between them the root of the
 # deviance, which is nearly linear in the magnitude, is interpolated.
 GRID = np.array([0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.2, 3.5, 6.0, 12.0, 30.0, 100.0])
+# Distances from the minimum in its standard deviations, times the root of the deviance asked for.
 BESIDE = np.array([0.0, 0.5, 1.0, 1.5, 2.5])
 # Faults larger than an error are counted up to so many times as large: what hides a larger one hides these as well.
 SPAN = 10.0

@@ -1,0 +1,413 @@
+"""Which changes of lines that decide the fast tests notice: `python tests/measurements/mutations.py [WORD ...]`.
+
+Every entry changes one line of a copy of the repository and runs the tests named beside it, the fast ones of these
+files; a change that they pass is printed as NOT CAUGHT. Lines are found by their text: an entry whose text is gone, or
+stands in its file more than once, is stale and wants to be written again. With WORDs only the entries run whose file or
+line has one of them. The exit code is 1 where anything is not caught, stale or without tests.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).resolve().parents[2]
+LEFT_OUT = shutil.ignore_patterns(".git", ".*_cache", "__pycache__", "*.egg-info", "build", "dist")
+LONGEST_S = 900.0  # of the tests of one change, which may never end
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line that decides: what is changed in it, into what, and the patterns of the test files that are to notice."""
+
+    file: str
+    text: str
+    changed: tuple[str, ...]
+    tests: tuple[str, ...]
+
+
+FLIGHT_LIMITS = (
+    "tests/diagnose/test_*limits*.py",
+    "tests/diagnose/test_*looks*.py",
+    "tests/diagnose/test_*verdict*.py",
+)
+RELATIONS = ("tests/parity/test_*static_relations*.py", "tests/parity/test_*limits*.py")
+ONSET_CLAIMS = ("tests/onset/test_*claims*.py", "tests/onset/test_*decision*.py", "tests/onset/test_*excluded*.py")
+MAGNITUDES = ("tests/preprocessing/test_*magnitudes*.py", "tests/preprocessing/test_*limits*.py")
+BOUND = ("tests/kernels/onset/test_frequency_bound.py",)
+LINES = (
+    Line(
+        "parity/static_relations.py",
+        "early = np.arange(n) < max(1, n // 2)",
+        ("early = np.arange(n) < n", "early = np.arange(n) < max(1, n // 4)"),
+        RELATIONS,
+    ),
+    Line(
+        "parity/static_relations.py",
+        "sampling = ONE_SIDED95 * np.hypot(one.scan.sd, one.series.noise_sd / one.reach)",
+        (
+            "sampling = ONE_SIDED95 * one.scan.sd",
+            "sampling = np.hypot(one.scan.sd, one.series.noise_sd / one.reach)",
+            "sampling = ONE_SIDED95 * one.series.noise_sd / one.reach",
+        ),
+        RELATIONS,
+    ),
+    Line(
+        "parity/static_relations.py",
+        "upper = np.abs(one.scan.amplitude) + np.maximum(sampling, one.by_rounding)",
+        (
+            "upper = np.maximum(sampling, one.by_rounding)",
+            "upper = np.abs(one.scan.amplitude) + np.minimum(sampling, one.by_rounding)",
+            "upper = np.abs(one.scan.amplitude) + sampling",
+            "upper = one.scan.amplitude + np.maximum(sampling, one.by_rounding)",
+        ),
+        RELATIONS,
+    ),
+    Line("diagnose/looks.py", "SECOND = 1.5", ("SECOND = 1.0", "SECOND = 2.0"), FLIGHT_LIMITS),
+    Line(
+        "diagnose/looks.py",
+        "slope = np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]",
+        (
+            "slope = np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]",
+            "slope = self.magnitude[fault] + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]",
+            "slope = np.abs(self.magnitude[fault]) + np.sqrt(max(level + self.cost, 0.0)) * self.sd[fault]",
+            "slope = np.abs(self.magnitude[fault]) + np.sqrt(level) * self.sd[fault]",
+        ),
+        FLIGHT_LIMITS,
+    ),
+    Line(
+        "diagnose/looks.py",
+        "0.5 * false_alarm * length_s / 120.0",
+        ("false_alarm * length_s / 120.0", "0.5 * false_alarm", "0.5 * false_alarm * length_s / 60.0"),
+        FLIGHT_LIMITS,
+    ),
+    Line(
+        "diagnose/limits.py",
+        "if other is None or limit.effect < other.effect:",
+        ("if other is None or limit.effect > other.effect:", "if other is None:"),
+        FLIGHT_LIMITS,
+    ),
+    Line(
+        "diagnose/limits.py",
+        "told = () if overlaps(window, (*flight.moved, *left_out)) else one.magnitude",
+        (
+            "told = one.magnitude",
+            "told = () if overlaps(window, flight.moved) else one.magnitude",
+            "told = () if overlaps(window, left_out) else one.magnitude",
+        ),
+        FLIGHT_LIMITS,
+    ),
+    Line(
+        "diagnose/verdict.py",
+        'if _bounds_line(slow) and all(one.within_tolerance for one in slow) and "slow" not in suspected:',
+        (
+            'if all(one.within_tolerance for one in slow) and "slow" not in suspected:',
+            'if _bounds_line(slow) and any(one.within_tolerance for one in slow) and "slow" not in suspected:',
+            "if _bounds_line(slow) and all(one.within_tolerance for one in slow):",
+        ),
+        FLIGHT_LIMITS,
+    ),
+    Line(
+        "diagnose/events.py",
+        "TRACE = 2.5",
+        ("TRACE = 1.5", "TRACE = 2.0", "TRACE = 3.0"),
+        ("tests/diagnose/test_events.py",),
+    ),
+    Line(
+        "onset/claims.py",
+        "CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0",
+        ("CLAIMED_CYCLES, CYCLES_LEFT = 4.0, 2.0", "CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 1.0"),
+        ONSET_CLAIMS,
+    ),
+    Line(
+        "onset/claims.py",
+        "EXCLUDED, SUSPECTED = 0.05, 1.0",
+        ("EXCLUDED, SUSPECTED = 0.1, 1.0", "EXCLUDED, SUSPECTED = 0.05, 2.0"),
+        ONSET_CLAIMS,
+    ),
+    Line(
+        "onset/claims.py",
+        "if said.effect is not None and (other.effect is None or other.effect > said.effect):",
+        (
+            "if said.effect is not None and (other.effect is None or other.effect < said.effect):",
+            "if said.effect is not None and other.effect is not None and other.effect > said.effect:",
+        ),
+        ONSET_CLAIMS,
+    ),
+    Line(
+        "onset/claims.py",
+        "power=(np.sqrt(threshold) + POWER * np.sqrt(dispersion)) ** 2,",
+        (
+            "power=threshold,",
+            "power=(np.sqrt(threshold) + POWER) ** 2,",
+            "power=np.sqrt(threshold) + POWER * np.sqrt(dispersion),",
+        ),
+        ONSET_CLAIMS,
+    ),
+    Line(
+        "onset/claims.py",
+        "doubt=LIMIT**2 * dispersion,",
+        ("doubt=LIMIT**2,", "doubt=LIMIT * dispersion,", "doubt=0.0 * dispersion,"),
+        ONSET_CLAIMS,
+    ),
+    Line(
+        "detect/claims.py",
+        "declared = factor * ((needed + POWER) * drops.old_sd[run, place]).max(axis=1)",
+        (
+            "declared = ((needed + POWER) * drops.old_sd[run, place]).max(axis=1)",
+            "declared = factor * (needed * drops.old_sd[run, place]).max(axis=1)",
+            "declared = factor * ((needed + POWER) * drops.old_sd[run, place]).min(axis=1)",
+            "declared = factor * ((needed - POWER) * drops.old_sd[run, place]).max(axis=1)",
+        ),
+        ("tests/detect/test_claims.py",),
+    ),
+    Line(
+        "detect/parity.py",
+        "threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS if gusty else 1.0)",
+        (
+            "threshold = _threshold(model, drops, window, false_alarm, gusts=1.0)",
+            "threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS)",
+            "threshold = _threshold(model, drops, window, false_alarm, gusts=1.0 if gusty else UNSEEN_GUSTS)",
+        ),
+        ("tests/detect/test_claims.py",),
+    ),
+    Line(
+        "preprocessing/magnitudes.py",
+        "RATE_WEIGHT = 0.5",
+        ("RATE_WEIGHT = 0.25", "RATE_WEIGHT = 1.0"),
+        MAGNITUDES,
+    ),
+    Line(
+        "preprocessing/magnitudes.py",
+        "n, correlated = penalty.n_rows, np.sqrt(penalty.n_rows / penalty.n_effective)",
+        (
+            "n, correlated = penalty.n_rows, 1.0",
+            "n, correlated = penalty.n_rows, np.sqrt(penalty.n_effective / penalty.n_rows)",
+            "n, correlated = penalty.n_rows, penalty.n_rows / penalty.n_effective",
+        ),
+        MAGNITUDES,
+    ),
+    Line(
+        "preprocessing/magnitudes.py",
+        "roots = np.sqrt(statistic_needed(penalty, overdispersion)) + POWER * correlated * np.sqrt(overdispersion)",
+        (
+            "roots = np.sqrt(statistic_needed(penalty, overdispersion))",
+            "roots = np.sqrt(statistic_needed(penalty, overdispersion)) + POWER * np.sqrt(overdispersion)",
+            "roots = np.sqrt(statistic_needed(penalty, overdispersion)) + POWER * correlated",
+        ),
+        MAGNITUDES,
+    ),
+    Line(
+        "preprocessing/magnitudes.py",
+        "ratio = penalty.n_effective * (held.log_det - fit.log_det) / overdispersion",
+        (
+            "ratio = penalty.n_rows * (held.log_det - fit.log_det) / overdispersion",
+            "ratio = penalty.n_effective * (held.log_det - fit.log_det)",
+            "ratio = penalty.n_effective * (fit.log_det - held.log_det) / overdispersion",
+        ),
+        MAGNITUDES,
+    ),
+    Line(
+        "preprocessing/magnitudes.py",
+        "return mean, (1.0 - weight) * variance + weight * own + spread / overdispersion",
+        (
+            "return mean, (1.0 - weight) * variance + weight * own",
+            "return mean, (1.0 - weight) * variance + weight * own + spread",
+            "return mean, weight * variance + (1.0 - weight) * own + spread / overdispersion",
+        ),
+        MAGNITUDES,
+    ),
+    Line(
+        "parity/explain.py",
+        "TAILS = 1.3",
+        ("TAILS = 1.0", "TAILS = 1.2", "TAILS = 1.5"),
+        ("tests/parity/test_explain.py",),
+    ),
+    Line(
+        "kernels/onset/frequency_bound.py",
+        "apart = np.maximum(1.0 - angle, ROUNDING)",
+        ("apart = np.ones_like(angle)", "apart = np.maximum(1.0 - 0.5 * angle, ROUNDING)"),
+        BOUND,
+    ),
+    Line(
+        "kernels/onset/frequency_bound.py",
+        "far = np.sqrt((share - wanted) * (1.0 + tangent**2)) + tangent * np.sqrt(share)",
+        (
+            "far = np.sqrt(share - wanted) + tangent * np.sqrt(share)",
+            "far = np.sqrt((share - wanted) * (1.0 + tangent**2))",
+            "far = np.sqrt((share - wanted) * (1.0 + tangent**2)) - tangent * np.sqrt(share)",
+        ),
+        BOUND,
+    ),
+    Line(
+        "kernels/onset/frequency_bound.py",
+        "of_change = (2.0 - apart) * (of_change + (1.0 + change) ** 2 * power[:, :-1].sum(axis=1))",
+        (
+            "of_change = apart * (of_change + (1.0 + change) ** 2 * power[:, :-1].sum(axis=1))",
+            "of_change = (2.0 - apart) * of_change",
+            "of_change = (2.0 - apart) * (of_change + (1.0 - change) ** 2 * power[:, :-1].sum(axis=1))",
+        ),
+        BOUND,
+    ),
+    Line(
+        "parity/residuals.py",
+        "BIAS_SD = 0.05",
+        ("BIAS_SD = 0.1", "BIAS_SD = 0.025"),
+        ("tests/parity/test_residuals.py",),
+    ),
+    Line(
+        "parity/residuals.py",
+        "np.column_stack([ahead, ahead * height[:, None]]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])",
+        (
+            "np.column_stack([ahead, ahead * height[:, None]]), np.array([WIND_SD, WIND_SD, WIND_SD, WIND_SD])",
+            "np.column_stack([ahead * height[:, None], ahead]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])",
+            "np.column_stack([ahead, height[:, None] / ahead]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])",
+        ),
+        ("tests/parity/test_residuals.py",),
+    ),
+    Line(
+        "parity/residuals.py",
+        "slow=_random_walk(0.3),",
+        ("slow=_random_walk(0.6),", "slow=_random_walk(0.15),", "slow=_exponential(0.3, 30.0),"),
+        ("tests/parity/test_residuals.py",),
+    ),
+    # Between 3 and 1000 nothing depends on it; at 1 a large fault has no square, at 10 000 it is none.
+    Line("parity/scan.py", "LARGE = 300.0", ("LARGE = 1.0", "LARGE = 10000.0"), ("tests/parity/test_scan.py",)),
+    Line(
+        "parity/scan.py",
+        "return np.asarray(STEP_S * (np.cumsum(rates, axis=0) - 0.5 * rates))",
+        (
+            "return np.asarray(STEP_S * np.cumsum(rates, axis=0))",
+            "return np.asarray(STEP_S * (np.cumsum(rates, axis=0) + 0.5 * rates))",
+            "return np.asarray(STEP_S * (np.cumsum(rates, axis=0) - rates))",
+        ),
+        ("tests/parity/test_scan.py",),
+    ),
+    Line(
+        "parity/holds.py",
+        "STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.5, 0.1",
+        (
+            "STILL, HIDDEN, MOTIONLESS = 2.0 / 3.0, 0.5, 0.1",
+            "STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 1.0, 0.1",
+            "STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.5, 0.3",
+        ),
+        ("tests/parity/test_*holds*.py",),
+    ),
+    Line(
+        "airdata/motion.py",
+        "kept = kept & (error <= OUTLYING * 1.4826 * np.median(error[kept]))",
+        (
+            "kept = kept & (error <= OUTLYING * np.median(error[kept]))",
+            "kept = kept & (error <= OUTLYING * 1.4826 * np.median(error))",
+            "kept = error <= OUTLYING * 1.4826 * np.median(error[kept])",
+        ),
+        ("tests/airdata/test_*motion*.py",),
+    ),
+    Line(
+        "airdata/motion.py",
+        "prior = AIRSPEED_SD / WIND_SD",
+        ("prior = 0.0", "prior = WIND_SD / AIRSPEED_SD", "prior = (AIRSPEED_SD / WIND_SD) ** 2"),
+        ("tests/airdata/test_*motion*.py",),
+    ),
+    Line(
+        "kernels/sparsity.py",
+        "dof = n - float(np.sum((w[:, None] * lapack.dtrtri(S[:n, :n])[0]) ** 2))",
+        (
+            "dof = float(n)",
+            "dof = float(np.sum((w[:, None] * lapack.dtrtri(S[:n, :n])[0]) ** 2))",
+            "dof = n - float(np.sum(np.abs(w[:, None] * lapack.dtrtri(S[:n, :n])[0])))",
+        ),
+        ("tests/kernels/test_sparsity*.py",),
+    ),
+    Line(
+        "kernels/exponential_tail.py",
+        "WHITE_WEIGHT = 5",
+        ("WHITE_WEIGHT = 2", "WHITE_WEIGHT = 10"),
+        ("tests/kernels/test_exponential_tail*.py", "tests/kernels/test_*tail*.py"),
+    ),
+    Line(
+        "flightlog/dataflash.py",
+        '"C": ("<u2", 0.01),',
+        ('"C": ("<i2", 0.01),', '"C": ("<u2", 1.0),', '"C": (">u2", 0.01),'),
+        ("tests/flightlog/test_dataflash.py",),
+    ),
+    Line(
+        "flightlog/dataflash.py",
+        '"E": ("<u4", 0.01),',
+        ('"E": ("<i4", 0.01),', '"E": ("<u4", 1.0),', '"E": ("<u4", 0.1),'),
+        ("tests/flightlog/test_dataflash.py",),
+    ),
+)
+
+
+def passes(copy: Path, files: Sequence[str]) -> bool:
+    """Return whether the fast tests of these files pass in a copy of the repository; what never ends does not pass."""
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    environment = {**os.environ, **threads, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *files]
+    try:
+        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=LONGEST_S, check=False)
+    except subprocess.TimeoutExpired:
+        return False
+    if done.returncode not in (0, 1, 2):  # passed; failed; a change that cannot be imported
+        raise RuntimeError(done.stdout.decode()[-2000:] + done.stderr.decode()[-2000:])
+    return done.returncode == 0
+
+
+def tried(copy: Path, line: Line, sound: dict[tuple[str, ...], bool]) -> list[str]:
+    """Return what becomes of each change of a line: "caught", or what is wrong."""
+    path = copy / "bfi_cli" / line.file
+    before = path.read_text(encoding="utf-8") if path.is_file() else ""
+    found = [one for one in before.splitlines() if line.text in one]
+    if len(found) != 1:
+        return [f"stale: {len(found)} lines have the text"]
+    files = tuple(sorted({str(one.relative_to(copy)) for pattern in line.tests for one in copy.glob(pattern)}))
+    if not files:
+        return ["no test file"]
+    if files not in sound:
+        sound[files] = passes(copy, files)
+    if not sound[files]:
+        return ["the tests fail without a change"]
+    answers = []
+    for changed in line.changed:
+        path.write_text(before.replace(line.text, changed), encoding="utf-8")
+        answers.append("NOT CAUGHT" if passes(copy, files) else "caught")
+    path.write_text(before, encoding="utf-8")
+    return answers
+
+
+def main(words: Sequence[str]) -> int:
+    """Print what becomes of the changes, and return the exit code."""
+    chosen = [one for one in LINES if not words or any(word in " ".join((one.file, one.text)) for word in words)]
+    sound: dict[tuple[str, ...], bool] = {}
+    wrong = 0
+    with TemporaryDirectory(prefix="mutations-") as folder:
+        copy = Path(folder) / "tree"
+        shutil.copytree(ROOT, copy, ignore=LEFT_OUT)
+        where = "import bfi_cli; print(bfi_cli.__file__)"
+        used = subprocess.run(
+            [sys.executable, "-c", where], cwd=copy, capture_output=True, text=True, check=True
+        ).stdout
+        if not Path(used.strip()).is_relative_to(copy):
+            raise RuntimeError(f"the tests of the copy would import {used.strip()}")
+        for line in chosen:
+            print(f"{line.file}: {line.text}")
+            answers = tried(copy, line, sound)
+            for k, answer in enumerate(answers):
+                print(
+                    f"    {answer:12s} {line.changed[k] if answer in ('caught', 'NOT CAUGHT') else ''}".rstrip(),
+                    flush=True,
+                )
+            wrong += any(answer != "caught" for answer in answers)
+    print(f"{len(chosen) - wrong} of {len(chosen)} lines: every change is caught")
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -30,7 +30,8 @@ OUTLYING = 3.5
 # at 5 degrees above the angle of zero lift moves that by a degree; a degree costs a third of the detections.
 LEAST_CORRELATION = 0.9
 # WGS 84: semi-major axis, m, and the square of the eccentricity.
-EARTH_RADIUS, ECCENTRICITY_2 = 6_378_137.0, 6.694_379_990_14e-3
+EARTH_RADIUS = 6_378_137.0
+ECCENTRICITY_2 = 6.694_379_990_14e-3
 WIND_SD = 50.0  # m/s; a jet stream. It decides only what a flight straight ahead leaves open, the wind across
 AIRSPEED_SD = 1.0  # m/s; of true airspeed and ground velocity about a constant wind, gusts included
 

@@ -34,7 +34,7 @@ __all__ = ["command"]
     *("allow_outside", "units", "out", "force", "strict", "fail_on", "progress", "as_json", "series"),
     inputs="An input; repeatable.  [default: controls and accelerations]",
     outputs="An output to watch; repeatable.  [default: of the log]",
-    require="Kinds of fault that must be excluded for a no_fault: abrupt,oscillating,slow.  [default: abrupt]",
+    require="Kinds of fault that must be excluded for a no_fault; only abrupt ones are looked for.  [default: all]",
     strict="Exit 4 where the log cannot tell, or the threshold cannot be trusted.",
     fail_on="Exit 10 where a channel fails.",
 )

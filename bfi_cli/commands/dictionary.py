@@ -27,6 +27,7 @@ OF_A_LOG = {
     "group": "--group",
     "sample_rate_hz": "--sample-rate",
     "fill_s": "--fill",
+    "boot": "--boot",
 }
 
 

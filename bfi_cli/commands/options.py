@@ -179,6 +179,8 @@ sample_rate_hz  --sample-rate  sample_rate_hz  HZ  positive
     Samples per second of a log that has no time axis.
 fill_s  --fill  fill_s  S  positive
     Interpolate stretches of missing samples (NaN) up to this long.  [default: none]
+boot  --boot  boot  N  whole
+    Which part of a log whose clock starts again.  [default: the one with the longest flight]
 rate  --rate  conditioning.rate_hz  HZ|none|auto  number_or_word
     Rate of the analysis; none is the log's own.  [default: auto]
 order  --order  model.order  N|auto  number_or_word
@@ -299,7 +301,7 @@ def _rows() -> dict[str, Option]:
 OPTIONS = _rows()
 # The long flag of every key, for messages.
 FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if row.key}
-CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "fill_s")
+CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "fill_s", "boot")
 SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
@@ -418,6 +420,7 @@ def source_of(config: Config) -> dict[str, Any]:
         "unit_map": dict(config.units),
         "sample_rate_hz": config.sample_rate_hz,
         "fill_s": config.fill_s,
+        "boot": config.boot,
     }
 
 

@@ -359,6 +359,8 @@ class Config(Rules):
     """Samples per second of a log that has no time axis."""
     fill_s: Positive | None = None
     """Stretches of missing samples (NaN) up to this long, s, are interpolated; default none."""
+    boot: Natural | None = None
+    """Which part of a log whose clock starts again, counted from 1; default the one with the longest flight."""
     shown_units: UnitsName = "si"
     """Units of tables, figures and reports; JSON, CSV and logs stay SI."""
     window: Window = Window()

@@ -17,7 +17,6 @@ from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
-from ..shapes import Kind
 from ..verdicts import KINDS, decide, summarise, verdicts_of
 from .claims import ABSORBED, SMEARED, StepLimits, candidates_of, exact_limits, parity_limits
 from .parity import LASTING_IN_GUSTS, PATCH_S, DetectionThreshold, detect_sequentially
@@ -43,8 +42,6 @@ SELECTIVE = 1e-2
 RATE_PER_EDGE = SAMPLES_PER_EDGE["detect"]
 UNSTATED = "neither the file nor its channels tell whether the recorder low-passed the log"
 SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
-# What must be excluded for a "no fault" where the user does not say: nothing but steps is looked for.
-REQUIRED: tuple[Kind, ...] = ("abrupt",)
 
 
 def detect_faults(
@@ -91,7 +88,6 @@ def _with_verdicts(
     declared = {alarm.channel: alarm.size for alarm in reversed(result.alarms)}
     candidates = candidates_of(prepared, limits, declared, tolerances)
     verdicts = verdicts_of(candidates)
-    required = config.require if "require" in config.model_fields_set else REQUIRED
     notes = []
     if limits is not None and len(limits.onset_s):
         first_s, last_s = (instant(float(limits.onset_s[k])) for k in (0, -1))
@@ -103,14 +99,15 @@ def _with_verdicts(
         notes.append(
             f"what would help with steps of {', '.join(unseen)}: {'; '.join(_helps(prepared, config, limits))}"
         )
-    others = [kind for kind in required if kind != "abrupt"]
+    others = [kind for kind in config.require if kind != "abrupt"]
     if others:
         notes.append(
-            f"{' and '.join(others)} faults are not looked for here: bfi start-time does, one channel at a time"
+            f"{' and '.join(others)} faults are not looked for here, so that there is no decision "
+            "without them (--require abrupt is about steps alone): bfi start-time looks for them, one channel at a time"
         )
     return replace(
         result,
-        decision=decide(verdicts, required),
+        decision=decide(verdicts, config.require),
         verdicts=verdicts,
         candidates=candidates,
         summary=summarise(verdicts, candidates),
@@ -222,6 +219,7 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResul
         is_calibrated=explained,
         ready_s=None if criterion.ready is None else float(record.time_s[criterion.ready - 1]),
         train=prepared.train,
+        watched=prepared.watched,
         calibration=None,
         model=None,
         width=width,
@@ -285,6 +283,7 @@ def _parity_result(
         is_calibrated=threshold.tail is not None,
         ready_s=prepared.watch_s,
         train=prepared.train,
+        watched=prepared.watched,
         calibration=Calibration(
             held_back_s=(float(samples.time_s[first_held]), float(samples.time_s[last_held])),
             n_blocks=len(threshold.maxima),

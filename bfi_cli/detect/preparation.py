@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..errors import ConfigError, LogError
 from ..filters import alternatives, response_of
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
+from ..flightlog.phases import APART_S, flight_stretches, phases_of
 from ..flightlog.recorder import recorder_filters
 from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
@@ -59,7 +61,8 @@ class PreparedRecord:
     ----------
     part : the log from the start of the healthy time on.
     record : its inputs and outputs, no dictionary.
-    train : healthy time; watch_s, until_s : from when on and until when the outputs are watched.
+    train : healthy time; watch_s, until_s : from when on and until when the outputs are watched; watched : the
+        stretches of flight therein.
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
@@ -74,6 +77,7 @@ class PreparedRecord:
     train: tuple[float, float]
     watch_s: float
     until_s: float
+    watched: tuple[tuple[float, float], ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
@@ -125,8 +129,11 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     log = with_derived(log, (*given_inputs, *given_outputs), from_s=from_s, to_s=to_s)
     part = log.window(from_s, to_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
-    train = config.detect.train or (first_s, first_s + (last_s - first_s) / 3.0)
-    start_s = train[0] if config.detect.train or from_s is None else max(train[0], from_s)
+    flown = _flown(log, first_s, last_s + 1.0 / part.rate_hz)
+    train = config.detect.train or _first_third(flown)
+    start_s = train[0]
+    if flown[-1][1] <= last_s:
+        to_s = flown[-1][1]
     inputs, outputs = _channels(log.window(start_s, to_s), given_inputs, given_outputs)
     free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
     bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
@@ -139,6 +146,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         part = resample(log, rate_hz, from_s=start_s, to_s=to_s)
         require_usable(part, needed)
     watch_s = max(train[1], train[1] if from_s is None else from_s)
+    stretches = tuple((max(a, watch_s), b) for a, b in flown if b > watch_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
     if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
         raise ConfigError(
@@ -155,7 +163,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     chains = (filters, *alternatives(filters), log.filters or ())
     edges_hz = [one.edge_hz for chain in chains for one in chain if one.stage == "recorder"]
     recorder_hz = min(edges_hz, default=None)
-    if watch_s >= min(last_s, until_s):
+    if watch_s >= min(last_s, until_s) or not stretches:
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
     signals = [part.channel(name).values for name in inputs]
     if bank:
@@ -186,11 +194,16 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     notes = []
     if config.detect.train is None:
         notes.append(
-            f"no healthy time was given: the first third of the window, {instant(train[0])} to {instant(train[1])} s, "
-            "is taken to be free of faults; a fault in it would be learnt as normal (give --train A:B)"
+            f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the flight "
+            "in the window at most, is taken to be free of faults; a fault in it would be learnt as normal (give "
+            "--train A:B)"
         )
     elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
         notes.append(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed")
+    if watched := _left_out(
+        stretches, watch_s, float(log.time_s[-1]) if config.window.to_s is None else config.window.to_s
+    ):
+        notes.append(watched)
     if last_s > until_s:
         notes.append(
             f"nothing after {instant(until_s)} s is watched: the recorder's low-pass looks {ahead_s:.2g} s ahead, past "
@@ -213,6 +226,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         train=train,
         watch_s=watch_s,
         until_s=until_s,
+        watched=stretches,
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
@@ -232,6 +246,50 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         stated=stated,
         notes=tuple(notes),
     )
+
+
+def _flown(log: FlightLog, from_s: float, to_s: float) -> list[tuple[float, float]]:
+    """Return the stretches of flight within a window; the whole of it where the log does not tell of a flight.
+
+    Signals that are deviations from a trim, as linear models give them, have no airspeed that an aircraft flies at.
+    """
+    flown = flight_stretches(phases_of(log))
+    inside = [(max(a, from_s), min(b, to_s)) for a, b in flown if b > from_s and a < to_s]
+    if flown and not inside:
+        raise LogError(
+            f"{log.path}: no flight between take-off and approach in the window, {instant(from_s)} to {instant(to_s)} "
+            f"s; the log flies from {instant(flown[0][0])} to {instant(flown[-1][1])} s: change --from or --to"
+        )
+    return inside or [(from_s, to_s)]
+
+
+def _first_third(flown: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the healthy time to take where none is given: a third of the flight, or what one stretch has of it.
+
+    The first stretch that is long enough counts: short ones before it are hops, and are not analysed.
+    """
+    third = sum(b - a for a, b in flown) / 3.0
+    longest = max(b - a for a, b in flown)
+    start, stop = next((a, b) for a, b in flown if b - a >= min(third, longest))
+    if stop == flown[-1][1]:
+        third = min(third, (stop - start) / 3.0)  # nothing else is left to watch
+    return start, min(stop, start + third)
+
+
+def _left_out(watched: Sequence[tuple[float, float]], from_s: float, to_s: float) -> str | None:
+    """Return a sentence on the stretches that are watched, None where they are all of the time from `from_s` on."""
+    if len(watched) == 1 and watched[0][1] >= to_s - APART_S:
+        return None
+    named = ", ".join(f"{instant(a)} to {instant(b)} s" for a, b in watched)
+    return f"watched in flight only, {named}: not in take-off, approach, landing and parabolas, nor on the ground"
+
+
+def _inside(stretches: Sequence[tuple[float, float]], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
+    """Return which of the times from `first_s` to `last_s` lie within one of the stretches; an open end is no edge."""
+    inside = np.zeros(first_s.shape, dtype=bool)
+    for start, stop in stretches:
+        inside |= (first_s >= start) & (last_s <= stop)
+    return inside
 
 
 def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
@@ -262,7 +320,9 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
         u=u[:, kept],
         weak=np.resize(weak, u.shape[1])[kept],
         healthy=time_s + reach_s < prepared.train[1],
-        watched=(time_s + reach_s >= prepared.watch_s) & (time_s + reach_s <= prepared.until_s),
+        watched=(time_s + reach_s >= prepared.watch_s)
+        & (time_s + reach_s <= prepared.until_s)
+        & _inside(prepared.watched, time_s - reach_s, time_s + reach_s),
     )
 
 

@@ -110,6 +110,7 @@ class DetectResult:
         the healthy time was long enough to estimate the tails of its errors.
     ready_s : when the detector began to watch.
     train : healthy time, None where none was needed.
+    watched : (from_s, to_s) of the stretches of flight that were watched.
     width : columns of a window of the exact method, None for parity residuals.
     time_s : (n_samples,) of the series.
     commands : what to run next to identify the first failure.
@@ -128,6 +129,7 @@ class DetectResult:
     is_calibrated: bool
     ready_s: float | None
     train: tuple[float, float] | None
+    watched: tuple[tuple[float, float], ...]
     calibration: Calibration | None
     model: ParityModel | None
     width: int | None

@@ -13,8 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .rates import log_of_topics
+from .rates import boot_starts, log_of_topics
 from .raw import RawLog
 from .topics import Topic, fields_of, with_ground_velocity
 
@@ -74,17 +75,24 @@ def read_dataflash_topics(path: str, more: Sequence[str] = ()) -> tuple[list[Top
     """Return the messages of a DataFlash log that have channels, or are named in `more`, and sentences on the file."""
     names = {*fields_of("ardupilot"), *more}
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        formats, messages, damaged = _messages(data, names)
+        formats, messages, places, damaged = _messages(data, names)
     topics: list[Topic] = []
-    for kind, bodies in messages.items():
-        topics += _topics(formats[kind], bodies)
+    tables = {kind: _table(formats[kind], bodies) for kind, bodies in messages.items() if bodies}
+    times = {kind: one for kind, table in tables.items() if (one := _times(formats[kind], table)) is not None}
+    first = _boots(times, places)
+    for kind, time_s in times.items():
+        boot = None if len(first) == 1 else np.searchsorted(first, places[kind], side="right") - 1
+        topics += _topics(formats[kind], tables[kind], time_s, boot)
     return topics, [f"{damaged} bytes are damaged or cut off and were skipped"] if damaged else []
 
 
-def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dict[int, list[bytes]], int]:
-    """Return the formats, the messages of the named ones by type, and how many bytes are damaged."""
+def _messages(
+    data: mmap.mmap, names: set[str]
+) -> tuple[dict[int, _Format], dict[int, list[bytes]], dict[int, list[int]], int]:
+    """Return the formats, the messages of the named ones and their places by type, and how many bytes are damaged."""
     lengths, formats = {FMT: FMT_LENGTH}, dict[int, _Format]()
     messages: dict[int, list[bytes]] = {}
+    places: dict[int, list[int]] = {}
     at, end, damaged = 0, len(data), 0
     while at < end:
         length = lengths.get(data[at + 2]) if at + 2 < end and data[at : at + 2] == BEGIN else None
@@ -98,11 +106,12 @@ def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dic
             if one is not None and one[0] not in lengths:
                 lengths[one[0]], formats[one[0]] = one[1].length, one[1]
                 if one[1].name in names:
-                    messages[one[0]] = []
+                    messages[one[0]], places[one[0]] = [], []
         elif kind in messages:
             messages[kind].append(data[at:stop])
+            places[kind].append(at)
         at = stop
-    return formats, messages, damaged
+    return formats, messages, places, damaged
 
 
 def _format(message: bytes) -> tuple[int, _Format] | None:
@@ -126,11 +135,8 @@ def _format(message: bytes) -> tuple[int, _Format] | None:
     return (kind, _Format(name, length, fields)) if at == length else None
 
 
-def _topics(one: _Format, bodies: Sequence[bytes]) -> list[Topic]:
-    """Return the messages of a format by the sensor that sent them."""
-    clock = next((name for name in CLOCKS if name in one.fields), None)
-    if not bodies or clock is None:
-        return []
+def _table(one: _Format, bodies: Sequence[bytes]) -> NDArray[np.void]:
+    """Return the messages of a format as a table of their numbers."""
     kind = np.dtype(
         {
             "names": list(one.fields),
@@ -139,22 +145,41 @@ def _topics(one: _Format, bodies: Sequence[bytes]) -> list[Topic]:
             "itemsize": one.length,
         }
     )
-    table = np.frombuffer(b"".join(bodies), dtype=kind)
-    time_s = CLOCKS[clock] * table[clock].astype(np.float64)
+    return np.frombuffer(b"".join(bodies), dtype=kind)
+
+
+def _times(one: _Format, table: NDArray[np.void]) -> NDArray[np.float64] | None:
+    clock = next((name for name in CLOCKS if name in one.fields), None)
+    return None if clock is None else CLOCKS[clock] * table[clock].astype(np.float64)
+
+
+def _boots(times: Mapping[int, NDArray[np.float64]], places: Mapping[int, Sequence[int]]) -> NDArray[np.intp]:
+    """Return the place in the file of the first message of each boot."""
+    at = np.concatenate([np.zeros(0, dtype=np.intp), *(np.array(places[kind], dtype=np.intp) for kind in times)])
+    order = np.argsort(at)
+    time_s = np.concatenate([np.zeros(0), *times.values()])[order]
+    return np.asarray(at[order][boot_starts(time_s)]) if at.size else np.zeros(1, dtype=np.intp)
+
+
+def _topics(
+    one: _Format, table: NDArray[np.void], time_s: NDArray[np.float64], boot: NDArray[np.intp] | None
+) -> list[Topic]:
+    """Return the messages of a format by the sensor that sent them."""
     fields = {
         name: NUMBERS[letter][1] * table[name].astype(np.float64)
         for name, (letter, _) in one.fields.items()
-        if name != clock
+        if name not in CLOCKS
     }
     sender = next((name for name in INSTANCES if one.fields.get(name, ("", 0))[0] == "B"), None)
     if sender is None:
-        return [Topic(name=one.name, instance=0, time_s=time_s, fields=fields)]
+        return [Topic(name=one.name, instance=0, time_s=time_s, fields=fields, boot=boot)]
     return [
         Topic(
             name=one.name,
             instance=int(which),
             time_s=time_s[table[sender] == which],
             fields={name: values[table[sender] == which] for name, values in fields.items()},
+            boot=None if boot is None else boot[table[sender] == which],
         )
         for which in np.unique(table[sender])
     ]

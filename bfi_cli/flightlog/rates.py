@@ -7,6 +7,8 @@ there are no samples, where another signal has one it is NaN.
 
 from __future__ import annotations
 
+import contextlib
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,7 +20,7 @@ from ..kernels.decimation import WHITE, lowpass_taps
 from .raw import LARGEST, RawColumn, RawLog
 from .topics import Recorder, Topic, Track, tracks_of
 
-__all__ = ["OneBase", "in_order", "log_of_topics", "mean_rate", "one_base"]
+__all__ = ["OneBase", "boot_starts", "in_order", "log_of_topics", "mean_rate", "one_base"]
 
 FloatArray = NDArray[np.float64]
 
@@ -44,6 +46,10 @@ EDGE_S, EDGE_PART = 5.0, 0.05
 JITTER, BESIDE = 0.02, 0.05
 # Steps backwards, of all, that are mended by leaving a sample out; more are a broken clock.
 MENDED = 0.01
+# A clock starts again where it jumps back by more than so many seconds and typical steps, from samples that are all in
+# order to others that are: the medians of so many on both sides tell it from single times that are wrong. A clock that
+# is set by a satellite jumps back by less. With more jumps than so many the times are in no order at all.
+RESTART_S, RESTART_STEPS, BESIDE_RESTART, MOST_BOOTS = 2.0, 10.0, 5, 100
 # Rows filtered at once, for memory.
 BLOCK = 50_000
 
@@ -77,6 +83,19 @@ def log_of_topics(
     ------
     LogError : no signals, see `one_base`.
     """
+    boots = sorted({int(k) for topic in topics if topic.boot is not None for k in np.unique(topic.boot)})
+    if len(boots) > 1:
+        parts = []
+        for boot in boots:
+            own = [one for topic in topics if (one := topic.of_boot(boot)).time_s.size > 1]
+            # A boot of too few messages is no log; that it was there the numbers of the others tell.
+            with contextlib.suppress(LogError):
+                parts.append(log_of_topics(path, recorder, own, channel_map, more=more, notes=notes))
+        if not parts:
+            raise LogError(
+                f"{path}: none of its {len(boots)} boots has channels; give a log that was recorded in flight"
+            )
+        return replace(parts[0], boots=tuple(parts))
     tracks = tracks_of(recorder, topics, more)
     if not tracks:
         has = ", ".join(topic.label for topic in topics) or "none"
@@ -144,6 +163,21 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None) -
     return OneBase(columns=tuple(columns), notes=tuple(notes))
 
 
+def boot_starts(time_s: FloatArray) -> list[int]:
+    """Return the samples at which a clock starts again, the first sample of all among them."""
+    step = np.diff(time_s)
+    forward = step[step > 0.0]
+    least = max(RESTART_S, RESTART_STEPS * float(np.median(forward))) if forward.size else RESTART_S
+    starts = [0]
+    for k in (np.flatnonzero(step < -least) + 1).tolist():
+        before = np.sort(time_s[max(starts[-1], k - BESIDE_RESTART) : k])
+        after = np.sort(time_s[k : k + BESIDE_RESTART])
+        middle = BESIDE_RESTART // 2
+        if min(before.size, after.size) == BESIDE_RESTART and before[middle] - after[middle] > least:
+            starts.append(k)
+    return starts if len(starts) <= MOST_BOOTS else [0]
+
+
 def mean_rate(time_s: FloatArray) -> float:
     """Return samples per second, without the gaps, and without odd steps where nearly all are alike."""
     step = np.diff(time_s)
@@ -172,16 +206,34 @@ def in_order(track: Track) -> tuple[Track | None, str | None]:
     n_back = int(np.count_nonzero(np.diff(time_s) <= 0.0))
     if n_back > max(2.0, MENDED * time_s.size):
         return None, f"'{track.source}' has a clock that runs backwards {n_back} times and is left out"
-    dropped = 0
-    while (back := np.flatnonzero(np.diff(time_s) <= 0.0)).size:
-        # Of two samples out of order the later is wrong, unless it is in order with the one before both.
-        wrong = np.where((back > 0) & (time_s[back + 1] > time_s[np.maximum(back - 1, 0)]), back, back + 1)
-        dropped += np.unique(wrong).size
-        time_s, values = np.delete(time_s, wrong), np.delete(values, wrong)
+    kept = _longest_in_order(time_s) if n_back else np.arange(time_s.size)
+    dropped = time_s.size - kept.size
+    time_s, values = time_s[kept], values[kept]
     if time_s.size < 2:
         return None, f"'{track.source}' has no two samples in order of time and is left out"
     note = f"'{track.source}' has {dropped} samples out of order of time, which are left out" if dropped else None
     return replace(track, time_s=time_s, values=values), note
+
+
+def _longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
+    """Return the most samples whose times increase: the longest increasing subsequence, by patience sorting."""
+    tops: list[float] = []  # the least time with which so many samples can end
+    at: list[int] = []
+    before = np.empty(time_s.size, dtype=np.intp)
+    for k, time in enumerate(time_s.tolist()):
+        place = len(tops) if not tops or time > tops[-1] else bisect_left(tops, time)
+        before[k] = at[place - 1] if place else -1
+        if place == len(tops):
+            tops.append(time)
+            at.append(k)
+        else:
+            tops[place], at[place] = time, k
+    kept = np.empty(len(tops), dtype=np.intp)
+    k = at[-1]
+    for place in range(len(tops) - 1, -1, -1):
+        kept[place] = k
+        k = int(before[k])
+    return kept
 
 
 def _base(tracks: Sequence[Track], output: str | None) -> Track:

@@ -44,7 +44,13 @@ class RawColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RawLog:
-    """One file as read, from `first_sample` on. `faults` is None where it carries no truth; `clean` is by channel."""
+    """One file as read, from `first_sample` on.
+
+    Attributes
+    ----------
+    faults : None where it carries no truth; `clean` is by channel.
+    boots : the parts of a file whose clock starts again, of a format that tells them itself.
+    """
 
     columns: Sequence[RawColumn]
     sample_rate_hz: float | None = None
@@ -54,6 +60,7 @@ class RawLog:
     faults: tuple[Fault, ...] | None = None
     clean: Mapping[str, RawColumn] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    boots: tuple[RawLog, ...] = ()
 
 
 # The wanted window, None for an end of the log; and the function that finds the time axis among columns without values.

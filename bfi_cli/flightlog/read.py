@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ from ..channels import STANDARD, NameMatch, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
 from .filling import with_filled
+from .phases import airborne_stretches
 from .quality import is_uniform
+from .rates import boot_starts
 from .raw import RawColumn, RawLog, Span, TimeOf, different_length
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
@@ -50,6 +53,7 @@ def read_log(
     to_s: float | None = None,
     sample_rate_hz: float | None = None,
     fill_s: float | None = None,
+    boot: int | None = None,
 ) -> FlightLog:
     """Read a flight log; the content of the file, not its name, decides the format.
 
@@ -68,6 +72,7 @@ def read_log(
         `FlightLog.window`: samples outside are left unread only in a large HDF5 log.
     sample_rate_hz : from which time is counted in a log without a time axis, in place of the rate that its file states.
     fill_s : stretches of NaN of up to this length are interpolated; by default none is.
+    boot : which part of a log whose clock starts again, counted from 1; by default the one with the longest flight.
 
     Returns
     -------
@@ -79,7 +84,7 @@ def read_log(
     ConfigError : a unit of `unit_map` that is unknown or of another quantity.
     LogError : the file cannot be read, or has no usable time axis, channels of different length, an unknown unit, or
         data in other files; or it needs more memory than a log should; or `channel_map` names no column of it; or it
-        has a time axis beside `sample_rate_hz`.
+        has a time axis beside `sample_rate_hz`; or `boot` is none of its boots.
     """
     name, channel_map, unit_map = str(path), channel_map or {}, unit_map or {}
     if os.path.exists(name) and not os.path.isfile(name) and not os.path.isdir(name):
@@ -88,7 +93,7 @@ def read_log(
         from .ulog2csv import folder_digest, read_folder
 
         folder = read_folder(name, group=group, channel_map=channel_map, unit_map=unit_map)
-        log = _assemble(folder, name, folder_digest(name), channel_map, unit_map, sample_rate_hz)
+        log = _of_boot(folder, boot, name, folder_digest(name), channel_map, unit_map, sample_rate_hz)
         return log if fill_s is None else with_filled(log, fill_s)
     try:
         with open(name, "rb") as file:
@@ -102,7 +107,7 @@ def read_log(
     raw = _read(name, head, group, (from_s, to_s), time_of, channel_map, unit_map, sample_rate_hz)
     with open(name, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    log = with_seen_recorder(_assemble(raw, name, sha256, channel_map, unit_map, sample_rate_hz))
+    log = with_seen_recorder(_of_boot(raw, boot, name, sha256, channel_map, unit_map, sample_rate_hz))
     return log if fill_s is None else with_filled(log, fill_s)
 
 
@@ -154,6 +159,63 @@ def _read(
     from .ulog2csv import is_topic_file, read_topic_file
 
     return read_topic_file(path, channel_map=channel_map) if is_topic_file(path) else read_csv(path)
+
+
+def _of_boot(
+    raw: RawLog,
+    boot: int | None,
+    path: str,
+    sha256: str,
+    channel_map: Mapping[str, str],
+    unit_map: Mapping[str, str],
+    sample_rate_hz: float | None,
+) -> FlightLog:
+    """Return the log of a file; of one whose clock starts again the boot that is asked for, or that flies longest."""
+    time = _time_column(raw.columns, channel_map, unit_map) if sample_rate_hz is None else None
+    boots = raw.boots or _boots(raw, time)
+    if boot is not None and not 1 <= boot <= len(boots):
+        raise LogError(f"{path}: --boot {boot}: the log has {len(boots)}; give one of them, or leave it out")
+    if len(boots) == 1:
+        return _assemble(boots[0], path, sha256, channel_map, unit_map, sample_rate_hz)
+    logs = [_assemble(one, path, sha256, channel_map, unit_map, sample_rate_hz) for one in boots]
+    flown = [sum(to_s - from_s for from_s, to_s in airborne_stretches(log)) for log in logs]
+    lengths = [float(log.time_s[-1] - log.time_s[0]) for log in logs]
+    chosen = max(range(len(logs)), key=lambda k: (flown[k], lengths[k])) if boot is None else boot - 1
+    others = ", ".join(
+        f"{k + 1} ({log.time_s[0]:.6g} to {log.time_s[-1]:.6g} s, {flown[k]:.0f} s of it in flight)"
+        for k, log in enumerate(logs)
+        if k != chosen
+    )
+    why = "as asked for" if boot is not None else "the longest in flight" if flown[chosen] else "the longest"
+    note = (
+        f"the clock of the log starts again: boot {chosen + 1} of {len(logs)} is read, {why}; not read: {others}; "
+        "--boot N reads another"
+    )
+    return replace(logs[chosen], notes=(note, *logs[chosen].notes))
+
+
+def _boots(raw: RawLog, time: RawColumn | None) -> tuple[RawLog, ...]:
+    """Return the columns between the restarts of the clock, those of less than two samples left out."""
+    if time is None:
+        return (raw,)
+    times = time.values if time.read is None or time.rows is None else time.read(time.rows)
+    seconds = 1.0 if not time.unit or si_unit(time.unit) != "s" else float(to_si(1.0, time.unit, where="")[0])
+    starts = boot_starts(seconds * times)
+    parts = [slice(a, b) for a, b in pairwise([*starts, times.size]) if b - a > 1]
+    return tuple(_part(raw, one) for one in parts) if len(starts) > 1 and parts else (raw,)
+
+
+def _part(raw: RawLog, rows: slice) -> RawLog:
+    """Return some of the rows of a file."""
+
+    def cut(column: RawColumn) -> RawColumn:
+        if column.rows is not None:
+            first = column.rows.start
+            return replace(column, rows=slice(first + rows.start, first + rows.stop))
+        return replace(column, values=column.values[rows])
+
+    clean = {name: cut(column) for name, column in raw.clean.items()}
+    return replace(raw, columns=[cut(column) for column in raw.columns], clean=clean)
 
 
 def _assemble(

@@ -10,12 +10,13 @@ from __future__ import annotations
 import mmap
 import re
 import struct
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
 
-from .rates import log_of_topics
+from .rates import boot_starts, log_of_topics
 from .raw import RawLog
 from .topics import Topic
 
@@ -80,22 +81,31 @@ def read_tlog_topics(path: str) -> tuple[list[Topic], list[str]]:
         packets = [packet for packet in packets if packet[0] == chosen]
     rows: dict[int, list[tuple[float, ...]]] = {}
     times: dict[int, list[float]] = {}
+    clock = [
+        1e-3 * MESSAGES[number][1].unpack(payload.ljust(MESSAGES[number][1].size, b"\0")[: MESSAGES[number][1].size])[0]
+        for _, number, payload in packets
+        if MESSAGES[number][3][0] == CLOCK
+    ]
+    starts, ticks, boots = boot_starts(np.array(clock)) if clock else [0], 0, dict[int, list[int]]()
     now: float | None = None
     for _, number, payload in packets:
         _, layout, _, fields = MESSAGES[number]
         values = layout.unpack(payload.ljust(layout.size, b"\0")[: layout.size])
         if fields[0] == CLOCK:
             now = 1e-3 * values[0]
+            ticks += 1
         # Without a clock of its own, two messages between those of others are one instant: the first counts.
         if now is not None and (fields[0] == CLOCK or times.get(number, [-1.0])[-1] != now):
             rows.setdefault(number, []).append(values)
             times.setdefault(number, []).append(now)
+            boots.setdefault(number, []).append(bisect_right(starts, max(ticks - 1, 0)) - 1)
     topics = []
     for number, several in rows.items():
         name, _, _, fields = MESSAGES[number]
         table = np.array(several, dtype=np.float64)
         named = {field: table[:, i] for i, field in enumerate(fields) if not field.startswith("time_")}
-        topics.append(Topic(name=name, instance=0, time_s=np.array(times[number]), fields=named))
+        boot = None if len(starts) == 1 else np.array(boots[number], dtype=np.intp)
+        topics.append(Topic(name=name, instance=0, time_s=np.array(times[number]), fields=named, boot=boot))
     return topics, notes
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -43,12 +43,22 @@ class Topic:
     Attributes
     ----------
     name : of the kind; instance : which of several sensors of the kind sent them, 0 for the first.
+    boot : (n_messages,) how often the recorder's clock had started again before each, None where it never does.
     """
 
     name: str
     instance: int
     time_s: FloatArray
     fields: Mapping[str, NDArray[np.number]]
+    boot: NDArray[np.intp] | None = None
+
+    def of_boot(self, number: int) -> Topic:
+        """Return the messages of one boot."""
+        if self.boot is None:
+            return self
+        own = self.boot == number
+        fields = {name: values[own] for name, values in self.fields.items()}
+        return replace(self, time_s=self.time_s[own], fields=fields, boot=None)
 
     @property
     def label(self) -> str:
@@ -287,7 +297,7 @@ def with_angles(topic: Topic) -> Topic:
             "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
             "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2)),
         }
-    return Topic(name=topic.name, instance=topic.instance, time_s=topic.time_s, fields={**topic.fields, **angles})
+    return replace(topic, fields={**topic.fields, **angles})
 
 
 def with_ground_velocity(topic: Topic) -> Topic:
@@ -297,7 +307,7 @@ def with_ground_velocity(topic: Topic) -> Topic:
     speed, course = topic.fields["Spd"], DEGREE * np.asarray(topic.fields["GCrs"], dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
         velocity = {"VelN": speed * np.cos(course), "VelE": speed * np.sin(course)}
-    return Topic(name=topic.name, instance=topic.instance, time_s=topic.time_s, fields={**topic.fields, **velocity})
+    return replace(topic, fields={**topic.fields, **velocity})
 
 
 def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]) -> list[Track]:

@@ -137,9 +137,9 @@ def _shared(source: FlownModel | RecordedLog, names: tuple[tuple[tuple[str, str]
     if isinstance(source, FlownModel):
         return _flown(source, np.random.default_rng(0))
     channels, units = map(dict, names)
-    span = {"from_s": source.from_s, "to_s": source.to_s}
-    log = read_log(source.log, group=source.group, channel_map=channels, unit_map=units, **span)
-    return log.window(source.from_s, source.to_s)
+    from_s, to_s = source.from_s, source.to_s
+    log = read_log(source.log, group=source.group, channel_map=channels, unit_map=units, from_s=from_s, to_s=to_s)
+    return log.window(from_s, to_s)
 
 
 def _flown(source: FlownModel, rng: np.random.Generator) -> FlightLog:

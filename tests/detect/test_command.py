@@ -71,9 +71,9 @@ def test_a_size_is_told_as_far_as_it_is_known(detected, size: float | None, ci95
 
 
 def test_the_kinds_required_decide(bfi, healthy: Path):
-    plain = json.loads(bfi("detect", healthy, "--train", "0:8", "--json").stdout)
+    plain = json.loads(bfi("detect", healthy, "--train", "0:8", "--require", "abrupt", "--json").stdout)
     assert (plain["decision"], plain["verdicts"]["abrupt"]) == ("no_fault", "no_fault")
-    strict = bfi("detect", healthy, "--train", "0:8", "--require", "abrupt,slow", "--strict", "--json")
+    strict = bfi("detect", healthy, "--train", "0:8", "--strict", "--json")
     assert (strict.code, json.loads(strict.stdout)["decision"]) == (4, "inconclusive")
 
 
@@ -96,7 +96,7 @@ def test_the_tolerance_decides_what_is_excluded(bfi, healthy: Path, tmp_path: Pa
 
 
 def _plain(bfi, log: Path, *options: str) -> str:
-    return bfi("detect", log, "--train", "0:8", *options, "--json").stdout
+    return bfi("detect", log, "--train", "0:8", "--require", "abrupt", *options, "--json").stdout
 
 
 def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
@@ -134,7 +134,7 @@ def test_strict_asks_for_a_threshold_that_is_known_to_hold(bfi, failing: Path, t
     assert (short.code, json.loads(short.stdout)["is_calibrated"]) == (4, False)
     exact = bfi("simulate", "b747", "-o", tmp_path / "clean.h5", "--duration", 20)
     assert exact.code == 0
-    clean = bfi("detect", tmp_path / "clean.h5", "--strict", "--json")
+    clean = bfi("detect", tmp_path / "clean.h5", "--require", "abrupt", "--strict", "--json")
     assert (clean.code, json.loads(clean.stdout)["is_calibrated"]) == (0, True)
 
 

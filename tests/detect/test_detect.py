@@ -37,7 +37,7 @@ def test_without_noise_the_channel_fails_at_its_very_sample(flown: Callable[...,
 
 
 def test_without_noise_and_without_a_failure_nothing_is_declared(flown: Callable[..., FlightLog]):
-    result = detect_faults(flown(noise=0.0), TRAINED)
+    result = detect_faults(flown(noise=0.0), merge(TRAINED, {"require": ("abrupt",)}))
     assert (result.method, result.decision, result.alarms, result.commands) == ("exact", "no_fault", (), ())
 
 
@@ -55,7 +55,7 @@ def test_with_noise_the_right_channel_is_declared_within_a_second(flown: Callabl
 
 
 def test_with_noise_and_without_a_failure_nothing_is_declared(flown: Callable[..., FlightLog]):
-    result = detect_faults(flown(seed=4), TRAINED)
+    result = detect_faults(flown(seed=4), merge(TRAINED, {"require": ("abrupt",)}))
     assert (result.decision, result.alarms) == ("no_fault", ())
     assert result.calibration.held_back_s[1] <= 8.0
     assert result.ready_s == pytest.approx(8.0)

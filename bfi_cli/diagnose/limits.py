@@ -7,8 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..airdata import air_data_of
 from ..channels import STANDARD
 from ..parity import Limit, Threshold
+from ..parity.lines import METRES
+from ..parity.record import STATIC_LEAK
 from ..parity.windows import Window, overlaps
 from ..preprocessing.tolerance import tolerance_of
 from .flight import Flight
@@ -71,6 +74,10 @@ def _of_drift(flight: Flight, fault: str, slope: float, reached: float, window: 
     name, channel, unit, effect = fault, fault, STANDARD["tas"].unit, reached
     if fault == "q_impact":
         name, channel, unit, effect = "pitot_icing", "tas", "1", 0.5 * reached * _speed(flight, window)
+    elif fault == STATIC_LEAK:
+        channel, unit = "altitude", "Pa"
+        p_static = float(np.nanmedian(air_data_of(flight.record.between(*window).channels).p_static))
+        effect = METRES * reached / p_static
     elif fault == "ground_speed":
         channel = "ground_speed"
     else:

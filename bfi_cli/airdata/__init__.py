@@ -27,6 +27,7 @@ from .airspeed import (
 from .atmosphere import (
     HIGHEST,
     LOWEST,
+    PRESSURES,
     SEA_LEVEL_PRESSURE,
     SEA_LEVEL_TEMPERATURE,
     G,
@@ -55,6 +56,7 @@ __all__ = [
     "HIGHEST",
     "IMPACT_SOURCES",
     "LOWEST",
+    "PRESSURES",
     "SEA_LEVEL_PRESSURE",
     "SEA_LEVEL_SPEED_OF_SOUND",
     "SEA_LEVEL_TEMPERATURE",

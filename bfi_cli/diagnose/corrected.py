@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from ..channels import STANDARD
 from ..kernels.likelihood_ratio import FAST_S
 from ..kernels.random_walk import correlated_noise, smoothed_course
 from ..parity import Record, WindowScan
@@ -91,7 +90,7 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
     return Course(
         event=index,
         channel=event.fault,
-        unit="1" if fault == "q_impact" else STANDARD[fault].unit,
+        unit=hypothesis.unit,
         time_s=part.time_s,
         free=sign * (named + course.value),
         low=sides[0],

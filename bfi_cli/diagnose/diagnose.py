@@ -14,6 +14,8 @@ from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
 from ..parity import LENGTHS_S, Threshold
+from ..parity.leaks import begins_within
+from ..parity.record import STATIC_LEAK
 from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import Window, overlaps
 from ..preprocessing.summary import log_summary
@@ -77,7 +79,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         drafts += drafts_of_relations(flight, series, static)
         slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
         flight = slow.flight
-        drafts += slow.drafts
+        drafts = [one for one in drafts if not _follows_from_leak(one, slow.drafts)] + list(slow.drafts)
         notes += slow.notes
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
@@ -138,6 +140,12 @@ def _holds(flight: Flight) -> list[Draft]:
             window = (max(one.onset_s - AROUND_HOLD_S, flight.from_s), min(until_s + AROUND_HOLD_S, flight.to_s))
             found.append(Draft(finding=one, window=window, until_s=until_s + AFTER_HOLD_S))
     return found
+
+
+def _follows_from_leak(line: Draft, slow: Sequence[Draft]) -> bool:
+    """Return whether a line is held that loses its airspeed to a static line which leaks already."""
+    leaks = [one.finding for one in slow if one.finding.fault == STATIC_LEAK and is_certain(one)]
+    return line.finding.stage == "holds" and any(begins_within(line.finding, leak) for leak in leaks)
 
 
 def _glances(

@@ -9,8 +9,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ..airdata import air_data_of
 from ..channels import LARGEST_ERROR, STANDARD
 from ..parity import Bound, Threshold
+from ..parity.lines import METRES
+from ..parity.record import STATIC_LEAK
 from ..parity.windows import Window, flight_stretches, overlaps, within
 from ..preprocessing.tolerance import tolerance_of
 from .events import NEAR, TRACE
@@ -30,6 +33,8 @@ PITOT_LINE = "pitot_icing"
 BIN_S = 10.0
 # Of the flight time that is watched, in which the second limit of each fault holds (METHOD of the trials).
 MOSTLY = 0.95
+# Of hypotheses that are no channels.
+UNITS = {"q_impact": "1", "ground_speed": "m/s", STATIC_LEAK: "Pa"}
 PER_SECOND = {"1": "1/s", "m/s": "m/s^2", "rad": "rad/s", "m/s^2": "m/s^3", "Pa": "Pa/s"}
 
 
@@ -256,7 +261,10 @@ def _drift_of(flight: Flight, fault: str, window: Window) -> tuple[Bounds, float
         # A share of the impact pressure is half as large a share of the airspeed.
         name, channel = PITOT_LINE, next((one for one in AIRSPEEDS if one in flight.recorded), "tas")
         scale = 0.5 * _speed(flight, window, channel)
-    unit = "1" if fault == "q_impact" else "m/s" if fault == "ground_speed" else STANDARD[fault].unit
+    elif fault == STATIC_LEAK:
+        channel = "altitude"
+        scale = METRES / float(np.nanmedian(air_data_of(flight.record.between(*window).channels).p_static))
+    unit = UNITS.get(fault) or STANDARD[fault].unit
     kind = Bounds(fault=name, shape="drift", channel=channel, unit=PER_SECOND[unit], bounds="error", windows=())
     return kind, scale
 

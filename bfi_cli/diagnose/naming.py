@@ -8,7 +8,7 @@ from ..airdata import DEPENDS_ON, IMPACT_SOURCES
 from ..faults import Fault, magnitude_unit
 from ..onset.glance import Glance
 from ..parity import Finding, Fit, Record, Threshold, WindowScan, effects
-from ..parity.record import hypotheses
+from ..parity.record import STATIC_LEAK, hypotheses
 from ..shapes import SHAPES
 
 # s, to both sides of an onset of the scan, which stands on the samples of its analysis at 2 Hz.
@@ -40,7 +40,10 @@ def names_of(fits: Sequence[Fit], record: Record) -> tuple[str, ...]:
 
 def hypotheses_of(finding: Finding) -> tuple[str, ...]:
     """Return the hypotheses of the parity scan that a finding names: all faults of the pitot line are one of these."""
-    names = ("q_impact" if SHAPES.get(name) or name == "q_impact" else name for name in finding.among)
+    names = (
+        "q_impact" if name != STATIC_LEAK and (SHAPES.get(name) or name == "q_impact") else name
+        for name in finding.among
+    )
     return tuple(dict.fromkeys(names))
 
 
@@ -48,6 +51,8 @@ def channels_of(fault: str, recorded: Collection[str]) -> tuple[str, ...]:
     """Return the recorded channels that a fault makes wrong."""
     if fault in ("pitot_icing", "pitot_water", "q_impact"):
         return tuple(name for name in DEPENDS_ON if name in recorded and "p_total" in DEPENDS_ON[name])
+    if fault == STATIC_LEAK:
+        return tuple(name for name in DEPENDS_ON if name in recorded and "p_static" in DEPENDS_ON[name])
     if fault == "ground_speed":
         return tuple(name for name in ("velocity_north", "velocity_east", "latitude", "longitude") if name in recorded)
     return (fault,)

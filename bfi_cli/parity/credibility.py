@@ -127,7 +127,7 @@ RELATIONS = (
     _Relation(
         residual="climb",
         needs=(("aoa",), ("tas",), ("pitch",), ("roll",), ("altitude_rate",)),
-        accuses=("aoa", "pitch", "altitude_rate"),
+        accuses=("aoa", "pitch", "altitude_rate", AIRSPEED),
         confirms=("aoa", "pitch", "altitude_rate"),
         words="pitch minus flight path",
         reference=_vane,
@@ -379,7 +379,7 @@ def credibility_of(
             suspects.setdefault(name, []).append(one)
     while suspects:
         # What explains most of what fails is named, and explains that.
-        name = max(suspects, key=lambda key: len(suspects[key]))
+        name = max(suspects, key=lambda key: (len(suspects[key]), key == AIRSPEED))
         failing = suspects.pop(name)
         rivals = tuple(
             (record.airspeed or "tas") if other == AIRSPEED else other

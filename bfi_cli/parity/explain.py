@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.likelihood_ratio import likelihood_ratio
-from .record import Hypothesis, Record, hypotheses, without_fault
+from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
 from .scan import FIRST_ONSET_S, LAST_ONSET_S, WindowScan, fault_signatures, residual_values
 
 __all__ = ["COURSES", "Fit", "corrected", "effects", "explain"]
@@ -31,9 +31,10 @@ REFINED = 0.25  # of the window, to both sides of the onset that a linear look f
 # tenth of the impact pressure takes three, one of six tenths six.
 STEPS, CONVERGED = 12, 0.02
 # Of faults that explain a window as well, the commoner comes first, by odds of ten to one a step: what probes and lines
-# lose to ice, water and leaks, which grows; then a vane that drifts, for vanes stick or bend at once, and a line that
-# gains pressure; then an inertial sensor or the satellite receiver. A commoner fault that is near with these odds only
-# is the last of the set: of 15 drifts of an only airspeed an accelerometer explained 3 better by 8 to 15.
+# lose to ice, water and leaks, which grows; then a vane that drifts, for vanes stick or bend at once, a line that gains
+# pressure, and a static line that leaks; then an inertial sensor or the satellite receiver. A commoner fault that is
+# near with these odds only is the last of the set: of 15 drifts of an only airspeed an accelerometer explained 3 better
+# by 8 to 15.
 INERTIAL = ("pitch", "normal_acc", "longitudinal_acc", "altitude_rate", "ground_speed")
 RARER = 4.6  # 2 ln 10
 # What another course than a ramp must gain: it was chosen from several.
@@ -56,7 +57,7 @@ def _hold(seconds: float) -> Course:
 COURSES: Mapping[tuple[str, float | None], Course] = {
     ("drift", None): lambda t: np.maximum(t, 0.0),
     ("bias", None): lambda t: np.clip(t + 0.5, 0.0, 1.0),  # of a sample, the part after the onset
-    **{("lagged_bias", seconds): _lag(seconds) for seconds in (3.0, 6.0, 12.0, 24.0)},
+    **{("lagged_bias", seconds): _lag(seconds) for seconds in (3.0, 6.0, 12.0, 24.0, 48.0, 96.0)},
     **{("ramp_hold", seconds): _hold(seconds) for seconds in (10.0, 20.0, 40.0)},
 }
 
@@ -152,6 +153,8 @@ def _rarity(fit: Fit) -> int:
     if fit.fault.fault in INERTIAL:
         return 2
     vane_drifts = fit.fault.fault == "aoa" and fit.shape != "bias"
+    if fit.fault.fault == STATIC_LEAK:
+        return 1
     line_gains = fit.fault.fault == "q_impact" and fit.magnitude > 0.0
     return int(vane_drifts or line_gains)
 
@@ -183,6 +186,13 @@ def _length_s(scan: WindowScan) -> float:
 
 
 def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis) -> Fit:
+    if hypothesis.fault == STATIC_LEAK:  # goes to the pressure of what it leaks to
+        lags = [fit_course(scan, record, hypothesis, *key) for key in COURSES if key[0] == "lagged_bias"]
+        best = max(lags, key=lambda fit: fit.ratio)
+        # Time constants between those tried explain it as well as the neighbours, in some other size.
+        near = [fit.magnitude for fit in lags if fit.ratio >= best.ratio - CHI_SQUARE_95 * TAILS**2]
+        step = 0.25 * min((abs(fit.magnitude - best.magnitude) for fit in lags if fit is not best), default=0.0)
+        return replace(best, sds=np.hypot(best.sds, max(np.ptp(near) / CHI_SQUARE_95**0.5, step)))
     ramp, *others = (fit_course(scan, record, hypothesis, shape, constant) for shape, constant in COURSES)
     other = max(others, key=lambda fit: fit.ratio)
     return other if other.ratio > ramp.ratio + PRICE else ramp

@@ -32,13 +32,17 @@ BoolArray = NDArray[np.bool_]
 # and a drone in view (docs/theory.md, 15.6): what is counted there is in-sample.
 FREED = "the static pressure rests before it too: a blocked port that opens jumps as well, to a level within a step"
 LANDING = "the impact pressure is lost as in a landing"
-# A leak with an open drain takes all of the impact pressure: how long, s, nearly none is left at least, and how long
-# the fall to there may take with the level before it.
-LONGEST_FALL_S = (5.0, 60.0)
-LONGEST_LEVEL_S = 15.0  # s before the onset, in which the speed is taken to be constant
-# The fall is fitted down to this share of that, as an exponential with a time constant of at most this, s, from so many
-# blocks; its misfit in ln q: a tenth of a speed that changes meanwhile.
-FITTED_TO, LONGEST_TIME_CONSTANT_S, FEWEST_OF_FALL, LARGEST_MISFIT = 0.2, 16.0, 12, 0.2
+# A leak with an open drain takes all of the impact pressure: how long, s, nearly none is left at least.
+LEAST_LOW_S = 5.0
+# Time constants, s, that are tried, the shortest first: the flight before a fast fall may be slower by itself. An
+# aircraft at idle loses speed as slowly as a leak of a time constant longer than the last.
+TIME_CONSTANTS_S = (16.0, 32.0, 64.0, 120.0)
+# Time constants of the fall to where nearly none is left, and of the level before it, in which the speed is taken to be
+# constant, s at least.
+FALL, LEVEL, LEAST_LEVEL_S = -float(np.log(LEFT)), 0.5, 15.0
+# The fall is fitted down to this share of that, as an exponential, from so many blocks; its misfit in ln q: a tenth of
+# a speed that changes meanwhile.
+FITTED_TO, FEWEST_OF_FALL, LARGEST_MISFIT = 0.2, 12, 0.2
 # Of the median impact pressure in flight, above which no landing roll begins: a touch-down has 0.36.
 NO_ROLL = 0.5
 # s before the onset, whose median is the level.
@@ -51,6 +55,8 @@ STILL_AFTER, STILL_AFTER_S, LONGEST_STILL_AFTER_S, SAME_LEVEL = 15.0, 15.0, 465.
 LARGEST_SHARE_OF_TOTAL, COMPARED = 0.5, 2.0
 # s before its onset, from which on what the pitot line shows is the leak's.
 BEFORE_LEAK_S = 5.0
+# Twice the logarithm of ten to one, by which ice must explain the loss better; s, in which no ice takes all of it.
+AS_GOOD, FASTEST_ICE_S = 4.6, 30.0
 # m; an aircraft that has landed does not climb or descend by this in the minute after.
 FLYING_M, AFTER_S = 15.0, 60.0
 
@@ -149,17 +155,24 @@ def pitot_leaks(
         if slows or (slows is None and not (level > NO_ROLL * typical or metres > FLYING_M)):
             untold.append((onset_s, float(t[last]), LANDING))
             continue
+        if _grows_evenly(t, q, onset_s, first):
+            continue
         lost = 1.0 - float(np.nanmin(q[first : last + 1])) / level
+        # A tube that leaks loses its total pressure; a static line takes the impact pressure away by what it gains.
+        at = int(np.searchsorted(t, onset_s))
+        gained, gone = float(static.values[first] - static.values[at]), float(q[at] - q[first])
+        of_port = gained > LARGEST_SHARE_OF_TOTAL * gone > 0.0
+        line, fault = ("p_static", "static_leak") if of_port else ("p_total", "pitot_leak")
         finding = line_finding(
             log,
-            "p_total",
-            "pitot_leak",
+            line,
+            fault,
             onset_s=onset_s,
             onset_ci95=onset_ci95,
             offset_s=lines.offset_s(last, to_s),
             statistic=lost,
             threshold=1.0 - LEFT,
-            evidence={"time_constant_s": time_constant_s},
+            evidence={"time_constant_s": time_constant_s} if fault == "pitot_leak" else {},
         )
         found.append((finding, float(t[first])))
     return found, untold
@@ -172,12 +185,37 @@ def _fall(
 
     ln q is a constant, then a line: least squares over every onset.
     """
-    if t[last] - t[first] < LONGEST_FALL_S[0]:
+    if t[last] - t[first] < LEAST_LOW_S:
         return None
     ending = first
     while ending < last and q[ending + 1] > FITTED_TO * low and q[ending + 1] <= q[ending]:
         ending += 1
-    part = np.flatnonzero(within & (t >= t[first] - LONGEST_FALL_S[1]) & (t <= t[ending]) & (q > FITTED_TO * low))
+    for longest_s in TIME_CONSTANTS_S:
+        told = _kink(t, q, first, ending, low, within, longest_s)
+        if told is not None and told[3] <= longest_s:
+            break
+    else:
+        return None
+    at, squares, k, time_constant_s = told
+    # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
+    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + ALIKE * CHI_SQUARE / len(at))) + 2]
+    onset_s = float(at[k + 2])
+    half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
+    return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s
+
+
+def _kink(
+    t: FloatArray, q: FloatArray, first: int, ending: int, low: float, within: BoolArray, longest_s: float
+) -> tuple[FloatArray, FloatArray, int, float] | None:
+    """Return the times of a fall, the squares left by every onset, the best of these and its time constant, s.
+
+    Parameters
+    ----------
+    first, ending : block in which `low` is reached, and to which it is fitted.
+    longest_s : time constant, by which the stretch before goes that is looked at.
+    """
+    before_s = max((FALL + LEVEL) * longest_s, FALL * longest_s + LEAST_LEVEL_S)
+    part = np.flatnonzero(within & (t >= t[first] - before_s) & (t <= t[ending]) & (q > FITTED_TO * low))
     flown = np.flatnonzero(q[part] < low)
     # What was slow before, as in a take-off, is no level to fall from.
     slow = part[flown[part[flown] < first]]
@@ -186,20 +224,28 @@ def _fall(
         return None
     # The speed before the onset is a constant for a while only, which the second fit takes.
     squares, _ = _kinks(t[part], np.log(q[part]))
-    part = part[t[part] >= t[part[int(np.argmin(squares)) + 2]] - LONGEST_LEVEL_S]
+    part = part[t[part] >= t[part[int(np.argmin(squares)) + 2]] - max(LEAST_LEVEL_S, LEVEL * longest_s)]
     if len(part) < FEWEST_OF_FALL:
         return None
     squares, fits = _kinks(t[part], np.log(q[part]))
     k = int(np.argmin(squares))
-    at = t[part]
     rate, misfit = fits[k]
-    if not rate > 1.0 / LONGEST_TIME_CONSTANT_S or misfit > LARGEST_MISFIT:
-        return None
-    # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
-    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + ALIKE * CHI_SQUARE / len(part))) + 2]
-    onset_s, time_constant_s = float(at[k + 2]), float(1.0 / rate)
-    half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
-    return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s
+    return (t[part], squares, k, 1.0 / rate) if rate > 0.0 and misfit <= LARGEST_MISFIT else None
+
+
+def _grows_evenly(t: FloatArray, q: FloatArray, onset_s: float, first: int) -> bool:
+    """Say whether a loss in proportion to the time since some onset, as that of ice, explains q better than a leak."""
+    seconds = float(t[first]) - onset_s
+    part = np.flatnonzero(
+        (t >= onset_s - max(LEAST_LEVEL_S, LEVEL * seconds)) & (np.arange(len(t)) <= first) & (q > 0.0)
+    )
+    if len(part) < FEWEST_OF_FALL or seconds < FASTEST_ICE_S:
+        return False
+    at, y = t[part], q[part]
+    design = np.column_stack([np.ones(len(at)), -np.maximum(at - onset_s, 0.0)])
+    leak = np.exp(design @ np.linalg.lstsq(design, np.log(y), rcond=None)[0])
+    ice = float(_kinks(at, y)[0].min())
+    return len(part) / ALIKE * float(np.log(np.sum((y - leak) ** 2) / ice)) > AS_GOOD
 
 
 def _kinks(at: FloatArray, y: FloatArray) -> tuple[FloatArray, list[tuple[float, float]]]:

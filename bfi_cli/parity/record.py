@@ -13,22 +13,35 @@ from ..airdata import (
     HIGHEST,
     IMPACT_SOURCES,
     LOWEST,
+    PRESSURES,
     SEA_LEVEL_PRESSURE,
     SONIC_RATIO,
     STATIC_SOURCES,
     air_data_of,
+    altitude_of,
     channels_of,
     ground_velocity,
     kinematic_acceleration,
 )
 from ..flightlog import FlightLog
 
-__all__ = ["USED", "Hypothesis", "Record", "hypotheses", "record_of", "with_fault", "without_fault"]
+__all__ = [
+    "STATIC_LEAK",
+    "USED",
+    "Hypothesis",
+    "Record",
+    "climbing",
+    "hypotheses",
+    "record_of",
+    "with_fault",
+    "without_fault",
+]
 
 FloatArray = NDArray[np.float64]
 
 STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them
 LONGEST_GAP_S = 3.0  # bridged by a straight line before an acceleration is integrated
+STATIC_LEAK = "static_leak"
 USED: tuple[str, ...] = (
     "tas",
     "cas",
@@ -83,7 +96,8 @@ class Hypothesis:
 
     Attributes
     ----------
-    fault : the standard name of the channel that errs; "q_impact" for the line of the pitot tube.
+    fault : the standard name of the channel that errs; "q_impact" for the line of the pitot tube, "static_leak" for
+        that of the static port.
     unit : of the error that grows.
     size : of a small error, for differences, in `unit`.
     """
@@ -95,6 +109,7 @@ class Hypothesis:
 
 HYPOTHESES = (
     Hypothesis(fault="q_impact", unit="1", size=1e-4),
+    Hypothesis(fault=STATIC_LEAK, unit="Pa", size=0.1),
     Hypothesis(fault="tas", unit="m/s", size=1e-2),
     Hypothesis(fault="cas", unit="m/s", size=1e-2),
     Hypothesis(fault="ias", unit="m/s", size=1e-2),
@@ -166,7 +181,8 @@ def _integral(rate: FloatArray, time_s: FloatArray) -> FloatArray:
 def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
     """Return a record with a fault of `amount`, (n,), in the unit of its hypothesis.
 
-    A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it.
+    A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it; a leak of
+    the static line the static pressure, and the altitude's rate by how fast it does.
     """
     channels = dict(record.channels)
     if fault == "q_impact":
@@ -179,6 +195,19 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
         for name, depends in DEPENDS_ON.items():
             if name in channels and name in new and "p_total" in depends:
                 channels[name] = channels[name] + new[name] - old[name]
+    elif fault == STATIC_LEAK:
+        air = air_data_of(channels)
+        old = channels_of(air.p_static, air.q_impact, air.tat)
+        p_static, q_impact = air.p_static + amount, np.maximum(air.q_impact - amount, 0.0)
+        subsonic = (p_static > PRESSURES[0]) & (p_static < PRESSURES[1])
+        subsonic &= q_impact <= SONIC_RATIO * np.minimum(p_static, SEA_LEVEL_PRESSURE)
+        new = channels_of(np.where(subsonic, p_static, np.nan), np.where(subsonic, q_impact, np.nan), air.tat)
+        for name, depends in DEPENDS_ON.items():
+            if name in channels and name in new and "p_static" in depends:
+                channels[name] = channels[name] + new[name] - old[name]
+        if "altitude_rate" in channels:
+            rate = np.gradient(new["altitude"] - old["altitude"], STEP_S)
+            channels["altitude_rate"] = channels["altitude_rate"] + rate
     elif fault == "ground_speed":
         north, east = channels["velocity_north"], channels["velocity_east"]
         speed = np.hypot(north, east)
@@ -188,6 +217,17 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
         channels[fault] = channels[fault] + amount
         if record.airspeed == fault != "tas":
             channels["tas"] = _true_airspeed({name: one for name, one in channels.items() if name != "tas"})
+    return replace(record, channels=channels)
+
+
+def climbing(record: Record, slope: float) -> Record:
+    """Return a record whose static pressure, and nothing else yet, changes by `slope`, Pa/s: its altitude's rate."""
+    if "altitude_rate" not in record.channels:
+        return record
+    p_static = air_data_of(record.channels).p_static
+    sizes = np.where(p_static + slope > PRESSURES[0], slope, np.nan)
+    rate = altitude_of(p_static + sizes) - altitude_of(p_static)
+    channels = {**record.channels, "altitude_rate": record.channels["altitude_rate"] + rate}
     return replace(record, channels=channels)
 
 
@@ -211,6 +251,8 @@ def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
     possible = recorded - {"q_impact"}
     if (len(airspeeds) > 1 or airspeeds == {"q_impact"}) and recorded & set(STATIC_SOURCES):
         possible |= {"q_impact"}
+    if airspeeds and recorded & set(STATIC_SOURCES) and "altitude_rate" in recorded:
+        possible |= {STATIC_LEAK}
     if {"velocity_north", "velocity_east"} <= recorded:
         possible |= {"ground_speed"}
     return tuple(one for one in HYPOTHESES if one.fault in possible)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model, settle
-from .record import STEP_S, Hypothesis, Record, hypotheses, with_fault, without_fault
+from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of
 
 __all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window", "without_lasting"]
@@ -249,12 +249,17 @@ def fault_signatures(
     found: list[FloatArray | None] = []
     other = with_small(record, hypothesis)
     moved = {name for name, values in other.channels.items() if values is not record.channels[name]}
+    # A static pressure that changes shows as a climb while it does.
+    turning = climbing(record, hypothesis.size) if hypothesis.fault == STATIC_LEAK else None
     for k, (kind, known) in enumerate(zip(scan.kinds, scan.known, strict=True)):
         if moved.isdisjoint(kind.reads):
             found.append(None)
             continue
         level = level_of(kind, record, scan.constants) if healthy is None else healthy[k]
         signature = _signature(level, level_of(kind, other, scan.constants), hypothesis, courses)
+        if turning is not None and "altitude_rate" in kind.reads:
+            climb = (kind.values(turning, scan.constants) - level.values) / hypothesis.size
+            signature = signature + climb[:, None] * np.gradient(courses, STEP_S, axis=0)
         signature = np.nan_to_num(signature[known])
         found.append(signature if signature.any() else None)
     return found

@@ -9,7 +9,7 @@ import pytest
 from made_flights import made_flight
 from made_logs import made_log
 
-from bfi_cli.airdata import channels_of, impact_pressure_of_cas, pressure_at, total_temperature
+from bfi_cli.airdata import air_data_of, channels_of, impact_pressure_of_cas, pressure_at, total_temperature
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
@@ -346,3 +346,32 @@ def test_a_port_that_opens_in_coarse_steps_is_no_certain_leak():
     (found,) = find_holds(log, 0.0, 600.0).findings
     assert found.fault == "static_leak"
     assert "rests before it too" in found.doubt
+
+
+@pytest.mark.parametrize("time_constant_s", [20.0, 50.0, 90.0])
+def test_a_tube_that_leaks_slowly_is_named_with_its_time_constant(time_constant_s: float):
+    flight = made_flight()
+    leak = Fault(shape="pitot_leak", onset_s=ONSET_S, time_constant_s=time_constant_s)
+    (found,) = find_holds(inject(flight, [leak]), 0.0, 600.0).findings
+    assert found.among == ("pitot_leak",)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    assert found.evidence["time_constant_s"] == pytest.approx(time_constant_s, rel=0.25)
+
+
+def test_ice_that_closes_a_tube_at_an_even_rate_is_no_leak():
+    ice = Fault(shape="pitot_icing", onset_s=ONSET_S, magnitude=0.009)
+    held = find_holds(inject(made_flight(), [replace(ice, offset_s=ONSET_S + 108.0)]), 0.0, 600.0)
+    assert not [one for one in held.findings if one.fault == "pitot_leak"]
+
+
+def test_a_static_line_that_takes_all_impact_pressure_is_no_leak_of_the_tube():
+    """The cabin's pressure is beyond the total pressure, and a part of the line still follows the one outside."""
+    flight = made_flight(names=("altitude", "cas"))
+    t = flight.time_s
+    air = air_data_of({name: one.values for name, one in flight.channels.items()})
+    gained = 6_000.0 * np.where(t < ONSET_S, 0.0, -np.expm1(-np.maximum(t - ONSET_S, 0.0) / 5.0))
+    made = channels_of(air.p_static + gained, np.maximum(air.q_impact - gained, 0.0), air.tat)
+    log = made_log(t, {"altitude": "m"}, altitude=made["altitude"], cas=made["cas"])
+    (found,) = find_holds(log, 0.0, 600.0).findings
+    assert found.fault == "static_leak"
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]

@@ -51,14 +51,14 @@ def test_a_fault_of_the_only_airspeed_is_a_fault_of_the_true_airspeed_made_of_it
     assert record.airspeed == "cas"
     faulty = with_fault(record, "cas", np.full(record.time_s.shape, 1.0))
     assert np.all(faulty.channels["tas"] - record.channels["tas"] > 1.0)
-    assert {one.fault for one in hypotheses(record)} == {"cas", "altitude_rate"}
+    assert {one.fault for one in hypotheses(record)} == {"cas", "altitude_rate", "static_leak"}
 
 
 def test_the_line_and_the_channel_are_two_faults_only_where_there_are_two_airspeeds():
     assert "q_impact" in {one.fault for one in hypotheses(made_record())}
     single = made_record(without=("cas", "ias", "mach", "q_impact", "p_total"))
     assert {one.fault for one in hypotheses(single)} == {
-        *("tas", "aoa", "pitch", "normal_acc", "altitude_rate", "longitudinal_acc", "ground_speed")
+        *("tas", "aoa", "pitch", "normal_acc", "altitude_rate", "longitudinal_acc", "ground_speed", "static_leak")
     }
 
 

@@ -12,6 +12,7 @@ from made_flight import ZERO_LIFT, made_record
 
 from bfi_cli.flightlog.phases import RECOVERY_S, Phase
 from bfi_cli.parity import configuration_changes, windows_in, zero_lift_of
+from bfi_cli.parity.record import with_fault
 from bfi_cli.parity.windows import CLEAN_UP_S, flight_stretches
 
 
@@ -106,6 +107,14 @@ def test_what_is_left_out_does_not_move_it():
     faulty = replace(record, channels={**record.channels, "aoa": aoa})
     assert zero_lift_of(faulty, ALOFT, without=[(400.0, 700.0)]) == pytest.approx(ZERO_LIFT, abs=1e-9)
     assert zero_lift_of(faulty, ALOFT) != pytest.approx(ZERO_LIFT, abs=1e-3)
+
+
+def test_parts_of_the_flight_that_disagree_tell_none():
+    """A leak that lasts from half of the flight on moves the angle: taken from both it would be wrong before it."""
+    record = made_record(1000)
+    leak = with_fault(record, "static_leak", 2500.0 * (record.time_s > 500.0))
+    assert zero_lift_of(leak, ALOFT) is None
+    assert zero_lift_of(leak, ALOFT, without=[(500.0, 1000.0)]) == pytest.approx(ZERO_LIFT, abs=1e-9)
 
 
 @pytest.mark.parametrize("missing", [("aoa",), ("normal_acc",), ("altitude", "p_static"), ()])

@@ -37,7 +37,7 @@ class FlightSpeed:
 
     Attributes
     ----------
-    values : (n_samples,) the median over five seconds, m/s; 0 is put where the channel is not a number.
+    values : (n_samples,) the median over five seconds, m/s, interpolated where the channel is not a number.
     known : (n_samples,) where the channel is a number.
     cruise : the median of what is not slow, m/s; at walking speed or below it the log is one of the ground.
     """
@@ -64,7 +64,8 @@ def flight_speed(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightSpe
         return None
     speed = np.abs(
         _running_median(
-            np.where(known, values, 0.0) * METRES_PER_SECOND.get(name, 1.0), round(SMOOTHING_S * log.rate_hz)
+            np.interp(log.time_s, log.time_s[known], values[known]) * METRES_PER_SECOND.get(name, 1.0),
+            round(SMOOTHING_S * log.rate_hz),
         )
     )
     # The copies that the brackets make are sorted in place: of a day at 100 Hz each takes 70 MB.
@@ -76,8 +77,8 @@ def flight_speed(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightSpe
 def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> list[tuple[float, float]]:
     """Return (from_s, to_s) of the stretches in which the aircraft flies; empty where the log has no airspeed.
 
-    A stretch ends before a sample that is slow, or not a number. A log that begins or ends in flight has no margin
-    there.
+    A stretch ends before a sample that is slow, or not a number. Where the log begins or ends in flight, or the nearest
+    sample that is known flies, there is no margin.
 
     Parameters
     ----------
@@ -87,11 +88,14 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
     if speed is None or not speed.cruise > WALK:
         return []
     flies = speed.known & (speed.values >= BORNE * speed.cruise)
+    known = np.flatnonzero(speed.known)
     margin_s, stretches = MARGIN * speed.cruise / GRAVITY, []
     edges = np.flatnonzero(np.diff(flies.astype(np.int8), prepend=0, append=0))
     for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        from_s = float(log.time_s[first]) + (margin_s if first else 0.0)
-        to_s = float(log.time_s[end - 1]) + (1.0 / log.rate_hz if end == log.n_samples else -margin_s)
+        at, then = np.searchsorted(known, [first, end])
+        takes_off, lands = at > 0 and not flies[known[at - 1]], then < known.size and not flies[known[then]]
+        from_s = float(log.time_s[first]) + (margin_s if takes_off else 0.0)
+        to_s = float(log.time_s[end - 1]) + (-margin_s if lands else 1.0 / log.rate_hz)
         if from_s < to_s:
             stretches.append((from_s, to_s))
     return stretches

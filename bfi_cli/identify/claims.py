@@ -18,6 +18,7 @@ from ..kernels.normal import ONE_SIDED_95
 from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
+from ..preprocessing.tolerance import is_any
 from ..preprocessing.window import PreparedWindow
 from ..verdicts import Candidate, kind_of, state_of
 from .magnitudes import FreeOutcome, MethodResult
@@ -127,6 +128,9 @@ def _claim(
             note = "the inputs and lags of the model can explain a fault of any size"
         else:
             effect = limit * float(window.largest[entry])
+            if is_any(effect, window.log, channel.name):
+                limit = effect = None
+                note = "a fault as large as all that the channel reads could hide"
         if not _onset_is_covered(window, outcome.order, fault.onset_s):
             limit = effect = None
             note = "too near an end of the window"

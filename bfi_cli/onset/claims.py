@@ -26,6 +26,7 @@ from ..kernels.onset.limits import excluded_error, likelihood_ratios, mean_ratio
 from ..kernels.onset.pairs import peaks
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
+from ..preprocessing.tolerance import is_any
 from ..shapes import SHAPES, Shape
 from ..verdicts import Candidate, kind_of, state_of
 from .decision import Rule
@@ -168,7 +169,9 @@ def claims_of(
         suspicion = None if own or peak is None else _suspicion(rule, first, estimates, peak, order)
         suspicion = None if own else doubted.get((shape, output)) or suspicion or said.suspicion
         fault, unit = fault_of(form, channel, magnitude=1.0, onset_s=0.0), log.channel(channel).unit
-        effect = None if said.effect is None else _finite(scale * said.effect)
+        effect = None if said.effect is None else scale * said.effect
+        if effect is None or is_any(effect, log, channel):
+            said, effect = replace(said, excluded=None), None
         candidates.append(
             Candidate(
                 name=shape if len(settings.outputs) == 1 else f"{shape} on {channel}",
@@ -418,7 +421,13 @@ def limits_near_onsets(
             found.append(None)
             continue
         excluded, effect = max(covered, key=itemgetter(1))
-        found.append(ScanLimit(excluded_above=_finite(scale / slope * excluded), effect=_finite(scale * effect)))
+        known_size = not is_any(scale * effect, record.window.log, fault.channel)
+        found.append(
+            ScanLimit(
+                excluded_above=scale / slope * excluded if known_size else None,
+                effect=scale * effect if known_size else None,
+            )
+        )
     return tuple(found)
 
 

@@ -154,7 +154,10 @@ def speed_values(log: FlightLog, name: str) -> FloatArray | None:
 def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:
     """Return the median of a speed over five seconds, NaN where it is not known."""
     known = np.isfinite(values)
-    speed = np.abs(_running_median(np.where(known, values, 0.0), round(SMOOTHING_S * rate_hz)))
+    if not known.any():
+        return values
+    at = np.arange(values.size)
+    speed = np.abs(_running_median(np.interp(at, at[known], values[known]), round(SMOOTHING_S * rate_hz)))
     return np.where(known, speed, np.nan)
 
 

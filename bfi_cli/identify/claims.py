@@ -1,9 +1,9 @@
 """What an identification says of every entry of its dictionary: declared, suspected, excluded or not seen.
 
 An entry that is not declared is excluded where the log excludes every magnitude of it whose error on the channel is
-beyond the tolerance. The limit is the larger of the minimal detectable magnitude and of |z| + 2.33 standard deviations,
-and it is checked against the likelihood profile: a model whose dynamics nearly integrate absorbs a fault of any size,
-which no standard deviation at the minimum tells.
+beyond the tolerance, at 95 %. The limit is the larger of the minimal detectable magnitude and of |z| + 1.64 standard
+deviations, and it is checked against the likelihood profile: a model whose dynamics nearly integrate absorbs a fault of
+any size, which no standard deviation at the minimum tells.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 
 from ..faults import magnitude_unit, meaning
 from ..kernels.lagged import signals_factor
+from ..kernels.normal import ONE_SIDED_95
 from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
+from ..preprocessing.tolerance import is_any
 from ..preprocessing.window import PreparedWindow
 from ..verdicts import Candidate, kind_of, state_of
 from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
 
-__all__ = ["LIMIT", "claims_of"]
+__all__ = ["claims_of"]
 
-# One-sided 99 % quantile of the normal distribution, and its square as a statistic.
-LIMIT = 2.3263478740408408
 # Multiples of the limit at which the profile is asked, until it excludes one.
 MULTIPLES = (1.0, 1.5, 2.25, 3.5, 6.0)
 # Seconds after the window's start and before its end in which no claim is made, in orders of the model: the same as
@@ -123,11 +123,14 @@ def _claim(
     detectable = float(magnitudes.minimal_detectable[n]) if seen else np.nan
     limit = effect = note = None
     if not declared and METHODS[method].intervals and seen:
-        limit = _limit(regression, outcome, n, max(detectable, abs(z) + LIMIT * sd))
+        limit = _limit(regression, outcome, n, max(detectable, abs(z) + ONE_SIDED_95 * sd))
         if limit is None:
             note = "the inputs and lags of the model can explain a fault of any size"
         else:
             effect = limit * float(window.largest[entry])
+            if is_any(effect, window.log, channel.name):
+                limit = effect = None
+                note = "a fault as large as all that the channel reads could hide"
         if not _onset_is_covered(window, outcome.order, fault.onset_s):
             limit = effect = None
             note = "too near an end of the window"
@@ -159,7 +162,7 @@ def _limit(regression: RegressionData, outcome: MethodResult, n: int, limit: flo
     """Return the first multiple of a limit, SI, that the likelihood profile excludes; None where it excludes none.
 
     A fault of this size, added to the record, must reach the statistic that the rule asks for (in the mean of both
-    signs), and the record must disagree with it by more than 2.33 standard deviations.
+    signs), and explain the record worse than no fault with either.
     """
     if not np.isfinite(limit) or outcome.needed is None:
         return None

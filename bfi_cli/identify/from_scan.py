@@ -26,6 +26,7 @@ from ..onset import (
     why_not_scanned,
     with_limit_of_scan,
 )
+from ..preprocessing.advice import require_one_trim
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import OF_LINES, SHAPES
@@ -58,14 +59,15 @@ def identify_and_scan(
     ------
     LogError, ConfigError, DictionaryError : see `bfi_cli.identify.identify_faults` and `bfi_cli.onset.find_onset`.
     """
+    part = log.window(config.window.from_s, config.window.to_s)
+    faults = dictionary.resolved(float(part.time_s[0]))
+    require_one_trim(part, faults, config)
     result = identify_faults(log, dictionary, config, progress)
     exact = result.log.rate_hz == result.log.native_rate_hz and all(
         vaf > EXPLAINED for vaf in result.vaf_output.values()
     )
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in result.faults):
         return _with_scan(_unchecked(result, config), None, "not scanned beside a fault of unknown shape")
-    part = log.window(config.window.from_s, config.window.to_s)
-    faults = dictionary.resolved(float(part.time_s[0]))
     scanned = why_not_scanned(part, config, exact=exact) or scan_beside(
         _corrected(log, result, config), config, faults, progress, exact=exact
     )

@@ -6,7 +6,7 @@ from three orders of samples after the window's start to two before its end.
 
 A claim that there is no step means no lag and no ramp either, and these are followed by the model rather than predicted
 wrong: a threshold would ask for several times the tolerance. What excludes them is the record itself, by how much
-likelier it is without such a fault than with one, whatever its onset and size beyond the tolerance.
+likelier it is without such a fault than with one, whatever its onset. Limits are at 95 %.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ import numpy as np
 
 from ..faults import Fault, magnitude_unit
 from ..kernels import BoolArray, FloatArray, IntArray
+from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
 from ..kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
-from ..kernels.onset.limits import SPAN, excluded_error, likelihood_ratios, mean_ratios, undeclared_magnitudes
+from ..kernels.onset.limits import excluded_error, likelihood_ratios, mean_ratios, undeclared_magnitudes
 from ..kernels.onset.pairs import peaks
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
+from ..preprocessing.tolerance import is_any
 from ..shapes import SHAPES, Shape
 from ..verdicts import Candidate, kind_of, state_of
 from .decision import Rule
@@ -34,37 +36,31 @@ from .scan import HypothesisScan, Peak, scan_of
 from .scan_record import ScanRecord
 from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
 
-__all__ = ["OLDER_NOTE", "POWER", "STANDS_FOR", "claims_of", "covered_s", "limits_near_onsets"]
+__all__ = ["OLDER_NOTE", "STANDS_FOR", "claims_of", "covered_s", "limits_near_onsets"]
 
-# Quantiles of the normal distribution: 90 % power, and the one-sided 99 % limit.
-POWER, LIMIT = 1.2815515655446004, 2.3263478740408408
 # A claim of no oscillation holds for those with at least so many cycles in the window, of which two are left after the
 # onset: slower ones are bends, which a change of thrust or wind makes as well. With four cycles in place of six the
 # claim could be made in 67 instead of 80 % of 39 fault-free windows of two recorded flights.
 CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0
 # Frequencies spread over the band, for the sizes that a claim covers; those that stand out are looked at beside them.
 FREQUENCIES = 8
-# Of the onsets every so many are looked at: magnitudes change slowly with the onset, over several orders of samples.
-STRIDE = 3
-# Those of an oscillation no further apart than this share of its period: one of 1.2 tolerances had a statistic of 69 at
-# its onset, and of 6 at the best of every third, three tenths of a period apart, where the verdict was "no fault".
-OF_PERIOD = 0.125
 # Lags and ramps that a claim about steps covers, with their time constants and durations: by their longest, since what
 # builds up faster stands out more. The same answers in 340 runs on two recorded flights with ramps of 5 s beside; with
 # 10 s alone a ramp over 12.3 s of 2.4 tolerances was excluded.
 BUILT_UP: Mapping[Shape, tuple[float, ...]] = {"lagged_bias": (5.0,), "ramp_hold": (10.0, 13.0)}
 # Shapes that are excluded by the likelihood of the record, not by the size that they would have needed: at the worst of
-# many onsets and frequencies that is several times the tolerance, while the record as a whole leaves no doubt. With it
-# the claim that there is no oscillation can be made in 98 instead of 51 % of 68 fault-free windows of two recorded
-# flights, and of 340 oscillations of 0.2 to 10 tolerances none beyond the tolerance was excluded.
+# many onsets and frequencies that is several times the tolerance, while the record as a whole leaves no doubt: the
+# claim that there is no oscillation can be made in all instead of half of the fault-free windows of two recorded
+# flights (docs/theory.md, 8.5).
 WEIGHED: tuple[Shape, ...] = ("sine", "cosine", *BUILT_UP)
-# They are excluded where faults beyond the tolerance explain the record less than a twentieth as well as none does, in
-# the mean over onsets and sizes (Kass and Raftery 1995: strong evidence), and suspected where they explain it better.
-# The twentieth was chosen on 68 windows of two recorded flights (docs/theory.md, 8.5).
-EXCLUDED, SUSPECTED = 0.05, 1.0
-# Errors at which the likelihood is asked, in tolerances: limits from a tenth to ten of them.
+# A size is excluded where the record is at most so many times as likely with such a fault as without, in the mean over
+# onsets and signs. Where one onset is known, a fault of z standard deviations is excluded with a probability of up to
+# Phi(-z / 2 - q^2 / 2 z), at most Phi(-q) = 5 %, which unknown onsets meet too (docs/theory.md, 8.5). A shape is
+# suspected where faults beyond the tolerance explain the record better than none does.
+EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0
+# Errors at which the likelihood is asked, in tolerances: limits from a tenth to a hundred of them.
 PER_DECADE = 6
-ERRORS = np.geomspace(0.1, 10.0 * SPAN, 3 * PER_DECADE + 1)
+ERRORS = np.geomspace(0.1, 100.0, 3 * PER_DECADE + 1)
 # Of a shape that the scan does not look for, the one that it is.
 LIKE = {"cosine": "sine"}
 STANDS_FOR = "what is declared may stand for it: the log as measured does not exclude it"
@@ -117,9 +113,9 @@ class Likeliness:
     tolerance: float
 
     def excluded(self, near: BoolArray | None = None) -> float | None:
-        """Return the largest error that may hide, at the onsets `near` (n_onsets,) or at all; None where any may."""
-        means = mean_ratios(self.errors, self.ratios if near is None else self.ratios[:, near])
-        return _finite(excluded_error(self.errors, means, EXCLUDED))
+        """Return the largest error that may hide at 95 %, at the onsets `near` (n_onsets,) or at all; None for any."""
+        ratios = self.ratios if near is None else self.ratios[:, near]
+        return _finite(excluded_error(self.errors, ratios.mean(axis=1), EXCLUDED))
 
     @property
     def beyond(self) -> float:
@@ -173,7 +169,9 @@ def claims_of(
         suspicion = None if own or peak is None else _suspicion(rule, first, estimates, peak, order)
         suspicion = None if own else doubted.get((shape, output)) or suspicion or said.suspicion
         fault, unit = fault_of(form, channel, magnitude=1.0, onset_s=0.0), log.channel(channel).unit
-        effect = None if said.effect is None else _finite(scale * said.effect)
+        effect = None if said.effect is None else scale * said.effect
+        if effect is None or is_any(effect, log, channel):
+            said, effect = replace(said, excluded=None), None
         candidates.append(
             Candidate(
                 name=shape if len(settings.outputs) == 1 else f"{shape} on {channel}",
@@ -399,8 +397,8 @@ def limits_near_onsets(
     """
     known = dict[ShapeHypothesis, list[Limits | Likeliness | None]]()
     views = _views(record, estimates, order=order, order_as_measured=order_as_measured)
-    # Onsets are looked at in strides, so those of a stride to either side are counted too.
-    near_s = tolerance_s + STRIDE / record.settings.rate_hz
+    # An onset lies between two samples of the analysis.
+    near_s = tolerance_s + 1.0 / record.settings.rate_hz
     found: list[ScanLimit | None] = []
     for fault, _ in parts(report, faults):
         shape = LIKE.get(fault.shape, fault.shape)
@@ -423,7 +421,13 @@ def limits_near_onsets(
             found.append(None)
             continue
         excluded, effect = max(covered, key=itemgetter(1))
-        found.append(ScanLimit(excluded_above=_finite(scale / slope * excluded), effect=_finite(scale * effect)))
+        known_size = not is_any(scale * effect, record.window.log, fault.channel)
+        found.append(
+            ScanLimit(
+                excluded_above=scale / slope * excluded if known_size else None,
+                effect=scale * effect if known_size else None,
+            )
+        )
     return tuple(found)
 
 
@@ -480,15 +484,15 @@ def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypoth
 
 
 def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
-    """Return the onsets that a claim looks at, every so many and the last; of an oscillation those with cycles left."""
-    last, stride = float(scan.n_samples - ENDING * scan.order), STRIDE
-    if form.shape == "sine" and form.parameter is not None:
-        period = record.sampling.rate_hz / form.parameter
-        last = min(last, scan.n_samples - CYCLES_LEFT * period)
-        stride = min(STRIDE, max(1, int(OF_PERIOD * period)))
+    """Return the onsets that a claim looks at; of an oscillation those with cycles left.
+
+    All of them: one sample beside its onset a fault is another one. With every third onset a sixth of the lags and
+    ramps of five standard deviations were excluded that were in simulated records.
+    """
     onsets = default_onsets(scan)
-    onsets = onsets[onsets <= last]
-    return np.unique(np.append(onsets[::stride], onsets[-1:]))
+    if form.shape == "sine" and form.parameter is not None:
+        onsets = onsets[onsets <= scan.n_samples - CYCLES_LEFT * record.sampling.rate_hz / form.parameter]
+    return onsets
 
 
 def _onsets_s(record: ScanRecord, onsets: IntArray) -> FloatArray:
@@ -506,8 +510,8 @@ def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: fl
         scan,
         wave,
         profile,
-        power=(np.sqrt(threshold) + POWER * np.sqrt(dispersion)) ** 2,
-        doubt=LIMIT**2 * dispersion,
+        power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,
+        doubt=ONE_SIDED_95**2 * dispersion,
     )
     excluded = np.maximum(detected, admitted)
     reach: FloatArray = np.maximum.accumulate(np.abs(wave.samples * wave.unit))[scan.n_samples - 1 - onsets]
@@ -550,5 +554,6 @@ def _finite(value: float) -> float | None:
 
 
 def covered_s(record: ScanRecord, order: int) -> tuple[float, float]:
-    """Return the first and the last onset for which the claims hold."""
-    return record.onset_s(STARTING * order), record.onset_s(len(record.time_s) - ENDING * order)
+    """Return the first and the last onset for which the claims hold, and which are sought."""
+    lead = record.sampling.lead
+    return record.onset_s(STARTING * order + lead), record.onset_s(len(record.time_s) - ENDING * order + lead)

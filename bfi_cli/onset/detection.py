@@ -15,7 +15,6 @@ from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
-from ..kernels.onset.scan import STARTING
 from ..kernels.progress import Progress, Report, parts, shares, unseen
 from ..preprocessing.advice import what_would_help
 from ..preprocessing.tolerance import tolerances_of
@@ -152,7 +151,7 @@ def find_onset(
         )
     helps = what_would_help(record.window.log, config, by_kind)
     earliest_s, latest_s = covered_s(record, order)
-    notes.append(f"claims hold for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")
+    notes.append(f"limits hold at 95 % for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")
     notes += [helps] if helps else []
     return replace(
         result,
@@ -328,7 +327,7 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
 def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
     notes = [
         f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
-        f"onsets are sought from {instant(record.onset_s(STARTING * order))} s on; the model absorbs an earlier fault",
+        f"onsets are sought from {instant(covered_s(record, order)[0])} s on; the model absorbs an earlier fault",
     ]
     notes += [record.window.recorder] if record.window.recorder else []
     changes = np.abs(np.diff(record.u, axis=0))

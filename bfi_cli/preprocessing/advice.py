@@ -2,18 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ..config import Config
-from ..faults import Decision
+from ..errors import LogError
+from ..faults import Decision, Fault
 from ..flightlog import FlightLog
+from ..flightlog.phases import phases_of
+from ..flightlog.quality import advice_on_windows
 from ..shapes import Kind
 from .window import TRUSTED
 
-__all__ = ["what_would_help"]
+__all__ = ["require_one_trim", "what_would_help"]
+
+# Each has a trim of its own; take-off and landing are too short to hold a dictionary.
+TRIMS = ("climb", "cruise", "descent", "approach")
 
 # Of the trusted inputs those that shorten the tail of healthy windows most, wherever they are recorded.
 FIRST = ("pitch", "longitudinal_acc")
+
+
+def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config) -> None:
+    """Refuse a long window that goes on, after the last onset of a dictionary, for phases as long as all its onsets.
+
+    A model of one trim describes one of them, and what it leaves of the others looks like a fault.
+
+    Parameters
+    ----------
+    faults : of the dictionary, on the axis of the window.
+
+    Raises
+    ------
+    LogError : naming windows to take.
+    """
+    if (advice := advice_on_windows(window, whole=False)) is None:
+        return
+    start_s, stop_s = float(window.time_s[0]), float(window.time_s[-1])
+    last_s = max((one.onset_s for one in faults if start_s <= one.onset_s <= stop_s), default=start_s)
+    later = [
+        one.phase
+        for one in phases_of(window, suspects=config.outputs)
+        if one.phase in TRIMS and one.from_s > last_s and one.to_s - one.from_s > last_s - start_s
+    ]
+    if later:
+        raise LogError(
+            f"{window.path}: {advice}; after {last_s:.6g} s, where the last entry of the dictionary begins, come "
+            f"{len(later)} phases ({', '.join(dict.fromkeys(later))}) that a model of one trim does not describe; give "
+            "--from and --to within one of them"
+        )
 
 
 def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision]) -> str | None:

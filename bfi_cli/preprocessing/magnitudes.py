@@ -17,6 +17,7 @@ from ..config import Config
 from ..errors import LogError
 from ..kernels.covariance import additions_and_covariance
 from ..kernels.model_selection import Penalty, ScoredFit
+from ..kernels.normal import ONE_SIDED_90
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
@@ -39,8 +40,6 @@ RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the varian
 UNIT_ROOT = 16.0
 # Of an exponential that double precision holds: evidence may be asked for that no fault can show.
 LARGEST_EXPONENT = 500.0
-# Quantile of the normal distribution for 90 % power.
-POWER = 1.2815515655446004
 # Factors on a minimal detectable magnitude at which the profile is asked, until it would be declared; and for how many
 # entries that is done at most, since it takes some fits for each.
 MULTIPLES = (1.0, 1.2, 1.5, 1.9, 2.4, 3.0, 4.0, 6.0, 10.0)
@@ -187,7 +186,7 @@ def _minimal_detectable(estimates: MagnitudeEstimates, penalty: Penalty, overdis
     """
     n, correlated = penalty.n_rows, np.sqrt(penalty.n_rows / penalty.n_effective)
     white = np.sqrt(estimates.sampling / overdispersion)
-    scatter = POWER * correlated * np.sqrt(estimates.sampling)
+    scatter = ONE_SIDED_90 * correlated * np.sqrt(estimates.sampling)
     needed = np.minimum(statistic_needed(penalty, overdispersion) / n, LARGEST_EXPONENT)
     by_statistic = white * np.sqrt(n * np.expm1(needed)) + scatter
     by_interval = estimates.quantile * np.sqrt(estimates.variance) + scatter
@@ -197,7 +196,8 @@ def _minimal_detectable(estimates: MagnitudeEstimates, penalty: Penalty, overdis
 def profiled_limits(
     regression: RegressionData, fit: Fit, estimates: MagnitudeEstimates, penalty: Penalty, overdispersion: FloatArray
 ) -> FloatArray:
-    """Return (n_live,) minimal detectable magnitudes, raised where the likelihood profile asks for more.
+    """Return (n_live,) minimal detectable magnitudes, raised where the likelihood profile asks for more; infinite where
+    no multiple tried is enough.
 
     A fault m added to the record and analysed without it leaves the likelihood that the record has at -m: that tells
     its statistic exactly, where a model that nearly integrates absorbs it (`kernels.onset.limits` does the same for
@@ -214,7 +214,7 @@ def profiled_limits(
     start = fit.z
     without = fit_magnitudes(problem, fit.atoms, start).log_det
     correlated = np.sqrt(penalty.n_rows / penalty.n_effective)
-    roots = np.sqrt(statistic_needed(penalty, overdispersion)) + POWER * correlated * np.sqrt(overdispersion)
+    roots = np.sqrt(statistic_needed(penalty, overdispersion)) + ONE_SIDED_90 * correlated * np.sqrt(overdispersion)
     for n in np.flatnonzero(np.isfinite(limits)):
         if n in fit.atoms:
             continue
@@ -232,7 +232,7 @@ def profiled_limits(
                 break
             below = (multiple, root)
         else:
-            limits[n] *= MULTIPLES[-1]
+            limits[n] = np.inf
     return limits
 
 

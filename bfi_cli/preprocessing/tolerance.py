@@ -9,7 +9,7 @@ from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog import FlightLog
 
-__all__ = ["tolerance_of", "tolerances_of"]
+__all__ = ["is_any", "tolerance_of", "tolerances_of"]
 
 # Exact by definition.
 KNOT, FOOT, DEGREE = 1852.0 / 3600.0, 0.3048, np.pi / 180.0
@@ -28,6 +28,14 @@ FIXED = {
     **dict.fromkeys(("longitudinal_acc", "lateral_acc", "normal_acc", "kinematic_acc"), 0.3),
 }
 OTHER_SHARE = 0.1  # of the range of a channel that neither names
+
+
+def is_any(error: float, window: FlightLog, channel: str) -> bool:
+    """Return whether an error is as large as any could be: of a speed, larger than all that it reads in the window."""
+    known = window.channel(channel)
+    if known.name not in (*AIRSPEEDS, "ground_speed", "mach"):
+        return not np.isfinite(error)
+    return not error <= float(np.max(np.abs(known.values[np.isfinite(known.values)]), initial=0.0))
 
 
 def tolerances_of(log: FlightLog, window: FlightLog, channels: tuple[str, ...], config: Config) -> dict[str, float]:

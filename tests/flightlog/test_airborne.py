@@ -73,3 +73,14 @@ def test_samples_that_are_no_numbers_end_a_stretch():
 def test_mach_is_an_airspeed():
     (stretch,) = airborne_stretches(log_of(flight(238.0) / 340.0, "mach"))
     assert stretch == pytest.approx(airborne_stretches(log_of(flight(238.0)))[0])
+
+
+@pytest.mark.parametrize(
+    "missing", [slice(-1, None), slice(0, 1), slice(-40, None), slice(1000, 1001), slice(1000, 1100)]
+)
+def test_a_missing_sample_is_no_landing(missing: slice):
+    """A margin of 20 s beside it would leave out what is in the air; the grid of the phases is a tenth of V / g."""
+    speed = flight(100.0)[round(400.0 * RATE_HZ) : round(800.0 * RATE_HZ)]
+    speed[missing] = np.nan
+    flown_s = sum(to_s - from_s for from_s, to_s in airborne_stretches(log_of(speed)))
+    assert flown_s == pytest.approx(np.isfinite(speed).sum() / RATE_HZ, abs=2.1)

@@ -6,11 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_logs import made_log
 
 from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
+from bfi_cli.errors import LogError
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.identify import identify_faults
+from bfi_cli.identify.from_scan import identify_and_scan
+from bfi_cli.preprocessing.advice import require_one_trim
 
 
 def flown(noise: float, gusts: float = 0.0) -> FlightLog:
@@ -58,3 +62,18 @@ def test_what_the_dictionary_does_not_hold_is_pointed_at(flight, thesis, faulty)
     )
     result = identify_faults(log, late, Config())
     assert any("an abrupt event" in note for note in result.notes)
+
+
+def test_a_flight_of_many_trims_is_refused_with_the_windows_to_take(thesis):
+    """Its dictionary begins in the first half minute; whatever one model leaves of climb and descent is no fault."""
+    time_s = np.arange(0.0, 2400.0, 0.2)
+    altitude = np.interp(time_s, [0.0, 600.0, 1500.0, 2400.0], [500.0, 3500.0, 3500.0, 500.0])
+    speed = np.interp(time_s, [0.0, 500.0, 700.0, 1400.0, 1600.0, 2400.0], [90.0, 90.0, 120.0, 120.0, 100.0, 100.0])
+    moves = 0.05 * np.sin(time_s) * (np.abs(time_s - 1000.0) < 10.0)
+    units = {"tas": "m/s", "cas": "m/s", "altitude": "m", "elevator": "rad"}
+    log = made_log(time_s, units=units, tas=speed, cas=speed, altitude=altitude, elevator=moves)
+    with pytest.raises(LogError, match=r"40 min long; bfi info .* 2 phases \(cruise, descent\)") as caught:
+        identify_and_scan(log, thesis, Config())
+    assert "\n" not in str(caught.value)
+    cruise = log.window(700.0, 1400.0)
+    require_one_trim(cruise, thesis.resolved(700.0), Config())  # long, but of one trim

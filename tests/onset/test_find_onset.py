@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.config import Config, StartTime
+from bfi_cli.config import Config, StartTime, merge
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog.record import frozen_array
@@ -15,6 +15,7 @@ from bfi_cli.onset import find_onset
 from bfi_cli.onset.scan import scan_hypotheses
 from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.onset.shapes import shape_hypotheses
+from bfi_cli.preprocessing.tolerance import is_any
 from bfi_cli.verdicts import KINDS, decide
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
@@ -242,3 +243,16 @@ def test_a_shape_of_ones_own(flown, tmp_path):
     found = scan_hypotheses(record, record.y, 4).of("samples")
     assert record.onset_s(found.onset) == pytest.approx(12.0, abs=0.11)
     assert record.unit[0] * found.profile.z[found.profile.best] == pytest.approx(1.5, rel=0.02)
+
+
+def test_a_limit_beyond_all_that_a_speed_reads_is_none(flown):
+    """Nothing is said by "115 m/s could hide" of an airspeed that reads 109 at most."""
+    log = flown(replace(BIAS, magnitude=4.0, onset_s=8.0)).window(0.0, 12.0)
+    asked = {"conditioning.rate_hz": 10.0, "model.order": 12, "start_time.shapes": ("bias",)}
+    result = find_onset(log, merge(Config(), asked))
+    assert result.decision == "fault"
+    lag = next(one for one in result.candidates if one.shape == "lagged_bias")
+    assert (lag.state, lag.effect, lag.excluded_above) == ("not_seen", None, None)
+    for channel, error, expected in (("tas", 108.0, False), ("tas", 109.0, True), ("pitch", 109.0, False)):
+        assert is_any(error, log, channel) is expected
+    assert is_any(np.inf, log, "pitch")

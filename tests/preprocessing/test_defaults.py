@@ -186,3 +186,13 @@ def test_logs_of_autopilots_are_identified_as_typed(bfi: Callable, tmp_path: Pat
         assert set(document["model"]["inputs"]) <= set(has)
         assert any("the output is 'ias'" in note for note in document["notes"]) == (output == "ias")
         assert any("the inputs are" in note for note in document["notes"]) == ("elevator" not in has)
+
+
+def test_a_missing_last_sample_of_a_short_log_leaves_nothing_out():
+    """Of 12 s nearly ten were left out as a landing, and a fault in them."""
+    time_s = np.arange(0.0, 12.0, 0.05)
+    speed = 47.0 + np.sin(time_s)
+    end = np.where(time_s < time_s[-1], speed + 1.0, np.nan)
+    units = {"tas": "m/s", "ground_speed": "m/s", "elevator": "rad"}
+    log = made_log(time_s, units=units, tas=speed, ground_speed=end, elevator=np.sin(2.0 * time_s))
+    assert with_defaults_of(log, Config()) == (Config(), ())

@@ -54,7 +54,7 @@ AS_GOOD = 4.6
 # Of a step of one quantisation, in a comparison of channels: a change lies between two means, which average most of it.
 # With 1 in place of 0.5 a tenth of the errors of tas of 0.1 m/s was named with tat, with 0.5 a hundredth, none wrong.
 AVERAGED = 0.5
-CI95, ONE_SIDED95 = 3.84, 1.645  # of chi-square with one degree of freedom, and of the normal distribution
+CI95, ONE_SIDED95 = 3.84, 1.645
 # Pieces of this length about a line show the noise of a relation that no recorded step explains.
 PIECE_S = 20.0
 # Where some channel does not show its steps, what the known ones do not explain of that noise counts so many times: the

@@ -355,9 +355,9 @@ def passes(copy: Path, files: Sequence[str]) -> bool:
         done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=LONGEST_S, check=False)
     except subprocess.TimeoutExpired:
         return False
-    if done.returncode not in (0, 1, 2):  # passed; failed; a change that cannot be imported
+    if done.returncode == 4:  # pytest was started wrongly
         raise RuntimeError(done.stdout.decode()[-2000:] + done.stderr.decode()[-2000:])
-    return done.returncode == 0
+    return done.returncode in (0, 5)  # passed, or without a fast test
 
 
 def tried(copy: Path, line: Line, sound: dict[tuple[str, ...], bool]) -> list[str]:

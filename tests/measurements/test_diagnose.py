@@ -38,7 +38,7 @@ POSITION = ("latitude", "longitude")
 LACKING = ("cas", "ias", "mach", "tat", "sat")
 SHARE = 1.0 if FULL else 0.0
 FEWEST = 8  # windows that run
-MOST_FALSE = 0.3  # events an hour of flight without a fault: none in the 2.3 hours of both, which shows 1.6 at most
+MOST_FALSE = 0.3  # events an hour of flight without a fault: none in the 2.6 hours of both, which shows 1.4 at most
 # A fault ends after the window, so that the rest of the log is a flight.
 AFTER_S = 5.0
 WIDE, NARROW = 0.5, 0.25  # where in a window a fault that grows begins, as a share of the window

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import eigh
 
 __all__ = ["LikelihoodRatio", "NoiseModel", "Residual", "likelihood_ratio", "noise_model", "settle"]
 
@@ -29,12 +29,14 @@ class NoiseModel:
     Attributes
     ----------
     levels : (n_levels,) s_j, in the unit of the residual.
-    whitening : (n_levels, n, n) inverses of the lower Cholesky factors.
+    modes : (n, n) rows in which the fast and the slow part are both uncorrelated, so that one matrix whitens at every
+        level; variances : (n_levels, n) of these.
     log_det : (n_levels,) logarithms of the determinants of the covariances.
     """
 
     levels: FloatArray
-    whitening: FloatArray
+    modes: FloatArray
+    variances: FloatArray
     log_det: FloatArray
 
 
@@ -82,11 +84,12 @@ class LikelihoodRatio:
 def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> NoiseModel:
     """Return the covariances of samples at times, (n,) s, for levels of the fast part and a slow part (n, n)."""
     fast = np.exp(-np.abs(time_s[:, None] - time_s[None, :]) / FAST_S)
-    identity = np.eye(len(time_s))
-    factors = [np.linalg.cholesky(level**2 * fast + slow) for level in levels]
-    whitening = np.stack([solve_triangular(factor, identity, lower=True) for factor in factors])
-    log_det = np.array([2.0 * float(np.sum(np.log(np.diag(factor)))) for factor in factors])
-    return NoiseModel(levels=levels, whitening=whitening, log_det=log_det)
+    # modes fast modes' = 1 and modes slow modes' = diag(slow variances), of fast parts of level 1.
+    slow_variances, vectors = eigh(slow, fast)
+    variances = levels[:, None] ** 2 + np.maximum(slow_variances, 0.0)
+    of_fast = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(fast)))))
+    log_det = np.log(variances).sum(axis=1) + of_fast
+    return NoiseModel(levels=levels, modes=np.ascontiguousarray(vectors.T), variances=variances, log_det=log_det)
 
 
 def off(nuisances: FloatArray, whitened: FloatArray) -> FloatArray:
@@ -111,23 +114,27 @@ def settle(
     own : (n, n_own) signatures that a fault may have in this residual, in any amount.
     """
     priors = np.diag(1.0 / prior_sd)[np.isfinite(prior_sd)]
-    best: tuple[float, int, FloatArray, FloatArray] | None = None
-    without = np.empty(len(noise.levels))
-    for k, whitening in enumerate(noise.whitening):
-        basis = _orthonormal(np.concatenate([whitening @ nuisances, priors]))
-        y = off(basis, whitening @ values)
-        without[k] = -noise.log_det[k] - float(y @ y)
-        columns = off(basis, whitening @ own)
-        power = np.einsum("ij,ij->j", columns, columns)
-        shown = columns.T @ y
-        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), np.finfo(float).tiny)
-        gain = float(np.max(shown[seen] ** 2 / power[seen], initial=0.0))
-        if best is None or without[k] + gain > best[0]:
-            best = (float(without[k] + gain), k, basis, y)
-    assert best is not None
-    _, k, basis, y = best
-    cost = float(without[k] - without.max())
-    return Residual(values=y, whitening=noise.whitening[k], nuisances=basis, cost=cost, level=float(noise.levels[k]))
+    n, weights = len(values), 1.0 / np.sqrt(noise.variances)[:, :, None]
+    values, nuisances, own = noise.modes @ values, noise.modes @ nuisances, noise.modes @ own
+    below = np.broadcast_to(priors, (len(weights), *priors.shape))
+    bases = _orthonormal(np.concatenate([weights * nuisances, below], axis=1))
+    rows = np.concatenate([weights * values[:, None], np.zeros((*below.shape[:2], 1))], axis=1)
+    y = (rows - bases @ (bases.transpose(0, 2, 1) @ rows))[:, :, 0]
+    columns = weights * own
+    inside = bases[:, :n].transpose(0, 2, 1) @ columns
+    power = np.einsum("kij,kij->kj", columns, columns) - np.einsum("kij,kij->kj", inside, inside)
+    shown = np.einsum("kij,ki->kj", columns, y[:, :n])
+    least = RANK_TOLERANCE * np.maximum(power.max(axis=1, initial=0.0), np.finfo(float).tiny)[:, None]
+    gain = np.divide(shown**2, power, out=np.zeros_like(power), where=power > least).max(axis=1, initial=0.0)
+    without = -noise.log_det - np.einsum("ki,ki->k", y, y)
+    k = int(np.argmax(without + gain))
+    return Residual(
+        values=y[k],
+        whitening=noise.modes * weights[k],
+        nuisances=bases[k][:, bases[k].any(axis=0)],
+        cost=float(without[k] - without.max()),
+        level=float(noise.levels[k]),
+    )
 
 
 def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatArray | None]) -> LikelihoodRatio:
@@ -161,9 +168,9 @@ def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatAr
 
 
 def _orthonormal(columns: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of what columns span."""
-    if not columns.shape[1]:
+    """Return orthonormal bases of what columns, (n_levels, n, m), span, zeros in place of what depends on others."""
+    if not columns.shape[2]:
         return columns
-    scale = np.linalg.norm(columns, axis=0)
-    u, s, _ = np.linalg.svd(columns[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
-    return np.asarray(u[:, s > RANK_TOLERANCE * s.max(initial=0.0)])
+    scale = np.linalg.norm(columns, axis=1, keepdims=True)
+    u, s, _ = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
+    return np.asarray(u * (s > RANK_TOLERANCE * s[:, :1])[:, None, :])

@@ -13,7 +13,8 @@ from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, li
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of
 
-__all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window", "without_lasting"]
+__all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window", "with_lasting"]
+__all__ += ["without_lasting"]
 
 FloatArray = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ def ramps(time_s: FloatArray, onsets_s: FloatArray) -> FloatArray:
     return np.maximum(time_s[:, None] - onsets_s[None, :], 0.0)
 
 
-@lru_cache(maxsize=16)  # 6 MB each at 240 s
+@lru_cache(maxsize=64)  # 0.5 MB each at 240 s
 def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> NoiseModel:
     known = ~np.frombuffer(missing, dtype=bool)
     model = next(one for one in RESIDUALS if one.name == kind)
@@ -78,6 +79,8 @@ def scan_window(
     zero_lift: float | None,
     only: Collection[str] | None = None,
     lasting: Collection[str] = (),
+    fault: str | None = None,
+    onset_s: float | None = None,
 ) -> WindowScan | None:
     """Return the scan of a window; None where the log allows no residual.
 
@@ -87,6 +90,7 @@ def scan_window(
     zero_lift : angle of attack of zero lift, rad, where it is known.
     only : names of the residuals to use; None for all that the log allows.
     lasting : faults that began before the window. Whatever constant and drift they may have in it is no evidence.
+    fault, onset_s : the one to look for; None for all faults, and all onsets.
     """
     kinds, lacking = available(record.channels)
     kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
@@ -99,6 +103,8 @@ def scan_window(
     constants = constants_of(record, zero_lift=zero_lift)
     first, last = record.time_s[0] - 0.5 * STEP_S, record.time_s[-1] + 0.5 * STEP_S
     onsets_s = np.arange(first + FIRST_ONSET_S, last - LAST_ONSET_S + 1e-6, ONSET_STEP_S)
+    if onset_s is not None:
+        onsets_s = np.array([onset_s])
     if not len(onsets_s):
         return None
     courses = ramps(record.time_s, onsets_s)
@@ -142,6 +148,8 @@ def scan_window(
     )
     ratios, healthy = {}, [level_of(kind, record, constants) for kind in used]
     for hypothesis in hypotheses(record):
+        if fault not in (None, hypothesis.fault):
+            continue
         signatures = fault_signatures(scan, record, hypothesis, courses, healthy)
         if any(one is not None for one in signatures):
             ratios[hypothesis.fault] = likelihood_ratio(residuals, signatures)
@@ -196,13 +204,22 @@ def residual_values(record: Record, original: Record, constants: Constants, kind
     return values
 
 
+def with_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
+    """Return a record as it would be with a fault of `amount`, (n,), with the integral of its accelerations."""
+    return _with_gained(record, with_fault(record, fault, amount))
+
+
 def without_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
     """Return a record as it would be without a fault of `amount`, (n,), with the integral of its accelerations."""
-    clean = without_fault(record, fault, amount)
+    return _with_gained(record, without_fault(record, fault, amount))
+
+
+def _with_gained(record: Record, other: Record) -> Record:
+    """Return the other record with the integral of its own accelerations."""
     if record.gained is None:
-        return clean
+        return other
     (rate,) = (kind.rate for kind in RESIDUALS if kind.rate is not None)
-    return replace(clean, gained=record.gained + _integral(_bridged(rate(clean) - rate(record))))
+    return replace(other, gained=record.gained + _integral(_bridged(rate(other) - rate(record))))
 
 
 def _bridged(values: FloatArray) -> FloatArray:

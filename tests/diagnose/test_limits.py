@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,15 +12,16 @@ import pytest
 from bfi_cli.config import Config
 from bfi_cli.diagnose import DiagnoseResult, FlightLimit, diagnose_flight
 from bfi_cli.diagnose.flight import Flight, flight_of
-from bfi_cli.diagnose.limits import BIN_S, Bounds, Hidden, limits_of
-from bfi_cli.diagnose.looks import Scanned, look_at, rates_of
+from bfi_cli.diagnose.limits import BIN_S, Bounds, Hidden, bounds_of, limits_of, tried_out
+from bfi_cli.diagnose.looks import Scanned, look_at, rates_of, scan_flight
 from bfi_cli.diagnose.unwatched import Unwatched, flown_of, left_of, unwatched_by_lines, unwatched_by_steps
 from bfi_cli.diagnose.verdict import sentence_of, verdicts_of
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity import shipped_tables
+from bfi_cli.parity import scan_window, shipped_tables
 from bfi_cli.parity.holds import UnseenLine
+from bfi_cli.parity.scan import with_lasting
 from bfi_cli.verdicts import KINDS, decide
 
 AIRSPEEDS = ("tas", "cas", "mach")
@@ -134,6 +136,50 @@ def test_an_error_as_large_as_the_airspeed_is_any_size(flight: Flight):
 
 
 # The scan
+
+
+def test_a_drift_above_what_a_window_hides_is_declared(flight: Flight):
+    """Tried out: a hundredth above the size that hides, of either sign, in the middle of the windows that count."""
+    windows = [(380.0, 440.0), (400.0, 520.0)]
+    looks = list(look_at(scan_flight(flight, windows), shipped_tables(), false_alarm=0.01, scale=1.0))
+    slow = {one.fault: one for one in bounds_of(flight, looks, (), ())}
+    assert {"tas", "cas", "pitot_icing"} <= slow.keys()
+    levels = {(one.from_s, one.to_s): threshold.level for one, threshold, _ in looks}
+    for fault in ("tas", "cas", "pitot_icing"):
+        for hidden in slow[fault].windows:
+            k = len(hidden.sizes) // 2
+            part = flight.record.between(*hidden.window)
+            course = 1.01 * hidden.sizes[k] * np.maximum(part.time_s - hidden.onsets_s[k], 0.0)
+            for amount in (course, -course):
+                line = "q_impact" if fault == "pitot_icing" else fault
+                scan = scan_window(with_lasting(part, line, amount), zero_lift=flight.zero_lift)
+                assert scan is not None
+                # A single window declares what exceeds its threshold by a fifth.
+                assert scan.statistic > 1.2 * levels[hidden.window]
+
+
+def test_windows_that_count_over_most_stretches_are_tried_out_and_others_where_they_leave_much_less(flight: Flight):
+    tries: list[float] = []
+
+    def tried(first_s: float, factor: float) -> Callable[[], float]:
+        return lambda: tries.append(first_s) or factor
+
+    # From 300 to 330 s the long window leaves 3.6 m/s and more, the short ones 3.3 and 0.6 from their beginning on.
+    windows = [span(240.0, 480.0, 0.02), span(300.0, 360.0, 0.055), span(420.0, 480.0, 0.005)]
+    factors = {240.0: 1.0, 300.0: 9.0, 420.0: 1.5}
+    windows = [replace(one, tried=tried(one.window[0], factors[one.window[0]])) for one in windows]
+    kept = tried_out(flight, bounds(windows))
+    assert tries == [240.0, 420.0]
+    # What is not tried out is raised by the most that another was.
+    assert [one.sizes[0] for one in kept] == pytest.approx([0.02, 1.5 * 0.055, 1.5 * 0.005])
+    assert all(one.tried is None for one in kept)
+
+
+def test_what_a_window_hides_beyond_the_largest_error_is_of_any_size():
+    one = replace(span(0.0, 100.0, 1.0), largest=60.0)
+    np.testing.assert_array_equal(np.isfinite(one.raised(1.0).sizes), 100.0 - one.onsets_s <= 60.0)
+    assert one.raised(1.0).watched == [(40.0, 80.0)]
+    assert one.watched == [(0.0, 80.0)]
 
 
 def test_what_hides_is_the_estimate_and_what_the_threshold_leaves():

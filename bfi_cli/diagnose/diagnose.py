@@ -70,10 +70,23 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     log, notes = flight.log, [*log.notes]
     with threadpool_limits(1):
         part = (flight.from_s, flight.to_s)
-        drafts = [Draft(finding=one, window=part, until_s=flight.to_s) for one in flight.not_credible]
+        drafts = [
+            Draft(finding=one, window=part, until_s=one.offset_s or part[1])
+            for one in flight.not_credible
+            if one.onset_s < part[1] and (one.offset_s is None or one.offset_s > part[0])
+        ]
+        drafts += [
+            Draft(
+                finding=one,
+                window=(max(one.onset_s - AROUND_HOLD_S, part[0]), min(one.onset_s + AROUND_HOLD_S, part[1])),
+                until_s=one.onset_ci95[1] + AFTER_HOLD_S,
+            )
+            for one in flight.stepped
+            if part[0] <= one.onset_s < part[1]
+        ]
         held = _holds(flight)
         drafts += [*held, *drafts_of_disagreements(flight, held)]
-        notes += flight.held.missing_in(flight.from_s, flight.to_s)
+        notes += flight.held.missing_in(*part)
         series = relation_series(log)
         static = find_relations(flight, series, report=partial(progress, "static relations"))
         drafts += drafts_of_relations(flight, series, static)
@@ -197,7 +210,7 @@ def _event(flight: Flight, draft: Draft) -> Event:
         among=one.among,
         channels=one.channels,
         state=state,
-        kind=SHAPES[one.shape].kind,
+        kind=SHAPES[one.shape].kind if one.shape in SHAPES else "abrupt",
         stages=stages,
         shape=one.shape,
         constant_s=one.constant_s,

@@ -31,6 +31,7 @@ from ..parity.calibration import load_air_data
 from ..parity.credibility import coarse_positions, credibility_of
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
+from ..parity.sensors import accelerometer_steps, frozen_vanes, probe_steps, without_frozen
 from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
 from .conventions import without, without_other_conventions
 from .glances import INPUTS
@@ -87,7 +88,8 @@ class Flight:
     moved : stretches in which flaps and gear may move.
     held : pressure lines that are held.
     unused : sentences on channels that are not what their names say, or do not follow the flight, and were left out.
-    not_credible : of the latter; unusable : residuals that are not used.
+    not_credible : of the latter, and of a vane that rests; unusable : residuals that are not used.
+    stepped : steps of a temperature probe or an accelerometer.
     lasting : faults found so far, which later windows are not to find again.
     """
 
@@ -107,6 +109,7 @@ class Flight:
     tolerances: Mapping[str, float]
     unused: tuple[str, ...]
     not_credible: tuple[Finding, ...] = ()
+    stepped: tuple[Finding, ...] = ()
     unusable: tuple[str, ...] = ()
     lasting: tuple[LastingFault, ...] = ()
 
@@ -204,6 +207,10 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         log = without(log, "latitude", "longitude")
     log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
+    resting = frozen_vanes(log, record, phases)
+    if resting:
+        log = without_frozen(log, resting)
+        record = record_of(log)
     credible = credibility_of(record, phases, (from_s, to_s), without=_stretches_of(held.findings))
     if credible.findings:
         log = without(log, *credible.unused)
@@ -225,7 +232,8 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         held=held,
         tolerances=config.tolerances,
         unused=(*frozen, *([coarse] if coarse else ()), *unlike, *credible.sentences),
-        not_credible=credible.findings,
+        not_credible=(*resting, *credible.findings),
+        stepped=(*probe_steps(record, phases, log.channels.keys()), *accelerometer_steps(record, phases)),
         unusable=credible.unusable,
     )
     if flight.zero_lift is None:

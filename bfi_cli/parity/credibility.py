@@ -26,7 +26,8 @@ from .record import STEP_S, Record
 from .residuals import geometric_climb_rate
 from .windows import Window, clean_up_time, configuration_changes, flight_stretches, within
 
-__all__ = ["Agreement", "Credibility", "agreements", "coarse_positions", "credibility_of"]
+__all__ = ["Agreement", "Credibility", "agreements", "climbing_load", "coarse_positions", "credibility_of"]
+__all__ += ["still_air_angle"]
 
 FloatArray = NDArray[np.float64]
 
@@ -81,7 +82,8 @@ class _Relation:
     least: float = 0.0
 
 
-def _vane(record: Record) -> FloatArray:
+def still_air_angle(record: Record) -> FloatArray:
+    """Return (n,) the angle of attack, rad, by attitude and climb."""
     channels = record.channels
     return vane_angle(geometric_climb_rate(record), channels["tas"], channels["pitch"], channels["roll"])
 
@@ -93,7 +95,8 @@ def _lift_share(record: Record) -> FloatArray:
     return np.asarray(lift / np.nanmedian(lift)) if np.isfinite(lift).any() else lift
 
 
-def _load(record: Record) -> FloatArray:
+def climbing_load(record: Record) -> FloatArray:
+    """Return (n,) the normal acceleration, m/s^2, by climb, bank and pitch."""
     channels = record.channels
     pitch, roll = channels["pitch"], channels["roll"]
     ahead = channels.get("longitudinal_acc", G * np.sin(pitch))
@@ -130,7 +133,7 @@ RELATIONS = (
         accuses=("aoa", "pitch", "altitude_rate", AIRSPEED),
         confirms=("aoa", "pitch", "altitude_rate"),
         words="pitch minus flight path",
-        reference=_vane,
+        reference=still_air_angle,
         reading=lambda record: record.channels["aoa"],
         least=FIXED["aoa"],
     ),
@@ -151,7 +154,7 @@ RELATIONS = (
         accuses=("normal_acc", "altitude_rate"),
         confirms=("normal_acc", "altitude_rate"),
         words="the climb and the bank",
-        reference=_load,
+        reference=climbing_load,
         reading=lambda record: record.channels["normal_acc"],
         least=FIXED["normal_acc"],
     ),
@@ -403,11 +406,10 @@ def _finding(
 ) -> Finding:
     told = next((one for one in failing if one.has_scale), None)
     magnitude = None if told is None else told.scale - 1.0
-    travel: Mapping[str, float] = {}
-    if name in record.channels and magnitude is not None:
-        low, high = np.nanquantile(record.channels[name], (0.05, 0.95))
-        scale = max(abs(1.0 + magnitude), 0.1)
-        travel = {name: float(magnitude / scale * (high - low))}
+    # Of what it should move within a piece, two standard deviations.
+    effect: Mapping[str, float] = {}
+    if told is not None:
+        effect = {name: 2.0 * (told.scale - 1.0) * float(np.sqrt(told.moments[:, 0].mean()))}
     correlation = min(one.correlation for one in failing)
     return Finding(
         fault=name,
@@ -422,7 +424,7 @@ def _finding(
         onset_ci95=(window[0], window[0]),
         statistic=LEAST_CORRELATION / max(correlation, 1e-3),
         threshold=1.0,
-        effect=travel,
+        effect=effect,
         evidence={f"correlation with {one.words}": round(one.correlation, 2) for one in failing},
         doubt=f"it or {' or '.join(rivals)} does not follow the others"
         if rivals

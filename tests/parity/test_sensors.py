@@ -1,0 +1,136 @@
+"""Sensors that fail by themselves: a vane that rests, a probe and an accelerometer that step; what is no fault."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_flights import made_flight
+from made_logs import made_log
+
+from bfi_cli.airdata import G, isa_temperature, speed_of_sound, static_temperature
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.phases import Phase
+from bfi_cli.parity import Record, record_of
+from bfi_cli.parity.sensors import accelerometer_steps, frozen_vanes, probe_steps, without_frozen
+
+N, RATE_HZ, ONSET_S = 1000, 4.0, 400.0
+FLIGHT = [Phase(phase="cruise", from_s=0.0, to_s=float(N))]
+UNITS = {"altitude": "m", **dict.fromkeys(("aoa", "pitch", "roll"), "rad"), "normal_acc": "m/s^2"}
+UNITS |= {"altitude_rate": "m/s"}
+
+
+def attitudes(step: float = 0.0) -> FlightLog:
+    """Return the log of an aircraft that climbs, descends and banks; `step` of the vane's record, rad."""
+    t = np.arange(round(N * RATE_HZ)) / RATE_HZ
+    rng = np.random.default_rng(2)
+    slope, roll = 0.04 * np.sin(0.05 * t) + 0.02 * np.sin(0.21 * t), 0.3 * np.sin(0.013 * t)
+    aoa = 0.06 + 0.02 * np.sin(0.08 * t)
+    lift = (100.0 * np.gradient(slope, t) + G * np.cos(slope)) / np.cos(roll)
+    pitch = np.arcsin(np.cos(aoa) * np.sin(slope) + np.sin(aoa) * np.cos(slope) * np.cos(roll))
+    noise = 0.0 if step else 2e-4 * rng.standard_normal(t.size)
+    return made_log(
+        t,
+        UNITS,
+        tas=np.full(t.size, 100.0),
+        altitude_rate=100.0 * np.sin(slope),
+        aoa=np.round((aoa + noise) / step) * step if step else aoa + noise,
+        pitch=pitch,
+        roll=roll,
+        normal_acc=lift - G + 0.1 * rng.standard_normal(t.size),
+        altitude=2000.0 + np.cumsum(100.0 * np.sin(slope)) / RATE_HZ,
+    )
+
+
+def with_values(log: FlightLog, name: str, values: np.ndarray) -> FlightLog:
+    return replace(log, channels={**log.channels, name: replace(log.channels[name], values=values)})
+
+
+@pytest.mark.parametrize("until_s", [None, 520.0])
+def test_a_vane_that_rests_while_the_aircraft_moves_is_frozen_and_missing(until_s: float | None):
+    log = attitudes()
+    aoa = log.channels["aoa"].values.copy()
+    rests = (log.time_s >= ONSET_S) & (log.time_s < (until_s or np.inf))
+    aoa[rests] = aoa[rests][0]
+    log = with_values(log, "aoa", aoa)
+    (found,) = frozen_vanes(log, record_of(log), FLIGHT)
+    assert (found.fault, found.shape, found.among) == ("aoa", "frozen", ("aoa",))
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    assert found.offset_s == (None if until_s is None else pytest.approx(until_s, abs=0.5))
+    gone = ~np.isfinite(without_frozen(log, [found]).channels["aoa"].values)
+    assert gone[rests].all()
+    assert np.count_nonzero(gone & ~rests) <= 3.0 * RATE_HZ
+
+
+def test_a_coarse_vane_that_often_rests_is_not_frozen():
+    log = attitudes(step=np.radians(2.0))
+    assert frozen_vanes(log, record_of(log), FLIGHT) == ()
+
+
+def test_a_vane_that_rests_where_nothing_moves_is_not_frozen():
+    log = attitudes()
+    still = (log.time_s >= ONSET_S) & (log.time_s < ONSET_S + 100.0)
+    for name in ("aoa", "pitch", "roll", "altitude_rate"):
+        values = log.channels[name].values.copy()
+        values[still] = 0.02 if name in ("aoa", "pitch") else 0.0
+        log = with_values(log, name, values)
+    assert frozen_vanes(log, record_of(log), FLIGHT) == ()
+
+
+def warmer(step_k: float, *, seconds: float = np.inf) -> Record:
+    """Return a flight whose probe shows some kelvin more from 400 s on, with sat and tas as a computer makes them."""
+    log = made_flight(seconds=N, climbs_m=100.0)
+    t = log.time_s
+    tat, mach = (log.channels[name].values for name in ("tat", "mach"))
+    off = tat + step_k * ((t >= ONSET_S) & (t < ONSET_S + seconds))
+    for name, values in (
+        ("tat", off),
+        ("sat", static_temperature(off, mach)),
+        ("tas", mach * speed_of_sound(static_temperature(off, mach))),
+    ):
+        log = with_values(log, name, values)
+    return record_of(log)
+
+
+@pytest.mark.parametrize("step_k", [5.0, -5.0, 9.0])
+def test_a_probe_that_steps_is_named_with_all_that_follows_from_it(step_k: float):
+    (found,) = probe_steps(warmer(step_k), FLIGHT, ("tat", "sat", "tas", "mach", "altitude"))
+    assert (found.fault, found.shape, found.channels) == ("tat", "bias", ("tat", "sat", "tas"))
+    assert found.magnitude == pytest.approx(step_k, rel=0.1)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    assert found.effect["tas"] * step_k > 0.0
+
+
+def test_air_that_is_layered_and_spikes_are_no_step_of_a_probe():
+    names = ("tat", "sat", "tas", "mach", "altitude")
+    assert probe_steps(warmer(0.0), FLIGHT, names) == ()
+    assert probe_steps(warmer(5.0, seconds=4.0), FLIGHT, names) == ()
+    # An inversion: 6 K within 60 m that the aircraft climbs in 6 s.
+    t = np.arange(float(N)) + 0.5
+    altitude = 1500.0 + 10.0 * np.clip(t - ONSET_S, 0.0, 60.0)
+    sat = isa_temperature(altitude) + 0.1 * np.clip(altitude - 1530.0, 0.0, 60.0)
+    record = Record(
+        time_s=t, channels={"sat": sat, "altitude": altitude, "tas": np.full(N, 90.0)}, gained=None, airspeed="tas"
+    )
+    assert probe_steps(record, FLIGHT, ("sat", "altitude", "tas")) == ()
+
+
+@pytest.mark.parametrize("size", [0.2, -0.3])
+def test_an_accelerometer_that_steps_is_named_with_its_size(size: float):
+    log = attitudes()
+    values = log.channels["normal_acc"].values + size * (log.time_s >= ONSET_S)
+    (found,) = accelerometer_steps(record_of(with_values(log, "normal_acc", values)), FLIGHT)
+    assert (found.fault, found.shape) == ("normal_acc", "bias")
+    assert found.magnitude is not None
+    assert found.sd is not None
+    assert abs(found.magnitude - size) < 3.0 * found.sd + 0.01
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    assert found.onset_ci95[1] - found.onset_ci95[0] < 30.0
+
+
+def test_a_healthy_accelerometer_and_one_that_is_off_throughout_do_not_step():
+    log = attitudes()
+    assert accelerometer_steps(record_of(log), FLIGHT) == ()
+    off = with_values(log, "normal_acc", log.channels["normal_acc"].values + 0.5)
+    assert accelerometer_steps(record_of(off), FLIGHT) == ()

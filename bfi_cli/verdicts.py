@@ -24,14 +24,16 @@ from .display_units import SI, Units
 from .faults import Decision, Fault, build_up_s
 from .shapes import SHAPES, Kind
 
-__all__ = ["BUILD_UP_S", "KINDS", "Candidate", "State", "decide", "kind_of", "shown_limit", "state_of", "summarise"]
-__all__ += ["two_digits", "verdicts_of"]
+__all__ = ["BUILD_UP_S", "KINDS", "UNTESTED", "Candidate", "State", "decide", "kind_of", "shown_limit", "state_of"]
+__all__ += ["summarise", "two_digits", "verdicts_of"]
 
 State = Literal["declared", "suspected", "excluded", "not_seen"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 # A lag of 5 s reaches nine tenths of its size in 11.5 s, a ramp over 10 s in 9 s: those that a claim about steps covers
 # (`onset.claims.BUILT_UP`). What takes longer cannot be told from a drift in a window of a minute or two.
 BUILD_UP_S = 12.0
+# The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
+UNTESTED = "too near an end of the window"
 # The note of a scan on the frequencies that it covers.
 BAND = re.compile(r"of \S+ to \S+ Hz")
 NOUNS: Mapping[Kind, tuple[str, str]] = {

@@ -20,7 +20,7 @@ from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.tolerance import is_any
 from ..preprocessing.window import PreparedWindow
-from ..verdicts import Candidate, kind_of, state_of
+from ..verdicts import UNTESTED, Candidate, State, kind_of, state_of
 from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
 
@@ -131,12 +131,13 @@ def _claim(
             if is_any(effect, window.log, channel.name):
                 limit = effect = None
                 note = "a fault as large as all that the channel reads could hide"
-        if not _onset_is_covered(window, outcome.order, fault.onset_s):
-            limit = effect = None
-            note = "too near an end of the window"
     suspected = n in outcome.declined
     scale, unit = meaning(fault, channel.unit)
-    state = state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance)
+    state: State | None = state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance)
+    tested = _onset_is_covered(window, outcome.order, fault.onset_s)
+    if not (declared or suspected or tested) and METHODS[method].intervals and seen:
+        # It narrows the claim, and is no doubt of it.
+        state, note, limit, effect = None, UNTESTED, None, None
     return Candidate(
         name=window.names[entry],
         shape=fault.shape,

@@ -31,7 +31,7 @@ from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import OF_LINES, SHAPES
 from ..truth import Comparison, compare_by_onset
-from ..verdicts import KINDS, Candidate, decide, kind_of, summarise, verdicts_of
+from ..verdicts import KINDS, UNTESTED, Candidate, decide, kind_of, summarise, verdicts_of
 from .identify import NOT_CONVERGED, identify_faults
 from .methods import METHODS
 from .result import IdentifyResult, ScanSummary
@@ -53,7 +53,8 @@ def identify_and_scan(
     1. Identify the faults of the dictionary.
     2. Scan all onsets of the window less the declared faults. What the scan declares there is suspected.
     3. Of a kind of fault that the dictionary has no entry of, the scan's verdict is given. Where onsets are known to a
-       tolerance only, the limits of the entries are those of the scan.
+       tolerance only, the limits of the entries are those of the scan. Entries too near an end of the window for any
+       claim count for no verdict: a note names the onsets of the others.
 
     Raises
     ------
@@ -73,11 +74,22 @@ def identify_and_scan(
     )
     if isinstance(scanned, str):
         return _with_scan(result if exact else _unchecked(result, config), None, scanned)
-    result = _checked(result, scanned, config)
+    result = _with_onsets(_checked(result, scanned, config))
     if not result.faults or "no_fault" not in result.verdicts.values():
         return result
     measured = scan_beside(part, config, (), progress, exact=False)
     return _as_measured(result, measured, config)
+
+
+def _with_onsets(result: IdentifyResult) -> IdentifyResult:
+    """Return the result with a note on the onsets of the entries that count, where others begin too near an end."""
+    untested = sum(one.state is None and one.note == UNTESTED for one in result.candidates)
+    counted = [one.onset_s for one in result.candidates if one.state is not None and one.onset_s is not None]
+    if not untested or not counted:
+        return result
+    begin = f"{untested} entries begin" if untested > 1 else "one entry begins"
+    note = f"claims hold for onsets from {instant(min(counted))} to {instant(max(counted))} s: {begin} {UNTESTED}"
+    return replace(result, notes=(*result.notes, note))
 
 
 def _as_measured(result: IdentifyResult, measured: OnsetResult | str, config: Config) -> IdentifyResult:

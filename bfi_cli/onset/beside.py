@@ -16,7 +16,7 @@ from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..preprocessing.window import must_resample
-from ..verdicts import Candidate, state_of
+from ..verdicts import UNTESTED, Candidate, State, state_of
 from .detection import find_onset
 from .result import OnsetResult, ScanLimit
 
@@ -73,6 +73,8 @@ def with_limit_of_scan(
 ) -> Candidate:
     """Return a candidate whose onset is known to a tolerance only, excluded by what the scan excludes.
 
+    One that begins where the scan makes no claim counts for no verdict: it narrows the claim, and is no doubt of it.
+
     Parameters
     ----------
     limit : of the scan, None where it has none.
@@ -83,15 +85,17 @@ def with_limit_of_scan(
     if candidate.state not in ("excluded", "not_seen"):
         return candidate
     excluded = effect = note = None
+    onset_s = candidate.onset_s
     if limit is not None:
         excluded, effect = limit.excluded_above, limit.effect
     elif covered_s is None:
         note = "no claim where its onset is not exact and the window is not scanned (--onset-tolerance 0)"
-    elif candidate.onset_s is None or not covered_s[0] <= candidate.onset_s <= covered_s[1]:
-        note = "too near an end of the window"
     else:
         note = "no claim where its onset is not exact: the scan does not look for it (--onset-tolerance 0)"
-    state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
+    state: State | None = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
+    too_late = covered_s is not None and onset_s is not None and not covered_s[0] <= onset_s <= covered_s[1]
+    if too_late or (limit is not None and not limit.covered):
+        state, note, excluded, effect = None, UNTESTED, None, None
     if candidate.magnitude is None:  # left out as the same signal as another entry, which the note says
         note = candidate.note
     return replace(candidate, effect=effect, excluded_above=excluded, state=state, note=note)

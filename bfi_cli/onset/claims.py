@@ -386,7 +386,7 @@ def limits_near_onsets(
 ) -> tuple[ScanLimit | None, ...]:
     """Return what the scan says of faults of a dictionary, the worst of the onsets that each may have.
 
-    None for a fault of a shape that no claim is made of, or whose channel is no output, or whose onset is not covered.
+    None for a fault of a shape that no claim is made of, or whose channel is no output.
 
     Parameters
     ----------
@@ -418,7 +418,7 @@ def limits_near_onsets(
         own = [_near(one, fault.onset_s, near_s) for one in known[form]]
         covered = [one for one in own if one is not None]
         if len(covered) < len(own):
-            found.append(None)
+            found.append(ScanLimit(covered=False))
             continue
         excluded, effect = max(covered, key=itemgetter(1))
         known_size = not is_any(scale * effect, record.window.log, fault.channel)

@@ -105,10 +105,15 @@ class ScanLimit:
     """What a scan says of a fault of a dictionary, the worst of the onsets it may have; None where it has no limit.
 
     Magnitudes and effect in SI, see `bfi_cli.verdicts.Candidate`.
+
+    Attributes
+    ----------
+    covered : whether the scan claims anything of faults of this shape that begin there.
     """
 
-    excluded_above: float | None
-    effect: float | None
+    excluded_above: float | None = None
+    effect: float | None = None
+    covered: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.config import Config
+from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import document, identify_faults
 from bfi_cli.identify.document import identify_document, identify_from_document
+from bfi_cli.identify.from_scan import identify_and_scan
 from bfi_cli.kernels.termination import Termination
 from bfi_cli.provenance import provenance
 
@@ -181,8 +182,21 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
     result = identify_faults(log, old, Config())
     assert result.decision == "inconclusive"
     assert "the data cannot answer" in result.notes[0]
-    assert result.candidates[0].state == "not_seen"
+    assert result.candidates[0].state is None
     assert "too near an end" in result.candidates[0].note
+
+
+def test_an_entry_near_an_end_narrows_the_claim_and_does_not_void_it(flight):
+    """Before, it made "a step of any size could be there unseen" of every window."""
+    config = merge(Config(), {"conditioning.rate_hz": 10.0, "model.order": 4})
+    entries = [{"name": f"at_{s}", "shape": "bias", "onset_s": s} for s in (10, 20, 0.3, 31.5)]
+    few, all_ = (load_dictionary({"channel": "tas", "atoms": entries[:n]}) for n in (2, 4))
+    narrow, wide = (identify_and_scan(flight(1), one, config) for one in (few, all_))
+    assert narrow.verdicts["abrupt"] == wide.verdicts["abrupt"] == "no_fault"
+    assert [one.state for one in wide.candidates[:4]] == ["excluded", "excluded", None, None]
+    assert {one.note for one in wide.candidates[2:4]} == {"too near an end of the window"}
+    assert "claims hold for onsets from 10 to 20 s: 2 entries begin too near an end of the window" in wide.notes
+    assert not any("claims hold" in note for note in narrow.notes)
 
 
 def test_dead_constant_and_repeated_entries_are_left_out_and_named(flight, thesis, faulty):

@@ -12,6 +12,7 @@ from ..airdata import IMPACT_SOURCES
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
+from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
 from ..flightlog.phases import NO_AIRSPEED, Phase, phases_of
 from ..flightlog.record import frozen_array
 from ..flightlog.recorder import with_seen_recorder
@@ -85,6 +86,7 @@ class Flight:
     moved : stretches in which flaps and gear may move.
     held : pressure lines that are held.
     unused : sentences on channels that are not what their names say, and were left out.
+    defects : dropouts, spikes and readings that stay still; `log` has no values there.
     lasting : faults found so far, which later windows are not to find again.
     """
 
@@ -102,6 +104,7 @@ class Flight:
     held: Holds
     tolerances: Mapping[str, float]
     unused: tuple[str, ...]
+    defects: tuple[Defect, ...] = ()
     lasting: tuple[LastingFault, ...] = ()
 
     @property
@@ -162,13 +165,15 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     """
     frozen, log = _without_frozen(log)
     log = with_seen_recorder(log)
+    defects = find_defects(log)
+    whole, log = with_bridges(log, defects), without_defects(log, defects)
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
     from_s = start_s if config.window.from_s is None else config.window.from_s
     to_s = stop_s if config.window.to_s is None else config.window.to_s
     log.window(from_s, to_s)  # refuses one without samples
     _check_channels(log, config)
     held = find_holds(log, start_s, stop_s)
-    phases = phases_of(_bridged(log, held.findings))
+    phases = phases_of(_bridged(whole, held.findings))
     if not flight_stretches(phases):
         raise LogError(
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
@@ -193,6 +198,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         held=held,
         tolerances=config.tolerances,
         unused=(*frozen, *unlike),
+        defects=defects,
     )
     if flight.zero_lift is None:
         zero_lift, origin = _zero_lift(flight)

@@ -28,7 +28,7 @@ def verdicts_of(events: Sequence[Event], limits: Sequence[FlightLimit]) -> dict[
     if _bounds_line(slow) and all(one.within_tolerance for one in slow) and "slow" not in suspected:
         verdicts["slow"] = "no_fault"
     for one in events:
-        if one.state == "declared":
+        if one.state == "declared" and one.beyond_tolerance is not False:
             verdicts[one.kind] = "fault"
     return verdicts
 

@@ -56,14 +56,19 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
     if name in FIXED:
         return FIXED[name]
     if name in AIRSPEEDS:
-        speed = float(np.median(np.abs(window.channel(name).values), overwrite_input=True))
+        speed = _median_speed(window, name)
         return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed)
     if name == "altitude":
         known = [one for one in AIRSPEEDS if one in window.channels]
-        speed = float(np.median(np.abs(window.channel(known[0]).values))) if known else 0.0
+        speed = _median_speed(window, known[0]) if known else 0.0
         return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)
     outside = (log.time_s < window.time_s[0]) | (log.time_s > window.time_s[-1])
     # Of the window itself where it is the whole log, or the channel is derived from others within it.
     elsewhere = name in log.channels and bool(outside.any())
     rest = log.channel(name).values[outside] if elsewhere else window.channel(name).values
     return OTHER_SHARE * float(np.ptp(rest[np.isfinite(rest)]))
+
+
+def _median_speed(window: FlightLog, channel: str) -> float:
+    values = window.channel(channel).values
+    return float(np.median(np.abs(values[np.isfinite(values)]), overwrite_input=True))

@@ -311,7 +311,7 @@ def _errors(track: _Track) -> dict[int, tuple[FloatArray, FloatArray]]:
     for half in dict.fromkeys(track.size(seconds) for seconds in HALVES_S):
         error = np.where(track.known, interpolation_error(track.values, half), 0.0)
         size = np.abs(error)
-        usual = running_median(size, max(1, half // 2), max(5, track.size(AROUND_S) // max(1, half // 2)))
+        usual = running_median(size, half, max(5, track.size(AROUND_S) // half))
         usual = GAUSSIAN_MEDIAN * np.maximum(usual, CALMEST * float(np.median(size)))
         errors[half] = error, size / np.maximum(usual, least)
     return errors

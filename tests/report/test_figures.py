@@ -173,8 +173,9 @@ def test_a_backend_named_by_the_shell_does_not_matter(backend: str):
     """What a shell in a notebook hands on: matplotlib is not to be imported with a backend that is not installed."""
     program = (
         "import os; from bfi_cli.report.content import Drawing, Panel; from bfi_cli.report.figures import draw; "
-        "from bfi_cli.report.style import to_svg; "
-        f"to_svg(draw(Drawing(name='x', caption='', panels=(Panel(x_label='', y_label='', curves=()),)))); assert os.environ['MPLBACKEND'] == {backend!r}"
+        "from bfi_cli.report.style import to_svg; panel = Panel(x_label='', y_label='', curves=()); "
+        "to_svg(draw(Drawing(name='x', caption='', panels=(panel,)))); "
+        f"assert os.environ['MPLBACKEND'] == {backend!r}"
     )
     environment = {**os.environ, "MPLBACKEND": backend}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)

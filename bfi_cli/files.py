@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -16,10 +18,12 @@ __all__ = [
     "ATTRIBUTE",
     "MARK",
     "OWNER",
+    "REPORT",
     "aside",
     "check_files",
     "check_folder",
     "is_ours",
+    "list_of_files",
     "replace_files",
     "same_file",
 ]
@@ -38,6 +42,8 @@ END_BYTES = 65_536
 HDF5 = b"\x89HDF\r\n\x1a\n"
 # What a folder of results is known by, and what is moved into it last.
 DOCUMENTS = ("result.json", "summary.json")
+# The page of a result ends with a list of what was written with it, so that a later result can take it away.
+REPORT, LIST = "report.html", re.compile(rb"<!-- bfi wrote (\{.*\}) -->\s*\Z")
 
 
 def is_ours(path: Path) -> bool:
@@ -60,6 +66,28 @@ def is_ours(path: Path) -> bool:
     if head.lstrip()[:1] == b"{":
         return all(any(map(words.search, (head, tail))) for words in (KIND, PROVENANCE))
     return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] == [MARK.encode()]
+
+
+def list_of_files(files: Mapping[str, bytes]) -> bytes:
+    """Return the comment that ends the page of a result: every file beside it by name, and the digest of its bytes."""
+    digests = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    return f"<!-- bfi wrote {json.dumps(digests).replace('--', '')} -->\n".encode()
+
+
+def _left_over(folder: Path, names: Iterable[str], inputs: Sequence[str | Path]) -> list[Path]:
+    """Return the files of an earlier result that one of these names does not replace, as far as nobody changed them."""
+    try:
+        found = LIST.search((folder / REPORT).read_bytes())
+        digests = json.loads(found[1]) if found else {}
+    except (OSError, ValueError):
+        return []
+    old = [folder / name for name in digests if Path(name).name == name and name not in {*names}]
+    return [
+        path
+        for path in old
+        if path.is_file() and not path.is_symlink() and not any(same_file(path, one) for one in inputs)
+        if hashlib.sha256(path.read_bytes()).hexdigest() == digests[path.name]
+    ]
 
 
 def same_file(one: str | Path, other: str | Path) -> bool:
@@ -125,14 +153,20 @@ def replace_files(
 ) -> tuple[Path, ...]:
     """Check that files may be written to a folder of --out, then write all of them: see `check_folder` and `aside`.
 
+    Files of the result that was there before, which none of these replaces, are removed; others stay.
+
     Raises
     ------
     ConfigError : one may not be replaced, or the folder cannot be made or written to; nothing is written then.
     """
     check_folder(folder, files, inputs=inputs, force=force)
+    left_over = _left_over(folder, files, inputs) if REPORT in files else []
     with aside(folder, place=folder, option="--out") as new:
         for name, content in files.items():
             (new / name).write_bytes(content)
+    for path in left_over:
+        with contextlib.suppress(OSError):
+            path.unlink()
     return tuple(folder / name for name in files)
 
 

@@ -8,6 +8,8 @@ from typing import Any
 import click
 
 from ..flightlog import inspect_log, read_log
+from ..flightlog.defects import find_defects
+from ..flightlog.recorder import with_seen_recorder
 from ..flightlog.report import info_content, info_document
 from ..provenance import provenance
 from .options import CHANNELS, config_of, inputs_of, log_argument, source_of, units_of, with_options
@@ -36,6 +38,6 @@ def command(log: str, *, config_path: str | None, **options: Any) -> None:
     flight = read_log(log, from_s=window.from_s, to_s=window.to_s, **source_of(config))
     flight = flight.window(window.from_s, window.to_s)
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256)
-    document = info_document(inspect_log(flight), origin)
+    document = info_document(inspect_log(flight), origin, find_defects(with_seen_recorder(flight)))
     units = units_of(config.shown_units)
     emit(partial(info_content, document), document, options, units=units, origin=origin, inputs=inputs)

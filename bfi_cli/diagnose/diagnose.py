@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..channels import STANDARD
@@ -15,7 +17,7 @@ from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
 from ..parity import LENGTHS_S, Threshold
 from ..parity.leaks import begins_within
-from ..parity.record import STATIC_LEAK
+from ..parity.record import STATIC_LEAK, record_of
 from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import Window, overlaps
 from ..preprocessing.summary import log_summary
@@ -32,11 +34,14 @@ from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
+from .short_defects import events_of_defects, notes_on_defects
 from .slow_faults import find_slow_faults
 from .unwatched import unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import sentence_of, verdicts_of
 
 __all__ = ["diagnose_flight"]
+
+FloatArray = NDArray[np.float64]
 
 # Shown beside a held line; after it, when a jump back is its end and no fault of its own.
 AROUND_HOLD_S, AFTER_HOLD_S = 60.0, 20.0
@@ -47,7 +52,8 @@ SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
 def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progress: Progress = unseen) -> DiagnoseResult:
     """Say which air-data fault hit a flight, when, how large and how sure, with everything that the log allows.
 
-    1. Phases of the flight; take-off, approach, landing and parabolas are left out.
+    1. Dropouts, spikes and readings that stay still, which are left out of what follows. Phases of the flight:
+       take-off, approach, landing and parabolas are left out.
     2. Static relations and holds of the pressure lines, over the whole flight.
     3. The parity scan, on windows of 60, 120 and 240 s.
     4. The scan for steps and oscillations, on windows of 120 s.
@@ -66,8 +72,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     ConfigError : the calibration cannot be used.
     """
     progress("phases of the flight", 0.0)
-    flight = flight_of(log, config)
-    log, notes = flight.log, [*log.notes]
+    recorded, flight = log, flight_of(log, config)
+    log, notes = flight.log, [*log.notes, *notes_on_defects(flight)]
     with threadpool_limits(1):
         part = (flight.from_s, flight.to_s)
         drafts = [
@@ -107,11 +113,12 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         flight, config, static, workers, partial(progress, "steps and oscillations")
     )
     drafts += glanced
-    events = tuple(_event(flight, draft) for draft in as_one(merge_stages(drafts)))
+    lasting = tuple(_event(flight, draft) for draft in as_one(merge_stages(drafts)))
+    events = (*events_of_defects(flight), *lasting)
     shown = [name for name in SHOWN if name in flight.record.channels]
-    bounds = bounds_of(flight, slow.looks, static, events)
+    bounds = bounds_of(flight, slow.looks, static, lasting)
     limits = limits_of(flight, bounds)
-    unwatched = [*unwatched_by_scan(flight, bounds, events), *unwatched_by_lines(flight)]
+    unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
     without_steps = unwatched_by_steps(flight, stepped) if stepped else []
     verdicts = verdicts_of(events, limits, unwatched, flight.recorded)
     missing = (
@@ -136,13 +143,20 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         zero_lift_rad=flight.zero_lift,
         zero_lift_from=flight.zero_lift_from,
         time_s=flight.record.time_s,
-        measured={name: flight.record.channels[name] for name in shown},
+        measured=_measured(recorded, flight, shown),
         corrected=corrected_channels(flight.record, events),
         units={name: STANDARD[name].unit for name in shown},
         strips=_strips(slow.looks, static),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
     )
+
+
+def _measured(recorded: FlightLog, flight: Flight, shown: Sequence[str]) -> dict[str, FloatArray]:
+    """Return the channels that are shown once a second, with the short defects that the analyses leave out."""
+    wrong = [name for name in dict.fromkeys(one.channel for one in flight.defects) if name in shown]
+    as_recorded = record_of(replace(recorded, channels={name: recorded.channels[name] for name in wrong}))
+    return {name: (as_recorded if name in wrong else flight.record).channels[name] for name in shown}
 
 
 def _holds(flight: Flight) -> list[Draft]:

@@ -12,6 +12,7 @@ from ..airdata import IMPACT_SOURCES
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
+from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.recorder import with_seen_recorder
 from ..parity import (
@@ -90,6 +91,7 @@ class Flight:
     unused : sentences on channels that are not what their names say, or do not follow the flight, and were left out.
     not_credible : of the latter, and of a vane that rests; unusable : residuals that are not used.
     stepped : steps of a temperature probe or an accelerometer.
+    defects : dropouts, spikes and readings that stay still; `log` has no values there.
     lasting : faults found so far, which later windows are not to find again.
     """
 
@@ -111,6 +113,7 @@ class Flight:
     not_credible: tuple[Finding, ...] = ()
     stepped: tuple[Finding, ...] = ()
     unusable: tuple[str, ...] = ()
+    defects: tuple[Defect, ...] = ()
     lasting: tuple[LastingFault, ...] = ()
 
     @property
@@ -188,13 +191,15 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     """
     frozen, log = _without_frozen(log)
     log = with_seen_recorder(log)
+    defects = find_defects(log)
+    whole, log = with_bridges(log, defects), without_defects(log, defects)
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
     from_s = start_s if config.window.from_s is None else config.window.from_s
     to_s = stop_s if config.window.to_s is None else config.window.to_s
     log.window(from_s, to_s)  # refuses one without samples
     _check_channels(log, config)
     held = find_holds(log, start_s, stop_s)
-    whether_it_flies = find_phases(log)
+    whether_it_flies = find_phases(whole)
     phases = whether_it_flies.phases
     if not flight_stretches(phases):
         raise LogError(
@@ -235,6 +240,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         not_credible=(*resting, *credible.findings),
         stepped=(*probe_steps(record, phases, log.channels.keys()), *accelerometer_steps(record, phases)),
         unusable=credible.unusable,
+        defects=defects,
     )
     if flight.zero_lift is None:
         zero_lift, origin = _zero_lift(flight)

@@ -23,6 +23,8 @@ __all__ = ["SCHEMA", "diagnose_content", "diagnose_document"]
 SCHEMA = 2
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
+# What a channel does that has short defects of a shape.
+SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
 # On either side of the window that describes an event.
 AROUND_S = 60.0
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
@@ -30,6 +32,7 @@ MOST_PAGES = 12  # events with a page of their own; the table has all
 EVENT_COLUMNS = (
     *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
     *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
+    *("beyond_tolerance", "count", "times_s", "duration_s"),
 )
 TIMELINE = (
     "The flight: its phases, what was measured (blue) and what it would have been without the declared faults (red), "
@@ -67,7 +70,8 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
     ]
     if angle is not None:
         facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {document['zero_lift_from']}"))
-    declared = [_sentence(one, units) for one in events if one["state"] == "declared"]
+    small = [one for one in events if one["state"] == "declared" and one.get("beyond_tolerance") is False]
+    declared = [_sentence(one, units) for one in events if one["state"] == "declared" and one not in small]
     suspected = [_sentence(one, units) for one in events if one["state"] == "suspected"]
     drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
     drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
@@ -75,7 +79,13 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
         category="Diagnosis of a flight",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=_verdict(document["decision"], declared, suspected, units.sentence(document["summary"])),
+        verdict=_verdict(
+            document["decision"],
+            declared,
+            suspected,
+            [_sentence(one, units) for one in small],
+            units.sentence(document["summary"]),
+        ),
         tone=document["decision"],
         lead=1 if drawings else 0,
         facts=tuple(facts),
@@ -112,7 +122,9 @@ def _cell(value: Any) -> Any:
     return value
 
 
-def _verdict(decision: str, declared: Sequence[str], suspected: Sequence[str], summary: str) -> str:
+def _verdict(
+    decision: str, declared: Sequence[str], suspected: Sequence[str], small: Sequence[str], summary: str
+) -> str:
     said = []
     if declared:
         said.append(f"Fault: {declared[0]}" if len(declared) == 1 else f"{len(declared)} faults: {'; '.join(declared)}")
@@ -122,6 +134,8 @@ def _verdict(decision: str, declared: Sequence[str], suspected: Sequence[str], s
         said.append("Inconclusive")
     if suspected:
         said.append(f"suspected: {'; '.join(suspected)}")
+    if small:
+        said.append(f"within the tolerance: {'; '.join(small)}")
     if summary:
         said.append(summary)
     return ". ".join(_capital(one) for one in said) + "."
@@ -133,6 +147,8 @@ def _name(event: Plain) -> str:
 
 def _sentence(event: Plain, units: Units) -> str:
     """Return an event in words: "pitot icing from 1432 s, 0.0025 1/s, tas -19 m/s"."""
+    if event.get("count"):
+        return f"{_name(event)} {_short(event)}, {_error(event['fault'], event['effect'][event['fault']], units)}"
     others = [name.replace("_", " ") for name in event["among"][1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
     if event["shape"] in ("bias", "drift", "sine") and event["fault"] in event["effect"]:
@@ -145,6 +161,17 @@ def _sentence(event: Plain, units: Units) -> str:
     if airspeed is not None and event["fault"] not in event["effect"]:
         size += f", {_error(airspeed, event['effect'][airspeed], units)}"
     return f"{name} from {_time(event['onset_s'])}{until} s{size}"
+
+
+def _short(event: Plain) -> str:
+    """Return short defects in words: "drops out 5 times from 812 to 3021 s, 9.3 s in all"."""
+    what = SHORT[event["shape"]]
+    lasts = f"{number(event['duration_s'], digits=2)} s"
+    if event["count"] == 1:
+        return f"{what} at {_time(event['onset_s'])} s for {lasts}"
+    return (
+        f"{what} {event['count']} times from {_time(event['onset_s'])} to {_time(event['offset_s'])} s, {lasts} in all"
+    )
 
 
 def _error(channel: str, value: float, units: Units) -> str:
@@ -194,6 +221,8 @@ def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
                 "may last" if one["offset_s"] is None else _time(one["offset_s"]),
                 f"{one['shape']} {_magnitude(one, units)}{_interval(one, units)}"
                 if one["magnitude"] is not None
+                else f"{one['shape']}, {one['count']} in all"
+                if one.get("count")
                 else "held",
                 f"{effect} by {instant(round(one['window_s'][1]))} s" if effect else "-",
                 "-" if one["p_value"] is None else f"{one['p_value']:.2g}",
@@ -250,6 +279,7 @@ def _named(events: Sequence[Plain]) -> list[dict[str, Any]]:
             "state": one["state"],
             "onset_s": one["onset_s"],
             "offset_s": one["offset_s"] if one["offset_s"] is not None else one["seen_until_s"],
+            "times_s": one.get("times_s"),
         }
         for one in events
     ]
@@ -264,7 +294,7 @@ def _lines(events: Sequence[Plain]) -> list[Block]:
             shade="fault" if one["state"] == "declared" else "suspect",
         )
         for one in events
-        for edge in (one["onset_s"], one["offset_s"])
+        for edge in one.get("times_s") or (one["onset_s"], one["offset_s"])
         if edge is not None
     ]
 

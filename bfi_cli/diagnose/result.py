@@ -41,6 +41,9 @@ class Event:
     statistic, threshold, p_value : there.
     evidence : by residual, what it says for the fault.
     note : what limits the answer, "" for nothing; repeat : what a repeated flight should record, "" for nothing.
+    beyond_tolerance : whether its largest error is; None where that is not said.
+    count, times_s, duration_s : of short defects (dropout, frozen, spikes) how many, when each begins, and how long
+        they last together; None for another fault.
     """
 
     fault: str
@@ -68,6 +71,10 @@ class Event:
     evidence: Mapping[str, float]
     note: str
     repeat: str
+    beyond_tolerance: bool | None = None
+    count: int | None = None
+    times_s: tuple[float, ...] | None = None
+    duration_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,7 +42,7 @@ def verdicts_of(
     if excluded and not unwatched and "slow" not in suspected:
         verdicts["slow"] = "no_fault"
     for one in events:
-        if one.state == "declared":
+        if one.state == "declared" and one.beyond_tolerance is not False:
             verdicts[one.kind] = "fault"
     return verdicts
 

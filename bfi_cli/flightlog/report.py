@@ -12,6 +12,7 @@ from ..report.content import Drawing, Lane, Panel, ReportContent, Table
 from ..report.text import with_unit
 from ..serialization import to_plain
 from ..shapes import SHAPES
+from .defects import Defect, sentence_of_defect
 from .quality import UNEVEN, LogReport
 from .record import FlightLog
 from .timeline import lanes_of, phase_columns, phase_table, window_table
@@ -22,12 +23,14 @@ __all__ += ["log_lines"]
 Plain = Mapping[str, Any]
 
 SCHEMA = 1
+# Of a short defect in the document of `bfi info`.
+DEFECT_KEYS = ("channel", "shape", "count", "times_s", "durations_s", "duration_s", "largest", "unit")
 # Heights of a panel of lanes and of each of them, relative to that of a panel of curves.
 LANES_HEIGHT, LANE_HEIGHT = 0.08, 0.085
 MOST_GAPS = 5  # named in a report; the document has all
 
 
-def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
+def info_document(report: LogReport, provenance: Provenance, defects: Sequence[Defect] = ()) -> dict[str, Any]:
     """Return the document of `bfi info --json`."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
     same = (
@@ -50,6 +53,10 @@ def info_document(report: LogReport, provenance: Provenance) -> dict[str, Any]:
             "recorder": next((one for one in report.filters or () if one.stage == "recorder"), None),
             "gaps": [{"start_s": start, "stop_s": stop} for start, stop in report.gaps],
             **{key: getattr(report, key) for key in same},
+            "defects": [
+                {key: getattr(one, key) for key in DEFECT_KEYS} | {"sentence": sentence_of_defect(one)}
+                for one in defects
+            ],
             "provenance": provenance,
         }
     )
@@ -76,6 +83,7 @@ def info_content(document: Plain, units: Units = SI) -> ReportContent:
         facts=(
             *_gaps(gaps),
             *_recorder(document.get("recorder")),
+            *(("Defect", str(one["sentence"])) for one in document.get("defects", ())),
         ),
         tables=tuple(_tables(document, units)),
         drawings=tuple(_timeline(document)),

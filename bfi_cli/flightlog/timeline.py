@@ -59,7 +59,7 @@ def lanes_of(
     named = [_block(str(one["label"]), one, "outline") for one in segments]
     rows += [("window", blocks) for blocks in _apart(framed, letter_s)]
     rows += [("segment", blocks) for blocks in _apart(named, letter_s)[:MOST_LANES]]
-    rows += [("event", [_event(one)]) for one in events[:MOST_EVENTS]]
+    rows += [("event", _event(one)) for one in events[:MOST_EVENTS]]
     filled = [(label, blocks) for label, blocks in rows if blocks]
     # Of the lanes of one kind the first is named.
     named_once = [label if i == 0 or filled[i - 1][0] != label else "" for i, (label, _) in enumerate(filled)]
@@ -102,12 +102,18 @@ def _apart(blocks: Iterable[Block], letter_s: float) -> list[list[Block]]:
     return lanes
 
 
-def _event(one: Plain) -> Block:
+def _event(one: Plain) -> list[Block]:
+    """Return the block of an event; of short ones, told by `times_s`, one for each."""
     onset_s, offset_s = one["onset_s"], one["offset_s"]
     channels = ", ".join(one["channels"])
     label = one["name"] if not channels or channels in one["name"] else f"{one['name']} ({channels})"
     shade = STATES.get(one["state"], "suspect")
-    return Block(label=label, low=onset_s, high=onset_s if offset_s is None else offset_s, shade=shade)
+    if one.get("times_s"):
+        return [
+            Block(label="" if k else label, low=time_s, high=time_s, shade=shade)
+            for k, time_s in enumerate(one["times_s"])
+        ]
+    return [Block(label=label, low=onset_s, high=onset_s if offset_s is None else offset_s, shade=shade)]
 
 
 def phase_table(phases: Sequence[Plain]) -> list[Table]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..files import REPORT, list_of_files
 from ..kernels.progress import Report, parts, silent
 from ..printable import SHOWN
 from ..provenance import Provenance
@@ -37,7 +38,7 @@ def content_files(
     plain: ReportContent | None = None,
     stored: str = "result.json",
 ) -> dict[str, bytes]:
-    """Return the bytes of every file of a report by its name: figures, tables, report.html, the document last.
+    """Return the bytes of every file of a report by its name: figures, tables, the document, report.html.
 
     Parameters
     ----------
@@ -63,10 +64,10 @@ def content_files(
         columns = made() if callable(made) else made
         values = (one.tolist() if isinstance(one, np.ndarray) else one for one in columns.values())
         files[name] = to_csv(tuple(columns), zip(*values, strict=True))
-    files["report.html"] = render_content(content, origin, vectors).encode("utf-8", SHOWN)
     if content.zoom:
         files["zoom.html"] = render_zoom(content).encode("utf-8", SHOWN)
     files[stored] = to_json(document).encode() + b"\n"
+    files[REPORT] = render_content(content, origin, vectors).encode("utf-8", SHOWN) + list_of_files(files)
     return files
 
 

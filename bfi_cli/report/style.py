@@ -6,6 +6,7 @@ Colours are those of Okabe and Ito (2008), told apart by the colour blind; every
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import wraps
@@ -82,8 +83,14 @@ Look = dict[str, Any]
 
 
 def _settings() -> AbstractContextManager[None]:
-    from matplotlib import style
-
+    # A shell inside a notebook hands on a backend with which matplotlib is not imported where that is not installed.
+    # None is asked for: every figure has a canvas of its own.
+    backend = os.environ.pop("MPLBACKEND", None)
+    try:
+        from matplotlib import style
+    finally:
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
     return style.context(["default", SETTINGS])
 
 

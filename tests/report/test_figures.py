@@ -1,11 +1,15 @@
 """Figures: every axis says what it shows and in which unit, no spike is lost, the same result gives the same bytes."""
 
 import io
+import os
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -162,3 +166,17 @@ def test_thinning_keeps_ends_and_extremes(x, max_points):
     if not np.isnan(x).all():
         assert np.nanmin(x[kept]) == np.nanmin(x)
         assert np.nanmax(x[kept]) == np.nanmax(x)
+
+
+@pytest.mark.parametrize("backend", ["module://matplotlib_inline.backend_inline", "nothing of the kind"])
+def test_a_backend_named_by_the_shell_does_not_matter(backend: str):
+    """What a shell in a notebook hands on: matplotlib is not to be imported with a backend that is not installed."""
+    program = (
+        "import os; from bfi_cli.report.content import Drawing, Panel; from bfi_cli.report.figures import draw; "
+        "from bfi_cli.report.style import to_svg; panel = Panel(x_label='', y_label='', curves=()); "
+        "to_svg(draw(Drawing(name='x', caption='', panels=(panel,)))); "
+        f"assert os.environ['MPLBACKEND'] == {backend!r}"
+    )
+    environment = {**os.environ, "MPLBACKEND": backend}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

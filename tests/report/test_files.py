@@ -9,7 +9,7 @@ import pytest
 from made_results import fault_result
 
 from bfi_cli.errors import ConfigError
-from bfi_cli.files import replace_files
+from bfi_cli.files import list_of_files, replace_files
 from bfi_cli.identify.document import identify_document, identify_from_document
 from bfi_cli.identify.report import DRAWINGS, TABLES, identify_content
 from bfi_cli.report.files import content_files, content_names
@@ -33,7 +33,7 @@ def table(path):
 def stored(provenance, tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored") / "a" / "b"
     written = replace_files(identify_files(fault_result(), provenance), folder)
-    assert written[-1].name == "result.json"
+    assert {"result.json", "report.html"} <= {path.name for path in written}
     return folder
 
 
@@ -99,3 +99,33 @@ def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises(ConfigError, match=r"out: cannot be written, not a directory; give another --out$"):
         replace_files({"a": b""}, tmp_path / "out")
+
+
+def test_a_result_takes_away_what_the_one_before_wrote_and_nothing_else(stored, tmp_path):
+    """Figures and tables of another command; not a file of the user, nor one that was changed, nor the input."""
+    old = {path.name: path.read_bytes() for path in stored.iterdir()}
+    replace_files(old, tmp_path)
+    (tmp_path / "mine.svg").write_text("mine")
+    (tmp_path / "series.csv").write_text("# written by bfi\nwith a column of mine\n")
+    new = {"phases.csv": b"# written by bfi\n", "result.json": old["result.json"], "report.html": b"new"}
+    replace_files(new, tmp_path, inputs=[tmp_path / "candidates.csv"])
+    assert {path.name for path in tmp_path.iterdir()} == {*new, "mine.svg", "series.csv", "candidates.csv"}
+
+
+def test_a_list_of_files_names_none_outside_its_folder(tmp_path):
+    (tmp_path / "log.csv").write_bytes(b"mine")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    listed = list_of_files({"../log.csv": b"mine", "a--b.csv": b""})
+    assert listed.count(b"--") == 2, "a comment of HTML holds no other dashes"
+    (folder / "report.html").write_bytes(b"<!DOCTYPE html>" + listed)
+    (folder / "result.json").write_text('{"kind": "info", "provenance": {}}')
+    replace_files({"report.html": b"new"}, folder)
+    assert (tmp_path / "log.csv").read_bytes() == b"mine"
+
+
+def test_the_report_drawn_again_beside_its_result_keeps_it(stored, tmp_path, bfi):
+    for path in stored.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    assert bfi("report", tmp_path / "result.json").code == 0
+    assert contents(tmp_path).keys() == contents(stored).keys()

@@ -1,0 +1,66 @@
+"""Short defects of one channel as events of a diagnosis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..flightlog.defects import Defect, sentence_of_defect
+from ..preprocessing.tolerance import tolerance_of
+from .flight import Flight
+from .result import Event
+
+__all__ = ["events_of_defects", "notes_on_defects"]
+
+# Shown beside them.
+AROUND_S = 30.0
+
+
+def events_of_defects(flight: Flight) -> tuple[Event, ...]:
+    """Return an event for each channel and kind of short defect in the part that is diagnosed."""
+    return tuple(_event(flight, one) for one in _in_part(flight))
+
+
+def notes_on_defects(flight: Flight) -> list[str]:
+    """Return what was left out of the other analyses."""
+    return [f"{sentence_of_defect(one)}; left out of the other analyses" for one in _in_part(flight)]
+
+
+def _in_part(flight: Flight) -> list[Defect]:
+    return [inside for one in flight.defects if (inside := one.between(flight.from_s, flight.to_s)) is not None]
+
+
+def _event(flight: Flight, one: Defect) -> Event:
+    tolerance = flight.tolerances.get(one.channel) or tolerance_of(flight.log, flight.log, one.channel)
+    last_s = one.times_s[-1] + one.durations_s[-1]
+    beside_s = max(one.times_s[0] - one.hidden[0][0], 1.0 / flight.log.rate_hz)
+    return Event(
+        fault=one.channel,
+        among=(one.channel,),
+        channels=(one.channel,),
+        state="declared",
+        kind="abrupt",
+        stages=("sensors",),
+        shape=one.shape,
+        constant_s=None,
+        frequency_hz=None,
+        magnitude=None,
+        unit=one.unit,
+        sd=None,
+        ci95=None,
+        effect={one.channel: one.largest},
+        onset_s=one.times_s[0],
+        onset_ci95=(one.times_s[0] - beside_s, one.times_s[0] + beside_s),
+        offset_s=last_s,
+        seen_until_s=last_s,
+        window_s=(max(one.times_s[0] - AROUND_S, flight.from_s), min(last_s + AROUND_S, flight.to_s)),
+        statistic=one.statistic,
+        threshold=1.0,
+        p_value=None,
+        evidence={},
+        note="",
+        repeat="",
+        beyond_tolerance=bool(np.abs(one.largest) > tolerance),
+        count=one.count,
+        times_s=one.times_s,
+        duration_s=one.duration_s,
+    )

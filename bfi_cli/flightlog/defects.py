@@ -1,0 +1,651 @@
+"""Short defects of one channel: readings that drop out, samples that stand out alone, a reading that stays still.
+
+What stands out is told by two comparisons. A sample is compared with the cubic through its neighbours on both sides,
+in units of what that differs by in the same half minute and of what other channels do in the same seconds, so that a
+manoeuvre or a gust, which moves several channels, is none. A reading that stays still is compared with what other
+channels say that it should have done, or, where none can, with what it did just before and just after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..filters import response_of
+from ..kernels.excursions import interpolation_error, running_median, travel
+from ..kernels.quantisation import quantum_of_plateaus
+from ..report.text import instant
+from .holds import find_quantum
+from .phases import phases_of
+from .quality import hold_of
+from .rates import AS_FAST
+from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
+
+__all__ = ["Defect", "DefectShape", "find_defects", "sentence_of_defect", "with_bridges", "without_defects"]
+
+BoolArray = NDArray[np.bool_]
+# The course of a channel as another tells it, the scatter about it, and where it is told, (n,) each.
+_Expected = tuple[FloatArray, FloatArray, BoolArray]
+DefectShape = Literal["dropout", "frozen", "spikes"]
+
+# Sensors that move in flight; switches and surfaces rest, and jump, by themselves.
+WATCHED: tuple[str, ...] = ("tas", "cas", "ias", "mach", "q_impact", "p_total", "p_static", "altitude", "altitude_rate")
+WATCHED += ("tat", "sat", "aoa", "sideslip", "pitch", "roll", "normal_acc", "longitudinal_acc", "lateral_acc")
+WATCHED += ("pitch_rate", "roll_rate", "yaw_rate", "velocity_north", "velocity_east", "ground_speed")
+WATCHED += ("latitude", "longitude")
+# Where airspeeds come and go by themselves, and so many seconds beside it.
+UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall"), 2.0
+TURNING = ("roll", "longitude")  # which start again at pi
+# By channel those of which each alone tells how it moves over some seconds; "+" stands for the integral of a rate.
+_AIRSPEEDS = ("tas", "cas", "ias", "mach", "q_impact")
+RELATIVES: Mapping[str, tuple[str, ...]] = {
+    **{name: tuple(other for other in _AIRSPEEDS if other != name) for name in _AIRSPEEDS},
+    "altitude": ("p_static", "+altitude_rate"),
+    "p_static": ("altitude", "+altitude_rate"),
+}
+
+# Faster samples are averaged: no air-data sensor follows faster.
+FASTEST_HZ = 20.0
+# Halves of the gap that is bridged, s: an excursion is seen where it is shorter than twice that.
+HALVES_S = (0.8, 1.5, 2.5, 5.0)
+# Over which what a channel does is compared with itself, and with other channels, s.
+AROUND_S, TOGETHER_S = 30.0, 2.0
+# An error is never counted in less than this share of its usual size over the record.
+CALMEST = 0.25
+# Times its usual size, from which an excursion is none of the motion: no less than LEAST, and where the errors of this
+# channel are wilder, the level of a Frechet law through the median and the upper quartile of the largest ratios of half
+# minutes, at a rate of 1e-3 of them: with ln(ln(4/3) / 1e-3) / ln(ln 2 / ln(4/3)) the power of their quotient. On 38
+# channels of two flights of a Citation and one of a Cessna 172, in flight, the largest ratio is 2 to 6 on airspeeds,
+# altitudes and temperatures of the former, 12 of the latter, and 23 on a longitudinal acceleration.
+LEAST, BEYOND, STEEPEST, FEWEST_BLOCKS = 24.0, 6.4, 10.0, 20
+# Other channels that move as much at once take it away; the second most counts, halved.
+MOST_ALIKE = 0.5
+FEWEST_QUANTA = 3.0
+MOST_PASSES = 25
+GAUSSIAN_MEDIAN = 1.4826  # standard deviation over median size
+ROUNDING = 1e-6  # of the largest value: of single precision, some digits
+TINY = float(np.finfo(np.float64).tiny)
+FEWEST_TICKS, MOST_TICKS = 32, 10**7
+# Sensors that read nothing where they fail, and never in flight.
+POSITIVE = ("tas", "cas", "ias", "mach", "q_impact", "p_total", "p_static", "tat", "sat")
+# An excursion returns: the other way it goes by less than this share of its height, and it ends within the gap.
+RETURNED, FOOT = 0.35, 0.1
+# Samples of the sensor that stand out: up to 0.4 s of what was recorded, or three samples of a slow log.
+SPIKE_S, SPIKE_SAMPLES = 0.4, 3.0
+# A reading drops out to a level that it rests on, off by half of the reading or more, for as long as this.
+DROPS, RESTS, DROPOUT_S = 0.5, 0.05, 0.5
+FEWEST_RESTING = 3
+# Shares of the reading up to which it reads zero, through a recorder that leaves some of a second, and without one.
+ZERO, ZERO_SHARP = 0.1, 0.01
+# Where nothing is known of the recorder, the width of its response at half of its height, s: that of 0.75 Hz.
+UNKNOWN_WIDTH_S = 0.6
+
+# Others that a channel has to differ from, so that it is the one that errs.
+FEWEST_WITNESSES = 2
+# Lengths of stretches in which a reading may stay still, s, of five samples at least.
+STILL_S, FEWEST_STILL = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0), 5
+# A still reading travels by less than this share of what others say that it should, and agrees with them as well
+# before and after that, over so many seconds.
+STILL, AGREES_S = 0.2, 2.0
+# What it should travel over the scatter about that from which it is sure: on the same three flights the largest of an
+# airspeed that stays as still is 3.2, of an altitude 4.8.
+MOVED = 5.5
+# How many times as far it travels both before and after, where there are no others: on the same channels the largest
+# is 180 times, over 3 s, and 25 times over 7 s and more.
+STILLER = 400.0
+# A channel that rests for half as long in more than this share of the rest of the record rests by itself.
+RARELY = 0.005
+# The relation between channels is taken for so long from so much on either side, from so many samples.
+BLOCK_S, OUTSIDE_S, MOST_ROWS = 10.0, 30.0, 300
+NOISE_S = 11  # over which its noise is taken, s
+# Median errors, beyond which a sample is left out of it.
+OUTLYING = 6.0
+# A channel rests where it travels by less than this share of its quantum; without one, of what it travels by in the
+# calmest of its seconds, so many of them.
+STILL_QUANTUM, CALMEST_SECONDS = 0.3, 0.02
+# Of what it should travel, to which a stretch is grown; samples that one is begun at.
+STILL_BESIDE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Defect:
+    """All short defects of one channel and shape.
+
+    Attributes
+    ----------
+    times_s, durations_s : of each its first sample, on the log's axis, and how long it lasts.
+    largest : the largest error, in `unit`.
+    statistic : by how many times its level the clearest of them stands out.
+    hidden : stretches, s, in which the reading is not to be used.
+    """
+
+    channel: str
+    unit: str
+    shape: DefectShape
+    times_s: tuple[float, ...]
+    durations_s: tuple[float, ...]
+    largest: float
+    statistic: float
+    hidden: tuple[tuple[float, float], ...]
+
+    @property
+    def count(self) -> int:
+        return len(self.times_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds in all."""
+        return float(sum(self.durations_s))
+
+    def between(self, from_s: float, to_s: float) -> Defect | None:
+        """Return those that begin in a window, None where none does; size and statistic are those of all."""
+        inside = [k for k, time_s in enumerate(self.times_s) if from_s <= time_s < to_s]
+        if not inside:
+            return None
+        return replace(
+            self,
+            times_s=tuple(self.times_s[k] for k in inside),
+            durations_s=tuple(self.durations_s[k] for k in inside),
+            hidden=tuple(self.hidden[k] for k in inside),
+        )
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Track:
+    """A channel on its own ticks.
+
+    Attributes
+    ----------
+    time_s : (n,) of the ticks; step_s : between them.
+    values : (n,) straight lines where no value is known, or one was taken out; known : where it is a reading.
+    quantum : of the values, 0 where none is seen.
+    """
+
+    channel: Channel
+    time_s: FloatArray
+    step_s: float
+    values: FloatArray
+    known: BoolArray
+    quantum: float
+
+    def size(self, seconds: float) -> int:
+        return max(1, round(seconds / self.step_s))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _One:
+    """One defect: when, how long and how large, by how much it stands out, and what it hides."""
+
+    shape: DefectShape
+    time_s: float
+    duration_s: float
+    height: float
+    share: float
+    hidden: tuple[float, float]
+
+
+def find_defects(log: FlightLog) -> tuple[Defect, ...]:
+    """Return the short defects of the sensors of a log, in flight where that is known.
+
+    Parameters
+    ----------
+    log : with the filters of its recorder, where they are known: see `recorder.with_seen_recorder`.
+    """
+    tracks = {name: one for name in WATCHED if name in log.channels and (one := _track(log, log.channels[name]))}
+    width_s, reach_s = _recorder(log)
+    loudness = {name: _loudness(track, log) for name, track in tracks.items()}
+    found: dict[str, list[_One]] = {}
+    for name, track in tracks.items():
+        others = _others(name, loudness, track, log)
+        found[name] = _excursions(track, others, width_s, reach_s, is_positive=name in POSITIVE)
+    wild = {name: _at_seconds(loudness[name], track, log) > LEAST for name, track in tracks.items()}
+    if "altitude_rate" in tracks:
+        rate = tracks["altitude_rate"]
+        climbed = rate.step_s * np.cumsum(rate.values)
+        tracks |= {"+altitude_rate": replace(rate, values=climbed)}
+        wild["+altitude_rate"] = wild["altitude_rate"]
+    for name in found:
+        told = [_expected(tracks[name], tracks[one], ~wild[one]) for one in RELATIVES.get(name, ()) if one in tracks]
+        found[name] += _against(tracks[name], told, width_s, reach_s)
+        found[name] += _rests(tracks[name], told, width_s, reach_s)
+    cleaned = with_bridges(log, _defects(found, tracks))
+    for phase in phases_of(cleaned):
+        if phase.phase in UNWATCHED:
+            edges = phase.from_s - BESIDE_S, phase.to_s + BESIDE_S
+            for name, every in found.items():
+                found[name] = [one for one in every if not edges[0] <= one.time_s < edges[1]]
+    return _defects(found, tracks)
+
+
+def with_bridges(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
+    """Return the log with straight lines in place of what the defects hide, for analyses that take no gap."""
+    return _replaced(log, defects, bridged=True)
+
+
+def without_defects(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
+    """Return the log with NaN in place of what the defects hide."""
+    return _replaced(log, defects, bridged=False)
+
+
+def sentence_of_defect(one: Defect) -> str:
+    """Return a defect in words: "'tas' drops out 5 times, 9.3 s in all, first at 812 s"."""
+    times = "once" if one.count == 1 else f"{one.count} times"
+    what = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}[one.shape]
+    first = "at" if one.count == 1 else "first at"
+    return f"'{one.channel}' {what} {times}, {one.duration_s:.2g} s in all, {first} {instant(one.times_s[0])} s"
+
+
+def _replaced(log: FlightLog, defects: Sequence[Defect], *, bridged: bool) -> FlightLog:
+    channels = dict(log.channels)
+    for one in defects:
+        hidden = np.zeros(log.n_samples, dtype=bool)
+        for first_s, last_s in one.hidden:
+            hidden |= (log.time_s >= first_s) & (log.time_s <= last_s)
+        values = np.where(hidden, np.nan, channels[one.channel].values)
+        known = np.isfinite(values)
+        if bridged and known.any():
+            values = np.where(hidden, np.interp(log.time_s, log.time_s[known], values[known]), values)
+        channels[one.channel] = replace(channels[one.channel], values=frozen_array(values))
+    return replace(log, channels=channels)
+
+
+def _track(log: FlightLog, channel: Channel) -> _Track | None:
+    """Return a channel on its own ticks, None where it says nothing or nothing new."""
+    finite = np.abs(channel.values) < LARGEST_VALUE
+    if not finite.any() or float(np.ptp(channel.values[finite])) == 0.0:
+        return None
+    position = (log.time_s - log.time_s[0]) * log.rate_hz
+    period, phase, is_averaged = 1.0, 0.0, False
+    if channel.own_rate_hz is not None and channel.own_rate_hz < AS_FAST * log.rate_hz:
+        period = log.rate_hz / channel.own_rate_hz
+    elif (hold := hold_of(log, channel.values)) is not None:
+        period, phase = hold.period, hold.phase
+    elif log.rate_hz > FASTEST_HZ:
+        period, is_averaged = log.rate_hz / FASTEST_HZ, True
+    tick = np.maximum(np.floor((position - phase + 0.5) / period), 0.0).astype(np.intp)[finite]
+    n = int(tick[-1]) + 1
+    if not FEWEST_TICKS <= n <= MOST_TICKS:
+        return None
+    readings = np.unwrap(channel.values[finite]) if channel.name in TURNING else channel.values[finite]
+    values, known = np.full(n, np.nan), np.zeros(n, dtype=bool)
+    known[tick] = True
+    if is_averaged:
+        values = np.bincount(tick, weights=readings, minlength=n) / np.maximum(np.bincount(tick, minlength=n), 1)
+    else:
+        values[tick[::-1]] = readings[::-1]  # the first of each tick
+    ticks, step_s = np.arange(n), period / log.rate_hz
+    values = np.interp(ticks, ticks[known], values[known])
+    return _Track(
+        channel=channel,
+        time_s=np.asarray(log.time_s[0] + phase / log.rate_hz + step_s * ticks, dtype=np.float64),
+        step_s=step_s,
+        values=values,
+        known=known,
+        quantum=quantum_of_plateaus(values, 1.0 / step_s) or find_quantum(values) or 0.0,
+    )
+
+
+def _recorder(log: FlightLog) -> tuple[float, float]:
+    """Return the width at half height of what the recorder makes of a spike, and how far it reaches to a side, s."""
+    if log.filters is None:
+        return (UNKNOWN_WIDTH_S, 1.5 * UNKNOWN_WIDTH_S) if log.rate_hz > 2.0 / UNKNOWN_WIDTH_S else (0.0, 0.0)
+    response = response_of(log.filters, log.rate_hz)
+    taps = np.abs(response.taps)
+    top, half = int(np.argmax(taps)), 0.5 * float(taps.max())
+    rise = np.interp(half, np.append(0.0, taps[: top + 1]), np.arange(-1, top + 1))
+    fall = np.interp(half, np.append(0.0, taps[top:][::-1]), np.arange(len(taps), top - 1, -1))
+    left = np.flatnonzero(np.cumsum(taps) > 1e-3 * taps.sum())
+    right = np.flatnonzero(np.cumsum(taps[::-1]) > 1e-3 * taps.sum())
+    reach = max(response.before - int(left[0]), response.after - int(right[0]))
+    return (float(fall - rise) / log.rate_hz if len(taps) > 1 else 0.0), reach / log.rate_hz
+
+
+def _errors(track: _Track) -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Return by half of the gap, in ticks, the errors (n,) of the cubic, and what they are of their usual size."""
+    errors = {}
+    least = max(track.quantum, ROUNDING * float(np.abs(track.values).max()), TINY)
+    for half in dict.fromkeys(track.size(seconds) for seconds in HALVES_S):
+        error = np.where(track.known, interpolation_error(track.values, half), 0.0)
+        size = np.abs(error)
+        usual = running_median(size, half, max(5, track.size(AROUND_S) // half))
+        usual = GAUSSIAN_MEDIAN * np.maximum(usual, CALMEST * float(np.median(size)))
+        errors[half] = error, size / np.maximum(usual, least)
+    return errors
+
+
+def _loudness(track: _Track, log: FlightLog) -> FloatArray:
+    """Return by second of the log the largest error of a channel, in its usual sizes, within `TOGETHER_S`."""
+    from scipy.ndimage import maximum_filter1d
+
+    seconds = np.zeros(int(log.time_s[-1] - log.time_s[0]) + 2)
+    at = (track.time_s - log.time_s[0]).astype(np.intp)
+    np.maximum.at(seconds, np.minimum(at, len(seconds) - 1), np.max([r for _, r in _errors(track).values()], axis=0))
+    return np.asarray(maximum_filter1d(seconds, 2 * round(TOGETHER_S) + 1))
+
+
+def _others(name: str, loudness: Mapping[str, FloatArray], track: _Track, log: FlightLog) -> FloatArray:
+    """Return (n,), by what an error of this channel is divided since other channels err at once, at least 1."""
+    others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
+    return np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
+
+
+def _at_seconds(seconds: FloatArray, track: _Track, log: FlightLog) -> FloatArray:
+    """Return (n,) on the ticks of a channel what is known by second of the log."""
+    at = (track.time_s - log.time_s[0]).astype(np.intp)
+    return np.asarray(seconds[np.minimum(at, len(seconds) - 1)])
+
+
+def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: float, *, is_positive: bool) -> list[_One]:
+    """Return the dropouts and spikes of a channel, and take them out of its track.
+
+    Parameters
+    ----------
+    is_positive : it reads nothing where it fails, and never in flight: no other channel then takes that away.
+    """
+    found: list[_One] = []
+    refused = np.zeros(len(track.values), dtype=bool)
+    level: dict[int, float] = {}
+    for _ in range(MOST_PASSES):
+        errors = _errors(track)
+        for half, (_, ratio) in errors.items():
+            if half not in level:
+                level[half] = _level(ratio / others, track.size(AROUND_S))
+        lost = np.abs(track.values) < ZERO * running_median(np.abs(track.values), track.size(1.0), 61)
+        stands_out = {
+            half: ((ratio / others > level[half]) | (is_positive & lost & (ratio > LEAST))) & ~refused
+            for half, (_, ratio) in errors.items()
+        }
+        size = np.max([np.where(mask, np.abs(errors[half][0]), 0.0) for half, mask in stands_out.items()], axis=0)
+        if not size.any():
+            break
+        widest = 3 * max(errors)
+        while size.any():
+            k = int(np.argmax(size))
+            share = float(
+                max(ratio[k] / others[k] / level[half] for half, (_, ratio) in errors.items() if stands_out[half][k])
+            )
+            one = None
+            for half in errors:
+                one = _described(track, k, half, width_s, 0.5 * float(size[k]), share)
+                if one is not None:
+                    break
+            if one is None:
+                refused[max(0, k - track.size(0.5)) : k + track.size(0.5) + 1] = True
+                size[max(0, k - track.size(0.5)) : k + track.size(0.5) + 1] = 0.0
+                continue
+            sure_s = reach_s + 0.5 * track.step_s
+            hidden = (one.hidden[0] - sure_s, one.hidden[1] + sure_s)
+            found.append(replace(one, hidden=hidden))
+            _take_out(track, hidden)
+            size[max(0, k - widest) : k + widest + 1] = 0.0
+    return found
+
+
+def _level(ratio: FloatArray, block: int) -> float:
+    """Return the ratio from which an excursion is none of the motion, by the largest of each block of samples."""
+    n = len(ratio) // block
+    if n < FEWEST_BLOCKS:
+        return LEAST
+    middle, high = np.quantile(ratio[: n * block].reshape(n, block).max(axis=1), (0.5, 0.75))
+    return max(LEAST, float(high * min(high / max(middle, TINY), STEEPEST) ** BEYOND))
+
+
+def _described(track: _Track, k: int, half: int, width_s: float, least: float, share: float) -> _One | None:
+    """Return what stands out about a tick within `half` ticks of it; None where that is none of the defects."""
+    low, high = k - half, k + half
+    beside = max(1, half // 3)
+    if low - beside < 0 or high + beside >= len(track.values):
+        return None
+    x = track.values
+    before, after = float(np.median(x[low - beside : low + 1])), float(np.median(x[high : high + beside + 1]))
+    ticks = np.arange(low + 1, high)
+    course = np.interp(ticks, (low - 0.5 * beside, high + 0.5 * beside), (before, after))
+    error = x[low + 1 : high] - course
+    peak = int(np.argmax(np.abs(error)))
+    height, sign = float(error[peak]), float(np.sign(error[peak]))
+    if abs(height) < max(least, FEWEST_QUANTA * track.quantum):
+        return None
+    if max(float(np.max(-sign * error)), abs(after - before)) > RETURNED * abs(height):
+        return None
+    foot, upper = (_around(sign * error > level * abs(height), peak) for level in (FOOT, 0.5))
+    if foot[0] == 0 and sign * error[0] > FOOT * abs(height) and half > 1:
+        return None
+    if foot[1] == len(error) and sign * error[-1] > FOOT * abs(height) and half > 1:
+        return None
+    reading, step_s = float(course[peak]), track.step_s
+    wide_s = (upper[1] - upper[0]) * step_s
+    # Where the recorder's response has passed, a reading that dropped out shows its own level.
+    inner = round(0.9 * width_s / step_s)
+    core = x[low + 1 + upper[0] + inner : low + 1 + upper[1] - inner]
+    if not core.size:
+        core = x[low + 1 + peak : low + 2 + peak]
+    level = float(np.median(core))
+    is_sharp = width_s < step_s
+    is_zero = abs(level) <= (ZERO_SHARP if is_sharp else ZERO) * abs(reading) and sign != np.sign(reading)
+    rests = float(np.ptp(core)) <= max(RESTS * abs(height), STILL_QUANTUM * track.quantum)
+    to_s = float(track.time_s[low + 1 + upper[1] - 1]) + 0.5 * step_s
+    from_s = float(track.time_s[low + 1 + upper[0]]) - 0.5 * step_s
+    middle_s = 0.5 * (from_s + to_s)
+    spike_s = max(float(np.hypot(width_s, SPIKE_S)) + 0.5 * step_s, SPIKE_SAMPLES * step_s if is_sharp else 0.0)
+    shape: DefectShape = "dropout"
+    if is_zero and rests and wide_s >= (step_s if is_sharp else DROPOUT_S):
+        # No low-pass changes the area.
+        height, lasts_s = -reading, float(error[foot[0] : foot[1]].sum()) * step_s / -reading
+    elif wide_s <= spike_s * (1.0 + ROUNDING):
+        shape, lasts_s = "spikes", max(step_s, float(np.sqrt(max(wide_s**2 - width_s**2, 0.0))))
+    elif rests and core.size >= FEWEST_RESTING and abs(level - reading) >= DROPS * abs(reading):
+        height, lasts_s = level - reading, wide_s
+    else:
+        return None
+    return _One(
+        shape=shape,
+        time_s=middle_s - 0.5 * lasts_s + 0.5 * step_s,  # its first sample
+        duration_s=lasts_s,
+        height=height,
+        share=share,
+        hidden=(from_s, to_s),
+    )
+
+
+def _around(marked: BoolArray, at: int) -> tuple[int, int]:
+    """Return the run of marked entries about one of them: its first, and the one after its last."""
+    gaps = np.flatnonzero(~marked)
+    first = gaps[gaps < at]
+    last = gaps[gaps > at]
+    return (int(first[-1]) + 1 if first.size else 0), (int(last[0]) if last.size else len(marked))
+
+
+def _take_out(track: _Track, hidden: tuple[float, float]) -> None:
+    track.known &= ~((track.time_s >= hidden[0]) & (track.time_s <= hidden[1]))
+    track.values = np.interp(track.time_s, track.time_s[track.known], track.values[track.known])
+
+
+def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: float) -> list[_One]:
+    """Return the spikes of a channel that stand out from what two others and more say, and take them out of its track.
+
+    What one of the others does alone is none: the least of the differences counts, where all have one sign.
+    """
+    if len(told) < FEWEST_WITNESSES:
+        return []
+    errors = np.array([track.values - course for course, _, _ in told])
+    alike = np.all(errors > 0.0, axis=0) | np.all(errors < 0.0, axis=0)
+    least = errors[np.argmin(np.abs(errors), axis=0), np.arange(errors.shape[1])]
+    known = np.all([known for _, _, known in told], axis=0) & track.known
+    scatter = float(np.median(np.max([spread for _, spread, _ in told], axis=0)))
+    if not np.isfinite(scatter):
+        return []
+    differences = replace(
+        track, values=np.where(alike & known, least, 0.0), known=known, quantum=max(track.quantum, scatter)
+    )
+    excursions = _excursions(differences, np.ones(len(known)), width_s, reach_s, is_positive=False)
+    found = [one for one in excursions if one.shape == "spikes"]
+    for one in found:
+        _take_out(track, one.hidden)
+    return found
+
+
+def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_s: float) -> list[_One]:
+    """Return where a channel stays still though others say that it moves, or though it moves before and after that.
+
+    Of stretches that overlap the longest counts, grown over the samples that stay as still.
+    """
+    apart = track.size(reach_s) if reach_s else 0
+    floor = max(STILL_QUANTUM * _resolution(track), ROUNDING * float(np.abs(track.values).max()))
+    found: list[_One] = []
+    taken = ~track.known
+    for seconds in reversed(STILL_S):
+        size = track.size(seconds)
+        shift = size + 2 * apart
+        if size < FEWEST_STILL or len(track.values) < 3 * size + 4 * apart + 1:
+            continue
+        here, should = travel(track.values, size), np.zeros(len(track.values) - size + 1)
+        if relatives:
+            middle = slice(size // 2, size // 2 + len(here))
+            should = np.min([travel(course, size) * _all_of(told, size) for course, _, told in relatives], axis=0)
+            scatter = np.max([spread[middle] for _, spread, _ in relatives], axis=0)
+            needed = MOVED * np.maximum(scatter, floor) + track.quantum
+            marked = (here <= STILL * should) & (should > needed)
+        else:
+            should[shift:-shift] = np.minimum(here[: -2 * shift], here[2 * shift :])
+            needed = STILLER * np.maximum(here, floor)
+            marked = (should > needed) & ~_often_still(track, size, here, floor)
+        while (marked := marked & _all_of(~taken, size)).any():
+            k = int(np.argmax(np.where(marked, should, 0.0)))
+            first, last = _grown(track.values, k, k + size, max(floor, STILL_BESIDE * float(should[k])))
+            marked[max(0, first - size) : last] = False
+            if last - first < min(size, max(FEWEST_STILL, track.size(STILL_S[0]))):
+                continue
+            error = _error_of_rest(track, first, last, apart, relatives, STILL * float(should[k]))
+            if error is None:
+                continue
+            taken[max(0, first - apart) : last + apart] = True
+            from_s = float(track.time_s[first]) - 0.5 * width_s
+            to_s = float(track.time_s[last - 1]) + max(0.5 * width_s, track.step_s)
+            beside_s = reach_s - 0.5 * track.step_s
+            found.append(
+                _One(
+                    shape="frozen",
+                    time_s=from_s,
+                    duration_s=to_s - from_s,
+                    height=error,
+                    share=float(should[k] / needed[k]),
+                    hidden=(from_s - max(beside_s, 0.0), to_s + beside_s),
+                )
+            )
+    return found
+
+
+def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> BoolArray:
+    """Return by stretch whether half as long a rest is nothing rare for the channel, elsewhere in the record."""
+    rests = travel(track.values, max(2, size // 2)) <= floor
+    count = np.concatenate([[0], np.cumsum(rests)])
+    first = np.arange(len(here))
+    low, high = np.maximum(first - size, 0), np.minimum(first + 2 * size, len(rests))
+    others = len(rests) - (high - low)
+    still = count[-1] - (count[high] - count[low])
+    return np.asarray((still > RARELY * others) | (others < 2 * size))
+
+
+def _resolution(track: _Track) -> float:
+    """Return the least that a channel moves by: its quantum, or its travel in the calmest seconds where it has none."""
+    moves = travel(track.values, max(2, track.size(1.0)))
+    moves = moves[moves > 0.0]
+    return track.quantum or (float(np.quantile(moves, CALMEST_SECONDS)) if moves.size else 0.0)
+
+
+def _error_of_rest(
+    track: _Track, first: int, last: int, apart: int, relatives: Sequence[_Expected], alike: float
+) -> float | None:
+    """Return the largest error of a reading that stays still; None where others do not agree with it beside that.
+
+    Without others that is the step with which the reading moves on.
+    """
+    if not relatives:
+        after = min(last + 2 * apart, len(track.values) - 1)
+        return float(track.values[last - 1] - track.values[after])
+    some = track.size(AGREES_S)
+    beside = slice(max(0, first - apart - some), max(0, first - apart)), slice(last + apart, last + apart + some)
+    errors = []
+    for course, _, _ in relatives:
+        error = track.values - course
+        if not all(error[part].size and np.median(np.abs(error[part])) <= alike for part in beside):
+            return None
+        errors.append(error[first:last])
+    return min((float(error[np.argmax(np.abs(error))]) for error in errors), key=abs)
+
+
+def _all_of(marked: BoolArray, size: int) -> BoolArray:
+    """Return (n - size + 1,) whether all entries of a stretch are marked, by its first."""
+    count = np.concatenate([[0], np.cumsum(marked)])
+    return np.asarray(count[size:] - count[:-size] == size)
+
+
+def _grown(x: FloatArray, first: int, last: int, within: float) -> tuple[int, int]:
+    """Return the samples about the middle of a stretch that stay at its level, and those beside it that do as well."""
+    still = np.abs(x - np.median(x[first:last])) <= within
+    middle = first + int(np.argmin(np.abs(x[first:last] - np.median(x[first:last]))))
+    return _around(still, middle)
+
+
+def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
+    """Return how another channel says that this one moves, (n,), scatter and noise about it, and where it says so.
+
+    In every `BLOCK_S` by the least-squares line, with a trend, through the samples of `OUTSIDE_S` more on either side.
+
+    Parameters
+    ----------
+    is_calm : (n_other,) where nothing stands out in the other channel.
+    """
+    told = np.interp(track.time_s, other.time_s, other.values)
+    known = np.interp(track.time_s, other.time_s, (other.known & is_calm).astype(np.float64)) > 0.99
+    n, block, outside = len(told), track.size(BLOCK_S), track.size(OUTSIDE_S)
+    course, spread = np.full(n, np.nan), np.full(n, np.inf)
+    for first in range(0, n, block):
+        low = max(0, first - outside)
+        wide = slice(low, first + block + outside)
+        rows = low + np.flatnonzero(known[wide] & track.known[wide])
+        if len(rows) < FEWEST_TICKS:
+            continue
+        rows = rows[:: max(1, len(rows) // MOST_ROWS)]
+        at = np.arange(first, min(n, first + block))
+        trend, level = float(rows.mean()), float(told[rows].mean())
+        columns, wanted = (np.column_stack([np.ones(len(k)), k - trend, told[k] - level]) for k in (rows, at))
+        factors = np.linalg.lstsq(columns, track.values[rows], rcond=None)[0]
+        error = np.abs(track.values[rows] - columns @ factors)
+        usual = error <= max(OUTLYING * float(np.median(error)), track.quantum)
+        factors = np.linalg.lstsq(columns[usual], track.values[rows[usual]], rcond=None)[0]
+        scatter = GAUSSIAN_MEDIAN * float(np.median(np.abs(track.values[rows] - columns @ factors)))
+        spread[at] = max(scatter, 0.5 * abs(float(factors[2])) * other.quantum)
+        course[at] = wanted @ factors
+    known &= np.isfinite(course)
+    course = np.where(known, course, 0.0)
+    # White noise travels by several of its standard deviations within seconds.
+    second = np.abs(np.diff(course, 2, prepend=course[:1], append=course[-1:]))
+    noise = GAUSSIAN_MEDIAN / np.sqrt(6.0) * running_median(second, track.size(1.0), NOISE_S)
+    return course, spread + noise, known
+
+
+def _defects(found: Mapping[str, Sequence[_One]], tracks: Mapping[str, _Track]) -> tuple[Defect, ...]:
+    """Return what was found, joined by channel and shape, the first first."""
+    joined = []
+    for name, every in found.items():
+        for shape in ("dropout", "frozen", "spikes"):
+            alike = sorted((one for one in every if one.shape == shape), key=lambda one: one.time_s)
+            if alike:
+                joined.append(
+                    Defect(
+                        channel=name,
+                        unit=tracks[name].channel.unit,
+                        shape=shape,
+                        times_s=tuple(one.time_s for one in alike),
+                        durations_s=tuple(one.duration_s for one in alike),
+                        largest=max((one.height for one in alike), key=abs),
+                        statistic=max(one.share for one in alike),
+                        hidden=tuple(one.hidden for one in alike),
+                    )
+                )
+    return tuple(sorted(joined, key=lambda one: one.times_s[0]))

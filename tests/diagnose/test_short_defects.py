@@ -1,0 +1,92 @@
+"""Dropouts of one channel are an event with count and times, and no other analysis takes them for a fault."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bfi_cli.diagnose import diagnose_content
+from bfi_cli.flightlog import FlightLog, write_log
+from bfi_cli.flightlog.record import frozen_array
+
+AT_S = (420.0, 505.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, journey: FlightLog) -> Path:
+    folder = tmp_path_factory.mktemp("defects")
+    names = ("elevator", "velocity_north", "velocity_east", "sat")
+    tas = journey.channels["tas"].values.copy()
+    for at_s in AT_S:
+        tas[(journey.time_s >= at_s) & (journey.time_s < at_s + 2.0)] = 0.0
+    channels = {name: one for name, one in journey.channels.items() if name not in names}
+    channels["tas"] = replace(channels["tas"], values=frozen_array(tas))
+    write_log(replace(journey, channels=channels), folder / "dropouts.h5")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, Any]:
+    return {}
+
+
+@pytest.fixture
+def document(folder: Path, bfi: Callable, known: dict[str, Any]) -> dict[str, Any]:
+    """Return what is said of three minutes with two dropouts, asked once."""
+    if not known:
+        part = ("--from", 390, "--to", 570, "--workers", 1, "--json", "--series")
+        outcome = bfi("diagnose", folder / "dropouts.h5", *part)
+        assert outcome.code == 0, outcome.stderr
+        known.update(json.loads(outcome.stdout))
+    return known
+
+
+def test_dropouts_are_one_event_and_the_only_one(document: dict[str, Any]):
+    [event] = document["events"]
+    assert (event["fault"], event["shape"], event["count"], event["kind"]) == ("tas", "dropout", 2, "abrupt")
+    np.testing.assert_allclose(event["times_s"], AT_S, atol=0.2)
+    assert event["duration_s"] == pytest.approx(4.0, abs=0.1)
+    assert event["effect"]["tas"] == pytest.approx(-105.0, abs=10.0)
+    assert event["beyond_tolerance"] is True
+    assert document["decision"] == "fault"
+    assert document["verdicts"]["abrupt"] == "fault"
+
+
+def test_what_was_left_out_is_said_and_shown(document: dict[str, Any]):
+    said = [note for note in document["notes"] if "left out of the other analyses" in note]
+    assert said == ["'tas' drops out 2 times, 4 s in all, first at 420 s; left out of the other analyses"]
+    time_s, tas = (
+        np.array(values, dtype=float)
+        for values in (document["series"]["time_s"], document["series"]["measured"]["tas"])
+    )
+    assert np.nanmin(tas[(time_s > AT_S[0]) & (time_s < AT_S[0] + 2.0)]) < 1.0
+
+
+def test_the_report_counts_them(document: dict[str, Any]):
+    content = diagnose_content(document)
+    assert "tas drops out 2 times from 420 to 507 s, 4 s in all" in content.verdict
+    [table] = [one for one in content.tables if one.name == "events"]
+    assert "dropout, 2 in all" in table.rows[0]
+    lanes = [lane for panel in content.drawings[0].panels for lane in panel.lanes if lane.label == "event"]
+    assert [len(lane.blocks) for lane in lanes] == [2]
+
+
+def test_within_the_tolerance_they_are_no_fault(document: dict[str, Any]):
+    [event] = document["events"]
+    small = {**document, "decision": "inconclusive", "events": [{**event, "beyond_tolerance": False}]}
+    verdict = diagnose_content(small).verdict
+    assert verdict.startswith("Inconclusive")
+    assert "Within the tolerance: tas drops out 2 times" in verdict
+
+
+def test_info_names_them(folder: Path, bfi: Callable):
+    outcome = bfi("info", folder / "dropouts.h5", "--json")
+    [one] = json.loads(outcome.stdout)["defects"]
+    assert (one["channel"], one["shape"], one["count"]) == ("tas", "dropout", 2)
+    assert "'tas' drops out 2 times, 4 s in all, first at 420 s" in bfi("info", folder / "dropouts.h5").stdout

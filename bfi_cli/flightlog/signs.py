@@ -224,19 +224,23 @@ def decide(signs: Signs) -> Verdict:
     on_ground, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     against: list[Overruled] = []
     claimed = common | rolls | np.any(list(claims.values()), axis=0)
+    rests = np.any([speed < TAXI * cruises[name] for name, speed in signs.airspeeds.items()], axis=0)
     for low, high in pairwise(edges):
         run, here = slice(low, high), {name: bool(claims[name][low]) for name in claims if known[name][low]}
         if all_flight[low]:
             continue
-        altitude = _altitude_says(signs, (low, high), claimed | ~any_known, all_ground)
         n_ground = sum(here.values())
+        # A slow approach is of the same run as the landing: whether that is one, the part tells in which a speed rests.
+        still = np.flatnonzero(rests[run]) if n_ground else np.empty(0, dtype=int)
+        core = (low + int(still[0]), low + int(still[-1]) + 1) if still.size >= signs.long else (low, high)
+        altitude = _altitude_says(signs, (low, high), core, claimed | ~any_known, all_ground)
         votes = [np.sign(2 * n_ground - len(here)), altitude]
         if high - low >= signs.long:
             votes += [1 if rolls[low] else -1] if rolls_known[low] else []
             outside = np.ones(n, dtype=bool)
             outside[run] = False
             for values in (*signs.levels.values(), *moving):
-                votes.append(_usual(values, run, all_ground & outside, all_flight & outside, signs.long))
+                votes.append(_usual(values, slice(*core), all_ground & outside, all_flight & outside, signs.long))
         total = sum(votes) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
         on_ground[run] = total > 0
         unknown[run] = total == 0
@@ -244,8 +248,8 @@ def decide(signs: Signs) -> Verdict:
             continue
         certain = bool(total * sum(votes) > 0)
         for name, says_ground in here.items():
-            rests = int(np.count_nonzero(signs.airspeeds[name][run] < TAXI * cruises[name]))
-            if says_ground and total < 0 and (n_ground < len(here) or rests >= signs.long):
+            at_rest = int(np.count_nonzero(signs.airspeeds[name][run] < TAXI * cruises[name]))
+            if says_ground and total < 0 and (n_ground < len(here) or at_rest >= signs.long):
                 alone = n_ground < len(here)
                 against.append(Overruled(channel=name, run=(low, high), says="ground", alone=alone, certain=certain))
             elif not says_ground and total > 0 and n_ground:
@@ -277,12 +281,18 @@ def _claims_ground(speed: FloatArray, cruise: float) -> BoolArray:
     return ground
 
 
-def _altitude_says(signs: Signs, run: Run, claimed: BoolArray, all_ground: BoolArray) -> int:
-    """Return 1 where the altitude of a run is that of a ground, -1 where it is not, 0 where it does not tell."""
+def _altitude_says(signs: Signs, run: Run, core: Run, claimed: BoolArray, all_ground: BoolArray) -> int:
+    """Return 1 where the altitude of a run is that of a ground, -1 where it is not, 0 where it does not tell.
+
+    Parameters
+    ----------
+    core : the part of the run whose altitude counts; claimed, all_ground : (n,) where an airspeed, and all signs, say
+        ground.
+    """
     if signs.height is None:
         return 0
     low, high = run
-    heights = signs.height[low:high]
+    heights = signs.height[slice(*core)]
     heights = heights[np.isfinite(heights)]
     if not heights.size:
         return 0

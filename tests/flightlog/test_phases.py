@@ -460,3 +460,15 @@ def test_a_step_of_an_airspeed_changes_no_phase_of_a_recorded_flight(flights: Pa
 @pytest.mark.parametrize("name", ["citation_20190312_123416.h5", "px4_flight3", "reader_samples/g1000_c172.csv"])
 def test_no_airspeed_of_a_healthy_flight_disagrees(flights: Path, name: str) -> None:
     assert find_phases(read_log(flights / name)).disagreements == ()
+
+
+@pytest.mark.realdata
+def test_the_landing_of_a_flight_without_airspeed_in_its_middle_is_a_landing(flights: Path) -> None:
+    """What is left is faster in the mean, so that the approach is slow: the part at rest tells whether it landed."""
+    log = read_log(flights / "citation_20190312_123416.h5")
+    lost = (log.time_s >= 1500.0) & (log.time_s < 4000.0)
+    gone = {name: np.where(lost, np.nan, log.channels[name].values) for name in ("tas", "cas", "mach", "latitude")}
+    channels = {name: replace(log.channels[name], values=frozen_array(values)) for name, values in gone.items()}
+    found = find_phases(replace(log, channels={**log.channels, **channels}))
+    assert not found.disagreements
+    assert [one.phase for one in found.phases][-2:] == ["landing", "ground"]

@@ -1,4 +1,4 @@
-"""Missing samples interpolated, where the user asks for it: nothing else fills a hole of a log."""
+"""Missing samples interpolated: single ones of an even clock, and longer stretches where the user asks for it."""
 
 from __future__ import annotations
 
@@ -6,15 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from .record import FlightLog, FloatArray, frozen_array
+from .record import Channel, FlightLog, FloatArray, frozen_array
+from .signs import runs_of
 from .topics import ANGLES
 
-__all__ = ["with_filled"]
+__all__ = ["with_filled", "with_single_samples"]
 
 # Signals that have no values between theirs: they keep the last.
 FLAGS = frozenset({"valid_airspeed", "gear"})
 # Of a step, by which a clock may wander: a stretch of just the length that is asked for is filled.
 BESIDE = 0.02
+# Of all steps: with more double ones a clock is not even. A Garmin G1000 at 1 Hz leaves out one second in 45.
+MOST_DOUBLE = 0.05
+# With more double steps in a row the clock goes at half its rate.
+MOST_IN_A_ROW = 3
 
 
 def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
@@ -34,6 +39,51 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     if truth is not None:
         truth = replace(truth, clean={n: _filled(n, x, log, longest_s)[0] for n, x in truth.clean.items()})
     return replace(log, channels=channels, truth=truth, notes=tuple(notes))
+
+
+def with_single_samples(log: FlightLog) -> FlightLog:
+    """Return the log with the samples that an even clock left out one at a time interpolated, and a note.
+
+    A sample is missing alone where the step is twice the median one.
+    Longer gaps, and clocks that are not even otherwise, are left as they are.
+    """
+    if log.n_samples < 4:
+        return log
+    step = np.diff(log.time_s) * log.rate_hz
+    double, single = np.abs(step - 2.0) <= 2.0 * BESIDE, np.abs(step - 1.0) <= BESIDE
+    even = double.sum() <= MOST_DOUBLE * step.size and double.sum() + single.sum() >= (1.0 - MOST_DOUBLE) * step.size
+    for first, stop in runs_of(double):
+        double[first:stop] = stop - first <= MOST_IN_A_ROW
+    at = np.flatnonzero(double) + 1
+    if not at.size or not even:
+        return log
+    time_s = np.insert(log.time_s, at, 0.5 * (log.time_s[at - 1] + log.time_s[at]))
+    missing = np.insert(np.zeros(log.n_samples, dtype=bool), at, True)
+    longer = replace(log, time_s=frozen_array(time_s), channels={}, truth=None)
+
+    def with_holes(name: str, values: FloatArray) -> FloatArray:
+        inserted = np.insert(values, at, np.nan)
+        filled, _ = _filled(name, inserted, longer, 1.0 / log.rate_hz)
+        # What is missing in the file beside them stays so.
+        return frozen_array(np.where(missing, filled, inserted))
+
+    channels = {
+        name: Channel(
+            name=one.name,
+            values=with_holes(name, one.values),
+            unit=one.unit,
+            source=one.source,
+            source_unit=one.source_unit,
+            own_rate_hz=one.own_rate_hz,
+        )
+        for name, one in log.channels.items()
+    }
+    truth = log.truth
+    if truth is not None:
+        truth = replace(truth, clean={name: with_holes(name, x) for name, x in truth.clean.items()})
+    first_s = log.time_s[at[0] - 1]
+    note = f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
+    return replace(longer, channels=channels, truth=truth, notes=(*log.notes, note))
 
 
 def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, FloatArray]:

@@ -16,8 +16,9 @@ import numpy as np
 from ..channels import STANDARD, NameMatch, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
-from .filling import with_filled
+from .filling import with_filled, with_single_samples
 from .phases import airborne_stretches
+from .plausible import RIGHT, time_scale
 from .quality import is_uniform
 from .rates import boot_starts
 from .raw import RawColumn, RawLog, Span, TimeOf, different_length
@@ -36,6 +37,8 @@ LATEST = 1e12
 # Of a time axis without a unit: s, and Hz of a flight log, and what its steps may be counted in beside seconds.
 LONGEST_STEP, FASTEST_LOG = 5.0, 1000.0
 TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
+# s between samples. In more an aircraft turns around and climbs or sinks by its approach: nothing follows from that.
+SLOWEST_S = 30.0
 # Decimals of a rounded time axis, s, and how large they may be beside its step: a missing sample is then a larger jump
 # than rounding makes. With fewer times a line tells nothing.
 DECIMALS, MOST_ROUNDED, FEWEST_TIMES = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6), 0.65, 20
@@ -107,7 +110,8 @@ def read_log(
     raw = _read(name, head, group, (from_s, to_s), time_of, channel_map, unit_map, sample_rate_hz)
     with open(name, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    log = with_seen_recorder(_of_boot(raw, boot, name, sha256, channel_map, unit_map, sample_rate_hz))
+    log = _of_boot(raw, boot, name, sha256, channel_map, unit_map, sample_rate_hz)
+    log = with_seen_recorder(with_single_samples(log))
     return log if fill_s is None else with_filled(log, fill_s)
 
 
@@ -290,7 +294,7 @@ def _assemble(
             raise different_length(path, f"{name}_clean", values.size, time_s.size)
         clean[name] = frozen_array(values)
     truth = None if raw.faults is None else Truth(faults=raw.faults, clean=clean)
-    return FlightLog(
+    log = FlightLog(
         path=path,
         time_s=time_s,
         channels=channels,
@@ -299,6 +303,37 @@ def _assemble(
         filters=raw.filters,
         sha256=sha256,
         notes=tuple(notes),
+    )
+    if time is not None and not {"time", time.source} & unit_map.keys():
+        _check_clock(log, time.source)
+    return log
+
+
+def _check_clock(log: FlightLog, source: str) -> None:
+    """Check that the seconds of a time axis are seconds, by what an aircraft does in them.
+
+    Raises
+    ------
+    LogError : they are not.
+    """
+    step = float(np.median(np.diff(log.time_s)))
+    if step > SLOWEST_S and log.n_samples >= FEWEST_TIMES:
+        fit = [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
+        advice = f"state its unit with --unit {source}={fit[0]}" if fit else "mend it"
+        raise LogError(f"{log.path}: '{source}' has steps of {step:.6g} s, which no recorder of a flight has; {advice}")
+    scale = time_scale(log)
+    if scale is None:
+        return
+    if scale < 0.0:
+        raise LogError(
+            f"{log.path}: the record runs backwards: altitude and roll change {scale:.3g} times as fast as their rates "
+            "say; reverse its samples"
+        )
+    unit = next((unit for unit, one in TIME_UNITS.items() if 1.0 / RIGHT < scale / one < RIGHT), None)
+    advice = f"multiply it by {scale:.3g}" if unit is None else f"state its unit with --unit {source}={unit}"
+    raise LogError(
+        f"{log.path}: a second of '{source}' is {scale:.3g} s: altitude and roll change so many times as fast as their "
+        f"rates say; {advice}"
     )
 
 

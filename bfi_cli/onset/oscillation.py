@@ -22,26 +22,32 @@ from .scan import Peak
 from .scan_record import Likelihood, ScanRecord
 from .shapes import ShapeHypothesis, signal, subsample_index
 
-# Frequencies are counted in 1 / duration, the width of a peak of the likelihood over frequency. Steps below half
-# of it miss no peak; the counts bound the time and were set by trial on simulated flights with one and two faults.
-# Where the phase-0 scan may be off once the phase is free: by less than one width, in steps under half a width.
+# Frequencies are counted in 1 / duration: x of them beside the true one, the statistic is sinc^2(x) of its peak (that
+# of a rectangular window), 0.88 at 0.2, and bent downwards up to 0.41. So steps of 0.4 lose an eighth at most, and a
+# Gauss-Newton step of less than 0.41 from there stays on the peak.
+# The phase-0 scan may be off once the phase is free, by less than one width.
 BESIDE = (-0.8, -0.4, 0.0, 0.4, 0.8)
-# The step of the grid from a jump, and how many of its frequencies, nearest to the scan's, are tried and refined.
+# Of the grid from a jump; how many of its frequencies, nearest to the scan's, are tried, and how many refined. Bounds
+# on the time, set by trial on simulated flights with one and two faults.
 APART = 0.4
 MOST_FREQUENCIES = 120
 REFINED = 2
-# A Gauss-Newton step is no longer than this, within the peak around its maximum; it takes its derivative over
-# +-DIFFERENCE, and ends after ITERATIONS or once a step is below CONVERGED of the longest.
+# A Gauss-Newton step is no longer than this, and takes its derivative over +-DIFFERENCE, whose error is
+# (2 pi 0.01)^2 / 6, less than a thousandth. It ends after ITERATIONS, a bound on the time, or once a step is below
+# CONVERGED of the longest: 3e-5 widths, a tenth of the standard deviation of a frequency whose statistic is a million.
 LARGEST_STEP = 0.3
 DIFFERENCE = 0.01
 ITERATIONS = 8
 CONVERGED = 1e-4
-# Edges are moved in twelfths of a period over half a period to either side, then in ever smaller strides.
+# Edges are moved in twelfths of a period over half a period to either side, then in ever smaller strides: an edge off
+# by more is that of another half wave.
 PARTS = 12
-# Frequency and edges are refined in turn, and as many candidates of phase 0 are: the second round moves little.
+# Frequency and edges are refined in turn, and as many candidates of phase 0 are: the second round moves little. Chosen
+# without a tuning record.
 ROUNDS = 2
 # The frequency is known if its standard deviation is below three times the Cramer-Rao bound: wide enough for coloured
-# errors, and too narrow for a bend at the record's start that only resembles an oscillation.
+# errors, and too narrow for a bend at the record's start that only resembles an oscillation. Chosen without a tuning
+# record.
 WORSE = 3.0
 
 

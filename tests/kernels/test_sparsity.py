@@ -28,10 +28,10 @@ def orthogonal(z: np.ndarray) -> ProjectedRegression:
     return ProjectedRegression(theta=theta, y=y, signals=signals, n_rows=10**15, n_base=1, floor=1.0)
 
 
-def correlated(seed: int, *, unit: float = 1.0, units: np.ndarray | float = 1.0, noise: float = 0.3):
+def correlated(seed: int, *, unit: float = 1.0, units: np.ndarray | float = 1.0, noise: float = 0.3, m: int = 200):
     """Return a regression of order 2 with eight atoms, two of them active, in given units, and the truth."""
     rng = np.random.default_rng(seed)
-    m, n, K = 200, 8, np.array([0.7, -0.2])
+    n, K = 8, np.array([0.7, -0.2])
     z = np.zeros(n)
     z[[1, 4]] = 3.0, -2.0
     theta = rng.standard_normal((m, n)) @ (np.eye(n) + 0.5 * np.eye(n, k=1))
@@ -46,11 +46,11 @@ def correlated(seed: int, *, unit: float = 1.0, units: np.ndarray | float = 1.0,
     return problem, z * unit / units
 
 
-def followed(problem: ProjectedRegression, stage: SparseStage, *, guarded: bool = False):
+def followed(problem: ProjectedRegression, stage: SparseStage, *, guarded: bool = False, price: float = PRICE):
     """Follow the stage from no fault and the predictor of that."""
     y, n = problem.y[:, :, 0], len(problem.signals)
     K = np.linalg.lstsq(y[:, 1:], y[:, 0])[0]
-    return sparse_supports(problem, np.zeros(n), K, stage=stage, price=PRICE, guarded=guarded)
+    return sparse_supports(problem, np.zeros(n), K, stage=stage, price=price, guarded=guarded)
 
 
 @each_stage
@@ -113,6 +113,35 @@ def test_it_ends_at_a_stationary_point_of_the_objective(kind, seed):
     slope = shape * np.exp(-shape * x) if kind == "exp-l0" else shape * x ** (shape - 1.0)
     np.testing.assert_allclose(-2.0 * G.T @ r / sigma2 * sd + np.sign(z) * slope / R, 0.0, atol=0.25)
     np.testing.assert_allclose(corrected[:, 1:].T @ r, 0.0, atol=0.05 * np.linalg.norm(corrected[:, 1:]) * sigma2**0.5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_magnitudes_that_are_held_back_take_fewer_degrees_of_freedom(seed):
+    """Of 18 rows some degrees are a good part of the variance; they are the trace of the hat matrix, K eliminated."""
+    price, m = 0.5, 18
+    problem, _ = correlated(seed, m=m)
+    went = followed(problem, SparseStage(kind="l1"), price=price)
+    assert went.converged
+    live = np.flatnonzero(went.z)
+    z, theta, y = went.z[live], problem.theta[:, :, live], problem.y[:, :, 0]
+    corrected = y - theta @ z
+    G, r = np.append(1.0, -went.K) @ theta, corrected[:, 0] - corrected[:, 1:] @ went.K
+    Q = np.linalg.qr(corrected[:, 1:])[0]
+    off = G - Q @ (Q.T @ G)
+    A = off.T @ off
+    _, R, _ = penalty_constants(SparseStage(kind="l1"), price)
+
+    def sigma2_of(dof: float) -> float:
+        return float(r @ r / (m - problem.n_base - problem.order - dof))
+
+    dof = float(live.size)
+    for _ in range(20):
+        x = np.abs(z) * np.sqrt(np.diag(A) / sigma2_of(dof))
+        dof = float(np.trace(np.linalg.solve(A + np.diag(np.diag(A) / (2.0 * R * x)), A)))
+    sd = np.sqrt(sigma2_of(dof) / np.diag(A))
+    gradient = -2.0 * G.T @ r / sigma2_of(dof) * sd + np.sign(z) / R
+    assert dof < live.size - 0.5
+    np.testing.assert_allclose(gradient[x > 1.0], 0.0, atol=0.02 / R)  # the last steps of the small ones are short
 
 
 @pytest.mark.parametrize("kind", ["lp", "exp-l0"])

@@ -30,7 +30,8 @@ OUTLYING = 3.5
 # at 5 degrees above the angle of zero lift moves that by a degree; a degree costs a third of the detections.
 LEAST_CORRELATION = 0.9
 # WGS 84: semi-major axis, m, and the square of the eccentricity.
-EARTH_RADIUS, ECCENTRICITY_2 = 6_378_137.0, 6.694_379_990_14e-3
+EARTH_RADIUS = 6_378_137.0
+ECCENTRICITY_2 = 6.694_379_990_14e-3
 WIND_SD = 50.0  # m/s; a jet stream. It decides only what a flight straight ahead leaves open, the wind across
 AIRSPEED_SD = 1.0  # m/s; of true airspeed and ground velocity about a constant wind, gusts included
 
@@ -81,7 +82,7 @@ def zero_lift_angle(normal_acc: FloatArray, aoa: FloatArray, q_impact: FloatArra
         slope = float(centred @ force) / power if power > 0.0 else np.nan
         correlation = slope * np.sqrt(power / float(force @ force)) if np.any(force) else np.nan
         error = np.abs(lift - level - slope * (aoa - middle))
-        kept = kept & (error <= OUTLYING * 1.4826 * np.median(error[kept]))
+        kept = error <= OUTLYING * 1.4826 * np.median(error[kept])
     if not slope > 0.0 or not correlation >= LEAST_CORRELATION:
         shown = f"{correlation:.2f}" if slope > 0.0 else "no lift that grows with it"
         raise ValueError(

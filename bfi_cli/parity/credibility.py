@@ -95,12 +95,18 @@ def _lift_share(record: Record) -> FloatArray:
     return np.asarray(lift / np.nanmedian(lift)) if np.isfinite(lift).any() else lift
 
 
-def climbing_load(record: Record) -> FloatArray:
-    """Return (n,) the normal acceleration, m/s^2, by climb, bank and pitch."""
+def climbing_load(record: Record, climb_rate: FloatArray | None = None) -> FloatArray:
+    """Return (n,) the normal acceleration, m/s^2, by climb, bank and pitch.
+
+    Parameters
+    ----------
+    climb_rate : (n,) m/s; None for that of the altitude.
+    """
+    climb_rate = geometric_climb_rate(record) if climb_rate is None else climb_rate
     channels = record.channels
     pitch, roll = channels["pitch"], channels["roll"]
     ahead = channels.get("longitudinal_acc", G * np.sin(pitch))
-    upward = np.gradient(geometric_climb_rate(record), record.time_s) + G - ahead * np.sin(pitch)
+    upward = np.gradient(climb_rate, record.time_s) + G - ahead * np.sin(pitch)
     share = np.cos(roll) * np.cos(pitch)
     return np.asarray(upward / np.where(share > 0.3, share, np.nan) - G)  # 70 degrees of bank
 

@@ -36,7 +36,7 @@ from .lines import (
     touching_runs,
 )
 
-__all__ = ["Holds", "LineReport", "UnseenLine", "find_holds"]
+__all__ = ["Holds", "LineReport", "UnseenLine", "doubt_of", "find_holds"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -237,7 +237,7 @@ def _holds_of(
             usual = _calm(lines, line, own, run)
         else:
             usual = calm
-        why = _doubt(log, lines, line, own, beside, usual, best, onset, moving=1.0 / HIDDEN if coarse else 1.0)
+        why = doubt_of(log, lines, line, own, beside, usual, best, onset, moving=1.0 / HIDDEN if coarse else 1.0)
         if not why and coarse_airspeed and not _motionless(own, usual, best):
             why = STEPS_HIDE
         if why:
@@ -281,7 +281,7 @@ def _holds_of(
     return report, findings
 
 
-def _doubt(
+def doubt_of(
     log: FlightLog,
     lines: Lines,
     line: PressureLine,

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import static_temperature
+from ..airdata import climb_angle, static_temperature
 from ..flightlog import FlightLog
 from ..flightlog.holds import find_quantum
 from ..flightlog.phases import Phase
@@ -179,12 +179,21 @@ def _probe_finding(
 
 
 def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
-    """Return the steps of the normal acceleration that neither climb nor bank explain."""
-    if not {"normal_acc", "altitude_rate", "pitch", "roll"} <= record.channels.keys():
+    """Return the steps of the normal acceleration that neither climb nor bank explain.
+
+    The climb is that of the altitude and that of attitude and airspeed: a static line that leaks makes a climb of the
+    one, and a vane that steps one of the other.
+    """
+    channels = record.channels
+    if not {"normal_acc", "altitude_rate", "pitch", "roll", "tas"} <= channels.keys():
         return ()
-    level = within(record.time_s, flight_stretches(phases)) & (np.abs(record.channels["roll"]) < LARGEST_BANK)
-    excess = np.where(level, record.channels["normal_acc"] - climbing_load(record), np.nan)
-    change = _difference(excess, LOAD_MEAN_S, 0)
+    level = within(record.time_s, flight_stretches(phases)) & (np.abs(channels["roll"]) < LARGEST_BANK)
+    aoa = channels.get("aoa", np.zeros(len(record.time_s)))
+    by_attitude = channels["tas"] * np.sin(climb_angle(aoa, channels["pitch"], channels["roll"]))
+    excess = np.where(level, channels["normal_acc"] - climbing_load(record), np.nan)
+    other = np.where(level, channels["normal_acc"] - climbing_load(record, by_attitude), np.nan)
+    shown, confirmed = (_difference(one, LOAD_MEAN_S, 0) for one in (excess, other))
+    change = np.where(np.abs(confirmed) < np.abs(shown), np.where(confirmed * shown > 0.0, confirmed, 0.0), shown)
     known = np.isfinite(change)
     if np.count_nonzero(known) < 2 * LOAD_MEAN_S:
         return ()
@@ -195,9 +204,9 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
     for k in _peaks(np.abs(change) / least, LOAD_MEAN_S):
         first, last = max(0, k - LOAD_MEAN_S), min(len(excess), k + LOAD_MEAN_S)
         onset, low, high = _onset(excess[first:last])
-        size = float(change[first + onset]) if known[first + onset] else float(change[k])
-        if abs(size) < least:  # it splits what is left of a stretch with turns, in which the means say nothing
-            onset, low, high, size = k - first, 0, last - first - 1, float(change[k])
+        if not abs(change[first + onset]) >= least:  # it splits what turns leave of a stretch, and says nothing
+            onset, low, high = k - first, 0, last - first - 1
+        size = float(shown[first + onset])
         times = record.time_s[[first + onset, first + low, min(first + high, len(excess) - 1)]] - 0.5
         found.append(
             Finding(
@@ -207,14 +216,14 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
                 stage="static relations",
                 shape="bias",
                 magnitude=size,
-                sd=float(np.quantile(np.abs(change[np.abs(change) < 0.5 * abs(size)]), 0.95)) / TWO_SIDED_95,
+                sd=float(np.quantile(np.abs(shown[np.abs(shown) < 0.5 * abs(size)]), 0.95)) / TWO_SIDED_95,
                 unit="m/s^2",
                 onset_s=float(times[0]),
                 onset_ci95=(float(times[1]) - 1.0, float(times[2]) + 1.0),
-                statistic=abs(size) / least,
+                statistic=float(abs(change[first + onset])) / least,
                 threshold=1.0,
                 effect={"normal_acc": size},
-                evidence={"normal_acc against climb and bank": round(abs(size) / least, 2)},
+                evidence={"normal_acc against climb and bank": round(float(abs(change[first + onset])) / least, 2)},
             )
         )
     return tuple(found)

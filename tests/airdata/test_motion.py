@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 from bfi_cli.airdata import (
@@ -68,6 +69,22 @@ def test_missing_and_outlying_samples_do_not_move_it():
     assert zero_lift_angle(spoilt, aoa, q_impact) == pytest.approx(clean, abs=1e-3)
 
 
+@pytest.mark.parametrize(("off", "counts"), [(4.5, True), (6.0, False)])
+def test_samples_beyond_three_and_a_half_robust_standard_deviations_are_left_out_and_no_others(off, *, counts):
+    """Errors of 1 and -1, of which the median is 1: the bound is 3.5 x 1.4826 of that."""
+    n, slope, zero_lift = 402, 0.02, -0.02
+    aoa = np.tile(np.linspace(0.0, 0.1, n // 2), 2)
+    error = 1e-5 * np.repeat([1.0, -1.0], n // 2)
+    error[n // 2 - 1] = 1e-5 * off
+    q_impact = np.full(n, 6000.0)
+    q_impact[10] = np.nan  # a gap, which is no reason to keep or to leave out others
+    lift = slope * (aoa - zero_lift) + error
+    kept = np.isfinite(q_impact)
+    kept[n // 2 - 1] = counts
+    tilt, level = np.polyfit(aoa[kept], lift[kept], 1)
+    assert zero_lift_angle(lift * 6000.0 - G, aoa, q_impact) == pytest.approx(-level / tilt, abs=1e-9)
+
+
 @pytest.mark.parametrize("spoil", ["still", "noise", "turned over", "no samples", "no airspeed"])
 def test_a_lift_that_does_not_follow_the_angle_tells_no_angle(spoil):
     normal_acc, aoa, q_impact, *_ = flight()
@@ -101,6 +118,20 @@ def test_the_wind_of_a_circling_flight_is_recovered_exactly():
     horizontal[7] = np.nan
     # The prior of 50 m/s pulls by 1 / (400 / 2 * 50^2) of the wind.
     assert constant_wind(north, east, horizontal) == pytest.approx(wind, abs=5e-5)
+
+
+def test_a_wind_that_few_samples_tell_is_the_likeliest_with_its_prior():
+    """Errors of 1 m/s beside a wind of 50 m/s: a weighted least squares problem, solved by another solver."""
+    north, east, speed = np.array([45.0, 4.0, 30.0]), np.array([-3.0, 33.0, 28.0]), np.array([36.0, 38.0, 40.0])
+
+    def cost(wind):
+        misfit = speed - np.hypot(north - wind[0], east - wind[1])
+        return np.sum(misfit**2) + np.sum(wind**2) / 50.0**2
+
+    expected = optimize.minimize(cost, [5.0, -5.0], tol=1e-14).x
+    assert constant_wind(north, east, speed) == pytest.approx(expected, abs=1e-5)
+    free = optimize.minimize(lambda wind: cost(wind) - np.sum(wind**2) / 50.0**2, expected, tol=1e-14).x
+    assert np.abs(expected - free).max() > 1e-3
 
 
 def test_a_flight_straight_ahead_shows_the_wind_along_its_track_only():

@@ -13,8 +13,8 @@ from bfi_cli.airdata import air_data_of, channels_of, impact_pressure_of_cas, pr
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity.holds import find_holds
-from bfi_cli.parity.lines import lines_of
+from bfi_cli.parity.holds import doubt_of, find_holds
+from bfi_cli.parity.lines import Stretches, lines_of
 
 FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
 BLOCKED = {"pitot_blocked": "p_total", "static_blocked": "p_static"}
@@ -375,3 +375,22 @@ def test_a_static_line_that_takes_all_impact_pressure_is_no_leak_of_the_tube():
     (found,) = find_holds(log, 0.0, 600.0).findings
     assert found.fault == "static_leak"
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+
+
+@pytest.mark.parametrize(
+    ("limit", "sd", "doubted"),
+    [(1.4, 0.95, False), (1.4, 1.05, True), (1.6, 0.28, False), (1.6, 0.35, True), (1.6, 0.8, True)],
+)
+def test_how_still_a_line_must_be_goes_by_the_calm_of_the_flight_and_the_noise_of_the_record(limit, sd, *, doubted):
+    """Calm flight strays by 3 Pa: a third of that is still; where noise is half of it, a tenth."""
+
+    def stretch(sd: float, limit: float) -> Stretches:
+        one, yes = np.ones(1), np.ones(1, dtype=bool)
+        return Stretches(sd=sd * one, limit=limit * one, rise=0.0 * one, whole=yes, inside=yes, n=60)
+
+    log = made_flight(seconds=60.0)
+    lines = lines_of(log)
+    line = lines.of("p_total")
+    assert line is not None
+    why = doubt_of(log, lines, line, stretch(sd, limit), stretch(9.0, 1.0), 3.0, 0, 0, moving=1.0)
+    assert bool(why) is doubted

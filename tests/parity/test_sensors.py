@@ -134,3 +134,11 @@ def test_a_healthy_accelerometer_and_one_that_is_off_throughout_do_not_step():
     assert accelerometer_steps(record_of(log), FLIGHT) == ()
     off = with_values(log, "normal_acc", log.channels["normal_acc"].values + 0.5)
     assert accelerometer_steps(record_of(off), FLIGHT) == ()
+
+
+def test_a_static_line_that_leaks_is_no_step_of_an_accelerometer():
+    """The altitude's rate jumps and comes back: over two minutes that is an acceleration of 0.3 m/s^2."""
+    log = attitudes()
+    since = np.maximum(log.time_s - ONSET_S, 0.0)
+    rate = log.channels["altitude_rate"].values - 36.0 * np.exp(-since / 6.0) * (log.time_s >= ONSET_S)
+    assert accelerometer_steps(record_of(with_values(log, "altitude_rate", rate)), FLIGHT) == ()

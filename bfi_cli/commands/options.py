@@ -222,7 +222,7 @@ length_s  --length  calibrate.length_s  S  positive
 step_s  --step  calibrate.step_s  S  positive
     Time between the starts of windows.  [default: half a window]
 train  --train  detect.train  A:B  stretch
-    Time known to be healthy.  [default: the first third of the window]
+    Time known to be healthy.  [default: the first third of the flight in the window]
 detect_false_alarm  --false-alarm  detect.false_alarm  P  number
     Accepted rate of false alarms per record.  [default: 0.01]
 detect_method  --method  detect.method  auto|exact|parity  text

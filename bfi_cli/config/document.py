@@ -253,7 +253,7 @@ class Detect(Rules):
     """The search for a failing channel."""
 
     train: tuple[Number, Number] | None = None
-    """[from, to] of the time known to be healthy, s; default the first third of the window."""
+    """[from, to] of the time known to be healthy, s; default the first third of the flight in the window."""
     false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
     """Accepted probability that a healthy record raises an alarm."""
     method: Literal["auto", "exact", "parity"] = "auto"

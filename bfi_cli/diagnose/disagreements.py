@@ -61,10 +61,10 @@ def _draft(flight: Flight, one: Disagreement, among: tuple[str, ...], channels: 
         unit=STANDARD[one.channel].unit if among[0] in STANDARD else "",
         onset_s=one.from_s,
         # What falls slowly has begun before it says "ground".
-        onset_ci95=(one.from_s - one.least_s - ONSET_S, one.from_s + ONSET_S),
+        onset_ci95=(one.from_s - one.least_s - ONSET_S, one.latest_s + ONSET_S),
         statistic=one.to_s - one.from_s,
         threshold=one.least_s,
-        doubt="" if one.certain else "the altitude alone says that the aircraft flies there",
+        doubt="" if one.certain else "no more signs of the log tell of flight than of the ground",
         effect={} if one.error is None else {one.channel: abs(one.error)},
     )
     window = (max(flight.from_s, one.from_s - AROUND_S), min(flight.to_s, one.to_s + AROUND_S))

@@ -155,8 +155,8 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
 
 def _fails_further(one: Finding, earlier: Finding) -> bool:
     """Return whether an event of the slow kind names the sensor of an earlier one, or cannot tell it from that."""
-    slow = ("static relations", "parity")
-    if one.stage not in slow or earlier.stage not in slow:
+    lasting = ("sensors", "static relations", "parity")
+    if one.stage not in lasting or earlier.stage not in lasting:
         return False
     return _line_of(one.fault) == _line_of(earlier.fault) or (len(one.among) > 1 and earlier.fault in one.among)
 

@@ -293,7 +293,6 @@ def _on_grid(
     moving = {
         "attitude": [one for one in (pitch, bank) if one is not None],
         "load": [load] if load is not None else [],
-        "height": [height] if height is not None else [],
     }
     thrust = next((values for name in THRUST if (values := channel(name)) is not None), None)
     signs = Signs(
@@ -317,6 +316,7 @@ def _on_grid(
             alone=one.alone,
             certain=one.certain,
             error=_error(means, verdict, one.channel, one.run),
+            latest_s=round(start_s + one.latest * step_s, 3),
             least_s=long * step_s,
         )
         for one in verdict.against

@@ -1,8 +1,8 @@
 """Whether the aircraft flies: what the independent signs of a log say, and which airspeed contradicts the others.
 
 An airspeed may be the faulty channel, so that no single one decides. Signs are the airspeeds (all of one air-data
-system, so that together they have one voice), the ground speed, the altitude, how much attitude, load and altitude
-move, and the thrust. Of the last three groups the log itself says what is usual in flight and what on the ground.
+system, so that together they have one voice), the ground speed, the altitude, how much the attitude moves, how much the
+load does, and the thrust. Of motion and thrust the log itself says what is usual in flight and what on the ground.
 """
 
 from __future__ import annotations
@@ -75,6 +75,7 @@ class Disagreement:
     alone : other airspeeds say the contrary too; else all of them fail together, as those of one pressure line do.
     certain : most signs say the contrary; else as many as agree with the airspeed, the altitude among them.
     error : median of the airspeed less that of the others, in its unit; None where no other tells it.
+    latest_s : the latest that it began: slow flight may have gone before a failure of all airspeeds.
     least_s : from which length on a stretch is no flare, stall or difference about when.
     """
 
@@ -85,6 +86,7 @@ class Disagreement:
     alone: bool
     certain: bool
     error: float | None
+    latest_s: float
     least_s: float
 
 
@@ -118,6 +120,7 @@ class Overruled:
     says: Says
     alone: bool
     certain: bool
+    latest: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -221,6 +224,7 @@ def decide(signs: Signs) -> Verdict:
     all_flight = ~np.any(list(claims.values()), axis=0) & any_known & ~rolls
     moving = [np.sum([_variance(one, signs.long) for one in group], axis=0) for group in signs.moving.values()]
 
+    height = np.full(n, np.nan) if signs.height is None else _variance(signs.height, signs.long)
     on_ground, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     against: list[Overruled] = []
     claimed = common | rolls | np.any(list(claims.values()), axis=0)
@@ -233,14 +237,15 @@ def decide(signs: Signs) -> Verdict:
         # A slow approach is of the same run as the landing: whether that is one, the part tells in which a speed rests.
         still = np.flatnonzero(rests[run]) if n_ground else np.empty(0, dtype=int)
         core = (low + int(still[0]), low + int(still[-1]) + 1) if still.size >= signs.long else (low, high)
-        altitude = _altitude_says(signs, (low, high), core, claimed | ~any_known, all_ground)
-        votes = [np.sign(2 * n_ground - len(here)), altitude]
+        altitude, others = _altitude_says(signs, (low, high), core, claimed | ~any_known, all_ground), []
         if high - low >= signs.long:
-            votes += [1 if rolls[low] else -1] if rolls_known[low] else []
+            others += [1 if rolls[low] else -1] if rolls_known[low] else []
             outside = np.ones(n, dtype=bool)
             outside[run] = False
-            for values in (*signs.levels.values(), *moving):
-                votes.append(_usual(values, slice(*core), all_ground & outside, all_flight & outside, signs.long))
+            usual = (all_ground & outside, all_flight & outside)
+            altitude = altitude or _usual(height, slice(*core), *usual, signs.long)  # one voice, of one sensor
+            others += [_usual(values, slice(*core), *usual, signs.long) for values in (*signs.levels.values(), *moving)]
+        votes = [np.sign(2 * n_ground - len(here)), altitude, *others]
         total = sum(votes) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
         on_ground[run] = total > 0
         unknown[run] = total == 0
@@ -248,13 +253,18 @@ def decide(signs: Signs) -> Verdict:
             continue
         certain = bool(total * sum(votes) > 0)
         for name, says_ground in here.items():
-            at_rest = int(np.count_nonzero(signs.airspeeds[name][run] < TAXI * cruises[name]))
-            if says_ground and total < 0 and (n_ground < len(here) or at_rest >= signs.long):
-                alone = n_ground < len(here)
-                against.append(Overruled(channel=name, run=(low, high), says="ground", alone=alone, certain=certain))
+            at_rest = low + np.flatnonzero(signs.airspeeds[name][run] < TAXI * cruises[name])
+            alone = n_ground < len(here)
+            if says_ground and total < 0 and (alone or at_rest.size >= signs.long):
+                latest = low if alone else int(at_rest[0])
+                against.append(
+                    Overruled(channel=name, run=(low, high), says="ground", alone=alone, certain=certain, latest=latest)
+                )
             elif not says_ground and total > 0 and n_ground:
                 # Without another airspeed at rest it may be wind: a drone on the ground flies as well in that.
-                against.append(Overruled(channel=name, run=(low, high), says="flight", alone=True, certain=certain))
+                against.append(
+                    Overruled(channel=name, run=(low, high), says="flight", alone=True, certain=certain, latest=low)
+                )
     # What nothing tells of is as what is on both of its sides.
     for low, high in runs_of(unknown):
         beside = [bool(on_ground[k]) for k in (low - 1, high) if 0 <= k < n]

@@ -177,6 +177,15 @@ def test_a_sensor_that_fails_further_is_one_event():
     assert as_one([first, other]) == [first, other]
 
 
+def test_what_a_relation_says_of_an_airspeed_that_was_overruled_before_is_one_event():
+    overruled = draft(fault="cas", stage="sensors", shape="bias", magnitude=None, sd=None, offset_s=None)
+    later = draft(500.0, (440.0, 560.0), fault="cas", among=("cas", "altitude"), stage="static relations")
+    (event,) = as_one([overruled, later])
+    assert (event.finding, event.also) == (overruled.finding, (later.finding,))
+    other = draft(500.0, (440.0, 560.0), fault="aoa", stage="static relations")
+    assert as_one([overruled, other]) == [overruled, other]
+
+
 def test_what_is_only_suspected_takes_no_fault_in():
     suspect, fault = draft(statistic=33.0), draft(900.0, (860.0, 980.0), statistic=90.0)
     assert as_one([suspect, fault]) == [suspect, fault]

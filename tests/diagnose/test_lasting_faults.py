@@ -13,7 +13,7 @@ from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
 from bfi_cli.diagnose.flight import flight_of
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
-from bfi_cli.flightlog.phases import phases_of
+from bfi_cli.flightlog.phases import flight_stretches, phases_of
 from bfi_cli.flightlog.record import frozen_array
 
 ONSET_S = 350.0
@@ -134,3 +134,12 @@ def test_a_fault_before_a_hold_is_an_event_of_its_own(journey: FlightLog) -> Non
     ice = Fault(shape="pitot_icing", magnitude=0.001, onset_s=480.0)
     answer = diagnosed(without_elevator(journey), ice, Fault(shape="pitot_blocked", onset_s=740.0))
     assert [one.fault for one in answer.events if one.state == "declared"] == ["pitot_icing", "pitot_blocked"]
+
+
+def test_what_no_window_covers_is_told_with_its_reason(journey: FlightLog) -> None:
+    """It is what the stretches of flight leave of the part that is diagnosed."""
+    flight = flight_of(without_elevator(journey), Config())
+    stretches = flight_stretches(flight.phases)
+    edges = sorted(edge for from_s, to_s, _ in flight.skipped for edge in (from_s, to_s))
+    assert edges == sorted([flight.from_s, *(edge for stretch in stretches for edge in stretch), flight.to_s])
+    assert ["ground" in why for _, _, why in flight.skipped] == [True, True]

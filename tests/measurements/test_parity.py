@@ -224,7 +224,7 @@ def test_a_slow_fault_is_found_and_named(both: Flights, case: Case) -> None:
     n = sum(count.n for count in counts)
     named = sum(count.named for count in counts) / n
     # Every window is in both counts, and overlaps the next by half: a quarter of them are trials of their own.
-    assert not_below(named, case.bar, n // 4, worse=case.bar - 0.2)
+    assert not_below(named, case.bar, n // 4, worse=case.bar - 0.3)
     assert not FULL or named >= case.bar  # these flights' windows are all there, with nothing to allow for
     magnitudes, onsets, deviations, held = (
         np.concatenate([getattr(count, name) for count in counts])
@@ -233,7 +233,7 @@ def test_a_slow_fault_is_found_and_named(both: Flights, case: Case) -> None:
     assert abs(np.median(magnitudes) - 1.0) <= 0.1
     assert np.median(np.abs(onsets)) <= (5.0 if FULL or case.length_s < 200.0 else 8.0)
     for inside in (np.abs(deviations) < 1.96, held):
-        assert not_below(float(np.mean(inside)), 0.95, len(inside) // 4, worse=0.80)
+        assert not_below(float(np.mean(inside)), 0.95, len(inside) // 4, worse=0.70)
         assert not FULL or np.mean(inside) >= 0.88
 
 
@@ -252,7 +252,7 @@ def test_healthy_windows_are_quiet(both: Flights, channels: str, length_s: float
     print(
         f"{channels}, {length_s:g} s: {alarms} alarms in {len(shares)} windows, largest {max(shares):.2f} of threshold"
     )
-    assert not_above(alarms / len(shares), 0.04, len(shares) // 2, worse=0.20)  # they overlap by half
+    assert not_above(alarms / len(shares), 0.04, len(shares) // 2, worse=0.25)  # they overlap by half
 
 
 @pytest.mark.parametrize(("false_alarm", "bar"), [(0.01, 0.70), (0.03, 0.80)])

@@ -90,7 +90,7 @@ FEWEST_WITNESSES = 2
 STILL_S, FEWEST_STILL = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0), 5
 # A still reading travels by less than this share of what others say that it should, and agrees with them as well
 # before and after that, over so many seconds.
-STILL, AGREES_S = 0.2, 2.0
+STILL, AGREES_S = 0.35, 2.0
 # What it should travel over the scatter about that from which it is sure: on the same three flights the largest of an
 # airspeed that stays as still is 3.2, of an altitude 4.8.
 MOVED = 5.5
@@ -102,6 +102,8 @@ RARELY = 0.005
 # The relation between channels is taken for so long from so much on either side, from so many samples.
 BLOCK_S, OUTSIDE_S, MOST_ROWS = 10.0, 30.0, 300
 NOISE_S = 11  # over which its noise is taken, s
+# Of the quantum of the other channel, what the scatter is at least.
+COARSE = 0.7
 # Median errors, beyond which a sample is left out of it.
 OUTLYING = 6.0
 # A channel rests where it travels by less than this share of its quantum; without one, of what it travels by in the
@@ -619,7 +621,7 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
         usual = error <= max(OUTLYING * float(np.median(error)), track.quantum)
         factors = np.linalg.lstsq(columns[usual], track.values[rows[usual]], rcond=None)[0]
         scatter = GAUSSIAN_MEDIAN * float(np.median(np.abs(track.values[rows] - columns @ factors)))
-        spread[at] = max(scatter, 0.5 * abs(float(factors[2])) * other.quantum)
+        spread[at] = max(scatter, COARSE * abs(float(factors[2])) * other.quantum)
         course[at] = wanted @ factors
     known &= np.isfinite(course)
     course = np.where(known, course, 0.0)

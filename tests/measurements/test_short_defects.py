@@ -25,8 +25,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 FLIGHTS = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")
 PLACEMENTS = 12
 SHAPES = {"dropout": 5, "frozen": 1, "spikes": 8}
-# Of 24 trials a kind, at a share of 95 % named, 21 and more are in 97 % of all draws. Of freezes, which calm air hides, 43
-# of 48 were named when the levels were set; at that share 18 and more of 24 are in 98 % of all draws.
+# Of 24 trials a kind, at a share of 95 % named, 21 and more are in 97 % of all draws. Of freezes, which calm air hides,
+# 43 of 48 were named when the levels were set; at that share 18 and more of 24 are in 98 % of all draws.
 LEAST_NAMED = {"dropout": 21 / 24, "frozen": 18 / 24, "spikes": 21 / 24}
 MOST_FALSE_PER_HOUR = 0.3
 

@@ -8,6 +8,7 @@ distribution is taken to fall exponentially, at a rate that few windows tell onl
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ __all__ = ["FEWEST_WINDOWS", "SCHEMA", "TOLERANCES", "CalibrationSettings", "Cal
 __all__ += [
     "calibration_content",
     "calibration_document",
+    "check_calibration",
+    "check_digest",
     "differences",
     "join_tables",
     "load_tables",
@@ -36,7 +39,7 @@ __all__ += [
     "null_of",
     "save_tables",
 ]
-__all__ += ["summary", "table_notes"]
+__all__ += ["summary", "table_notes", "wrong_statistics"]
 
 FloatArray = NDArray[np.float64]
 
@@ -50,6 +53,9 @@ TAIL = 0.85
 # A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
 # Chosen without a tuning record; only a note on the table depends on it.
 FAR_OUT, RARE = 2.0, 0.001
+# Of the largest of ten independent chi-square variables of one degree of freedom, half lie below 3.3; windows have many
+# more onsets than that, but scans of other analyses subtract what they cost. Numbers all equal to rounding are none.
+LEAST_STATISTIC, SAME = 0.1, 1e-9
 # Relative: rates differ by a clock's error, windows by what the filter drops at their ends, edges by how well jumps
 # show them.
 TOLERANCES = {"rate_hz": 0.01, "duration_s": 0.1, "native_rate_hz": 0.01, "recorder_hz": 0.1}
@@ -263,7 +269,83 @@ def save_tables(
     """Return the JSON text of tables, and of the air data of the aircraft where it is given."""
     document = {"kind": "calibration", "schema": SCHEMA, "tables": list(tables)}
     more = {} if air_data is None else {"air_data": air_data}
-    return to_json({**document, **more, "notes": notes, "provenance": provenance})
+    written = json.loads(to_json({**document, **more}))
+    return to_json({**document, **more, "digest": _digest(written), "notes": notes, "provenance": provenance})
+
+
+def _digest(document: Mapping[str, Any]) -> str:
+    """Return what tells that nobody has changed a number of the tables of a document."""
+    held = {key: document.get(key) for key in ("tables", "air_data")}
+    return hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()
+
+
+def check_calibration(document: Mapping[str, Any], *, where: str) -> tuple[CalibrationTable, ...]:
+    """Return the tables of the onset scan in a document of `bfi calibrate`, its key and its numbers checked.
+
+    Raises
+    ------
+    ConfigError : it is of another schema, or holds what no scan counts.
+    """
+    if (schema := document.get("schema")) != SCHEMA:
+        raise ConfigError(f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi calibrate again")
+    tables = from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")
+    check_digest(document, where=where)
+    for k, table in enumerate(tables):
+        if wrong := _wrong_with(table):
+            raise ConfigError(f"{where}: tables[{k}]: {wrong}; run bfi calibrate again")
+    return tables
+
+
+def check_digest(document: Mapping[str, Any], *, where: str) -> None:
+    """Check that a document of `bfi calibrate` holds the numbers that were written; earlier versions do not say.
+
+    Raises
+    ------
+    ConfigError : it does not.
+    """
+    if "digest" in document and document["digest"] != _digest(document):
+        raise ConfigError(f"{where}: its tables are not those that were written; run bfi calibrate again")
+
+
+def _wrong_with(table: CalibrationTable) -> str | None:
+    """Return in what the key of a table, or its numbers, make no sense."""
+    own = table.settings
+    for name in ("rate_hz", "duration_s", "native_rate_hz", "recorder_hz"):
+        value = getattr(own, name)
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            return f"settings.{name} is {value}, not a positive number"
+    if not own.orders or min(own.orders) < 1:
+        return f"settings.orders is {list(own.orders)}, not orders of a model"
+    for name in ("inputs", "outputs", "shapes"):
+        if not getattr(own, name):
+            return f"settings.{name} is empty"
+    if set(own.shapes) != set(table.statistics):
+        has = ", ".join(table.statistics) or "nothing"
+        return f"settings.shapes is {', '.join(own.shapes)}, but the statistics are of {has}"
+    counts = {len(values) for values in table.statistics.values()}
+    if len(counts) > 1:
+        return f"the shapes have {' and '.join(map(str, sorted(counts)))} windows, not as many each"
+    for shape, values in table.statistics.items():
+        if wrong := wrong_statistics(values):
+            return f"statistics.{shape}: {wrong}"
+    return None
+
+
+def wrong_statistics(values: FloatArray) -> str | None:
+    """Return why numbers are no statistics of windows, each the largest of many likelihood ratios; None if they may be.
+
+    Twice the logarithm of a likelihood ratio is not negative, and the largest of many is not nothing, nor always the
+    same.
+    """
+    if values.ndim != 1 or not np.isfinite(values).all():
+        return "not all of them are numbers"
+    if np.any(values < 0.0):
+        return f"{float(values.min()):.4g} is negative, which no likelihood ratio is"
+    if values.size >= FEWEST_WINDOWS and float(np.ptp(values)) <= SAME * float(values.max(initial=0.0)):
+        return f"all of them are {float(values[0]):.4g}"
+    if values.size and float(np.median(values)) < LEAST_STATISTIC:
+        return f"their median is {float(np.median(values)):.4g}, less than white noise alone makes the largest of many"
+    return None
 
 
 def calibration_document(path: str | Path) -> Mapping[str, Any]:
@@ -290,10 +372,7 @@ def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
     ------
     ConfigError : it cannot be read, is something else, or is of another schema.
     """
-    where, document = str(path), calibration_document(path)
-    if (schema := document.get("schema")) != SCHEMA:
-        raise ConfigError(f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi calibrate again")
-    return from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")
+    return check_calibration(calibration_document(path), where=str(path))
 
 
 def table_notes(table: CalibrationTable, logs: Sequence[str]) -> tuple[str, ...]:
@@ -332,9 +411,9 @@ def summary(table: CalibrationTable) -> list[str]:
     return [counted, *shapes]
 
 
-def calibration_content(document: Mapping[str, Any]) -> ReportContent:
+def calibration_content(document: Mapping[str, Any], *, where: str = "the calibration") -> ReportContent:
     """Return what the report of a file of `bfi calibrate` holds: the thresholds of every table in it."""
-    tables, rows = from_plain(tuple[CalibrationTable, ...], document["tables"], where="tables"), []
+    tables, rows = check_calibration(document, where=where), []
     for table in tables:
         settings, enough = table.settings, table.n_windows >= FEWEST_WINDOWS
         null = null_of(table, settings.shapes) if enough else None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from bfi_cli.calibration import (
     save_tables,
 )
 from bfi_cli.errors import ConfigError
+from bfi_cli.parity.calibration import air_data_in
 from bfi_cli.provenance import provenance
 
 MADE = CalibrationSettings(
@@ -155,3 +158,93 @@ def test_a_file_of_another_kind(tmp_path, text: str, complaint: str):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(ConfigError, match=r"none\.json"):
         load_tables(tmp_path / "none.json")
+
+
+def document_of(**changes: object) -> dict[str, Any]:
+    """Return the document of a table, as a version that wrote no digest would have, with changes by dotted key."""
+    document = json.loads(save_tables([table(40)], provenance(log_sha256="")))
+    del document["digest"]
+    for place, value in changes.items():
+        *keys, last = place.split("__")
+        target: Any = document["tables"][0]
+        for key in keys:
+            target = target[key]
+        target[last] = value
+    return document
+
+
+def test_what_an_earlier_version_wrote_is_taken(tmp_path):
+    (tmp_path / "t.json").write_text(json.dumps(document_of()))
+    assert load_tables(tmp_path / "t.json")[0].n_windows == 40
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"statistics__bias": [0.0] * 40}, r"tables\[0\]: statistics.bias: all of them are 0"),
+        ({"statistics__bias": [7.0] * 40}, r"statistics.bias: all of them are 7"),
+        ({"statistics__bias": [-5.0] * 40}, r"statistics.bias: -5 is negative"),
+        ({"statistics__drift": [None] * 40}, r"statistics.drift: not all of them are numbers"),
+        (
+            {"statistics__drift": [1e-6 * k for k in range(40)]},
+            r"statistics.drift: their median is 1.95e-05, less than",
+        ),
+        ({"statistics__drift": [9.0, 8.0]}, r"the shapes have 2 and 40 windows"),
+        ({"statistics": {}}, r"settings.shapes is bias, drift, but the statistics are of nothing"),
+        ({"settings__shapes": ["bias"]}, r"settings.shapes is bias, but the statistics are of bias, drift"),
+        ({"settings__shapes": []}, r"settings.shapes is empty"),
+        ({"settings__inputs": []}, r"settings.inputs is empty"),
+        ({"settings__outputs": []}, r"settings.outputs is empty"),
+        ({"settings__orders": []}, r"settings.orders is \[\]"),
+        ({"settings__orders": [0]}, r"settings.orders is \[0\]"),
+        ({"settings__rate_hz": -2.0}, r"settings.rate_hz is -2.0"),
+        ({"settings__rate_hz": None}, r"settings.rate_hz is nan"),
+        ({"settings__duration_s": 0.0}, r"settings.duration_s is 0.0"),
+        ({"settings__recorder_hz": -1.0}, r"settings.recorder_hz is -1.0"),
+    ],
+)
+def test_a_table_without_sense_is_refused(changes: dict[str, Any], complaint: str, tmp_path):
+    path = tmp_path / "t.json"
+    path.write_text(json.dumps(document_of(**changes)))
+    with pytest.raises(ConfigError, match=complaint) as error:
+        load_tables(path)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1])
+def test_a_scaled_table_is_not_the_one_that_was_written(factor: float, tmp_path):
+    document = json.loads(save_tables([table(40)], provenance(log_sha256="")))
+    values = document["tables"][0]["statistics"]["bias"]
+    document["tables"][0]["statistics"]["bias"] = [factor * value for value in values]
+    (tmp_path / "t.json").write_text(json.dumps(document))
+    with pytest.raises(ConfigError, match="its tables are not those that were written"):
+        load_tables(tmp_path / "t.json")
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"statistics": [0.0] * 30}, r"tables\[0\]: statistics: all of them are 0"),
+        ({"statistics": list(range(30, 0, -1))}, r"tables\[0\]: its statistics do not rise"),
+        ({"statistics": [-1.0, *range(29)]}, r"tables\[0\]: statistics: -1 is negative"),
+        ({"residuals": []}, r"tables\[0\]: residuals is empty"),
+        ({"residuals": ["lift", "magic"]}, r"tables\[0\]: residuals is lift, magic, known: climb"),
+        ({"length_s": -60.0}, r"tables\[0\]: length_s is -60.0"),
+        ({"zero_lift_rad": 2.0}, r"zero_lift_rad is 2, not an angle"),
+    ],
+)
+def test_air_data_without_sense_are_refused(changes: dict[str, Any], complaint: str):
+    air_data: dict[str, Any] = {
+        "residuals": ["lift"],
+        "length_s": 60.0,
+        "knows_zero_lift": True,
+        "statistics": [float(k) for k in range(1, 31)],
+        "logs": ["a.h5"],
+    }
+    angle = changes.get("zero_lift_rad", -0.02)
+    document = {"air_data": {"zero_lift_rad": angle, "tables": [air_data | changes]}}
+    with pytest.raises(ConfigError, match=f"t.json: air_data: {complaint}"):
+        air_data_in(document, where="t.json")
+    with pytest.raises(ConfigError, match="holds no air data"):
+        air_data_in({}, where="t.json")

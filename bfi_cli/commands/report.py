@@ -14,6 +14,7 @@ import click
 from ..display_units import IN_FILES
 from ..errors import ConfigError
 from ..provenance import Provenance
+from ..report.consistency import contradiction_of
 from ..serialization import from_plain, member
 from .options import force_option, series_option, units_of, units_option
 from .output import note, show
@@ -44,7 +45,7 @@ KINDS = {
 }
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.
-READ_BACK = ("identify", "reproduce")
+READ_BACK = ("calibration", "identify", "reproduce")
 # Shares, counts and published numbers, which have no units to choose.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 
@@ -117,9 +118,16 @@ def _content(document: object, where: str, units: Units) -> ReportContent:
     make = getattr(importlib.import_module(f"...{module}", __name__), function)
     try:
         shown = () if kind in WITHOUT_UNITS else (units,)
+        wrong = contradiction_of(document)
+        if kind == "calibration" and document.get("air_data"):
+            from ..parity.calibration import air_data_in
+
+            air_data_in(document, where=where)
         content: ReportContent = make(document, *shown, **({"where": where} if kind in READ_BACK else {}))
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ConfigError(f"{where}: damaged, {error!r}; run bfi {kind} again") from None
+    if wrong is not None:
+        raise ConfigError(f"{where}: contradicts itself, {wrong}; run bfi {kind} again")
     return content
 
 

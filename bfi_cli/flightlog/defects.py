@@ -90,18 +90,22 @@ FEWEST_WITNESSES = 2
 STILL_S, FEWEST_STILL = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0), 5
 # A still reading travels by less than this share of what others say that it should, and agrees with them as well
 # before and after that, over so many seconds.
-STILL, AGREES_S = 0.2, 2.0
-# What it should travel over the scatter about that from which it is sure: on the same three flights the largest of an
-# airspeed that stays as still is 3.2, of an altitude 4.8.
-MOVED = 5.5
+STILL, AGREES_S = 0.35, 2.0
+# What it should travel over the scatter about that from which it is sure, by one other and by two and more that agree:
+# on the same three flights the largest of an airspeed that stays as still is 3.2 by one other and 2.5 by two, of an
+# altitude 4.8 by one.
+MOVED, MOVED_BY_TWO = 5.5, 4.0
 # How many times as far it travels both before and after, where there are no others: on the same channels the largest
 # is 180 times, over 3 s, and 25 times over 7 s and more.
 STILLER = 400.0
 # A channel that rests for half as long in more than this share of the rest of the record rests by itself.
-RARELY = 0.005
+# Of less than this much more nothing is known, s: in 120 s of a healthy flight a rate of climb rests for 5 s.
+RARELY, KNOWN_S = 0.005, 300.0
 # The relation between channels is taken for so long from so much on either side, from so many samples.
 BLOCK_S, OUTSIDE_S, MOST_ROWS = 10.0, 30.0, 300
 NOISE_S = 11  # over which its noise is taken, s
+# Of the quantum of the other channel, what the scatter is at least.
+COARSE = 0.7
 # Median errors, beyond which a sample is left out of it.
 OUTLYING = 6.0
 # A channel rests where it travels by less than this share of its quantum; without one, of what it travels by in the
@@ -236,7 +240,9 @@ def sentence_of_defect(one: Defect) -> str:
     times = "once" if one.count == 1 else f"{one.count} times"
     what = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}[one.shape]
     first = "at" if one.count == 1 else "first at"
-    return f"'{one.channel}' {what} {times}, {one.duration_s:.2g} s in all, {first} {instant(one.times_s[0])} s"
+    return (
+        f"'{one.channel}' {what} {times}, {one.duration_s:.2g} s in all, {first} {instant(round(one.times_s[0], 1))} s"
+    )
 
 
 def _replaced(log: FlightLog, defects: Sequence[Defect], *, bridged: bool) -> FlightLog:
@@ -285,8 +291,19 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         step_s=step_s,
         values=values,
         known=known,
-        quantum=quantum_of_plateaus(values, 1.0 / step_s) or find_quantum(values) or 0.0,
+        quantum=quantum_of_plateaus(values, 1.0 / step_s) or find_quantum(values) or _steps(values, step_s),
     )
+
+
+def _steps(values: FloatArray, step_s: float) -> float:
+    """Return the usual change within a second of a channel that mostly rests, 0 of one that moves.
+
+    A short record shows too few steps to tell its quantum.
+    """
+    apart = max(1, round(1.0 / step_s))
+    moves = np.abs(values[apart:] - values[:-apart])
+    moved = moves > ROUNDING * float(np.abs(values).max())
+    return float(np.median(moves[moved])) if moved.any() and float(np.mean(moved)) < 0.5 else 0.0
 
 
 def _recorder(log: FlightLog) -> tuple[float, float]:
@@ -475,9 +492,10 @@ def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: 
     alike = np.all(errors > 0.0, axis=0) | np.all(errors < 0.0, axis=0)
     least = errors[np.argmin(np.abs(errors), axis=0), np.arange(errors.shape[1])]
     known = np.all([known for _, _, known in told], axis=0) & track.known
-    scatter = float(np.median(np.max([spread for _, spread, _ in told], axis=0)))
-    if not np.isfinite(scatter):
+    spread = np.max([spread for _, spread, _ in told], axis=0)
+    if not np.isfinite(spread).any():
         return []
+    scatter = float(np.quantile(spread[np.isfinite(spread)], 0.75))
     differences = replace(
         track, values=np.where(alike & known, least, 0.0), known=known, quantum=max(track.quantum, scatter)
     )
@@ -507,7 +525,8 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
             middle = slice(size // 2, size // 2 + len(here))
             should = np.min([travel(course, size) * _all_of(told, size) for course, _, told in relatives], axis=0)
             scatter = np.max([spread[middle] for _, spread, _ in relatives], axis=0)
-            needed = MOVED * np.maximum(scatter, floor) + track.quantum
+            sure = MOVED if len(relatives) < FEWEST_WITNESSES else MOVED_BY_TWO
+            needed = sure * np.maximum(scatter, floor) + track.quantum
             marked = (here <= STILL * should) & (should > needed)
         else:
             should[shift:-shift] = np.minimum(here[: -2 * shift], here[2 * shift :])
@@ -547,7 +566,7 @@ def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> Bo
     low, high = np.maximum(first - size, 0), np.minimum(first + 2 * size, len(rests))
     others = len(rests) - (high - low)
     still = count[-1] - (count[high] - count[low])
-    return np.asarray((still > RARELY * others) | (others < 2 * size))
+    return np.asarray((still > RARELY * others) | (others < max(2 * size, track.size(KNOWN_S))))
 
 
 def _resolution(track: _Track) -> float:
@@ -619,7 +638,7 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
         usual = error <= max(OUTLYING * float(np.median(error)), track.quantum)
         factors = np.linalg.lstsq(columns[usual], track.values[rows[usual]], rcond=None)[0]
         scatter = GAUSSIAN_MEDIAN * float(np.median(np.abs(track.values[rows] - columns @ factors)))
-        spread[at] = max(scatter, 0.5 * abs(float(factors[2])) * other.quantum)
+        spread[at] = max(scatter, COARSE * abs(float(factors[2])) * other.quantum)
         course[at] = wanted @ factors
     known &= np.isfinite(course)
     course = np.where(known, course, 0.0)

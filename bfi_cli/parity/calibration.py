@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..calibration import FEWEST_WINDOWS, calibration_document, null_from
+from ..calibration import FEWEST_WINDOWS, calibration_document, check_digest, null_from, wrong_statistics
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of
 from ..serialization import from_plain
 from .record import record_of
+from .residuals import RESIDUALS
 from .scan import scan_window
 from .thresholds import ParityTable
 from .windows import LENGTHS_S, clean_up_time, configuration_changes, overlaps, windows_in
 from .zero_lift import zero_lift_of
 
-__all__ = ["AirDataCalibration", "calibrate_air_data", "load_air_data"]
+__all__ = ["AirDataCalibration", "air_data_in", "calibrate_air_data", "load_air_data"]
 
 # Windows of a short flight follow each other more closely, so that there are enough for a table.
 CLOSEST_S = 5.0
+# rad; cambered wings and their incidence on the fuselage make a few degrees.
+MOST_ZERO_LIFT = 0.35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +100,37 @@ def load_air_data(path: str | Path) -> AirDataCalibration:
     ------
     ConfigError : it cannot be read, is something else, or holds none.
     """
-    where, document = str(path), calibration_document(path)
+    return air_data_in(calibration_document(path), where=str(path))
+
+
+def air_data_in(document: Mapping[str, Any], *, where: str) -> AirDataCalibration:
+    """Return the air data of a document of `bfi calibrate`, its keys and its numbers checked.
+
+    Raises
+    ------
+    ConfigError : it holds none, or what no scan counts.
+    """
     if not document.get("air_data"):
         raise ConfigError(f"{where}: holds no air data; run bfi calibrate again on flights that have them")
-    return from_plain(AirDataCalibration, document["air_data"], where=f"{where}: air_data")
+    found = from_plain(AirDataCalibration, document["air_data"], where=f"{where}: air_data")
+    check_digest(document, where=where)
+    wrong = [f"tables[{k}]: {why}" for k, table in enumerate(found.tables) if (why := _wrong_with(table))]
+    angle = found.zero_lift_rad
+    if angle is not None and not abs(angle) <= MOST_ZERO_LIFT:
+        wrong.insert(0, f"zero_lift_rad is {angle:.4g}, not an angle of zero lift")
+    if wrong:
+        raise ConfigError(f"{where}: air_data: {wrong[0]}; run bfi calibrate again")
+    return found
+
+
+def _wrong_with(table: ParityTable) -> str | None:
+    """Return in what the key of a table, or its numbers, make no sense."""
+    known = {kind.name for kind in RESIDUALS}
+    if not table.residuals or not set(table.residuals) <= known:
+        return f"residuals is {', '.join(table.residuals) or 'empty'}, known: {', '.join(sorted(known))}"
+    if not (np.isfinite(table.length_s) and table.length_s > 0.0):
+        return f"length_s is {table.length_s}, not a positive number"
+    if table.statistics.ndim == 1 and np.any(np.diff(table.statistics) < 0.0):
+        return "its statistics do not rise"
+    wrong = wrong_statistics(table.statistics)
+    return None if wrong is None else f"statistics: {wrong}"

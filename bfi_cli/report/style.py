@@ -83,7 +83,7 @@ Look = dict[str, Any]
 
 
 def _settings() -> AbstractContextManager[None]:
-    # A shell inside a notebook hands on a backend with which matplotlib is not imported where that is not installed.
+    # A shell inside a notebook hands on a backend with which matplotlib cannot be imported where that is not installed.
     # None is asked for: every figure has a canvas of its own.
     backend = os.environ.pop("MPLBACKEND", None)
     try:

@@ -155,7 +155,7 @@ def test_a_part_of_the_flight_has_those_that_begin_in_it():
     assert inside.times_s == one.times_s[1:2]
     assert inside.count == len(inside.hidden) == len(inside.durations_s) == 1
     assert one.between(140.0, 200.0) is None
-    assert sentence_of_defect(one) == "'tas' drops out 3 times, 6.4 s in all, first at 60.0072 s"
+    assert sentence_of_defect(one) == "'tas' drops out 3 times, 6.4 s in all, first at 60 s"
 
 
 @pytest.mark.parametrize("n", [2, 3, 9, 40])

@@ -25,8 +25,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 FLIGHTS = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")
 PLACEMENTS = 12
 SHAPES = {"dropout": 5, "frozen": 1, "spikes": 8}
-# Of 24 trials a kind, at a share of 95 % named, 21 and more are in 97 % of all draws.
-LEAST_NAMED = 21 / 24
+# Of 24 trials a kind, at a share of 95 % named, 21 and more are in 97 % of all draws. Of freezes, which calm air hides,
+# 43 of 48 were named when the levels were set; at that share 18 and more of 24 are in 98 % of all draws.
+LEAST_NAMED = {"dropout": 21 / 24, "frozen": 18 / 24, "spikes": 21 / 24}
 MOST_FALSE_PER_HOUR = 0.3
 
 
@@ -99,5 +100,5 @@ def test_short_defects_are_named(logs: list[FlightLog], shape: str, recorded: bo
         f"{shape}, recorded {recorded}: named {named}/{trials}, {counted}/{trials * SHAPES[shape]} of the single ones"
     )
     print(f"false findings {false} in {hours:.1f} h")
-    assert named >= np.floor(LEAST_NAMED * trials)
+    assert named >= np.floor(LEAST_NAMED[shape] * trials)
     assert false <= max(1.0, MOST_FALSE_PER_HOUR * hours)

@@ -1,0 +1,85 @@
+"""What a document contradicts itself in: a stored answer that was edited or damaged is not to be drawn as one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, get_args
+
+from ..faults import Decision
+from ..verdicts import KINDS
+
+__all__ = ["contradiction_of"]
+
+Plain = Mapping[str, Any]
+DECISIONS = get_args(Decision)
+# Lists of what was found, by the kind of document.
+FOUND = {"identify": "faults", "start-time": "faults", "detect": "alarms", "diagnose": "events"}
+# Relative to its width, by which an interval may miss what it is about: numbers are written to some digits only.
+ROUNDING = 1e-6
+
+
+def contradiction_of(document: Plain) -> str | None:
+    """Return the first thing in which the answer of an analysis contradicts itself, None where it does not.
+
+    Intervals lie around their magnitudes and onsets, ends after onsets, standard deviations and probabilities are such;
+    the decision is that of the verdicts, and there is a fault where there is said to be one and none where not.
+    """
+    if document.get("kind") not in FOUND:
+        return None
+    return next(_contradictions(document), None)
+
+
+def _contradictions(document: Plain) -> Iterator[str]:
+    decision, verdicts = document["decision"], document["verdicts"]
+    for name, value in (("decision", decision), *((f"verdicts.{kind}", verdicts[kind]) for kind in verdicts)):
+        if value not in DECISIONS:
+            yield f"{name} is {value!r}, known: {', '.join(DECISIONS)}"
+    if set(verdicts) != set(KINDS):
+        yield f"verdicts are on {', '.join(verdicts) or 'nothing'}, not on {', '.join(KINDS)}"
+    if (decision == "fault") != ("fault" in verdicts.values()):
+        yield f"decision is {decision!r}, but the verdicts are {', '.join(map(str, verdicts.values()))}"
+    if decision == "no_fault" and "no_fault" not in verdicts.values():
+        yield "decision is 'no_fault', but no verdict is"
+    key = FOUND[document["kind"]]
+    found = _declared(document[key])
+    if decision == "fault" and not found:
+        yield f"decision is 'fault', but '{key}' holds none"
+    if decision == "no_fault" and found:
+        yield f"decision is 'no_fault', but '{key}' holds {len(found)}"
+    for one in found:
+        if one.get("kind") in verdicts and verdicts[one["kind"]] != "fault":
+            yield f"{key} has a declared fault that is {one['kind']}, but that verdict is {verdicts[one['kind']]!r}"
+    for name in dict.fromkeys((key, "candidates")):
+        for k, one in enumerate(document.get(name) or ()):
+            yield from (f"{name}[{k}]: {what}" for what in _of_entry(one))
+
+
+def _declared(entries: Sequence[Plain]) -> list[Plain]:
+    return [
+        one
+        for one in entries
+        if one.get("state", "declared") == "declared" and one.get("beyond_tolerance") is not False
+    ]
+
+
+def _of_entry(one: Plain) -> Iterator[str]:
+    for value, interval in (("magnitude", "ci95"), ("onset_s", "onset_ci95")):
+        ends = one.get(interval)
+        if ends is None:
+            continue
+        low, high = (float(end) if end is not None else math.nan for end in ends)
+        slack = ROUNDING * max(abs(low), abs(high))
+        if high < low - slack:
+            yield f"{interval} runs from {low:g} to {high:g}"
+        elif one.get(value) is not None and not low - slack <= float(one[value]) <= high + slack:
+            yield f"{value} {float(one[value]):g} lies outside of {interval}, {low:g} to {high:g}"
+    if one.get("sd") is not None and not float(one["sd"]) >= 0.0:
+        yield f"sd is {one['sd']}, which no standard deviation is"
+    if one.get("p_value") is not None and not 0.0 <= float(one["p_value"]) <= 1.0:
+        yield f"p_value is {one['p_value']}, which no probability is"
+    onset, offset = one.get("onset_s"), one.get("offset_s")
+    if onset is not None and offset is not None and float(offset) < float(onset):
+        yield f"it ends at {float(offset):g} s, before it begins at {float(onset):g} s"
+    if one.get("count") is not None and one["count"] != len(one.get("times_s") or ()):
+        yield f"count is {one['count']}, but times_s holds {len(one.get('times_s') or ())}"

@@ -28,7 +28,8 @@ FloatArray = NDArray[np.float64]
 # Where a flight shows mostly more than the tables, its thresholds rise. Fewer windows of this length do not say so: a
 # fault fills them.
 SCALE_S, ENOUGH_WINDOWS = 120.0, 10
-# The share of windows that say so: a fault that lasts to the end of a short log is in more than half of them.
+# The share of windows that say so: a fault that lasts to the end of a short log is in more than half of them. Both by
+# this reasoning; no flight was used to set them.
 CALM = 0.25
 # Times its threshold, what a window shows in which another fault lasts: columns for that take away noise of a window as
 # well, so that less is held against the tables'. Of 469 windows of two flights without a fault, any of five faults left

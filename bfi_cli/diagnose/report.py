@@ -239,29 +239,42 @@ def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
         "error": "How large a fault could be there unseen, in the stretches that were watched",
         "disagreement": "How far channels of one sensor could disagree unseen; it bounds no error that they share",
     }
-    heads = ("fault", "shape", "excluded above", "could hide", "tolerance", "within", "holds in", "stretch [s]")
+    heads = ("fault", "shape", "excluded above", "could hide", "stretch [s]", "in 95 %", "growing on", "tolerance")
     tables = []
     for bounds, title in titles.items():
-        rows = tuple(
-            (
-                str(one["fault"]),
-                str(one["shape"]),
-                change(one["excluded_above"], units.of(one["unit"], channel=_channel(one["fault"]))),
-                "any"
-                if one["effect"] is None
-                else change(one["effect"], units.of(one["effect_unit"], channel=one["channel"])),
-                change(one["tolerance"], units.of(one["effect_unit"], channel=one["channel"])),
-                "-" if one["tolerance"] is None else "yes" if one["within_tolerance"] else "no",
-                "growing on" if one["grows_on"] else f"{100.0 * one['holds_in']:.0f} %",
-                f"{instant(round(one['from_s']))} to {instant(round(one['to_s']))}",
-            )
-            for one in limits
-            if one["bounds"] == bounds
-        )
+        by_fault: dict[tuple[str, str], list[Plain]] = {}
+        for one in limits:
+            if one["bounds"] == bounds:
+                by_fault.setdefault((one["fault"], one["shape"]), []).append(one)
+        rows = tuple(_limit_row(of_fault, units) for of_fault in by_fault.values())
         if rows:
             name = "limits" if bounds == "error" else "agreement"
-            tables.append(Table(name=name, title=title, heads=heads, rows=rows))
+            tables.append(Table(name=name, title=title, heads=(*heads, "within"), rows=rows))
     return tuple(tables)
+
+
+def _limit_row(of_fault: Sequence[Plain], units: Units) -> tuple[str, ...]:
+    """Return the limits of one fault and shape: the worst stretch, what holds mostly, and what grows on."""
+    worst = next(one for one in of_fault if one["holds_in"] == 1.0 and not one["grows_on"])
+    mostly = next((one for one in of_fault if one["holds_in"] < 1.0), None)
+    grown = next((one for one in of_fault if one["grows_on"]), None)
+    shown = units.of(worst["effect_unit"], channel=worst["channel"])
+
+    def hidden(one: Plain | None) -> str:
+        return "-" if one is None else "any" if one["effect"] is None else change(one["effect"], shown)
+
+    within = all(one["within_tolerance"] for one in of_fault)
+    return (
+        str(worst["fault"]),
+        str(worst["shape"]),
+        change(worst["excluded_above"], units.of(worst["unit"], channel=_channel(worst["fault"]))),
+        hidden(worst),
+        f"{instant(round(worst['from_s']))} to {instant(round(worst['to_s']))}",
+        hidden(mostly),
+        hidden(grown),
+        change(worst["tolerance"], shown),
+        "-" if worst["tolerance"] is None else "yes" if within else "no",
+    )
 
 
 def _unwatched_table(unwatched: Sequence[Sequence[Any]]) -> tuple[Table, ...]:

@@ -70,7 +70,8 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
     for name in (PITOT_LINE, *(name for name in AIRSPEEDS if name in flight.recorded)):
         windows = drifts.get((name, "error")) or drifts.get((name, "disagreement")) or ()
         for piece in left_of(flown_of(flight), _joined([stretch for one in windows for stretch in one.watched])):
-            found.append((piece, "the pitot line" if name == PITOT_LINE else name))
+            if piece[1] - piece[0] >= LEAST_S:
+                found.append((piece, "the pitot line" if name == PITOT_LINE else name))
     declared = [
         (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
         for one in events
@@ -110,7 +111,7 @@ def _why(flight: Flight, piece: Window, declared: Sequence[Window], names: Seque
     for (first, last), why in _reasons(flight, declared):
         if first <= piece[0] and piece[1] <= last:
             return why
-    return f"nothing bounds a slow fault of {' and '.join(names)} that begins there"
+    return f"nothing bounds a slow fault of {', '.join(names)} that begins there"
 
 
 def unwatched_by_steps(flight: Flight, windows: Sequence[Window]) -> list[Unwatched]:

@@ -41,6 +41,8 @@ Values = Mapping[str, FloatArray]
 BLOCK_S = 1.0
 # Onsets lie this far from the ends of a window: a change needs both sides.
 MARGIN_S = 8.0
+# Drifts are excluded that begin so long before that, as in the parity scan: 20 s before the end of a window.
+LATE_S = 12.0
 FEWEST_BLOCKS = 40  # of a window; with fewer the two sides of a change say nothing of the noise's correlation
 # Twice the gain in log-likelihood. In 1554 windows of 120 and 240 s of two recorded flights, 10 s apart, the largest of
 # what is large enough (`LEAST_STEPS`) is 17; an error of 0.1 m/s of tas has 50 and more.
@@ -48,7 +50,8 @@ THRESHOLD = 25.0
 # A change is declared where the largest error that it makes is this many times the least noise: a quantity that rests
 # at the edge between two steps of a quantisation changes by a whole one, 12^0.5 standard deviations.
 LEAST_STEPS = 3.5
-# Of a step, by which a channel that rests within one moves from block to block at most, and of the blocks that do.
+# Of a step, by which a channel that rests within one moves from block to block at most, and of the blocks that do. Set
+# on two recorded flights with altitudes in steps of 25 ft, which then make no change (docs/theory.md, 15.5).
 RESTS, RESTING = 0.01, 0.25
 # Twice the loss in log-likelihood up to which another channel explains the relations as well: ten to one.
 AS_GOOD = 4.6
@@ -621,6 +624,8 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
                 continue
             for channel, effect in one.effects.items():
                 others = frozenset[str]().union(*(_sensors(name) for name in one.effects.keys() - {channel}))
+                # Of a drift that begins later a window holds too little.
+                last = n if shape == "bias" else max(half, int(np.searchsorted(onsets_s, onsets_s[-1] - LATE_S)) + 1)
                 limit = Limit(
                     fault=channel,
                     shape=shape,
@@ -628,8 +633,8 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
                     excluded_above=float(sizes[:counted].max()) / abs(effect),
                     unit=_magnitude_unit(shape, unit_of(log, channel)),
                     effect=float((sizes * reach)[:counted].max()) / abs(effect),
-                    onsets_s=tuple(onsets_s.tolist()),
-                    sizes=tuple((sizes / abs(effect)).tolist()),
+                    onsets_s=tuple(onsets_s[:last].tolist()),
+                    sizes=tuple((sizes[:last] / abs(effect)).tolist()),
                     bounds="disagreement" if _sensors(channel) & others else "error",
                 )
                 known = least.get((channel, shape))

@@ -13,6 +13,7 @@ The standard atmosphere is that of ICAO Doc 7488 and, below 20 000 m, of the U.S
 
 from .airspeed import (
     SEA_LEVEL_SPEED_OF_SOUND,
+    SONIC_RATIO,
     calibrated_airspeed,
     impact_pressure_of_cas,
     impact_pressure_of_mach,
@@ -54,6 +55,7 @@ __all__ = [
     "SEA_LEVEL_PRESSURE",
     "SEA_LEVEL_SPEED_OF_SOUND",
     "SEA_LEVEL_TEMPERATURE",
+    "SONIC_RATIO",
     "STATIC_SOURCES",
     "AirData",
     "G",

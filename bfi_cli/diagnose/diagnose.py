@@ -15,16 +15,17 @@ from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
 from ..parity import LENGTHS_S, Threshold
 from ..parity.static_relations import RelationAnswer, relation_series
-from ..parity.windows import overlaps
+from ..parity.windows import overlaps, windows_in
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from ..verdicts import State
 from .corrected import corrected_channels, course_of
+from .deviations import beyond_tolerance, largest_first
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
 from .limits import limits_of
-from .looks import Scanned
+from .looks import Scanned, rate_of
 from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
@@ -47,7 +48,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     2. Static relations and holds of the pressure lines, over the whole flight.
     3. The parity scan, on windows of 60, 120 and 240 s.
     4. The scan for steps and oscillations, on windows of 120 s.
-    5. What windows and analyses found, joined into events; each is described in the window that suits it.
+    5. What windows and analyses found, joined into events; each is described in the window that suits it. What surely
+       lies within the tolerances is a deviation.
     6. What could not have been seen.
 
     Parameters
@@ -85,7 +87,10 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         )
     glanced, glances_missing = _glances(flight, config, static, workers, partial(progress, "steps and oscillations"))
     drafts += glanced
-    events = tuple(_event(flight, draft) for draft in as_one(merge_stages(drafts)))
+    large, small = _by_tolerance(flight, merge_stages(*_by_tolerance(flight, drafts)))
+    found = [_event(flight, draft) for draft in largest_first(flight, [*as_one(large), *as_one(small)])]
+    events = tuple(one for one in found if one.beyond_tolerance is not False)
+    deviations = tuple(one for one in found if one.beyond_tolerance is False)
     shown = [name for name in SHOWN if name in flight.record.channels]
     limits = limits_of(flight, slow.looks, static, events)
     verdicts = verdicts_of(events, limits)
@@ -102,6 +107,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         verdicts=verdicts,
         summary=sentence_of(verdicts, events, limits, looked_for_steps=not glances_missing),
         events=events,
+        deviations=deviations,
         limits=limits,
         phases=flight.part_phases,
         windows=tuple(look for _, _, look in slow.looks),
@@ -117,6 +123,13 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
     )
+
+
+def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft], list[Draft]]:
+    """Return the drafts that may be beyond the tolerances, and those that are surely within: these hide no other."""
+    within = [beyond_tolerance(flight, draft) is False for draft in drafts]
+    pairs = list(zip(drafts, within, strict=True))
+    return [draft for draft, is_small in pairs if not is_small], [draft for draft, is_small in pairs if is_small]
 
 
 def _holds(flight: Flight) -> list[Draft]:
@@ -145,7 +158,8 @@ def _glances(
     windows = flight.windows(GLANCE_S, STEP_S)
     if not windows:
         return [], [f"no {GLANCE_S:g} s of flight: steps and oscillations of the airspeed were not looked for"]
-    used = merge(config, {"inputs": inputs, "outputs": (output,)})
+    rate = rate_of(flight.false_alarm, len(windows_in(flight.phases, GLANCE_S, step_s=STEP_S)))
+    used = merge(config, {"inputs": inputs, "outputs": (output,), "start_time": {"false_alarm": rate}})
     found = glance_at_flight(flight.log, windows, used, workers=workers, report=report)
     drafts = []
     for window, answer in found:
@@ -188,6 +202,7 @@ def _event(flight: Flight, draft: Draft) -> Event:
         sd=one.sd,
         ci95=ci95,
         effect=dict(one.effect),
+        beyond_tolerance=beyond_tolerance(flight, draft),
         onset_s=one.onset_s,
         onset_ci95=one.onset_ci95,
         offset_s=one.offset_s,
@@ -207,10 +222,8 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     one = draft.finding
     if one.doubt:
         return "suspected", one.doubt
-    if draft.lasting and not is_certain(draft):
-        return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
     if not is_certain(draft):
-        return "suspected", "a single window shows it, just above its threshold"
+        return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
     if one.stage == "scan" and one.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
     if one.stage == "scan" and overlaps(draft.window, flight.moved):

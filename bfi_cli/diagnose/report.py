@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,6 +30,7 @@ AIRSPEEDS = ("tas", "cas", "ias", "mach")
 MOST_PAGES = 12  # events with a page of their own; the table has all
 EVENT_COLUMNS = (
     *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
+    "beyond_tolerance",
     *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
 )
 TIMELINE = (
@@ -63,25 +64,27 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
     facts = [
         ("Flight", f"{instant(limits[0])} to {instant(limits[1])} s"),
         ("Samples", f"{log['n_samples']} at {number(log['rate_hz'])} Hz"),
-        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of healthy stretches of 120 s wanted"),
+        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of whole healthy flights wanted"),
         ("Windows", f"{len(document['windows'])} of the parity scan"),
     ]
     if angle is not None:
         facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {document['zero_lift_from']}"))
     declared = [_sentence(one, units) for one in events if one["state"] == "declared"]
     suspected = [_sentence(one, units) for one in events if one["state"] == "suspected"]
+    small = [_sentence(one, units) for one in document["deviations"]]
     drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
     drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
     return ReportContent(
         category="Diagnosis of a flight",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=_verdict(document["decision"], declared, suspected, units.sentence(document["summary"])),
+        verdict=_verdict(document["decision"], declared, suspected, small, units.sentence(document["summary"])),
         tone=document["decision"],
         lead=1 if drawings else 0,
         facts=tuple(facts),
         tables=(
-            *_event_tables(events, units),
+            *_event_tables("events", "Events", events, units),
+            *_event_tables("deviations", "Small deviations, within the tolerances", document["deviations"], units),
             *_limit_tables(document["limits"], units),
             *phase_table(document["phases"]),
         ),
@@ -93,15 +96,16 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
             *map(units.sentence, document["notes"]),
         ),
         data={
-            "events.csv": {key: [_cell(one[key]) for one in events] for key in EVENT_COLUMNS},
-            **({"limits.csv": _columns(document["limits"])} if document["limits"] else {}),
+            "events.csv": _columns(events, EVENT_COLUMNS),
+            **({"deviations.csv": _columns(document["deviations"], EVENT_COLUMNS)} if document["deviations"] else {}),
+            **({"limits.csv": _columns(document["limits"], document["limits"][0])} if document["limits"] else {}),
         },
     )
 
 
-def _columns(rows: Sequence[Plain]) -> dict[str, list[Any]]:
-    """Return the columns of rows that have the same keys."""
-    return {key: [_cell(one[key]) for one in rows] for key in rows[0]}
+def _columns(rows: Sequence[Plain], keys: Iterable[str]) -> dict[str, list[Any]]:
+    """Return columns of rows."""
+    return {key: [_cell(one[key]) for one in rows] for key in keys}
 
 
 def _cell(value: Any) -> Any:
@@ -112,7 +116,9 @@ def _cell(value: Any) -> Any:
     return value
 
 
-def _verdict(decision: str, declared: Sequence[str], suspected: Sequence[str], summary: str) -> str:
+def _verdict(
+    decision: str, declared: Sequence[str], suspected: Sequence[str], small: Sequence[str], summary: str
+) -> str:
     said = []
     if declared:
         said.append(f"Fault: {declared[0]}" if len(declared) == 1 else f"{len(declared)} faults: {'; '.join(declared)}")
@@ -122,6 +128,8 @@ def _verdict(decision: str, declared: Sequence[str], suspected: Sequence[str], s
         said.append("Inconclusive")
     if suspected:
         said.append(f"suspected: {'; '.join(suspected)}")
+    if small:
+        said.append(f"small deviation{'s' if len(small) > 1 else ''}, within the tolerance: {'; '.join(small)}")
     if summary:
         said.append(summary)
     return ". ".join(_capital(one) for one in said) + "."
@@ -179,7 +187,7 @@ def _channel(fault: str) -> str:
     return fault if fault in STANDARD else ""
 
 
-def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
+def _event_tables(name: str, title: str, events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
     rows = []
     for one in events:
         low, high = one["onset_ci95"]
@@ -201,7 +209,7 @@ def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
             )
         )
     heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
-    return (Table(name="events", title="Events", heads=heads, rows=tuple(rows)),) if rows else ()
+    return (Table(name=name, title=title, heads=heads, rows=tuple(rows)),) if rows else ()
 
 
 def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:

@@ -35,6 +35,8 @@ class Event:
     shape, magnitude, unit, sd, ci95 : of its course; None for a line that is held, where no size is known.
     constant_s, frequency_hz : time constant or duration, and frequency of the course, where it has one.
     effect : by channel the largest error in the window that describes it, in the channel's unit.
+    beyond_tolerance : whether that, counted on to the last window that shows it, is surely more, or surely no more,
+        than what is tolerated of every channel; None where its interval holds that, or it has no size.
     onset_s, onset_ci95, offset_s : on the log's axis; offset_s is None where it lasts.
     seen_until_s : end of the last window that shows it.
     window_s : the window that describes it.
@@ -57,6 +59,7 @@ class Event:
     sd: float | None
     ci95: tuple[float, float] | None
     effect: Mapping[str, float]
+    beyond_tolerance: bool | None
     onset_s: float
     onset_ci95: tuple[float, float]
     offset_s: float | None
@@ -152,6 +155,7 @@ class DiagnoseResult:
     ----------
     verdicts : on each kind of fault; decision : on those required.
     summary : what the log says of the kinds of which no fault is declared.
+    events : the largest over its tolerance first; deviations : what is surely within the tolerances, and no fault.
     limits : per fault and shape.
     windows : of the parity scan.
     missing : what the log lacks, and what that costs.
@@ -164,6 +168,7 @@ class DiagnoseResult:
     verdicts: Mapping[Kind, Decision]
     summary: str
     events: tuple[Event, ...]
+    deviations: tuple[Event, ...]
     limits: tuple[FlightLimit, ...]
     phases: tuple[Phase, ...]
     windows: tuple[Look, ...]

@@ -13,6 +13,8 @@ from ..airdata import (
     HIGHEST,
     IMPACT_SOURCES,
     LOWEST,
+    SEA_LEVEL_PRESSURE,
+    SONIC_RATIO,
     STATIC_SOURCES,
     air_data_of,
     channels_of,
@@ -164,13 +166,16 @@ def _integral(rate: FloatArray, time_s: FloatArray) -> FloatArray:
 def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
     """Return a record with a fault of `amount`, (n,), in the unit of its hypothesis.
 
-    A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it.
+    A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it; where it
+    leaves subsonic flight, these are NaN.
     """
     channels = dict(record.channels)
     if fault == "q_impact":
         air = air_data_of(channels)
         old = channels_of(air.p_static, air.q_impact, air.tat)
-        new = channels_of(air.p_static, air.q_impact * np.maximum(1.0 + amount, 0.0), air.tat)
+        faulty = air.q_impact * np.maximum(1.0 + amount, 0.0)
+        subsonic = faulty <= SONIC_RATIO * np.minimum(air.p_static, SEA_LEVEL_PRESSURE)
+        new = channels_of(air.p_static, np.where(subsonic, faulty, np.nan), air.tat)
         for name, depends in DEPENDS_ON.items():
             if name in channels and name in new and "p_total" in depends:
                 channels[name] = channels[name] + new[name] - old[name]

@@ -49,7 +49,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, worker
         from ..report.files import content_names
 
         if options["out"] is not None:
-            names = content_names(("timeline",), ("events", "limits", "phases"))
+            names = content_names(("timeline",), ("events", "deviations", "limits", "phases"))
             check_folder(options["out"], names, inputs=inputs, force=options["force"])
         # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
         flight = log_of(log, merge(config, {"window": {"from_s": None, "to_s": None}}))

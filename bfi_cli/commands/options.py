@@ -228,7 +228,7 @@ detect_false_alarm  --false-alarm  detect.false_alarm  P  number
 detect_method  --method  detect.method  auto|exact|parity  text
     Method of detection; exact is for data without any noise.  [default: auto]
 diagnose_false_alarm  --false-alarm  diagnose.false_alarm  P  number
-    Accepted rate of false alarms in a healthy stretch of 120 s.  [default: 0.01]
+    Accepted rate of false alarms of a whole healthy flight.  [default: 0.05]
 diagnose_calibration  --calibration  diagnose.calibration  FILE  text
     Air data of this aircraft by bfi calibrate: angle of zero lift, thresholds.  [default: the flight, shipped tables]
 turns  --turns/--no-turns  detect.turns  -  choice

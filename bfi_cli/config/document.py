@@ -273,8 +273,8 @@ class Detect(Rules):
 class Diagnose(Rules):
     """The diagnosis of a whole flight."""
 
-    false_alarm: Annotated[Positive, Field(lt=1)] = 0.01
-    """Accepted probability of a false alarm in a healthy stretch of 120 s, over windows of every length."""
+    false_alarm: Annotated[Positive, Field(lt=1)] = 0.05
+    """Accepted probability of a false alarm in a whole healthy flight, over all windows and analyses."""
     calibration: PathText | None = None
     """A file of `bfi calibrate` with the air data of the aircraft; default the shipped tables and the flight itself."""
 

@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from ..kernels.likelihood_ratio import FAST_S
 from ..kernels.random_walk import correlated_noise, smoothed_course
 from ..parity import Record, WindowScan
-from ..parity.explain import COURSES
+from ..parity.explain import course_for
 from ..parity.record import Hypothesis, hypotheses, with_fault, without_fault
 from ..parity.residuals import RESIDUALS
 from ..parity.scan import residual_values
@@ -51,8 +51,9 @@ def _amount(event: Event, time_s: FloatArray) -> tuple[str, FloatArray]:
     """Return the hypothesis of an event and its error over time."""
     assert event.magnitude is not None
     fault, sign = ("q_impact", -1.0) if event.fault == "pitot_icing" else (event.fault, 1.0)
-    constant = event.constant_s
-    return fault, sign * event.magnitude * COURSES[event.shape, constant](time_s - event.onset_s)
+    course = course_for(event.shape, event.constant_s)
+    assert course is not None
+    return fault, sign * event.magnitude * course(time_s - event.onset_s)
 
 
 def course_of(flight: Flight, event: Event, index: int) -> Course | None:

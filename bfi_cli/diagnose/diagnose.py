@@ -19,17 +19,18 @@ from ..parity import LENGTHS_S, Threshold
 from ..parity.leaks import begins_within
 from ..parity.record import STATIC_LEAK, record_of
 from ..parity.static_relations import RelationAnswer, relation_series
-from ..parity.windows import Window, overlaps
+from ..parity.windows import Window, overlaps, windows_in
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from ..verdicts import State, decide
 from .corrected import corrected_channels, course_of
+from .deviations import beyond_tolerance, largest_first
 from .disagreements import drafts_of_disagreements
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
 from .limits import bounds_of, limits_of
-from .looks import Scanned
+from .looks import Scanned, rate_of
 from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
@@ -57,7 +58,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     2. Static relations and holds of the pressure lines, over the whole flight.
     3. The parity scan, on windows of 60, 120 and 240 s.
     4. The scan for steps and oscillations, on windows of 120 s.
-    5. What windows and analyses found, joined into events; each is described in the window that suits it.
+    5. What windows and analyses found, joined into events; each is described in the window that suits it. What surely
+       lies within the tolerances is a deviation.
     6. What could not have been seen.
 
     Parameters
@@ -113,8 +115,11 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         flight, config, static, workers, partial(progress, "steps and oscillations")
     )
     drafts += glanced
-    lasting = tuple(_event(flight, draft) for draft in as_one(merge_stages(drafts)))
-    events = (*events_of_defects(flight), *lasting)
+    large, small = _by_tolerance(flight, merge_stages(*_by_tolerance(flight, drafts)))
+    lasting = [_event(flight, draft) for draft in largest_first(flight, [*as_one(large), *as_one(small)])]
+    found = [*events_of_defects(flight), *lasting]
+    events = tuple(one for one in found if one.beyond_tolerance is not False)
+    deviations = tuple(one for one in found if one.beyond_tolerance is False)
     shown = [name for name in SHOWN if name in flight.record.channels]
     bounds = bounds_of(flight, slow.looks, static, lasting)
     limits = limits_of(flight, bounds)
@@ -134,6 +139,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         verdicts=verdicts,
         summary=sentence_of(verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)),
         events=events,
+        deviations=deviations,
         limits=limits,
         unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
         phases=flight.part_phases,
@@ -157,6 +163,13 @@ def _measured(recorded: FlightLog, flight: Flight, shown: Sequence[str]) -> dict
     wrong = [name for name in dict.fromkeys(one.channel for one in flight.defects) if name in shown]
     as_recorded = record_of(replace(recorded, channels={name: recorded.channels[name] for name in wrong}))
     return {name: (as_recorded if name in wrong else flight.record).channels[name] for name in shown}
+
+
+def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft], list[Draft]]:
+    """Return the drafts that may be beyond the tolerances, and those that are surely within: these hide no other."""
+    within = [beyond_tolerance(flight, draft) is False for draft in drafts]
+    pairs = list(zip(drafts, within, strict=True))
+    return [draft for draft, is_small in pairs if not is_small], [draft for draft, is_small in pairs if is_small]
 
 
 def _holds(flight: Flight) -> list[Draft]:
@@ -191,7 +204,8 @@ def _glances(
     windows = flight.windows(GLANCE_S, STEP_S)
     if not windows:
         return [], [f"no {GLANCE_S:g} s of flight: steps and oscillations of the airspeed were not looked for"], []
-    used = merge(config, {"inputs": inputs, "outputs": (output,)})
+    rate = rate_of(flight.false_alarm, len(windows_in(flight.phases, GLANCE_S, step_s=STEP_S)))
+    used = merge(config, {"inputs": inputs, "outputs": (output,), "start_time": {"false_alarm": rate}})
     found = glance_at_flight(flight.log, windows, used, workers=workers, report=report)
     drafts = []
     for window, answer in found:
@@ -234,6 +248,7 @@ def _event(flight: Flight, draft: Draft) -> Event:
         sd=one.sd,
         ci95=ci95,
         effect=dict(one.effect),
+        beyond_tolerance=beyond_tolerance(flight, draft),
         onset_s=one.onset_s,
         onset_ci95=one.onset_ci95,
         offset_s=one.offset_s,
@@ -253,10 +268,8 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     one = draft.finding
     if one.doubt:
         return "suspected", one.doubt
-    if draft.lasting and not is_certain(draft):
-        return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
     if not is_certain(draft):
-        return "suspected", "a single window shows it, just above its threshold"
+        return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
     if one.stage == "scan" and one.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
     if one.stage == "scan" and overlaps(draft.window, flight.moved):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ..parity import Finding
-from ..parity.explain import COURSES
+from ..parity.explain import course_for
 
-__all__ = ["NEAR", "Draft", "as_one", "clusters", "is_certain", "is_return", "join", "merge_stages", "with_ends"]
+__all__ = ["Draft", "as_one", "clusters", "is_certain", "is_return", "join", "merge_stages", "with_ends"]
 
 Window = tuple[float, float]
 
@@ -24,9 +25,6 @@ FREQUENCY_TOLERANCE = 0.05
 # nothing, standard deviations of both where they do, and never more than that share, which would be a part of a return.
 # Chosen by hand, not tuned.
 STEP_BACK, SURE, MOST_LEFT = 0.1, 3.0, 0.5
-# A single window this near its threshold is no event yet: longer windows, or the next, would show a fault that grows.
-# Chosen by hand, not tuned.
-NEAR = 1.2
 # While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
 # half of its angle leaves 1.8 in a phugoid (tests/measurements/test_lasting_faults.py).
 # The factor is that and a third more.
@@ -40,14 +38,13 @@ STAGES = ("sensors", "holds", "static relations", "parity", "scan")
 class Draft:
     """A finding with its window, and until when windows show it; `also` what other analyses found of it.
 
-    `n_windows` of its analysis stand out; `lasting` are the faults that began before its window and were left out.
+    `lasting` are the faults that began before its window and were left out.
     """
 
     finding: Finding
     window: Window
     until_s: float
     also: tuple[Finding, ...] = ()
-    n_windows: int = 1
     lasting: tuple[str, ...] = ()
 
     @property
@@ -76,21 +73,25 @@ def join(drafts: Sequence[Draft]) -> list[Draft]:
         members = [drafts[k] for k in cluster]
         best = max(members, key=lambda one: (not one.finding.doubt, one.finding.statistic / one.finding.threshold))
         until_s = max(one.until_s for one in members)
-        found.append(replace(best, until_s=until_s, n_windows=len(members)))
+        found.append(replace(best, until_s=until_s))
     return found
 
 
-def merge_stages(drafts: Sequence[Draft]) -> list[Draft]:
+def merge_stages(drafts: Sequence[Draft], small: Sequence[Draft] = ()) -> list[Draft]:
     """Return the drafts of all analyses as events: what overlaps in time and in what errs is one fault.
 
     The most trusted analysis describes it. A scan for steps watches the airspeed alone and is disturbed by whatever is
     wrong with its inputs, so that it joins any event of its time.
+
+    Parameters
+    ----------
+    small : drafts that are surely within the tolerances; they join the others, which do not join them.
     """
     events: list[Draft] = []
     # What is only suspected describes no event that is certain.
     ranks = {stage: k for k, stage in enumerate(STAGES)}
-    order = sorted(drafts, key=lambda one: (not is_certain(one), ranks[one.finding.stage], one.finding.onset_s))
-    for one in order:
+    order = partial(sorted, key=lambda one: (not is_certain(one), ranks[one.finding.stage], one.finding.onset_s))
+    for one in (*order(drafts), *order(small)):
         for k, event in enumerate(events):
             if _belongs(one, event):
                 events[k] = replace(
@@ -121,11 +122,10 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
 
 
 def is_certain(draft: Draft) -> bool:
-    """Return whether a draft is more than a single window just above its threshold, a trace, or what others explain."""
-    if draft.finding.stage != "parity":
-        return not draft.finding.doubt
-    excess = draft.finding.statistic / draft.finding.threshold
-    return excess >= TRACE if draft.lasting else draft.n_windows > 1 or excess >= NEAR
+    """Return whether a draft is more than a trace of a fault that lasts, and nothing else explains it."""
+    if draft.finding.stage == "parity" and draft.lasting:
+        return draft.finding.statistic >= TRACE * draft.finding.threshold
+    return not draft.finding.doubt
 
 
 def as_one(events: Sequence[Draft]) -> list[Draft]:
@@ -173,7 +173,7 @@ def is_return(one: Finding, earlier: Finding) -> bool:
     """
     if one.magnitude is None or earlier.magnitude is None or earlier.offset_s is not None:
         return False
-    courses = [COURSES.get((found.shape, found.constant_s)) for found in (one, earlier)]
+    courses = [course_for(found.shape, found.constant_s) for found in (one, earlier)]
     if _line_of(one.fault) != _line_of(earlier.fault) or one.shape == "drift" or None in courses:
         return False
     since_s = one.onset_s - earlier.onset_s

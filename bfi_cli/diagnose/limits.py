@@ -17,7 +17,7 @@ from ..parity.record import STATIC_LEAK
 from ..parity.scan import with_lasting
 from ..parity.windows import Window, flight_stretches, overlaps, within
 from ..preprocessing.tolerance import tolerance_of
-from .events import NEAR, TRACE
+from .events import TRACE
 from .flight import Flight
 from .looks import Scanned
 from .relations import StaticWindows
@@ -139,7 +139,7 @@ def bounds_of(
     for one, threshold, _ in looks:
         window = (one.from_s, one.to_s)
         told = () if overlaps(window, left_out) else one.magnitude
-        level = threshold.level * (TRACE if one.lasting else NEAR)
+        level = threshold.level * (TRACE if one.lasting else 1.0)
         for name in [name for name in told if name not in one.lasting]:
             kind, scale = _drift_of(flight, name, window)
             sizes = one.hidden_slopes(name, level)

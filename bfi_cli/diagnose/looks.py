@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,11 @@ from ..parity import (
     table_for,
     threshold_of,
 )
-from ..parity.windows import Window
+from ..parity.windows import Window, windows_in
 from .flight import Flight
 from .result import Look
 
-__all__ = ["SCALE_S", "Scanned", "look_at", "rates_of", "scale_of", "scan_flight"]
+__all__ = ["Scanned", "look_at", "rate_of", "scale_of", "scan_flight"]
 
 FloatArray = NDArray[np.float64]
 
@@ -75,13 +75,17 @@ class Scanned:
         return np.asarray(np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault])
 
 
-def rates_of(false_alarm: float) -> dict[float, float]:
-    """Return the wanted rate of false alarms of a window of each length.
+def rate_of(false_alarm: float, n_windows: int) -> float:
+    """Return the rate of false alarms of one window, of `n_windows` of its analysis in a flight.
 
-    It goes with the time that a window covers, and by half since windows overlap by half. Windows of several lengths
-    over one stretch see mostly the same, so that they do not share a rate.
+    However they depend on each other, one of them alarms with a probability of at most the sum of their own. Every
+    analysis has an equal share of what a healthy flight may have: the parity scan of each length, and that for steps.
+
+    Parameters
+    ----------
+    false_alarm : of a whole healthy flight.
     """
-    return {length_s: 0.5 * false_alarm * length_s / 120.0 for length_s in LENGTHS_S}
+    return false_alarm / (len(LENGTHS_S) + 1) / max(n_windows, 1)
 
 
 def scan_flight(
@@ -126,34 +130,32 @@ def _reduced(scan: WindowScan, from_s: float, to_s: float, *, lasting: tuple[str
     )
 
 
-def scale_of(scanned: Sequence[Scanned], tables: Sequence[ParityTable], *, otherwise: float = 1.0) -> float:
-    """Return by how much this flight shows more than the flights of the tables, at least 1.
+def scale_of(flight: Flight) -> float:
+    """Return by how much a flight shows more than the flights of the tables, at least 1.
 
     The lower quartile over windows of 120 s of the statistic over the lower quartile of their table. A fault in half of
     the windows does not move it far, so that it does not hide by raising its own threshold; an aircraft or an air that
-    is rougher throughout raises them.
-
-    Parameters
-    ----------
-    scanned : windows of the whole flight, also where a part of it is diagnosed; those that leave a fault out do not
-        count.
-    otherwise : returned where there are too few windows.
+    is rougher throughout raises them. The whole flight counts, also where a part of it is diagnosed. The angle of zero
+    lift is free in every window: a vane that is wrong in half of a flight would make that of the flight wrong in all.
     """
+    free = replace(flight, zero_lift=None)
     shares = []
-    for one in scanned:
-        if round(one.length_s) != SCALE_S or one.lasting:
-            continue
-        table = table_for(tables, one.residuals, one.length_s, knows_zero_lift=one.knows_zero_lift)
+    for one in scan_flight(free, windows_in(flight.phases, SCALE_S, step_s=SCALE_S)):
+        table = table_for(flight.tables, one.residuals, one.length_s, knows_zero_lift=False)
         if table is not None:
             shares.append(one.statistic / max(float(np.quantile(table.statistics, CALM)), 1.0))
-    return max(1.0, float(np.quantile(shares, CALM))) if len(shares) >= ENOUGH_WINDOWS else otherwise
+    return max(1.0, float(np.quantile(shares, CALM))) if len(shares) >= ENOUGH_WINDOWS else 1.0
 
 
 def look_at(
-    scanned: Sequence[Scanned], tables: Sequence[ParityTable], *, false_alarm: float, scale: float
+    scanned: Sequence[Scanned], tables: Sequence[ParityTable], *, rates: Mapping[float, float], scale: float
 ) -> Iterator[tuple[Scanned, Threshold, Look]]:
-    """Yield every window with its threshold and what is reported of it."""
-    rates = rates_of(false_alarm)
+    """Yield every window with its threshold and what is reported of it.
+
+    Parameters
+    ----------
+    rates : by length of a window, of false alarms.
+    """
     cache: dict[tuple[Collection[str], float, bool, bool], Threshold] = {}
     for one in scanned:
         key = (one.residuals, round(one.length_s), one.knows_zero_lift, bool(one.lasting))

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..kernels.progress import Report, silent
+from ..parity.relation_course import with_course
+from ..parity.sampled import unit_of
 from ..parity.static_relations import RelationSeries, StaticRelations, find_static
 from ..parity.windows import Window, flight_stretches, overlaps
 from .events import Draft, clusters, join
@@ -43,15 +45,39 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
         (joined,) = join(members)
         if len(members) > 2:
             joined = _from_the_start(flight, series, joined, members[0])
-        drafts.append(joined)
+        drafts.append(_with_course(flight, series, joined))
     return drafts
+
+
+def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:
+    """Return a draft with the course of its error, from the relation that shows it best.
+
+    A ramp that still grows where the window ends may stop later: the window goes on while it does.
+    """
+    one = draft.finding
+    shown = [relation for relation in series[0] if relation.declares and one.fault in relation.effects]
+    relation = max(shown, key=lambda relation: one.evidence.get(relation.name, 0.0))
+    (first_s, last_s), length_s = draft.window, draft.window[1] - draft.window[0]
+    _, end_s = _stretch(flight, draft.window)
+    while True:
+        told = with_course(relation, one, (first_s, last_s), unit_of(flight.log, one.fault))
+        if told.shape != "drift" or last_s >= min(end_s, first_s + LONGEST * length_s):
+            return replace(draft, finding=told, window=(first_s, last_s), until_s=max(draft.until_s, last_s))
+        last_s = min(last_s + 0.5 * length_s, end_s)
+
+
+def _stretch(flight: Flight, window: Window) -> Window:
+    """Return the stretch of flight that a window lies in."""
+    return next((one for one in flight_stretches(flight.part_phases) if overlaps(window, [one])), window)
 
 
 def _from_the_start(flight: Flight, series: Series, joined: Draft, first: Draft) -> Draft:
     """Return the draft of a run of windows in a longer one, about the first of these, where that names the same."""
     length_s = first.window[1] - first.window[0]
-    stretch = next((one for one in flight_stretches(flight.part_phases) if overlaps(first.window, [one])), first.window)
-    window = (max(stretch[0], first.window[0] - length_s), min(joined.until_s, first.window[0] + LONGEST * length_s))
+    window = (
+        max(_stretch(flight, first.window)[0], first.window[0] - length_s),
+        min(joined.until_s, first.window[0] + LONGEST * length_s),
+    )
     answer = find_static(flight.log, *window, series=series)
     if not answer.findings or not {*answer.findings[0].among} & {*joined.finding.among}:
         return replace(joined, finding=first.finding, window=first.window)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -31,8 +31,9 @@ AIRSPEEDS = ("tas", "cas", "ias", "mach")
 MOST_PAGES = 12  # events with a page of their own; the table has all
 EVENT_COLUMNS = (
     *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
+    "beyond_tolerance",
     *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
-    *("beyond_tolerance", "count", "times_s", "duration_s"),
+    *("count", "times_s", "duration_s"),
 )
 TIMELINE = (
     "The flight: its phases, what was measured (blue) and what it would have been without the declared faults (red), "
@@ -65,32 +66,27 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
     facts = [
         ("Flight", f"{instant(limits[0])} to {instant(limits[1])} s"),
         ("Samples", f"{log['n_samples']} at {number(log['rate_hz'])} Hz"),
-        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of healthy stretches of 120 s wanted"),
+        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of whole healthy flights wanted"),
         ("Windows", f"{len(document['windows'])} of the parity scan"),
     ]
     if angle is not None:
         facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {document['zero_lift_from']}"))
-    small = [one for one in events if one["state"] == "declared" and one.get("beyond_tolerance") is False]
-    declared = [_sentence(one, units) for one in events if one["state"] == "declared" and one not in small]
+    declared = [_sentence(one, units) for one in events if one["state"] == "declared"]
     suspected = [_sentence(one, units) for one in events if one["state"] == "suspected"]
+    small = [_sentence(one, units) for one in document["deviations"]]
     drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
     drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
     return ReportContent(
         category="Diagnosis of a flight",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=_verdict(
-            document["decision"],
-            declared,
-            suspected,
-            [_sentence(one, units) for one in small],
-            units.sentence(document["summary"]),
-        ),
+        verdict=_verdict(document["decision"], declared, suspected, small, units.sentence(document["summary"])),
         tone=document["decision"],
         lead=1 if drawings else 0,
         facts=tuple(facts),
         tables=(
-            *_event_tables(events, units),
+            *_event_tables("events", "Events", events, units),
+            *_event_tables("deviations", "Small deviations, within the tolerances", document["deviations"], units),
             *_limit_tables(document["limits"], units),
             *_unwatched_table(document["unwatched"]),
             *phase_table(document["phases"]),
@@ -103,15 +99,16 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
             *map(units.sentence, document["notes"]),
         ),
         data={
-            "events.csv": {key: [_cell(one[key]) for one in events] for key in EVENT_COLUMNS},
-            **({"limits.csv": _columns(document["limits"])} if document["limits"] else {}),
+            "events.csv": _columns(events, EVENT_COLUMNS),
+            **({"deviations.csv": _columns(document["deviations"], EVENT_COLUMNS)} if document["deviations"] else {}),
+            **({"limits.csv": _columns(document["limits"], document["limits"][0])} if document["limits"] else {}),
         },
     )
 
 
-def _columns(rows: Sequence[Plain]) -> dict[str, list[Any]]:
-    """Return the columns of rows that have the same keys."""
-    return {key: [_cell(one[key]) for one in rows] for key in rows[0]}
+def _columns(rows: Sequence[Plain], keys: Iterable[str]) -> dict[str, list[Any]]:
+    """Return columns of rows."""
+    return {key: [_cell(one[key]) for one in rows] for key in keys}
 
 
 def _cell(value: Any) -> Any:
@@ -135,7 +132,7 @@ def _verdict(
     if suspected:
         said.append(f"suspected: {'; '.join(suspected)}")
     if small:
-        said.append(f"within the tolerance: {'; '.join(small)}")
+        said.append(f"small deviation{'s' if len(small) > 1 else ''}, within the tolerance: {'; '.join(small)}")
     if summary:
         said.append(summary)
     return ". ".join(_capital(one) for one in said) + "."
@@ -206,7 +203,7 @@ def _channel(fault: str) -> str:
     return fault if fault in STANDARD else ""
 
 
-def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
+def _event_tables(name: str, title: str, events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
     rows = []
     for one in events:
         low, high = one["onset_ci95"]
@@ -230,7 +227,7 @@ def _event_tables(events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
             )
         )
     heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
-    return (Table(name="events", title="Events", heads=heads, rows=tuple(rows)),) if rows else ()
+    return (Table(name=name, title=title, heads=heads, rows=tuple(rows)),) if rows else ()
 
 
 def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:

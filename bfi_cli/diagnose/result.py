@@ -35,13 +35,14 @@ class Event:
     shape, magnitude, unit, sd, ci95 : of its course; None for a line that is held, where no size is known.
     constant_s, frequency_hz : time constant or duration, and frequency of the course, where it has one.
     effect : by channel the largest error in the window that describes it, in the channel's unit.
+    beyond_tolerance : whether that, counted on to the last window that shows it, is surely more, or surely no more,
+        than what is tolerated of every channel; None where its interval holds that, or it has no size.
     onset_s, onset_ci95, offset_s : on the log's axis; offset_s is None where it lasts.
     seen_until_s : end of the last window that shows it.
     window_s : the window that describes it.
     statistic, threshold, p_value : there.
     evidence : by residual, what it says for the fault.
     note : what limits the answer, "" for nothing; repeat : what a repeated flight should record, "" for nothing.
-    beyond_tolerance : whether its largest error is; None where that is not said.
     count, times_s, duration_s : of short defects (dropout, frozen, spikes) how many, when each begins, and how long
         they last together; None for another fault.
     """
@@ -60,6 +61,7 @@ class Event:
     sd: float | None
     ci95: tuple[float, float] | None
     effect: Mapping[str, float]
+    beyond_tolerance: bool | None
     onset_s: float
     onset_ci95: tuple[float, float]
     offset_s: float | None
@@ -71,7 +73,6 @@ class Event:
     evidence: Mapping[str, float]
     note: str
     repeat: str
-    beyond_tolerance: bool | None = None
     count: int | None = None
     times_s: tuple[float, ...] | None = None
     duration_s: float | None = None
@@ -166,6 +167,7 @@ class DiagnoseResult:
     ----------
     verdicts : on each kind of fault; decision : on those required.
     summary : what the log says of the kinds of which no fault is declared.
+    events : the largest over its tolerance first; deviations : what is surely within the tolerances, and no fault.
     limits : per fault and shape.
     unwatched : (from_s, to_s, why) of half a minute of flight and more that an analysis did not cover.
     windows : of the parity scan.
@@ -179,6 +181,7 @@ class DiagnoseResult:
     verdicts: Mapping[Kind, Decision]
     summary: str
     events: tuple[Event, ...]
+    deviations: tuple[Event, ...]
     limits: tuple[FlightLimit, ...]
     unwatched: tuple[tuple[float, float, str], ...]
     phases: tuple[Phase, ...]

@@ -3,7 +3,8 @@
 A fault that has begun may last to the end of the flight, and whatever its channel is compared with then disagrees. So
 the strongest run is named first; what it names is a nuisance in all later windows, which are scanned again, and the
 strongest of what still stands out is next. Where that is the return of a sensor that failed, the windows after it have
-no nuisance.
+no nuisance. Each that was named before is then described again with the others in the model, and what they explain
+goes: before a vane was known to be wrong, the angle of zero lift was wrong in the whole flight.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ import numpy as np
 
 from ..kernels.progress import Report, silent
 from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
-from ..parity.explain import COURSES
+from ..parity.explain import course_for
 from ..parity.scan import without_lasting
 from ..parity.windows import Window, flight_stretches, overlaps, windows_in
-from .events import NEAR, Draft, clusters, is_certain, is_return
+from .deviations import beyond_tolerance
+from .events import Draft, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
-from .looks import SCALE_S, Scanned, look_at, scale_of, scan_flight
+from .looks import Scanned, look_at, rate_of, scale_of, scan_flight
 from .naming import contradicted, finding_of_fit, hypotheses_of
 from .relations import StaticWindows, intact_channels
 from .result import Look
@@ -73,12 +75,14 @@ def find_slow_faults(
         disagrees, and a channel that broke a relation may stay wrong.
     """
     held = [(draft.from_s, draft.until_s) for draft in before if draft.finding.stage == "holds"]
-    known = [draft for draft in before if draft.finding.stage == "static relations"]
+    # What is surely small hides in no residual: nothing is left out for it.
+    exact = (draft for draft in before if draft.finding.stage == "static relations")
+    known = [draft for draft in exact if beyond_tolerance(flight, draft) is not False]
     for draft in known:
         if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway
             back = next((one for one in known if is_return(one.finding, draft.finding)), None)
             flight = flight.with_lasting(_lasting(draft, back))
-    start, named = flight, list[Named]()
+    start, named, gone = flight, list[Named](), list[Draft]()
     stood_out: list[Draft] = []
     answer = _scan_all(flight, report)
     for _ in range(2 * MOST):
@@ -92,26 +96,33 @@ def find_slow_faults(
             and not any(_holds_onset(one, draft) for draft in (*known, *drafts, *ends))
         ]
         runs = [[flagged[k] for k in run] for run in clusters([(one.from_s, one.to_s) for one, _ in flagged])]
-        found = [one for run in runs if (one := _described(flight, run, static)) is not None]
-        certain = [draft for draft in found if is_certain(draft)]
+        told = [one for run in runs if (one := _described(flight, run, static)) is not None]
+        found = [one.draft for one in told]
+        certain = [one for one in told if is_certain(one.draft) and not any(_same(one.draft, other) for other in gone)]
         if not certain or len(drafts) == MOST:
             break
-        strongest = max(certain, key=lambda draft: draft.finding.statistic / draft.finding.threshold)
-        stood_out += [one for one in certain if one.finding.onset_s > strongest.finding.onset_ci95[1]]
-        named = _with_named(named, strongest, flight, answer)
-        flight = start
-        for fault in named:
-            flight = flight.with_lasting(_lasting(fault.draft, fault.back))
+        strongest = max(certain, key=lambda one: one.draft.finding.statistic / one.draft.finding.threshold)
+        begun_s = strongest.draft.finding.onset_ci95[1]
+        stood_out += [one.draft for one in certain if one.draft.finding.onset_s > begun_s]
+        candidates = _with_named(named, strongest, flight, answer)
+        named = _told_again(start, candidates, answer, static)
+        gone += [one.draft for one in candidates if not any(_same(one.draft, other.draft) for other in named)]
+        flight = _with_all(start, named)
         answer = _scan_all(flight, silent, before=answer)
-    told = (*known, *drafts, *found, *ends)
-    return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, told, drafts))
+    every = (*known, *drafts, *found, *ends)
+    return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, every, drafts))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Named:
-    """A fault that was named, and the return of its sensor, None where none was found."""
+    """A fault that was named, and the return of its sensor, None where none was found.
+
+    It was held against `threshold`, at an angle of zero lift, rad, None where that was free.
+    """
 
     draft: Draft
+    threshold: Threshold
+    zero_lift: float | None
     back: Draft | None = None
 
     @property
@@ -122,20 +133,54 @@ class Named:
         return replace(self.draft, finding=replace(self.draft.finding, offset_s=self.back.finding.onset_s))
 
 
-def _with_named(named: Sequence[Named], strongest: Draft, flight: Flight, answer: SlowFaults) -> list[Named]:
+def _with_all(start: Flight, named: Sequence[Named]) -> Flight:
+    """Return the flight in which all of these faults are known."""
+    for fault in named:
+        start = start.with_lasting(_lasting(fault.draft, fault.back))
+    return start
+
+
+def _told_again(start: Flight, named: Sequence[Named], answer: SlowFaults, static: StaticWindows) -> list[Named]:
+    """Return the faults named so far, each described with the others in the model, without those that these explain.
+
+    The weakest goes first. One that is described in the same model already stays as it is.
+    """
+    kept = list(named)
+    for fault in sorted(named, key=lambda one: one.draft.finding.statistic / one.draft.finding.threshold):
+        everything = _with_all(start, kept)
+        flight = _with_all(start, [one for one in kept if one is not fault])
+        flight = replace(flight, zero_lift=everything.zero_lift, zero_lift_from=everything.zero_lift_from)
+        draft, k = fault.draft, kept.index(fault)
+        # Another that begins in its window before it is in the model from there on.
+        latest_s = draft.finding.onset_s - NEAR_START_S
+        from_s = max([draft.window[0], *(one.from_s for one in flight.lasting if one.from_s <= latest_s)])
+        window = (from_s, draft.window[1])
+        if (flight.zero_lift, flight.lasting_in(window)) == (fault.zero_lift, draft.lasting):
+            continue
+        again = _told(flight, window, draft.finding.onset_s, fault.threshold, static, until_s=draft.until_s)
+        if again is None or again.draft.finding.statistic <= fault.threshold.level:
+            del kept[k]
+        elif hypotheses_of(again.draft.finding) == hypotheses_of(draft.finding):
+            kept[k] = replace(again, back=fault.back)
+        else:
+            kept[k] = replace(again, back=_return_of(flight, again.draft, answer))
+    return kept
+
+
+def _with_named(named: Sequence[Named], strongest: Named, flight: Flight, answer: SlowFaults) -> list[Named]:
     """Return the faults named so far with another, which may be the return of one of them, or one of them its return.
 
     What was found after an end as if the fault still lasted is left out, since it can be found without that.
     """
     going = [one for one in named if one.back is None]
-    ended = next((one for one in going if is_return(strongest.finding, one.draft.finding)), None)
+    ended = next((one for one in going if is_return(strongest.draft.finding, one.draft.finding)), None)
     if ended is not None:
-        others, pair = [one for one in named if one is not ended], Named(draft=ended.draft, back=strongest)
+        others, pair = [one for one in named if one is not ended], replace(ended, back=strongest.draft)
     else:
-        own = next((one for one in going if is_return(one.draft.finding, strongest.finding)), None)
+        own = next((one for one in going if is_return(one.draft.finding, strongest.draft.finding)), None)
         others = [one for one in named if one is not own]
-        back = own.draft if own is not None else _return_of(flight, strongest, answer)
-        pair = Named(draft=strongest, back=back)
+        back = own.draft if own is not None else _return_of(flight, strongest.draft, answer)
+        pair = replace(strongest, back=back)
     if pair.back is None:
         return [*others, pair]
     end_s = pair.back.finding.onset_s
@@ -154,11 +199,11 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
     scanned : the windows, before the fault was known.
     """
     one = draft.finding
-    if one.magnitude is None or (one.shape, one.constant_s) not in COURSES:
+    course = course_for(one.shape, one.constant_s)
+    if one.magnitude is None or course is None:
         return None
     (fault,) = hypotheses_of(replace(one, among=(one.fault,)))
     sign = -1.0 if one.fault == "pitot_icing" else 1.0
-    course = COURSES[one.shape, one.constant_s]
     stretches = flight_stretches(flight.part_phases)
     stretch = next((part for part in stretches if overlaps(draft.window, [part])), draft.window)
     length_s = draft.window[1] - draft.window[0]
@@ -170,12 +215,10 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
             continue
         part = flight.record.between(*window)
         amount = sign * one.magnitude * course(part.time_s - one.onset_s)
-        try:
-            part = without_lasting(part, fault, np.maximum(amount, MOST_LOST) if fault == "q_impact" else amount)
-        except ValueError:  # of that size the fault cannot have lasted until here
-            continue
+        # Of a size that no subsonic flight leaves, the fault cannot have lasted until here: nothing is known then.
+        part = without_lasting(part, fault, np.maximum(amount, MOST_LOST) if fault == "q_impact" else amount)
         scan = scan_window(part, zero_lift=flight.zero_lift, only=look.residuals)
-        if scan is None or scan.statistic < NEAR * threshold.level or explained == MOST_EXPLAINED:
+        if scan is None or scan.statistic < threshold.level or explained == MOST_EXPLAINED:
             continue
         explained += 1
         fits = explain(scan, part)
@@ -202,6 +245,11 @@ def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Seque
     )
 
 
+def _same(one: Draft, other: Draft) -> bool:
+    """Return whether two drafts name the same fault."""
+    return hypotheses_of(one.finding) == hypotheses_of(other.finding) and _same_onset(one, other)
+
+
 def _same_onset(one: Draft, other: Draft) -> bool:
     (first, last), (begun, ended) = one.finding.onset_ci95, other.finding.onset_ci95
     return first <= ended and begun <= last
@@ -212,15 +260,16 @@ def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = Non
 
     Parameters
     ----------
-    before : with fewer faults known; windows that these do not concern are kept, and the scale where too few windows
-        tell it.
+    before : with other faults known; windows that these do not concern are kept.
     """
     every = [window for length_s in LENGTHS_S for window in flight.windows(length_s)]
     kept = before.scanned if before is not None and before.flight.zero_lift == flight.zero_lift else ()
     scanned = scan_flight(flight, every, kept=kept, report=report)
-    throughout = scan_flight(flight, windows_in(flight.phases, SCALE_S, step_s=SCALE_S)) if flight.is_part else scanned
-    scale = scale_of(throughout, flight.tables, otherwise=before.scale if before is not None else 1.0)
-    looks = tuple(look_at(scanned, flight.tables, false_alarm=flight.false_alarm, scale=scale))
+    scale = scale_of(flight) if before is None else before.scale
+    # The level is that of the whole flight, whatever part of it is diagnosed.
+    n_windows = {length_s: len(windows_in(flight.phases, length_s)) for length_s in LENGTHS_S}
+    rates = {length_s: rate_of(flight.false_alarm, n) for length_s, n in n_windows.items()}
+    looks = tuple(look_at(scanned, flight.tables, rates=rates, scale=scale))
     return SlowFaults(flight=flight, drafts=(), scanned=tuple(scanned), looks=looks, scale=scale)
 
 
@@ -237,7 +286,7 @@ def _holds_onset(one: Scanned, draft: Draft) -> bool:
     return one.from_s < last_s and first_s < one.to_s
 
 
-def _described(flight: Flight, run: Sequence[tuple[Scanned, Threshold]], static: StaticWindows) -> Draft | None:
+def _described(flight: Flight, run: Sequence[tuple[Scanned, Threshold]], static: StaticWindows) -> Named | None:
     """Return what the windows of a run say, in the window in which their fault begins well inside.
 
     Of these it is the one with the most evidence: a long window may be nearer its threshold and tell more. A window
@@ -246,24 +295,26 @@ def _described(flight: Flight, run: Sequence[tuple[Scanned, Threshold]], static:
     first_s, until_s = min(one.from_s for one, _ in run), max(one.to_s for one, _ in run)
     early = [pair for pair in run if pair[0].from_s <= first_s + max(LENGTHS_S)]
     inside = [pair for pair in early if _well_inside(pair[0].onset_s, (pair[0].from_s, pair[0].to_s))]
-    one, level = max(inside or early, key=lambda pair: pair[0].statistic)
-    window, scan = _around(flight, one.onset_s, (one.from_s, one.to_s), level)
+    one, threshold = max(inside or early, key=lambda pair: pair[0].statistic)
+    return _told(flight, (one.from_s, one.to_s), one.onset_s, threshold, static, until_s=until_s)
+
+
+def _told(
+    flight: Flight, window: Window, onset_s: float, threshold: Threshold, static: StaticWindows, *, until_s: float
+) -> Named | None:
+    """Return the fault that a window shows, told where its onset lies well inside; None without a residual."""
+    window, scan = _around(flight, onset_s, window, threshold)
     if scan is None:
         return None
     fits = _explained(flight, window, scan, static)
     # The onset as fitted may lie nearer to the start than the linear look had it.
-    other, scan_of_other = _around(flight, fits[0].onset_s, window, level)
+    other, scan_of_other = _around(flight, fits[0].onset_s, window, threshold)
     if scan_of_other is not None and other != window:
         window, scan = other, scan_of_other
         fits = _explained(flight, window, scan, static)
-    finding = finding_of_fit(fits, flight.record.between(*window), level, flight.recorded, scan)
-    return Draft(
-        finding=finding,
-        window=window,
-        until_s=max(until_s, window[1]),
-        n_windows=len(run),
-        lasting=flight.lasting_in(window),
-    )
+    finding = finding_of_fit(fits, flight.record.between(*window), threshold, flight.recorded, scan)
+    draft = Draft(finding=finding, window=window, until_s=max(until_s, window[1]), lasting=flight.lasting_in(window))
+    return Named(draft=draft, threshold=threshold, zero_lift=flight.zero_lift)
 
 
 def _well_inside(onset_s: float, window: Window) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from ..kernels.likelihood_ratio import likelihood_ratio
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
 from .scan import FIRST_ONSET_S, LAST_ONSET_S, WindowScan, fault_signatures, residual_values
 
-__all__ = ["COURSES", "Fit", "corrected", "effects", "explain"]
+__all__ = ["COURSES", "Fit", "corrected", "course_for", "effects", "explain"]
 
 FloatArray = NDArray[np.float64]
 Course = Callable[[FloatArray], FloatArray]
@@ -25,7 +25,8 @@ DISPERSION, DISPERSION_GROWTH = {"lift": 1.9, "climb": 2.1, "kinematics": 1.3, "
 # or that share of the best; but none that explains less than half. Tried on those flights with a drift of the airspeed
 # where nothing but `tas` tells it: it keeps the truth in 95 % of the sets; 10 makes half of them sets of three.
 CLOSE, CLOSE_SHARE = 5.0, 0.03
-FITTED_WITHIN = 5.0  # times that, by the linear look, of the best: what is fitted again
+FITTED_WITHIN = 5.0  # times that, by a linear look at every course, of the best: what is fitted again
+LEAST_SHARE = 0.5  # of the best, below which nothing explains a window
 REFINED = 0.25  # of the window, to both sides of the onset that a linear look finds, in steps of a second
 # Of Gauss-Newton, which end where one moves the magnitude by less than this part of its standard deviation: a loss of a
 # tenth of the impact pressure takes three, one of six tenths six.
@@ -37,8 +38,9 @@ STEPS, CONVERGED = 12, 0.02
 # by 8 to 15.
 INERTIAL = ("pitch", "normal_acc", "longitudinal_acc", "altitude_rate", "ground_speed")
 RARER = 4.6  # 2 ln 10
-# What another course than a ramp must gain: it was chosen from several.
-PRICE = 3.0  # 2 ln 4.5: from one of eight courses; chosen by hand, not tuned
+# What another course than a ramp must gain: it was chosen from several (2 ln 4.5; chosen by hand, not tuned). Of these
+# so many are fitted, the best by a linear look.
+PRICE, TRIED = 3.0, 3
 CHI_SQUARE_95 = 3.84  # with one degree of freedom
 # Of the standard deviations of magnitude and onset: 95 % of the magnitudes of twelve trials on those flights lie within
 # 1.9 to 3.2 of them, in the median 2.6, where a normal distribution has 1.96.
@@ -53,13 +55,25 @@ def _hold(seconds: float) -> Course:
     return lambda t: np.clip(t / seconds, 0.0, 1.0)
 
 
-# By shape, with its constant in s where it has one: the course of magnitude 1, of the seconds since the onset.
-COURSES: Mapping[tuple[str, float | None], Course] = {
-    ("drift", None): lambda t: np.maximum(t, 0.0),
-    ("bias", None): lambda t: np.clip(t + 0.5, 0.0, 1.0),  # of a sample, the part after the onset
-    **{("lagged_bias", seconds): _lag(seconds) for seconds in (3.0, 6.0, 12.0, 24.0, 48.0, 96.0)},
-    **{("ramp_hold", seconds): _hold(seconds) for seconds in (10.0, 20.0, 40.0)},
-}
+def course_for(shape: str, constant_s: float | None) -> Course | None:
+    """Return the course of magnitude 1 of a shape, of the seconds since the onset; None for one that is not fitted."""
+    if shape == "drift":
+        return lambda t: np.maximum(t, 0.0)
+    if shape == "bias":
+        return lambda t: np.clip(t + 0.5, 0.0, 1.0)  # of a sample, the part after the onset
+    kinds = {"lagged_bias": _lag, "ramp_hold": _hold}
+    return kinds[shape](constant_s) if shape in kinds and constant_s is not None else None
+
+
+# Shapes with their constants in s, where they have one, from which the best fit starts.
+COURSES: tuple[tuple[str, float | None], ...] = (
+    ("drift", None),
+    ("bias", None),
+    *(("lagged_bias", seconds) for seconds in (3.0, 6.0, 12.0, 24.0)),
+    *(("ramp_hold", seconds) for seconds in (10.0, 20.0, 40.0, 80.0)),
+)
+# Of a constant, from one that is tried to the next while that explains the window better.
+FINER = (1.2, 1.05)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +85,7 @@ class Fit:
     constant_s : of the course, where it has one.
     onsets_s, ratios, magnitudes, sds : (n_onsets,); the ratio is twice the log-likelihood ratio.
     parts : by residual, of the best ratio.
+    besides : (n_besides, 4) onsets, ratios, magnitudes and standard deviations of the same shape with other constants.
     """
 
     fault: Hypothesis
@@ -81,6 +96,7 @@ class Fit:
     magnitudes: FloatArray
     sds: FloatArray
     parts: Mapping[str, float]
+    besides: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
 
     @property
     def best(self) -> int:
@@ -100,19 +116,32 @@ class Fit:
         return float(self.magnitudes[self.best])
 
     @property
+    def alike(self) -> FloatArray:
+        """Onsets, ratios, magnitudes and standard deviations, (n, 4), by onset and constant, where there are any."""
+        rows = np.vstack([np.column_stack([self.onsets_s, self.ratios, self.magnitudes, self.sds]), self.besides])
+        return np.asarray(rows[np.isfinite(rows).all(axis=1)])
+
+    @property
     def sd(self) -> float:
-        return TAILS * float(self.sds[self.best])
+        """Of the magnitude, over the onsets and constants that may be true, each by its likelihood."""
+        _, ratios, magnitudes, sds = self.alike.T
+        if not ratios.size:
+            return np.inf
+        share = np.exp(0.5 * (ratios - ratios.max()))
+        squares = sds**2 + (magnitudes - self.magnitude) ** 2
+        return TAILS * float(np.sqrt(share @ squares / share.sum()))
 
     @property
     def onset_ci95(self) -> tuple[float, float]:
         """The onsets that explain the window about as well, half a step wider."""
-        near = self.onsets_s[self.ratios >= self.ratio - CHI_SQUARE_95 * TAILS**2]
+        onsets_s, ratios = np.append(self.onsets_s, self.besides[:, 0]), np.append(self.ratios, self.besides[:, 1])
+        near = onsets_s[ratios >= self.ratio - CHI_SQUARE_95 * TAILS**2]
         step = float(self.onsets_s[1] - self.onsets_s[0]) if len(self.onsets_s) > 1 else 1.0
         return float(near.min()) - 0.5 * step, float(near.max()) + 0.5 * step
 
     def amount(self, time_s: FloatArray) -> FloatArray:
         """Return the error over time, in the unit of the hypothesis."""
-        return self.magnitude * COURSES[self.shape, self.constant_s](time_s - self.onset_s)
+        return self.magnitude * _course(self.shape, self.constant_s)(time_s - self.onset_s)
 
 
 def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()) -> tuple[Fit, ...]:
@@ -125,22 +154,20 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     ----------
     ruled_out : faults that other relations of the log contradict; one is kept where nothing else explains the window.
     """
-    weights = _weights(scan)
-    linear = {name: float((weights @ one.parts).max()) for name, one in scan.ratios.items()}
-    best = max(linear.values())
-    contenders = [
-        one
-        for one in hypotheses(record)
-        if linear.get(one.fault, -np.inf) >= best - FITTED_WITHIN * max(CLOSE, CLOSE_SHARE * best)
-    ]
-    fits = [_best_course(scan, record, one) for one in contenders if one.fault not in ruled_out]
+    looks = {one: _linear_looks(scan, record, one) for one in hypotheses(record) if one.fault in scan.ratios}
+    nearest = {one: max(ratio for ratio, _, _ in found) for one, found in looks.items()}
+    best = max(nearest.values())
+    least = best - FITTED_WITHIN * max(CLOSE, CLOSE_SHARE * best)
+    contenders = [one for one, ratio in nearest.items() if ratio >= least]
+    fits = [_best_course(scan, record, one, looks[one]) for one in contenders if one.fault not in ruled_out]
     if not fits:
-        fits = [_best_course(scan, record, one) for one in contenders]
+        fits = [_best_course(scan, record, one, looks[one]) for one in contenders]
     fits.sort(key=lambda fit: -fit.ratio)
-    close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), 0.5 * max(fits[0].ratio, 0.0))
+    close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), LEAST_SHARE * max(fits[0].ratio, 0.0))
     likeliest = max(_with_odds(fit) for fit in fits)
     kept = [fit for fit in fits if fit.ratio >= fits[0].ratio - close or _with_odds(fit) >= likeliest - close]
-    return tuple(sorted(kept, key=lambda fit: (fit.ratio < fits[0].ratio - close, -_with_odds(fit))))
+    ranked = sorted(kept, key=lambda fit: (fit.ratio < fits[0].ratio - close, -_with_odds(fit)))
+    return tuple(_with_best_constant(scan, record, fit) for fit in ranked)
 
 
 def _with_odds(fit: Fit) -> float:
@@ -185,31 +212,81 @@ def _length_s(scan: WindowScan) -> float:
     return FIRST_ONSET_S + float(scan.onsets_s[-1] - scan.onsets_s[0]) + LAST_ONSET_S
 
 
-def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis) -> Fit:
-    if hypothesis.fault == STATIC_LEAK:  # goes to the pressure of what it leaks to
-        lags = [fit_course(scan, record, hypothesis, *key) for key in COURSES if key[0] == "lagged_bias"]
-        best = max(lags, key=lambda fit: fit.ratio)
-        # Time constants between those tried explain it as well as the neighbours, in some other size.
-        near = [fit.magnitude for fit in lags if fit.ratio >= best.ratio - CHI_SQUARE_95 * TAILS**2]
-        step = 0.25 * min((abs(fit.magnitude - best.magnitude) for fit in lags if fit is not best), default=0.0)
-        return replace(best, sds=np.hypot(best.sds, max(np.ptp(near) / CHI_SQUARE_95**0.5, step)))
-    ramp, *others = (fit_course(scan, record, hypothesis, shape, constant) for shape, constant in COURSES)
-    other = max(others, key=lambda fit: fit.ratio)
-    return other if other.ratio > ramp.ratio + PRICE else ramp
+Look = tuple[float, float, tuple[str, float | None]]  # ratio, onset in s, course
 
 
-def fit_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, shape: str, constant: float | None) -> Fit:
-    """Return a fault of one course, fitted by Gauss-Newton steps at the onsets about the best of all."""
+def _linear_looks(
+    scan: WindowScan, record: Record, hypothesis: Hypothesis, courses: Sequence[tuple[str, float | None]] = COURSES
+) -> list[Look]:
+    """Return by course the largest ratio of a small fault over the onsets of the scan, and where it is."""
+    since_s = record.time_s[:, None] - scan.onsets_s[None, :]
+    every = np.hstack([_course(*one)(since_s) for one in courses])
+    small = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, every))
+    ratios = (_weights(scan) @ small.parts).reshape(len(courses), -1)
+    best = np.argmax(ratios, axis=1)
+    return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), one) for k, one in enumerate(courses)]
+
+
+def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, looks: Sequence[Look]) -> Fit:
+    """Return the fit of the course that suits a fault best, of a ramp and those nearest by a linear look.
+
+    A static line that leaks goes to the pressure of what it leaks to, with a lag.
+    """
+    leaks = hypothesis.fault == STATIC_LEAK
+    first = [] if leaks else list(looks[:1])
+    others = sorted((one for one in looks[1:] if not leaks or one[2][0] == "lagged_bias"), key=lambda one: -one[0])
+    fits = [
+        fit_course(scan, record, hypothesis, *course, near_s=near_s) for _, near_s, course in (*first, *others[:TRIED])
+    ]
+    best = max(fits[len(first) :], key=lambda fit: fit.ratio)
+    return best if not first or best.ratio > fits[0].ratio + PRICE else fits[0]
+
+
+def _with_best_constant(scan: WindowScan, record: Record, fit: Fit) -> Fit:
+    """Return a fit with the time constant or duration that suits it best, beside those that were tried."""
+    if fit.constant_s is None:
+        return fit
+    best, besides = fit, []
+    for ratio in (step**sign for step in FINER for sign in (1.0, -1.0)):
+        while FIRST_ONSET_S / 10.0 <= (constant := ratio * (best.constant_s or 0.0)) <= _length_s(scan):
+            tried = fit_course(scan, record, fit.fault, fit.shape, constant, near_s=best.onset_s)
+            besides.append(min(tried, best, key=lambda one: one.ratio).alike)
+            if tried.ratio <= best.ratio:
+                break
+            best = tried
+    return replace(best, besides=np.vstack([np.empty((0, 4)), *besides]))
+
+
+def _course(shape: str, constant_s: float | None) -> Course:
+    course = course_for(shape, constant_s)
+    assert course is not None
+    return course
+
+
+def fit_course(
+    scan: WindowScan,
+    record: Record,
+    hypothesis: Hypothesis,
+    shape: str,
+    constant: float | None,
+    *,
+    near_s: float | None = None,
+) -> Fit:
+    """Return a fault of one course, fitted by Gauss-Newton steps at the onsets about `near_s`.
+
+    Parameters
+    ----------
+    near_s : s on the log's axis; None for the onset that a linear look finds the best.
+    """
+    if near_s is None:
+        ((_, near_s, _),) = _linear_looks(scan, record, hypothesis, [(shape, constant)])
     first, last = float(scan.onsets_s[0]), float(scan.onsets_s[-1])
-    coarse = COURSES[shape, constant](record.time_s[:, None] - scan.onsets_s[None, :])
-    linear = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, coarse))
     weights = _weights(scan)
-    near_s = float(scan.onsets_s[int(np.argmax(weights @ linear.parts))])
     # Whole seconds from there, also where the window ends the stretch.
     reach_s = np.floor(REFINED * _length_s(scan))
     before_s, after_s = min(reach_s, np.floor(near_s - first)), min(reach_s, np.floor(last - near_s))
     onsets_s = near_s + np.arange(-before_s, after_s + 1.0)
-    courses = COURSES[shape, constant](record.time_s[:, None] - onsets_s[None, :])
+    courses = _course(shape, constant)(record.time_s[:, None] - onsets_s[None, :])
     before = np.array([float(one.values @ one.values) for one in scan.residuals])
     costs = np.array([one.cost for one in scan.residuals])
     recorded = [

@@ -181,8 +181,9 @@ def _integral(rate: FloatArray, time_s: FloatArray) -> FloatArray:
 def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
     """Return a record with a fault of `amount`, (n,), in the unit of its hypothesis.
 
-    A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it; a leak of
-    the static line the static pressure, and the altitude's rate by how fast it does.
+    A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it; where it
+    leaves subsonic flight, these are NaN. A leak of the static line changes the static pressure, and the altitude's
+    rate by how fast it does.
     """
     channels = dict(record.channels)
     if fault == "q_impact":

@@ -9,7 +9,7 @@ import pytest
 from made_flight import ZERO_LIFT, log_of, made_log, made_record
 
 from bfi_cli.parity import corrected, effects, explain, record_of, scan_window
-from bfi_cli.parity.explain import CLOSE, COURSES, RARER, Fit, fit_course
+from bfi_cli.parity.explain import CLOSE, COURSES, RARER, Fit, course_for, fit_course
 from bfi_cli.parity.record import Record, hypotheses, with_fault
 
 RECORD = made_record(start_s=1000.5)
@@ -97,7 +97,7 @@ def test_a_drift_of_an_angle_is_followed_into_the_integral(fault, rate):
     [("bias", None, 6.0), ("ramp_hold", 20.0, 8.0), ("lagged_bias", 12.0, 8.0), ("drift", None, 0.3)],
 )
 def test_a_course_is_named(shape, constant, size):
-    amount = size * COURSES[shape, constant](T - ONSET_S)
+    amount = size * course_for(shape, constant)(T - ONSET_S)
     _, fits = explained(with_fault(ALONE, "tas", amount))
     assert fits[0].fault.fault == "tas"
     assert (fits[0].shape, fits[0].constant_s) == (shape, constant)
@@ -108,7 +108,7 @@ def test_a_course_is_named(shape, constant, size):
 @pytest.mark.parametrize("key", COURSES, ids=str)
 def test_a_course_is_nothing_before_its_onset_and_never_falls(key):
     t = np.linspace(-50.0, 1200.0, 12501)
-    values = COURSES[key](t)
+    values = course_for(*key)(t)
     assert np.all(values[t <= -0.5] == 0.0)
     assert np.all(np.diff(values) >= 0.0)
     if key[0] != "drift":
@@ -243,3 +243,29 @@ def test_intervals_are_as_wide_as_the_errors_of_twelve_trials_on_recorded_flight
     assert 1.96 * fit.sd == pytest.approx(2.6 * 0.01, rel=0.03)
     for half in (100.0 - fit.onset_ci95[0], fit.onset_ci95[1] - 100.0):
         assert half == pytest.approx(2.6 * sd, rel=0.03)
+
+
+def test_a_gain_beyond_mach_1_is_nan_and_no_candidate():
+    beyond = with_fault(RECORD, "q_impact", np.where(T > ONSET_S, 30.0, 0.0))
+    assert np.isnan(beyond.channels["tas"][T > ONSET_S]).all()
+    np.testing.assert_allclose(beyond.channels["tas"][T <= ONSET_S], RECORD.channels["tas"][T <= ONSET_S])
+    # A loss of almost everything: taken out as linear, it would be a multiple of what there is.
+    faulty = with_fault(RECORD, "q_impact", -np.minimum(0.03 * np.maximum(T - ONSET_S, 0.0), 0.97))
+    scan = scan_window(faulty, zero_lift=ZERO_LIFT)
+    assert scan is not None
+    (line,) = (one for one in hypotheses(faulty) if one.fault == "q_impact")
+    for shape, constant in COURSES[:3]:
+        assert np.isfinite(fit_course(scan, faulty, line, shape, constant).magnitude)
+
+
+@pytest.mark.parametrize("seconds", [27.0, 57.0])
+def test_the_duration_of_a_ramp_is_fitted_with_its_onset(seconds: float):
+    """It is none of those that are tried first; the interval of the size holds what onset and duration leave open."""
+    noise = 0.2 * np.random.default_rng(5).standard_normal(len(T))
+    faulty = with_fault(ALONE, "tas", 9.0 * np.clip((T - 1040.3) / seconds, 0.0, 1.0) + noise)
+    _, fits = explained(faulty)
+    fit = fits[0]
+    assert (fit.fault.fault, fit.shape) == ("tas", "ramp_hold")
+    assert fit.constant_s == pytest.approx(seconds, rel=0.1)
+    assert abs(fit.magnitude - 9.0) < 1.96 * fit.sd < 2.0
+    assert fit.onset_ci95[0] <= 1040.3 <= fit.onset_ci95[1]

@@ -1,0 +1,67 @@
+"""How large the error of an event is beside what may be tolerated: what is real but small is no fault of the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..kernels.normal import TWO_SIDED_95
+from ..parity.explain import course_for
+from ..parity.windows import Window
+from ..preprocessing.tolerance import tolerance_of
+from .events import Draft
+from .flight import Flight
+
+__all__ = ["beyond_tolerance", "largest_first"]
+
+
+def beyond_tolerance(flight: Flight, draft: Draft) -> bool | None:
+    """Return whether the error of a draft surely exceeds, or surely keeps within, the tolerances of its channels.
+
+    The ends of the 95 % interval of its size decide, by the channel that is nearest to its tolerance or furthest beyond
+    it. None where the interval holds that, and where no size or no tolerance is known.
+    """
+    share, one = _share(flight, draft), draft.finding
+    if share is None or one.magnitude is None or one.sd is None:
+        return None
+    spread = TWO_SIDED_95 * one.sd / abs(one.magnitude) if one.magnitude else np.inf
+    if share * (1.0 + spread) <= 1.0:
+        return False
+    return True if share * (1.0 - spread) > 1.0 else None
+
+
+def largest_first(flight: Flight, drafts: Sequence[Draft]) -> list[Draft]:
+    """Return drafts by what they make of a channel beside its tolerance; those of unknown size are the first."""
+
+    def order(draft: Draft) -> tuple[float, float]:
+        share = _share(flight, draft)
+        return (-np.inf if share is None else -share, draft.finding.onset_s)
+
+    return sorted(drafts, key=order)
+
+
+def _share(flight: Flight, draft: Draft) -> float | None:
+    """Return the largest error of a draft over the tolerance of its channel, None where nothing tells it.
+
+    What grows in the window that describes it may grow on: until the last window that shows it.
+    """
+    one = draft.finding
+    course, grown = course_for(one.shape, one.constant_s), 1.0
+    if course is not None:
+        until_s = draft.until_s if one.offset_s is None else one.offset_s
+        within, reached = course(np.array([draft.window[1], max(until_s, draft.window[1])]) - one.onset_s)
+        grown = float(reached / within) if within > 0.0 else 1.0
+    shares = [
+        abs(size) * grown / tolerance
+        for channel, size in one.effect.items()
+        if (tolerance := _tolerance(flight, channel, draft.window)) is not None and tolerance > 0.0
+    ]
+    return max(shares, default=None)
+
+
+def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
+    if channel in flight.tolerances:
+        return flight.tolerances[channel]
+    part = flight.log.window(*window)
+    return tolerance_of(flight.log, part, channel) if channel in part.channels else None

@@ -1,0 +1,135 @@
+"""The course of a channel's error in a static relation: its onset to a tenth of a second, and where it stops growing.
+
+`find_static` looks for steps and ramps at whole seconds. A step within a second moves the mean of that second by a part
+only, and noise that hardly changes from one second to the next is told by that one; a ramp that stops is neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from ..faults import Fault, magnitude_unit
+from ..kernels.change_scan import scan_changes
+from .explain import PRICE
+from .finding import Finding
+from .static_relations import AVERAGED, BLOCK_S, CI95, MARGIN_S, RelationSeries
+
+__all__ = ["with_course"]
+
+FloatArray = NDArray[np.float64]
+Candidate = tuple[str, float | None, float]  # shape; duration, or what draws a step out, in s; onset in s
+
+# Of a second, at which a course is averaged over it.
+PARTS = (np.arange(10) + 0.5) / 10.0 - 0.5
+# s, standard deviations of the low-pass of a recorder, which draws a step out: a Gaussian of 0.25 s is that of the
+# recorded Citation, one of 0.5 s twice as slow.
+DRAWN_OUT_S = (0.0, 0.25, 0.5)
+# s, between the onsets and the ends of ramps that are tried first; then about the best of these, so many on both sides.
+SHARP_S, ROUNDING_S = 1e-9, 1e-6  # of a step that is not drawn out, and of times that are computed
+SHORTEST_S = 3.0  # of a ramp
+COARSE_S, FINER_S, SPREAD = 10.0, (2.0, 0.5, 0.1, 0.02), 6
+
+
+def with_course(series: RelationSeries, finding: Finding, window: tuple[float, float], unit: str) -> Finding:
+    """Return a finding of a window with the course that explains its relation best: bias, drift or ramp_hold.
+
+    The interval of its size goes over all onsets and durations that may be true, each by its likelihood.
+
+    Parameters
+    ----------
+    series : the relation that shows it.
+    unit : of the channel that errs.
+    """
+    from_s, to_s = window
+    inside = (series.time_s >= from_s) & (series.time_s < to_s)
+    time_s, effect = series.time_s[inside], series.effects[finding.fault][inside]
+    nuisances = series.nuisances[inside]
+    nuisances = np.column_stack([nuisances[:, 0], nuisances[:, 1:] - nuisances[:, 1:].mean(axis=0)])
+    known = np.isfinite(effect)
+    if np.count_nonzero(known) <= nuisances.shape[1] + 1:
+        return finding
+    columns: dict[Candidate, FloatArray] = {}
+    statistic, magnitude, sd = (np.empty(0) for _ in range(3))
+
+    def look(candidates: list[Candidate]) -> None:
+        nonlocal statistic, magnitude, sd
+        new = [one for one in dict.fromkeys(candidates) if one not in columns]
+        if not new:
+            return
+        for one in new:
+            columns[one] = effect * _averaged(one, time_s)
+        made = np.column_stack([columns[one] for one in new])
+        scan = scan_changes(
+            series.values[inside][known],
+            time_s[known],
+            nuisances[known],
+            made[known],
+            floor=series.noise_sd,
+            sizes=series.sizes,
+        )
+        statistic, magnitude = np.append(statistic, scan.statistic), np.append(magnitude, scan.amplitude)
+        sd = np.append(sd, scan.sd)
+
+    first_s, last_s = from_s + MARGIN_S, to_s - MARGIN_S
+
+    def around(family: str, onsets_s: Sequence[float], ends_s: Sequence[float]) -> list[Candidate]:
+        onsets_s = [at_s for at_s in onsets_s if first_s <= at_s <= last_s]
+        if family == "bias":
+            return [(family, drawn_out_s, at_s) for drawn_out_s in DRAWN_OUT_S for at_s in onsets_s]
+        if family == "drift":
+            return [(family, None, at_s) for at_s in onsets_s]
+        return [
+            (family, end_s - at_s, at_s) for at_s in onsets_s for end_s in ends_s if at_s + SHORTEST_S <= end_s <= to_s
+        ]
+
+    for family in ("bias", "drift", "ramp_hold"):
+        every_s = np.arange(first_s, to_s, COARSE_S if family == "ramp_hold" else FINER_S[0]).tolist()
+        look(around(family, every_s, every_s))
+        for step_s in FINER_S:
+            names = list(columns)
+            _, constant, onset_s = names[
+                max((k for k, one in enumerate(names) if one[0] == family), key=statistic.item)
+            ]
+            about = step_s * np.arange(-SPREAD, SPREAD + 1)
+            look(around(family, (onset_s + about).tolist(), (onset_s + (constant or 0.0) + about).tolist()))
+    names = list(columns)
+    prices = np.array([PRICE if shape == "ramp_hold" else 0.0 for shape, _, _ in names])
+    best = int(np.argmax(statistic - prices))
+    shape, constant, onset_s = names[best]
+    same = np.array([one[0] == shape for one in names]) & np.isfinite(sd)
+    if not same[best]:
+        return finding
+    share = np.exp(0.5 * (statistic[same] - statistic[best]))
+    squares = sd[same] ** 2 + (magnitude[same] - magnitude[best]) ** 2
+    reached = float(np.max(np.abs(_averaged(names[best], time_s))))
+    steps = AVERAGED * series.noise_sd / (float(np.nanmedian(np.abs(effect))) * reached)
+    near_s = np.array([one[2] for one in names])[same & (statistic >= statistic[best] - CI95)]
+    size = Fault(shape=shape, channel="any", magnitude=1.0, onset_s=0.0)
+    return replace(
+        finding,
+        shape=shape,
+        constant_s=constant if shape == "ramp_hold" else None,
+        magnitude=float(magnitude[best]),
+        sd=float(np.hypot(np.sqrt(share @ squares / share.sum()), steps)),
+        unit=magnitude_unit(size, unit),
+        effect={finding.fault: abs(float(magnitude[best])) * reached},
+        onset_s=onset_s,
+        onset_ci95=(float(near_s.min()) - 0.5 * BLOCK_S, float(near_s.max()) + 0.5 * BLOCK_S),
+    )
+
+
+def _averaged(one: Candidate, time_s: FloatArray) -> FloatArray:
+    """Return the means of a course over blocks about times, (n,)."""
+    shape, constant, onset_s = one
+    since_s = time_s[:, None] + BLOCK_S * PARTS - onset_s
+    if shape == "drift":
+        return np.asarray(np.maximum(since_s, 0.0).mean(axis=1))
+    if shape == "bias":
+        # A sample at the onset itself has the whole step.
+        return np.asarray(ndtr((since_s + ROUNDING_S) / (constant or SHARP_S)).mean(axis=1))
+    return np.asarray(np.clip(since_s / (constant or 1.0), 0.0, 1.0).mean(axis=1))

@@ -1,0 +1,92 @@
+"""The course of an error in a static relation: onsets between seconds, ramps that stop, honest intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bfi_cli.parity import Finding
+from bfi_cli.parity.relation_course import with_course
+from bfi_cli.parity.static_relations import RelationSeries
+
+T = np.arange(160.0) + 0.45  # means of seconds
+WINDOW = (0.0, 160.0)
+RAW = np.arange(0.0, 160.0, 0.1)
+FOUND = Finding(
+    fault="tas",
+    among=("tas",),
+    channels=("tas",),
+    stage="static relations",
+    shape="bias",
+    magnitude=1.0,
+    sd=0.1,
+    unit="m/s",
+    onset_s=70.0,
+    onset_ci95=(69.0, 71.0),
+    statistic=99.0,
+    threshold=25.0,
+)
+
+
+def told(error: np.ndarray, *, effect: float = 1.0, noise: float = 0.015, seed: int = 0) -> Finding:
+    """Return what is told of an error, at 10 Hz, in a relation with noise that changes slowly."""
+    rng = np.random.default_rng(seed)
+    slow = np.zeros(T.size)
+    for k in range(1, T.size):
+        slow[k] = 0.9 * slow[k - 1] + np.sqrt(1.0 - 0.81) * rng.standard_normal()
+    series = RelationSeries(
+        name="tas",
+        words="tas against that of mach",
+        unit="m/s",
+        declares=True,
+        time_s=T,
+        values=effect * error.reshape(-1, 10).mean(axis=1) + noise * slow,
+        nuisances=np.column_stack([np.ones(T.size), np.zeros((T.size, 4))]),
+        sizes=np.array([np.inf, 1.0, 1.0, 1.0, 1.0]),
+        effects={"tas": np.full(T.size, effect)},
+        noise_sd=0.01,
+        resting_step=0.0,
+    )
+    return with_course(series, FOUND, WINDOW, "m/s")
+
+
+@pytest.mark.parametrize("onset_s", [70.0, 70.2, 70.5, 70.8])
+def test_a_step_within_a_second_has_its_whole_size(onset_s: float):
+    """A candidate at whole seconds has up to a third less: the mean of that second moves by a part only."""
+    answer = told(5.0 * (onset_s - 1e-9 <= RAW))
+    assert answer.shape == "bias"
+    assert answer.magnitude == pytest.approx(5.0, abs=0.05)
+    assert answer.onset_s == pytest.approx(onset_s, abs=0.15)
+    assert answer.onset_ci95[0] <= onset_s <= answer.onset_ci95[1]
+
+
+def test_a_step_behind_a_low_pass_has_its_whole_size():
+    lag = np.arange(-15, 16)
+    taps = np.exp(-0.5 * (lag / 2.5) ** 2)
+    step = np.convolve(np.pad(5.0 * (RAW >= 70.3), 15, mode="edge"), taps / taps.sum(), mode="valid")
+    answer = told(step)
+    assert (answer.shape, answer.constant_s) == ("bias", None)
+    assert answer.magnitude == pytest.approx(5.0, abs=0.05)
+
+
+@pytest.mark.parametrize("seconds", [33.0, 60.0])
+def test_a_drift_that_stops_has_its_size_and_duration(seconds: float):
+    answer = told(0.1 * np.clip(RAW - 50.4, 0.0, seconds), effect=-0.5)
+    assert (answer.shape, answer.unit) == ("ramp_hold", "m/s")
+    assert answer.constant_s == pytest.approx(seconds, abs=2.5)
+    assert answer.magnitude == pytest.approx(0.1 * seconds, abs=0.15)
+    assert answer.onset_s == pytest.approx(50.4, abs=2.0)
+
+
+def test_a_drift_that_goes_on_stays_one():
+    answer = told(0.1 * np.maximum(RAW - 50.4, 0.0))
+    assert (answer.shape, answer.constant_s, answer.unit) == ("drift", None, "m/s^2")
+    assert answer.magnitude == pytest.approx(0.1, rel=0.02)
+
+
+def test_the_intervals_cover():
+    """Of eight, six and more with a probability of 0.994."""
+    answers = [told(0.05 * np.clip(RAW - 40.7, 0.0, 55.0), seed=seed, noise=0.05) for seed in range(8)]
+    inside = [abs(one.magnitude - 2.75) <= 1.96 * one.sd for one in answers if one.shape == "ramp_hold"]
+    assert len(inside) >= 7
+    assert sum(inside) >= len(inside) - 2

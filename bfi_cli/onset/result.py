@@ -127,7 +127,8 @@ class OnsetResult:
     covered_s : first and last onset for which the claims hold, None where none is made.
     of_dictionary : limits of the faults that were asked for, in their order.
     statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
-    p_value : of the largest standardised statistic; None where no calibration fits the settings.
+    p_value : of the largest standardised statistic, a bound where it is 1 / (n + 1) of n windows; None where no
+        calibration fits the settings.
     time_s : (n_samples,) of the series.
     truth : injected faults that the log states, times on its axis; None where it states none.
     """

@@ -440,6 +440,6 @@ def test_where_the_window_is_not_scanned_onsets_known_to_a_tolerance_exclude_not
     known, exact = (identify(CLEAN, "-d", FAULTS, "--rate", 10, "--onset-tolerance", t) for t in (1, 0))
     assert known["scan"]["decision"] is None
     assert "not scanned for other onsets" in known["scan"]["note"]
-    assert {one["state"] for one in known["candidates"]} == {"not_seen"}
+    assert {one["state"] for one in known["candidates"]} == {"not_seen", None}  # one begins near the end
     assert set(known["verdicts"].values()) == {"inconclusive"}
     assert "excluded" in {one["state"] for one in exact["candidates"]}

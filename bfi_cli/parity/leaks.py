@@ -32,6 +32,8 @@ BoolArray = NDArray[np.bool_]
 # and a drone in view (docs/theory.md, 15.6): what is counted there is in-sample.
 FREED = "the static pressure rests before it too: a blocked port that opens jumps as well, to a level within a step"
 LANDING = "the impact pressure is lost as in a landing"
+# These constants were set on both recorded Citations with leaks of 2 to 60 s (docs/theory.md, 15.6), except where a
+# reason is given.
 # A leak with an open drain takes all of the impact pressure: how long, s, nearly none is left at least.
 LEAST_LOW_S = 5.0
 # Time constants, s, that are tried, the shortest first: the flight before a fast fall may be slower by itself. An

@@ -16,8 +16,8 @@ __all__ = ["Relaxation", "relaxations"]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# What names no other source was set with the 80 leaks and the healthy flights of docs/theory.md, 15.6, in view: what is
-# counted there is in-sample.
+# These constants were set on both recorded Citations with leaks of 1 to 20 s (docs/theory.md, 15.6), except where a
+# reason is given.
 # s over which a rate is taken, before the onset and after it.
 BEFORE_S, AFTER_S = 5.0, 1.5
 # s. Faster than the first the line jumps, and slower than the last it shows no onset; those tried are a tenth apart.

@@ -172,11 +172,16 @@ def test_windows_that_count_over_most_stretches_are_tried_out_and_others_where_t
         return lambda: tries.append(first_s) or factor
 
     # From 300 to 330 s the long window leaves 3.6 m/s and more, the short ones 3.3 and 0.6 from their beginning on.
-    windows = [span(240.0, 480.0, 0.02), span(300.0, 360.0, 0.055), span(420.0, 480.0, 0.005)]
+    sizes = ((240.0, 480.0, 0.02), (300.0, 360.0, 0.055), (420.0, 480.0, 0.005))
+    windows = [span(*one, tolerance=10.0) for one in sizes]
     factors = {240.0: 1.0, 300.0: 9.0, 420.0: 1.5}
     windows = [replace(one, tried=tried(one.window[0], factors[one.window[0]])) for one in windows]
     kept = tried_out(flight, bounds(windows))
     assert tries == [240.0, 420.0]
+    # One that leaves hardly less is tried out where that is tolerable.
+    tries.clear()
+    tried_out(flight, bounds([replace(one, tolerance=3.5) for one in windows]))
+    assert tries == [240.0, 420.0, 300.0]
     # What is not tried out is raised by the most that another was.
     assert [one.sizes[0] for one in kept] == pytest.approx([0.02, 1.5 * 0.055, 1.5 * 0.005])
     assert all(one.tried is None for one in kept)

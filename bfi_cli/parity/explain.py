@@ -70,7 +70,7 @@ COURSES: tuple[tuple[str, float | None], ...] = (
     ("drift", None),
     ("bias", None),
     *(("lagged_bias", seconds) for seconds in (3.0, 6.0, 12.0, 24.0)),
-    *(("ramp_hold", seconds) for seconds in (10.0, 20.0, 40.0, 80.0)),
+    *(("ramp_hold", seconds) for seconds in (10.0, 20.0, 40.0, 80.0, 160.0)),
 )
 # Of a constant, from one that is tried to the next while that explains the window better.
 FINER = (1.2, 1.05)

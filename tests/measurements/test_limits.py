@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from bars import not_above
 from scipy.signal import lfilter
-from trials import not_above, sized
+from trials import sized
 
 from bfi_cli.config import Config, merge
 from bfi_cli.flightlog import Channel, FlightLog

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import FULL, not_below
 from flight_faults import KINDS
 from shipped_parity import FLIGHTS
-from trials import FULL, not_below, spread
+from trials import spread
 from whole_flight_trials import Answer, Trial, answer_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]

@@ -114,7 +114,7 @@ def answer_of(trial: Trial) -> Answer:
         and (abs(one.onset_s - truth.onset_s) <= NEAR_S or one.onset_ci95[0] <= truth.onset_s <= one.onset_ci95[1])
     ]
     best = min(right, key=lambda one: abs(one.onset_s - truth.onset_s), default=None) if truth is not None else None
-    extra = [one for one in events if one is not best and getattr(one, "beyond_tolerance", None) is not False]
+    extra = [one for one in events if one is not best and one.beyond_tolerance is not False]
     covered = None
     if best is not None and truth is not None and truth.magnitude is not None and best.ci95 is not None:
         # A ramp that ends is told by what it has reached, one that does not by its slope.

@@ -268,8 +268,10 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     one = draft.finding
     if one.doubt:
         return "suspected", one.doubt
-    if not is_certain(draft):
+    if not is_certain(draft) and draft.lasting:
         return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
+    if not is_certain(draft):
+        return "suspected", "a healthy flight of this length shows as much in one of its windows, in the mean"
     if one.stage == "scan" and one.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
     if one.stage == "scan" and overlaps(draft.window, flight.moved):

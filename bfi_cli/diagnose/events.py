@@ -122,10 +122,10 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
 
 
 def is_certain(draft: Draft) -> bool:
-    """Return whether a draft is more than a trace of a fault that lasts, and nothing else explains it."""
-    if draft.finding.stage == "parity" and draft.lasting:
-        return draft.finding.statistic >= TRACE * draft.finding.threshold
-    return not draft.finding.doubt
+    """Return whether a draft is above its threshold, more than a trace of a fault that lasts, and beyond doubt."""
+    if draft.finding.doubt or draft.finding.stage != "parity":
+        return not draft.finding.doubt
+    return draft.finding.statistic > (TRACE if draft.lasting else 1.0) * draft.finding.threshold
 
 
 def as_one(events: Sequence[Draft]) -> list[Draft]:

@@ -148,13 +148,18 @@ def scale_of(flight: Flight) -> float:
 
 
 def look_at(
-    scanned: Sequence[Scanned], tables: Sequence[ParityTable], *, rates: Mapping[float, float], scale: float
+    scanned: Sequence[Scanned],
+    tables: Sequence[ParityTable],
+    *,
+    rates: Mapping[float, float],
+    suspicions: Mapping[float, float],
+    scale: float,
 ) -> Iterator[tuple[Scanned, Threshold, Look]]:
     """Yield every window with its threshold and what is reported of it.
 
     Parameters
     ----------
-    rates : by length of a window, of false alarms.
+    rates, suspicions : by length of a window, of false alarms and of suspicions.
     """
     cache: dict[tuple[Collection[str], float, bool, bool], Threshold] = {}
     for one in scanned:
@@ -167,6 +172,7 @@ def look_at(
                 one.length_s,
                 knows_zero_lift=one.knows_zero_lift,
                 false_alarm=rates[nearest],
+                suspicion=suspicions[nearest],
                 scale=scale * (SECOND if one.lasting else 1.0),
             )
         threshold = cache[key]

@@ -91,7 +91,7 @@ def find_slow_faults(
         flagged = [
             (one, threshold)
             for one, threshold, _ in answer.looks
-            if one.statistic > threshold.level
+            if one.statistic > threshold.suspected
             and not overlaps((one.from_s, one.to_s), held)
             and not any(_holds_onset(one, draft) for draft in (*known, *drafts, *ends))
         ]
@@ -158,7 +158,7 @@ def _told_again(start: Flight, named: Sequence[Named], answer: SlowFaults, stati
         if (flight.zero_lift, flight.lasting_in(window)) == (fault.zero_lift, draft.lasting):
             continue
         again = _told(flight, window, draft.finding.onset_s, fault.threshold, static, until_s=draft.until_s)
-        if again is None or again.draft.finding.statistic <= fault.threshold.level:
+        if again is None or not is_certain(again.draft):
             del kept[k]
         elif hypotheses_of(again.draft.finding) == hypotheses_of(draft.finding):
             kept[k] = replace(again, back=fault.back)
@@ -269,7 +269,9 @@ def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = Non
     # The level is that of the whole flight, whatever part of it is diagnosed.
     n_windows = {length_s: len(windows_in(flight.phases, length_s)) for length_s in LENGTHS_S}
     rates = {length_s: rate_of(flight.false_alarm, n) for length_s, n in n_windows.items()}
-    looks = tuple(look_at(scanned, flight.tables, rates=rates, scale=scale))
+    # What a healthy flight shows once in the mean is suspected.
+    suspicions = {length_s: rate_of(1.0, n) for length_s, n in n_windows.items()}
+    looks = tuple(look_at(scanned, flight.tables, rates=rates, suspicions=suspicions, scale=scale))
     return SlowFaults(flight=flight, drafts=(), scanned=tuple(scanned), looks=looks, scale=scale)
 
 
@@ -343,7 +345,7 @@ def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold
             break
         ends = [start_s + length_s, window[1]] if start_s < window[0] else [start_s + length_s]
         others = (((start_s, end_s), flight.scan((start_s, end_s))) for end_s in ends)
-        better = next(((moved, one) for moved, one in others if one and one.statistic > threshold.level), None)
+        better = next(((moved, one) for moved, one in others if one and one.statistic > threshold.suspected), None)
         if better is None:
             break
         window, scan = better

@@ -22,6 +22,8 @@ AIRBORNE = tuple(phase for phase in PARTS if phase not in ON_GROUND)
 # A step is told where it lies so far inside of a window of the scan: the overlap of these is twice that.
 STEP_MARGIN_S = 15.0
 
+NO_SPEED = "no airspeed is recorded, or none that is right"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unwatched:
@@ -90,9 +92,8 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
 
 def _reasons(flight: Flight, declared: Sequence[Window]) -> list[tuple[Window, str]]:
     """Return the stretches in which slow faults are not looked for, and why, the first that holds first."""
-    at_rest = "the airspeed is that of an aircraft at rest while the altitude changes"
     return [
-        *(((one.from_s, one.to_s), at_rest) for one in flight.part_phases if one.phase == NO_AIRSPEED),
+        *(((one.from_s, one.to_s), NO_SPEED) for one in flight.part_phases if one.phase == NO_AIRSPEED),
         *((window, "a declared fault hides others") for window in declared),
         *(
             ((one.from_s, one.to_s), f"{one.phase}: no slow fault is looked for")
@@ -107,7 +108,7 @@ def _why(flight: Flight, piece: Window, declared: Sequence[Window], names: Seque
     """Return why a piece, which no reason holds in part, is not watched."""
     parts = [(one.from_s, one.to_s) for one in flight.part_phases if one.phase in PARTS]
     if left_of([piece], parts) == [piece]:
-        return "no airspeed is recorded"
+        return NO_SPEED
     for (first, last), why in _reasons(flight, declared):
         if first <= piece[0] and piece[1] <= last:
             return why

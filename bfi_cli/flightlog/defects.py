@@ -531,7 +531,8 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
         else:
             should[shift:-shift] = np.minimum(here[: -2 * shift], here[2 * shift :])
             needed = STILLER * np.maximum(here, floor)
-            marked = (should > needed) & ~_often_still(track, size, here, floor)
+            # Wings are level between turns: a sensor shows its noise there, one that stays still shows nothing.
+            marked = (should > needed) & (here <= floor) & ~_often_still(track, size, here, floor)
         while (marked := marked & _all_of(~taken, size)).any():
             k = int(np.argmax(np.where(marked, should, 0.0)))
             first, last = _grown(track.values, k, k + size, max(floor, STILL_BESIDE * float(should[k])))

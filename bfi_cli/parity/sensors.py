@@ -121,7 +121,11 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     if "sat" in channels:
         sat = channels["sat"]
     else:
-        sat = static_temperature(channels["tat"], channels["mach"]) if "mach" in channels else channels["tat"]
+        sat = (
+            static_temperature(channels["tat"], np.maximum(channels["mach"], 0.0))
+            if "mach" in channels
+            else channels["tat"]
+        )
     speed = 340.0 * channels["mach"] if "mach" in channels else channels["tas"]
     flies = within(record.time_s, flight_stretches(phases))
     warmer, higher, faster = (

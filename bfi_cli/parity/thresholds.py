@@ -53,11 +53,12 @@ class Threshold:
 
     Attributes
     ----------
-    level : above which a fault is declared.
+    level : above which a fault is declared; suspected : above which it is suspected.
     null : the distribution without one, None where no table fits; scale : by which the table's statistics were raised.
     """
 
     level: float
+    suspected: float
     null: Null | None
     scale: float = 1.0
 
@@ -90,19 +91,23 @@ def threshold_of(
     *,
     knows_zero_lift: bool,
     false_alarm: float,
+    suspicion: float | None = None,
     scale: float = 1.0,
 ) -> Threshold:
     """Return the threshold for a window.
 
     Parameters
     ----------
-    false_alarm : wanted probability of an alarm in a healthy window.
+    false_alarm, suspicion : wanted probabilities of an alarm, and of a suspicion, in a healthy window; None for the
+        same.
     scale : of the statistics of this flight against those of the tables.
     """
+    rates = (false_alarm, false_alarm if suspicion is None else suspicion)
     table = table_for(tables, residuals, length_s, knows_zero_lift=knows_zero_lift)
     if table is not None:
         null = null_from({"largest": table.statistics})
-        return Threshold(level=scale * null.threshold("largest", false_alarm), null=null, scale=scale)
+        level, suspected = (scale * null.threshold("largest", rate) for rate in rates)
+        return Threshold(level=level, suspected=min(level, suspected), null=null, scale=scale)
     nearest = min(
         tables,
         key=lambda one: (
@@ -112,4 +117,5 @@ def threshold_of(
         ),
     )
     null = null_from({"largest": nearest.statistics})
-    return Threshold(level=UNFIT * scale * null.threshold("largest", false_alarm), null=None, scale=scale)
+    level, suspected = (UNFIT * scale * null.threshold("largest", rate) for rate in rates)
+    return Threshold(level=level, suspected=min(level, suspected), null=None, scale=scale)

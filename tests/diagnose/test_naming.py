@@ -19,7 +19,7 @@ from bfi_cli.parity import Finding, Threshold, explain, record_of, scan_window
 
 ONSET_S, WINDOW = 430.0, (370.0, 490.0)
 ONE_AIRSPEED = ("tas", "altitude", "altitude_rate", "aoa", "pitch", "roll", "normal_acc", "longitudinal_acc")
-THRESHOLD = Threshold(level=20.0, null=None)
+THRESHOLD = Threshold(level=20.0, suspected=15.0, null=None)
 
 
 def finding(log: FlightLog, fault: str, slope: float) -> Finding:

@@ -79,10 +79,10 @@ def test_the_report_counts_them(document: dict[str, Any]):
 
 def test_within_the_tolerance_they_are_no_fault(document: dict[str, Any]):
     [event] = document["events"]
-    small = {**document, "decision": "inconclusive", "events": [{**event, "beyond_tolerance": False}]}
+    small = {**document, "decision": "inconclusive", "events": [], "deviations": [{**event, "beyond_tolerance": False}]}
     verdict = diagnose_content(small).verdict
     assert verdict.startswith("Inconclusive")
-    assert "Within the tolerance: tas drops out 2 times" in verdict
+    assert "Small deviation, within the tolerance: tas drops out 2 times" in verdict
 
 
 def test_info_names_them(folder: Path, bfi: Callable):

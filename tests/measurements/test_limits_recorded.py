@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bars import not_below
 from test_recorded_faults import FLIGHTS
-from trials import not_below
 
 from bfi_cli.config import Config
 from bfi_cli.diagnose import diagnose_flight
@@ -17,7 +17,7 @@ from bfi_cli.diagnose.limits import bounds_of
 from bfi_cli.diagnose.looks import look_at, scan_flight
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity import scan_window
+from bfi_cli.parity import LENGTHS_S, scan_window
 from bfi_cli.parity.scan import with_lasting
 
 pytestmark = pytest.mark.realdata
@@ -52,7 +52,10 @@ def test_a_drift_a_hundredth_above_its_limit_stands_out(flights: Path, name: str
     for length_s in (60.0, 120.0, 240.0):
         windows = flight.windows(length_s)
         for i in rng.permutation(len(windows))[:25]:
-            looks = list(look_at(scan_flight(flight, [windows[i]]), flight.tables, false_alarm=0.01, scale=1.0))
+            rates = dict.fromkeys(LENGTHS_S, 0.01)
+            looks = list(
+                look_at(scan_flight(flight, [windows[i]]), flight.tables, rates=rates, suspicions=rates, scale=1.0)
+            )
             part = flight.record.between(*windows[i])
             for one in bounds_of(flight, looks, (), ()):
                 if one.fault not in ("tas", "cas", "pitot_icing"):

@@ -118,12 +118,12 @@ def _content(document: object, where: str, units: Units) -> ReportContent:
     make = getattr(importlib.import_module(f"...{module}", __name__), function)
     try:
         shown = () if kind in WITHOUT_UNITS else (units,)
-        wrong = contradiction_of(document)
         if kind == "calibration" and document.get("air_data"):
             from ..parity.calibration import air_data_in
 
             air_data_in(document, where=where)
         content: ReportContent = make(document, *shown, **({"where": where} if kind in READ_BACK else {}))
+        wrong = contradiction_of(document)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ConfigError(f"{where}: damaged, {error!r}; run bfi {kind} again") from None
     if wrong is not None:

@@ -147,11 +147,11 @@ def speed_values(log: FlightLog, name: str) -> FloatArray | None:
             return None
         values = np.hypot(log.channels["velocity_north"].values, log.channels["velocity_east"].values)
     elif name in log.channels:
-        values = log.channels[name].values * METRES_PER_SECOND.get(name, 1.0)
+        values = log.channels[name].values
     else:
         return None
     known = np.abs(values) <= LARGEST_VALUE
-    return np.where(known, values, np.nan) if known.any() else None
+    return np.where(known, values, np.nan) * METRES_PER_SECOND.get(name, 1.0) if known.any() else None
 
 
 def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:

@@ -83,7 +83,7 @@ START_TIME, DETECT = (
     [
         (40, IDENTIFY, r" bias_13\.8 +tas +13\.8"),
         (40, START_TIME, r" bias +tas +13\.8"),
-        (40, DETECT, r" aoa +12\.05 s"),
+        (40, DETECT, r" aoa +12 s +12\.\d+ s"),
     ],
     ids=lambda value: str(value[0]) if isinstance(value, tuple) else None,
 )

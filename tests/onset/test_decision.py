@@ -95,7 +95,7 @@ def test_the_default_calibrates_on_the_log_where_no_table_fits(log: FlightLog):
 def test_the_threshold_decides_at_any_rate_of_false_alarms(log: FlightLog):
     """Of a few dozen windows none can be as rare as one in a million: the tail is followed, and a note says so."""
     config = merge(CONFIG, {"start_time.false_alarm": 1e-6})
-    faulty = inject(log, [Fault(shape="bias", channel="tas", magnitude=50.0, onset_s=210.0)])
+    faulty = inject(log, [Fault(shape="bias", channel="tas", magnitude=50.0, onset_s=210.0, offset_s=222.0)])
     result = find_onset(faulty, config)
     n_windows = result.calibration.n_windows
     assert result.statistic > result.threshold

@@ -33,7 +33,9 @@ def citation(noise: float, *, manoeuvre: str = "3211", draws: int = 5) -> ModelF
 
 
 def column(result: DiagnosabilityResult, key: str) -> list[float]:
-    return [getattr(atom, key) for atom in result.atoms]
+    """Return a figure of every entry; infinite where no size is enough."""
+    values = (getattr(atom, key) for atom in result.atoms)
+    return [np.inf if value is None else value for value in values]
 
 
 def rank(first: Sequence[float], second: Sequence[float]) -> float:

@@ -86,7 +86,8 @@ def icing(share: float, bar: float, length_s: float) -> Case:
     return Case(fault=Fault(shape="pitot_icing", magnitude=share), name="pitot_icing", bar=bar, length_s=length_s)
 
 
-WATER = Fault(shape="pitot_water", magnitude=0.025, frequency_hz=0.3)
+# Of the impact pressure: half as large a share of the airspeed, about its tolerance at 100 m/s.
+WATER = Fault(shape="pitot_water", magnitude=0.06, frequency_hz=0.3)
 # With no other airspeed, the lift alone tells a drift, and hardly from one of the vane or the accelerometer.
 BARE = {"bare": True, "among": 4, "size": 0.10}
 CASES = (

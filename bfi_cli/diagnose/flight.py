@@ -198,9 +198,11 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     to_s = stop_s if config.window.to_s is None else config.window.to_s
     log.window(from_s, to_s)  # refuses one without samples
     _check_channels(log, config)
-    held = find_holds(log, start_s, stop_s)
     whether_it_flies = find_phases(whole)
     phases = whether_it_flies.phases
+    # What one airspeed says against all others is no sign of a pressure line.
+    overruled = {one.channel for one in whether_it_flies.disagreements if one.alone}
+    held = find_holds(without(log, *overruled), start_s, stop_s)
     if not flight_stretches(phases):
         raise LogError(
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "

@@ -373,7 +373,7 @@ def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[Flo
 
 def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: str) -> float | None:
     """Return the median of one speed over another in flight where neither is overruled, None where there is none."""
-    used = ~verdict.on_ground & ~verdict.unknown & np.isfinite(means[name]) & (means[other] > 0.0)
+    used = ~verdict.on_ground & ~verdict.unknown & np.isfinite(means[name]) & (means[other] > WALK)
     for one in verdict.against:
         if one.channel in (name, other):
             used[slice(*one.run)] = False

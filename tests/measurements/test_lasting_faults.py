@@ -107,7 +107,7 @@ def test_a_sensor_that_recovers_costs_the_rest_of_the_flight_nothing(logs: list[
     alone = next(one for one in declared(LATER) if one.fault == "pitch")
     ended = 0
     for fault in RETURNS:
-        first, *others = declared(fault, LATER)
+        first, *others = sorted(declared(fault, LATER), key=lambda one: one.onset_s)
         print(f"{fault.shape}: {first.fault} to {first.offset_s}, then {[one.fault for one in others]}")
         assert first.fault == (fault.channel or fault.shape)
         # The step of a recovery, a third of the pressure within a second, may break a static relation by 0.1 m/s.

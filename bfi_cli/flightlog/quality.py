@@ -263,7 +263,7 @@ def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:
     windows = _suggested_windows(log, phases_of(log), at_most=MOST_NAMED)
     named = [f"--from {w.start_s:.10g} --to {w.stop_s:.10g} ({w.channel})" for w in windows]
     return (
-        f"the record is {duration_s / 60.0:.0f} min long; bfi info suggests {', '.join(named) or 'no window of it'}"
+        f"the record is {duration_s / 60.0:.0f} min long; windows to take: {', '.join(named) or 'none stands out'}"
         f"{'; the whole record is analysed' * whole}"
     )
 

@@ -207,7 +207,7 @@ def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, 
     words = ("identify", long_log, "-d", FAULTS, *SLOWER, "--json")
     windows = json.loads(bfi("info", long_log, "--json").stdout)["windows"]
     named = ", ".join(f"--from {one['start_s']:g} --to {one['stop_s']:g} (elevator)" for one in windows)
-    told = f"the record is 11 min long; bfi info suggests {named}; the whole record is analysed"
+    told = f"the record is 11 min long; windows to take: {named}; the whole record is analysed"
     ended = at_a_terminal(*words)
     reading, _, analysing = ended.terminal.partition(f"{told}\r\n" if f"{told}\r\n" in ended.terminal else f"{told}\n")
     assert "reading the log" in reading
@@ -222,7 +222,7 @@ def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, 
 def test_whoever_asks_for_a_window_is_told_of_no_other(bfi: Callable, long_log: Path):
     for asked in (("--from", 0), ("--to", 659)):
         document = json.loads(bfi("identify", long_log, "-d", FAULTS, *SLOWER, *asked, "--json").stdout)
-        assert not any("bfi info suggests" in note for note in document["notes"])
+        assert not any("windows to take" in note for note in document["notes"])
 
 
 @pytest.mark.realdata
@@ -233,5 +233,8 @@ def test_at_most_three_windows_of_a_flight_are_named(bfi: Callable, flights: Pat
     windows = json.loads(bfi("info", flights / name, "--json").stdout)["windows"]
     told = refused.stderr
     assert len(re.findall(r"--from [0-9]", told)) == 3
-    named = [f"--from {one['start_s']:g} --to {one['stop_s']:g} ({one['channel']})" in told for one in windows]
-    assert sum(named) == 3
+    named = [(float(first), float(last)) for first, last in re.findall(r"--from ([0-9.]+) --to ([0-9.]+) \(", told)]
+    # Of a log that is read with fewer channels, phases and windows may begin elsewhere.
+    assert len(named) == 3
+    for first, last in named:
+        assert any(first < one["stop_s"] and one["start_s"] < last for one in windows)

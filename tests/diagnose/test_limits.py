@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -163,6 +164,20 @@ def test_a_drift_above_what_a_window_hides_is_declared(flight: Flight):
                 scan = scan_window(with_lasting(part, line, amount), zero_lift=flight.zero_lift)
                 assert scan is not None
                 assert scan.statistic > levels[hidden.window]
+
+
+def test_a_window_with_a_declared_fault_bounds_no_other(flight: Flight):
+    """It shows that fault: its size, nor that of any other, is no limit."""
+    windows = [(380.0, 440.0), (540.0, 600.0)]
+    looks = list(look_at(scan_flight(flight, windows), shipped_tables(), rates=RATES, suspicions=RATES, scale=1.0))
+    fault = SimpleNamespace(onset_s=400.0, seen_until_s=430.0, offset_s=None, state="declared", stages=("parity",))
+
+    def bounded(*events: SimpleNamespace) -> set[tuple[float, float]]:
+        return {one.window for kind in bounds_of(flight, looks, (), events) for one in kind.windows}
+
+    assert bounded() == set(windows)
+    assert bounded(fault) == {windows[1]}
+    assert bounded(SimpleNamespace(**{**vars(fault), "state": "suspected"})) == set(windows)
 
 
 def test_windows_that_count_over_most_stretches_are_tried_out_and_others_where_they_leave_much_less(flight: Flight):

@@ -8,8 +8,6 @@ import numpy as np
 
 from ..kernels.normal import TWO_SIDED_95
 from ..parity.explain import course_for
-from ..parity.windows import Window
-from ..preprocessing.tolerance import tolerance_of
 from .events import Draft
 from .flight import Flight
 
@@ -55,13 +53,6 @@ def _share(flight: Flight, draft: Draft) -> float | None:
     shares = [
         abs(size) * grown / tolerance
         for channel, size in one.effect.items()
-        if (tolerance := _tolerance(flight, channel, draft.window)) is not None and tolerance > 0.0
+        if (tolerance := flight.tolerance(channel, draft.window)) is not None and tolerance > 0.0
     ]
     return max(shares, default=None)
-
-
-def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
-    if channel in flight.tolerances:
-        return flight.tolerances[channel]
-    part = flight.log.window(*window)
-    return tolerance_of(flight.log, part, channel) if channel in part.channels else None

@@ -34,6 +34,7 @@ from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
 from ..parity.sensors import accelerometer_steps, frozen_vanes, probe_steps, without_frozen
 from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
+from ..preprocessing.tolerance import tolerance_of
 from .conventions import without, without_other_conventions
 from .glances import INPUTS
 
@@ -149,6 +150,13 @@ class Flight:
             if last > first:
                 found.append((first, last, ", ".join(names) or NO_AIRSPEED))
         return tuple(found)
+
+    def tolerance(self, channel: str, window: Window) -> float | None:
+        """Return the largest error of a channel that may stay unseen in a window, None where it has none."""
+        if channel in self.tolerances:
+            return self.tolerances[channel]
+        part = self.log.window(*window)
+        return tolerance_of(self.log, part, channel) if channel in part.channels else None
 
     def windows(self, length_s: float, step_s: float | None = None) -> list[Window]:
         """Return the windows of a length within the part that is diagnosed."""

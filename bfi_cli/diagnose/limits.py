@@ -16,7 +16,6 @@ from ..parity.lines import METRES
 from ..parity.record import STATIC_LEAK
 from ..parity.scan import with_lasting
 from ..parity.windows import Window, flight_stretches, overlaps, within
-from ..preprocessing.tolerance import tolerance_of
 from .events import TRACE
 from .flight import Flight
 from .looks import Scanned
@@ -113,7 +112,7 @@ def bounds_of(
         if one.state == "declared" and one.stages[0] != "sensors"
     ]
     found: dict[tuple[str, str, Bound], Bounds] = {}
-    tolerance = cache(lambda channel, window: _tolerance(flight, channel, window))
+    tolerance = cache(flight.tolerance)
     largest = cache(lambda channel: _largest_error(flight, channel))
 
     def offer(
@@ -368,12 +367,3 @@ def _speed(flight: Flight, window: Window, channel: str) -> float:
 
 def _unit(flight: Flight, channel: str) -> str:
     return STANDARD[channel].unit if channel in STANDARD else flight.log.channels[channel].unit
-
-
-def _tolerance(flight: Flight, channel: str, window: Window) -> float | None:
-    if channel in flight.tolerances:
-        return flight.tolerances[channel]
-    part = flight.log.window(*window)
-    if channel not in part.channels:
-        return None
-    return tolerance_of(flight.log, part, channel)

@@ -12,7 +12,8 @@ from bfi_cli.diagnose.events import Draft
 from bfi_cli.diagnose.looks import rate_of
 from bfi_cli.parity import LENGTHS_S, Finding
 
-FLIGHT: Any = SimpleNamespace(tolerances={"tas": 3.0, "aoa": 0.02})
+TOLERANCES = {"tas": 3.0, "aoa": 0.02}
+FLIGHT: Any = SimpleNamespace(tolerance=lambda channel, window: TOLERANCES.get(channel))
 
 
 def draft(magnitude: float | None, sd: float = 0.0, *, until_s: float = 160.0, **changes: Any) -> Draft:

@@ -85,7 +85,16 @@ class Fault:
 class FaultEstimate:
     """A declared fault. `fault` carries shape, channel, times; `magnitude` multiplies its unit signal.
 
-    `sd` and `ci95` are NaN where they are not known.
+    `sd` and `ci95` are NaN where they are not known, what follows them is None.
+
+    Attributes
+    ----------
+    onset_ci95 : earliest and latest onset that the log admits; None where the onset was stated.
+    statistic : twice the log of the likelihood ratio of the fault, the others in the model; p_value : of that.
+    effect : the largest error that it makes on its channel within the window.
+    beyond_tolerance : whether that is surely more, or surely no more, than the channel's tolerance.
+    among : faults that explain the log about as well.
+    source : of the evidence that declares it, see `bfi_cli.decision.Evidence`.
     """
 
     name: str
@@ -96,6 +105,13 @@ class FaultEstimate:
     physical_unit: str
     sd: float
     ci95: tuple[float, float]
+    onset_ci95: tuple[float, float] | None = None
+    statistic: float | None = None
+    p_value: float | None = None
+    effect: float | None = None
+    beyond_tolerance: bool | None = None
+    among: tuple[str, ...] = ()
+    source: str = ""
 
 
 def has_channel(shape: Shape) -> bool:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.calibration import (
+from bfi_cli.decision.calibration import (
     FEWEST_WINDOWS,
     CalibrationSettings,
     CalibrationTable,

@@ -28,7 +28,7 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
 
     Where the logs have air data, FILE also holds the aircraft's angle of zero lift and the tables of bfi diagnose.
     """
-    from ..calibration import join_tables, load_tables, save_tables, summary, table_notes
+    from ..decision.calibration import join_tables, load_tables, save_tables, summary, table_notes
     from ..errors import LogError
     from ..files import aside, check_files
     from ..onset import calibration_windows, table_of_windows

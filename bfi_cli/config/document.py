@@ -24,6 +24,7 @@ from pydantic import (
 )
 
 from ..channels import STANDARD
+from ..decision import KINDS
 from ..dictionary import Dictionary, DictionaryDocument, expand, is_shipped, load_dictionary
 from ..display_units import UnitsName
 from ..errors import ConfigError, LogError
@@ -32,7 +33,6 @@ from ..identify.methods import METHODS
 from ..shapes import SCANNED, Kind, ScannedShape
 from ..units import change_in_si
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
-from ..verdicts import KINDS
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["STRONG_EVIDENCE", "AuditOfDictionary", "Calibrate", "Conditioning", "Config", "Detect", "Diagnosability"]

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..decision import Candidate, shown_limit, state_of
 from ..kernels import FloatArray
 from ..kernels.nullspace import Criteria, onset_shares
 from ..kernels.parity import drop_at
 from ..preprocessing.regression import Signals
 from ..report.text import instant
-from ..verdicts import Candidate, shown_limit, state_of
 from .parity import MonitoringPass
 from .preparation import DecimatedRecord, PreparedRecord
 

@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
+from ..decision import KINDS, decide, summarise, verdicts_of
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
@@ -17,7 +18,6 @@ from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
-from ..verdicts import KINDS, decide, summarise, verdicts_of
 from .claims import ABSORBED, SMEARED, StepLimits, candidates_of, exact_limits, parity_limits
 from .parity import LASTING_IN_GUSTS, PATCH_S, DetectionThreshold, detect_sequentially
 from .preparation import FELT, UNSTATED_HZ, PreparedRecord, decimate_record, prepare_record

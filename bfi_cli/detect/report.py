@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..channels import LARGEST_ERROR
+from ..decision import Candidate
 from ..display_units import SI, Units
 from ..provenance import Provenance
 from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
 from ..report.text import change, instant, interval, number, shortened, with_unit
 from ..serialization import from_plain, to_plain
-from ..verdicts import Candidate
 from .result import DetectResult
 
 __all__ = ["SCHEMA", "detect_content", "detect_document"]

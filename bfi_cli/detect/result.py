@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from ..decision import Candidate
 from ..faults import Decision
 from ..kernels import FloatArray
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
-from ..verdicts import Candidate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +102,7 @@ class DetectResult:
     Attributes
     ----------
     verdicts : on each kind of fault; oscillations and slow faults are not looked for.
-    candidates : a step in every channel watched, see `bfi_cli.verdicts`.
+    candidates : a step in every channel watched, see `bfi_cli.decision`.
     summary : what the log says of the kinds of which no fault is declared.
     method : "exact", the right null space of the paper, or "parity", its form for noisy records.
     inputs, outputs : those used.

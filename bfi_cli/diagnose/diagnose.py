@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from ..channels import STANDARD
 from ..config import Config, merge
+from ..decision import State, decide
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
@@ -22,7 +23,6 @@ from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import Window, overlaps, windows_in
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
-from ..verdicts import State, decide
 from .corrected import corrected_channels, course_of
 from .deviations import beyond_tolerance, largest_first
 from .disagreements import drafts_of_disagreements

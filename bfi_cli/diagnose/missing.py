@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..decision import two_digits
 from ..flightlog.phases import NO_AIRSPEED
 from ..parity import LENGTHS_S, available
-from ..verdicts import two_digits
 from .flight import Flight
 from .limits import PITOT_LINE
 from .looks import Scanned

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..decision import State
 from ..faults import Decision
 from ..flightlog.phases import Phase
 from ..parity.finding import Bound, Stage
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
-from ..verdicts import State
 
 __all__ = ["Course", "DiagnoseResult", "Event", "FlightLimit", "Look", "Strip"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
+from ..decision import KINDS, two_digits
 from ..faults import Decision
 from ..shapes import Kind
-from ..verdicts import KINDS, two_digits
 from .limits import AIRSPEEDS, PITOT_LINE
 from .result import Event, FlightLimit
 from .unwatched import Unwatched

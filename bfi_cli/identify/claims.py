@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..decision import UNTESTED, Candidate, State, kind_of, state_of
 from ..faults import magnitude_unit, meaning
 from ..kernels.lagged import signals_factor
 from ..kernels.normal import ONE_SIDED_95
@@ -20,7 +21,6 @@ from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.tolerance import is_any
 from ..preprocessing.window import PreparedWindow
-from ..verdicts import UNTESTED, Candidate, State, kind_of, state_of
 from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 from ..config import Config, merge
+from ..decision import KINDS, UNTESTED, Candidate, decide, kind_of, summarise, verdicts_of
 from ..dictionary import Dictionary
 from ..faults import FaultEstimate
 from ..filters import response_of
@@ -31,7 +32,6 @@ from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import OF_LINES, SHAPES
 from ..truth import Comparison, compare_by_onset
-from ..verdicts import KINDS, UNTESTED, Candidate, decide, kind_of, summarise, verdicts_of
 from .identify import NOT_CONVERGED, identify_faults
 from .methods import METHODS
 from .result import IdentifyResult, ScanSummary

@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
+from ..decision import KINDS, decide, summarise, verdicts_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import FaultEstimate, magnitude_unit, physical
@@ -21,7 +22,6 @@ from ..preprocessing.regression import RegressionData
 from ..preprocessing.summary import model_summary
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
-from ..verdicts import KINDS, decide, summarise, verdicts_of
 from .claims import claims_of
 from .free_shape import identify_with_courses
 from .magnitudes import FreeOutcome, MethodResult

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..decision import Candidate
 from ..display_units import SI, Shown, Units
 from ..faults import FaultEstimate
 from ..printable import shortened
@@ -25,7 +26,6 @@ from ..report.claims import (
 from ..report.content import AT_ONCE, Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
 from ..report.text import HEADINGS, axis_label, change, counted, instant, interval, number, quantity, with_unit
 from ..shapes import SHAPES
-from ..verdicts import Candidate
 from .document import DERIVED, identify_from_document
 from .methods import METHODS
 from .result import IdentifyResult, OutputSeries, ResidualSummary

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..decision import Candidate
 from ..faults import Decision, FaultEstimate
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..shapes import Kind
-from ..verdicts import Candidate
 
 __all__ = ["AgainstTruth", "IdentifyResult", "OutputSeries", "ResidualSummary", "ScanSummary", "SolverSummary"]
 __all__ += ["SparsityRun", "SparsitySummary"]

@@ -9,10 +9,10 @@ from typing import Any, get_args
 
 import numpy as np
 
+from ..decision import KINDS
 from ..faults import Decision
 from ..kernels.normal import TWO_SIDED_95
 from ..shapes import Kind
-from ..verdicts import KINDS
 from .scenarios import Sweep
 from .trial import Row, rounded
 

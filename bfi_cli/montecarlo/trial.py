@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..decision import KINDS, State, kind_of
 from ..errors import BfiError
 from ..faults import Decision, Fault
 from ..identify import identify_faults
@@ -29,7 +30,6 @@ from ..preprocessing.window import prepare_window, regression_of
 from ..serialization import to_json
 from ..shapes import ADDITIVE, Kind
 from ..truth import compare_faults
-from ..verdicts import KINDS, State, kind_of
 from .flight import faults_of, faulty, is_shared, largest_errors, record_of
 from .scenarios import Setting, Trial, size_of
 

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..config import Config, merge
+from ..decision import UNTESTED, Candidate, State, state_of
 from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..preprocessing.window import must_resample
-from ..verdicts import UNTESTED, Candidate, State, state_of
 from .detection import find_onset
 from .result import OnsetResult, ScanLimit
 

@@ -18,6 +18,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from ..decision import Candidate, kind_of, state_of
 from ..faults import Fault, magnitude_unit
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
@@ -28,7 +29,6 @@ from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets
 from ..kernels.progress import Report, parts, shares, silent
 from ..preprocessing.tolerance import is_any
 from ..shapes import SHAPES, Shape
-from ..verdicts import Candidate, kind_of, state_of
 from .decision import Rule
 from .estimate import Estimate, subtract_faults
 from .result import ScanLimit
@@ -200,7 +200,7 @@ def claims_of(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Said:
-    """What is said of one shape on one output: magnitudes scaled, see `bfi_cli.verdicts.Candidate`; None where unknown.
+    """What is said of one shape on one output: magnitudes scaled, see `bfi_cli.decision.Candidate`; None where unknown.
 
     Attributes
     ----------

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..calibration import (
+from ..config import Config, merge
+from ..decision.calibration import (
     FEWEST_WINDOWS,
     TOLERANCES,
     CalibrationSettings,
@@ -22,7 +23,6 @@ from ..calibration import (
     nearest,
     null_of,
 )
-from ..config import Config, merge
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
 from ..flightlog.phases import airborne_stretches

@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
+from ..decision import decide, summarise, verdicts_of
 from ..errors import ConfigError
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
@@ -20,7 +21,6 @@ from ..preprocessing.advice import what_would_help
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
-from ..verdicts import decide, summarise, verdicts_of
 from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets
 from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for

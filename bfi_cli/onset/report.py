@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..decision import Candidate
 from ..display_units import SI, Units
 from ..faults import fault_from_dict, fault_to_dict, physical
 from ..provenance import Provenance
@@ -17,7 +18,6 @@ from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
 from ..report.text import HEADINGS, change, instant, interval, number, quantity, shortened, with_unit
 from ..serialization import from_plain, to_plain
 from ..shapes import SHAPES
-from ..verdicts import Candidate
 from .result import OnsetResult
 
 __all__ = ["SCHEMA", "onset_content", "onset_document"]

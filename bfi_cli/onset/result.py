@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ..decision import KINDS, Candidate
 from ..dictionary import Dictionary
 from ..faults import Decision, Fault, FaultEstimate, magnitude_unit, physical
 from ..flightlog.record import frozen_array
@@ -14,7 +15,6 @@ from ..kernels.whiteness import exceedances, robust_sd
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
 from ..report.text import instant
 from ..shapes import Kind
-from ..verdicts import KINDS, Candidate
 from .estimate import Estimate, subtract_faults
 from .scan import HypothesisScan
 from .scan_record import ScanRecord
@@ -104,7 +104,7 @@ class OnsetSeries:
 class ScanLimit:
     """What a scan says of a fault of a dictionary, the worst of the onsets it may have; None where it has no limit.
 
-    Magnitudes and effect in SI, see `bfi_cli.verdicts.Candidate`.
+    Magnitudes and effect in SI, see `bfi_cli.decision.Candidate`.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class OnsetResult:
 
     Attributes
     ----------
-    verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.verdicts`.
+    verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.decision`.
     summary : what the log says of the kinds of which no fault is declared.
     covered_s : first and last onset for which the claims hold, None where none is made.
     of_dictionary : limits of the faults that were asked for, in their order.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..calibration import CalibrationSettings
 from ..config import Config
+from ..decision.calibration import CalibrationSettings
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..faults import Fault

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from ..config import Config
+from ..decision import Candidate, decide, kind_of, summarise, verdicts_of
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..kernels.lagged import compress
@@ -22,7 +23,6 @@ from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import sparse_varx
 from ..kernels.variable_projection import project_inputs
 from ..preprocessing.rank_one import decides_by_rule, solve, stage_of
-from ..verdicts import Candidate, decide, kind_of, summarise, verdicts_of
 from .estimate import Estimate
 from .result import OnsetResult, assemble_result
 from .scan import HypothesisScan, Peak, fault_free_bic, scan_of

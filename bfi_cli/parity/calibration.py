@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration import FEWEST_WINDOWS, calibration_document, check_digest, null_from, wrong_statistics
+from ..decision.calibration import FEWEST_WINDOWS, calibration_document, check_digest, null_from, wrong_statistics
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of

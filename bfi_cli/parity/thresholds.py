@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration import Null, null_from
+from ..decision.calibration import Null, null_from
 from ..serialization import from_plain
 
 __all__ = ["SHIPPED", "ParityTable", "Threshold", "shipped_tables", "table_for", "threshold_of"]

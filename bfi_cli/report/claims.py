@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from ..decision import Candidate, shown_limit, summarise
 from ..display_units import SI, Shown, Units
 from ..faults import Decision
 from ..printable import shortened
 from ..shapes import Kind
-from ..verdicts import Candidate, shown_limit, summarise
 from .content import Curve, Drawing, Panel, Span, Style, Table, curve
 from .text import change, number, quantity, with_unit
 

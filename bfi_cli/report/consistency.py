@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args
 
+from ..decision import KINDS
 from ..faults import Decision
-from ..verdicts import KINDS
 
 __all__ = ["contradiction_of"]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..aircraft.catalogue import CITATION
-from ..calibration import save_tables
 from ..config import Config, merge
+from ..decision.calibration import save_tables
 from ..faults import unit_signal
 from ..flightlog import FlightLog
 from ..identify import identify_faults

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.config import Config
+from bfi_cli.decision import KINDS, decide
 from bfi_cli.diagnose import DiagnoseResult, FlightLimit, diagnose_flight
 from bfi_cli.diagnose.flight import Flight, flight_of
 from bfi_cli.diagnose.limits import BIN_S, Bounds, Hidden, bounds_of, limits_of, tried_out
@@ -23,7 +24,6 @@ from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.parity import LENGTHS_S, scan_window, shipped_tables
 from bfi_cli.parity.holds import UnseenLine
 from bfi_cli.parity.scan import with_lasting
-from bfi_cli.verdicts import KINDS, decide
 
 AIRSPEEDS = ("tas", "cas", "mach")
 RATES = dict.fromkeys(LENGTHS_S, 0.01)

@@ -15,8 +15,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 from trials import sized, spread
 
-from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config
+from bfi_cli.decision.calibration import CalibrationTable, save_tables
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array

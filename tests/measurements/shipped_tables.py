@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import bfi_cli
-from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config, merge
+from bfi_cli.decision.calibration import CalibrationTable, save_tables
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.onset import table_of_windows, windows_of
 from bfi_cli.provenance import provenance

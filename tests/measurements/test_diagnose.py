@@ -20,8 +20,8 @@ import pytest
 from bars import FULL, not_below
 from shipped_parity import FLIGHTS, clean_windows
 
-from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge
+from bfi_cli.decision.calibration import save_tables
 from bfi_cli.diagnose import DiagnoseResult, Event, diagnose_flight
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log

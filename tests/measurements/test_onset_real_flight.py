@@ -11,8 +11,8 @@ import pytest
 from bars import FULL, not_below
 from scipy.signal import butter, sosfiltfilt
 
-from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge
+from bfi_cli.decision.calibration import save_tables
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log, resample

@@ -14,8 +14,8 @@ import pytest
 from bars import FULL, not_above, not_below
 from verdict_trials import RECORDER_SD_S, SHAPES, gaussian
 
-from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge
+from bfi_cli.decision.calibration import save_tables
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import FlightLog, read_log

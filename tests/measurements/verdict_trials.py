@@ -23,8 +23,9 @@ import numpy as np
 from scipy import signal, stats
 from threadpoolctl import threadpool_limits
 
-from bfi_cli.calibration import save_tables
 from bfi_cli.config import Config, merge
+from bfi_cli.decision import BUILD_UP_S, KINDS, decide, kind_of
+from bfi_cli.decision.calibration import save_tables
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, build_up_s, unit_signal
@@ -37,7 +38,6 @@ from bfi_cli.onset import find_onset, table_of_windows
 from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.preprocessing.tolerance import tolerance_of
 from bfi_cli.provenance import provenance
-from bfi_cli.verdicts import BUILD_UP_S, KINDS, decide, kind_of
 
 FLIGHTS = Path(__file__).resolve().parents[3] / "shared" / "flights"
 CITATION = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
-from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config
+from bfi_cli.decision.calibration import CalibrationTable, save_tables
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.onset.scan_record import prepare_record

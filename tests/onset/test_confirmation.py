@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bfi_cli.calibration import CalibrationTable, save_tables
 from bfi_cli.config import Config, merge
+from bfi_cli.decision import KINDS
+from bfi_cli.decision.calibration import CalibrationTable, save_tables
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
@@ -17,7 +18,6 @@ from bfi_cli.identify.from_scan import identify_from_scan
 from bfi_cli.onset import find_onset
 from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.provenance import provenance
-from bfi_cli.verdicts import KINDS
 
 BIAS = Fault(shape="bias", channel="tas", magnitude=1.0, onset_s=15.6)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.config import Config, StartTime, merge
+from bfi_cli.decision import KINDS, decide
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog.record import frozen_array
@@ -16,7 +17,6 @@ from bfi_cli.onset.scan import scan_hypotheses
 from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.onset.shapes import shape_hypotheses
 from bfi_cli.preprocessing.tolerance import is_any
-from bfi_cli.verdicts import KINDS, decide
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=0.25, onset_s=16.0)

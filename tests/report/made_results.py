@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bfi_cli.decision import KINDS, Candidate, summarise, verdicts_of
 from bfi_cli.faults import Fault, FaultEstimate
 from bfi_cli.identify.result import (
     AgainstTruth,
@@ -17,7 +18,6 @@ from bfi_cli.identify.result import (
 )
 from bfi_cli.preprocessing.summary import LogSummary, ModelSummary
 from bfi_cli.provenance import Provenance
-from bfi_cli.verdicts import KINDS, Candidate, summarise, verdicts_of
 
 ONSET_S = 13.8
 ORDER = 4

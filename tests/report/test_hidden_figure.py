@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from bfi_cli.decision import Candidate
 from bfi_cli.report.claims import MOST_ROWS, hidden_drawing
-from bfi_cli.verdicts import Candidate
 
 
 def step(name: str, effect: float | None) -> Candidate:

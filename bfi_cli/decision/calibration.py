@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ConfigError
-from .kernels.exponential_tail import ExcessTail
-from .provenance import Provenance
-from .report.content import ReportContent, Table
-from .serialization import from_plain, mapping, member, to_json
-from .yaml12 import read_text
+from ..errors import ConfigError
+from ..kernels.exponential_tail import ExcessTail
+from ..provenance import Provenance
+from ..report.content import ReportContent, Table
+from ..serialization import from_plain, mapping, member, to_json
+from ..yaml12 import read_text
 
 __all__ = ["FEWEST_WINDOWS", "SCHEMA", "TOLERANCES", "CalibrationSettings", "CalibrationTable", "Null"]
 __all__ += [

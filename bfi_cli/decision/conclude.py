@@ -1,0 +1,132 @@
+"""One conclusion from the evidence of several sources on one window.
+
+Sources share channels and gusts, so that their evidence is not added. Each has a share of the level: a fault is
+declared where one source declares it at its share, and a limit is the smallest of the sources' limits. By the union
+bound both statements hold at the level of all, however the sources depend on each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ..faults import Decision, FaultEstimate
+from ..report.text import instant, quantity
+from ..shapes import SHAPES, Kind
+from .candidate import Candidate, state_of
+from .evidence import Evidence
+from .verdict import decide, summarise, verdicts_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conclusion:
+    """What all sources together say of a window.
+
+    Attributes
+    ----------
+    decision : on the kinds that are required; verdicts : on each kind of fault.
+    summary : what the log says of the kinds of which no fault is declared.
+    faults : declared; candidates : all that was looked for, with the smallest limits.
+    notes : where sources disagree.
+    """
+
+    decision: Decision
+    verdicts: Mapping[Kind, Decision]
+    summary: str
+    faults: tuple[FaultEstimate, ...]
+    candidates: tuple[Candidate, ...]
+    notes: tuple[str, ...]
+
+
+def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusion:
+    """Return what the evidence of all sources says together.
+
+    1. A fault that a source declares is declared, unless another source excludes its error on the channel: then it is
+       suspected. What two sources declare of one channel at one time is one fault, named by the first.
+    2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
+    3. The verdicts on the kinds, and the sentence that says them.
+
+    Parameters
+    ----------
+    evidence : the sources, the one that names a fault best first.
+    required : kinds of fault that the decision rests on.
+    """
+    faults: list[FaultEstimate] = []
+    candidates: list[Candidate] = []
+    notes: list[str] = []
+    for one in evidence:
+        others = [other for other in evidence if other is not one]
+        refuted = {id(fault): by for fault in one.faults if (by := _excluded_by(fault, others)) is not None}
+        told = [fault for fault in one.faults if id(fault) not in refuted and not _told(fault, faults)]
+        faults += [replace(fault, source=one.source) for fault in told]
+        notes += [_disagreement(fault, one.source, refuted[id(fault)]) for fault in one.faults if id(fault) in refuted]
+        suspected = {(fault.fault.shape, fault.fault.channel) for fault in one.faults if id(fault) in refuted}
+        for candidate in one.candidates:
+            if candidate.state == "declared" and (candidate.shape, candidate.channel) in suspected:
+                candidate = replace(candidate, state="suspected", note="another source excludes an error of this size")
+            candidates.append(candidate)
+    bounded = tuple(_with_least_limit(candidate, evidence) for candidate in candidates)
+    verdicts = verdicts_of(bounded)
+    return Conclusion(
+        decision=decide(verdicts, required),
+        verdicts=verdicts,
+        summary=summarise(verdicts, bounded),
+        faults=tuple(faults),
+        candidates=bounded,
+        notes=tuple(notes),
+    )
+
+
+def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> bool:
+    """Say whether a fault is already declared: on its channel, at an onset that both admit."""
+
+    def span(one: FaultEstimate) -> tuple[float, float]:
+        return one.onset_ci95 or (one.fault.onset_s, one.fault.onset_s)
+
+    low, high = span(fault)
+    alike = (one for one in known if fault.fault.channel in (one.fault.channel, *one.among))
+    return any(span(one)[0] <= high and low <= span(one)[1] for one in alike)
+
+
+def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str, Candidate] | None:
+    """Return the source, and its candidate, that excludes the error which a slow fault makes on its channel."""
+    if SHAPES[fault.fault.shape].kind != "slow" or fault.effect is None:
+        return None
+    for other in others:
+        for one in other.candidates:
+            alike = one.kind == "slow" and one.channel == fault.fault.channel and one.state in ("excluded", "not_seen")
+            if alike and one.limit is not None and one.limit < fault.effect:
+                return other.source, one
+    return None
+
+
+def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Candidate]) -> str:
+    other, one = excluded_by
+    label, channel = SHAPES[fault.fault.shape].label, fault.fault.channel
+    size, from_s = quantity(fault.magnitude, fault.unit), instant(fault.fault.onset_s)
+    return (
+        f"the {source} declares a {label} of {size} on {channel} from {from_s} s, but the {other} "
+        f"excludes more than {quantity(one.limit or 0.0, one.channel_unit)} there: it is suspected"
+    )
+
+
+def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Candidate:
+    """Return a candidate of a slow fault with the smallest error that any source leaves on its channel."""
+    if candidate.kind != "slow" or candidate.state not in ("excluded", "not_seen"):
+        return candidate
+    effects = [
+        one.effect
+        for source in evidence
+        for one in source.candidates
+        if one.kind == "slow"
+        and one.channel == candidate.channel
+        and one.state in ("excluded", "not_seen")
+        and one.effect is not None
+    ]
+    least = min(effects, default=None)
+    if least is None or (candidate.effect is not None and candidate.effect <= least):
+        return candidate
+    scale = None if candidate.effect in (None, 0.0) else least / candidate.effect
+    above = None if scale is None or candidate.excluded_above is None else scale * candidate.excluded_above
+    state = state_of(declared=False, suspected=False, effect=least, tolerance=candidate.tolerance)
+    return replace(candidate, effect=least, excluded_above=above, state=state)

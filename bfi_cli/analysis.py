@@ -11,6 +11,7 @@ from dataclasses import fields, replace
 
 from .config import Config, merge
 from .decision import KINDS, UNTESTED, Evidence, decide, verdicts_of
+from .diagnose.evidence import SHARE, physics_evidence
 from .dictionary import Dictionary, dead_sentences
 from .errors import DictionaryError
 from .faults import Fault, FaultEstimate
@@ -38,7 +39,20 @@ EXPLAINED = 100.0 - 1e-9
 
 def start_time(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
     """Say when a fault started, of which shape and how large, from all sources; see `bfi_cli.onset.find_onset`."""
-    return find_onset(log, config, progress)
+    config = with_inputs_of(log, config)
+    physics, scanning = _physics(log, config, progress)
+    result = find_onset(log, scanning, progress, beside=[physics])
+    return replace(result, false_alarm=config.start_time.false_alarm)
+
+
+def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Evidence, Config]:
+    """Return what physics says of the window, and the configuration of a search with its share of the level."""
+    if config.method != "ml":
+        return Evidence(source="physics"), config
+    physics = physics_evidence(log, config, progress)
+    if not physics.candidates and not physics.faults:
+        return physics, config
+    return physics, merge(config, {"start_time.false_alarm": (1.0 - SHARE) * config.start_time.false_alarm})
 
 
 def identify(
@@ -102,8 +116,9 @@ def _identify_kinds(
     progress: Progress,
 ) -> tuple[IdentifyResult, Dictionary]:
     """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
-    searched = search_onsets(log, merge(config, {"method": "ml"}), progress, kinds=kinds)
-    sources = [searched.evidence]
+    physics, scanning = _physics(log, config, progress)
+    searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=kinds)
+    sources = [searched.evidence, physics]
     proposed = _as_dictionary(searched, dictionary)
     if searched.faults:
         found = identification(log, proposed, config, progress, given=config.method == "ml")
@@ -116,10 +131,10 @@ def _identify_kinds(
     if searched.faults:
         said += f": {len(searched.faults)} found by the search over all onsets, and magnitudes estimated jointly there"
     else:
-        said += (
-            f": the search over all onsets finds no fault at a false-alarm rate of {100.0 * searched.false_alarm:.3g} %"
-        )
-    notes = (said, *searched.notes, *(note for note in result.notes if note not in searched.notes))
+        percent = 100.0 * config.start_time.false_alarm
+        said += f": the search over all onsets finds no fault at a false-alarm rate of {percent:.3g} %"
+    told = (*searched.notes, *physics.notes)
+    notes = (said, *told, *(note for note in result.notes if note not in told))
     result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
     return _with_scan(result, searched, "it proposed the faults"), proposed
 
@@ -190,8 +205,11 @@ def _identify_entries(
         found = found if exact else _within_tolerance(found, None, config)
         return _with_scan(concluded(log, config, found), None, searched)
     found = _within_tolerance(found, searched, config)
-    result = concluded(log, config, found, [found.evidence, _beside_entries(searched, found, looked_for)])
-    if any(one.source == "scan" for one in result.faults):
+    physics, _ = _physics(log, config, progress)
+    sources = [found.evidence, _beside_entries(searched, looked_for), physics]
+    result = concluded(log, config, found, sources)
+    result = replace(result, notes=(*result.notes, *physics.notes))
+    if any(one.source != "dictionary" for one in result.faults):
         result = _estimated_jointly(log, dictionary, result, config, progress)
     declares = any(one.source == "scan" for one in result.faults)
     result = _with_checked_onsets(result)
@@ -210,7 +228,7 @@ def _within_tolerance(found: Identification, searched: OnsetResult | None, confi
     return replace(found, result=replace(found.result, candidates=candidates))
 
 
-def _beside_entries(searched: OnsetResult, found: Identification, looked_for: set[Kind]) -> Evidence:
+def _beside_entries(searched: OnsetResult, looked_for: set[Kind]) -> Evidence:
     """Return what a search says beside entries of a dictionary: faults, suspects, limits of kinds they lack."""
     candidates = [
         replace(one, name=f"{one.name} (scan)")

@@ -185,7 +185,7 @@ def _list_atoms(document: Plain, units: Units) -> Table:
         until = "" if atom["offset_s"] is None else f" to {atom['offset_s']:.6g}"
         row = [str(j), shortened(atom["name"], NAME_LETTERS), f"{atom['onset_s']:.6g}{until}"]
         if channels:
-            row.append(shortened(atom["channel"], CHANNEL_LETTERS))
+            row.append(shortened(atom["channel"] or "-", CHANNEL_LETTERS))
         if on_log:
             row.append("" if not atom["live"] else _limit(atom, units) or "-")
         else:

@@ -30,7 +30,7 @@ atoms:
   - {name: good, shape: bias, onset_s: 10}
   - {name: twin, shape: bias, onset_s: 10}
   - {name: dead, shape: drift, onset_s: 500}
-  - {name: constant, shape: bias}
+  - {name: constant, shape: bias, onset_s: 0}
 """
 
 
@@ -177,7 +177,7 @@ def test_what_the_user_can_mend_is_one_line(bfi, tmp_path: Path, argv, code: int
 
 
 def content_of(path: Path, *, on_log: bool):
-    entries = load_dictionary(path)
+    entries = load_dictionary(path).at_onsets(0.0, 31.0)
     found = audit_on_log(read_log(BIAS), entries, Config()) if on_log else audit_dictionary(entries, Config())
     return audit_content(audit_document(found, provenance(log_sha256="")))
 
@@ -206,8 +206,10 @@ def test_the_signatures_are_drawn_in_the_rows_of_their_names():
         assert np.nanmax(np.abs(part - row)) == pytest.approx(0.45)
 
 
-def test_few_atoms_have_their_coherence_written_into_the_map():
-    few, many = (draw(content_of(path, on_log=False).drawings[1]).axes[0] for path in (THESIS, AIRDATA))
+def test_few_atoms_have_their_coherence_written_into_the_map(tmp_path: Path):
+    steps = tmp_path / "steps.yaml"
+    steps.write_text("grids: [{shape: bias, onset_s: {start: 1, stop: 30, step: 1}}]")
+    few, many = (draw(content_of(path, on_log=False).drawings[1]).axes[0] for path in (THESIS, steps))
     assert len(few.texts) == 49
     assert len(many.texts) == 0
     assert len(many.get_yticks()) <= 24

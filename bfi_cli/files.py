@@ -14,20 +14,6 @@ from pathlib import Path
 
 from .errors import ConfigError
 
-__all__ = [
-    "ATTRIBUTE",
-    "MARK",
-    "OWNER",
-    "REPORT",
-    "aside",
-    "check_files",
-    "check_folder",
-    "is_ours",
-    "list_of_files",
-    "replace_files",
-    "same_file",
-]
-
 # How a file says that this program wrote it: the first line of a CSV file, an attribute of the root of an HDF5 file,
 # the kind and the provenance of a JSON document.
 MARK = "# written by bfi"

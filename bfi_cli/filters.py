@@ -19,8 +19,6 @@ from .errors import LogError
 from .faults import Fault, unit_signal
 from .kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
 
-__all__ = ["Filter", "alternatives", "filters_from_json", "filters_to_json", "recorded_signal", "response_of"]
-
 FloatArray = NDArray[np.float64]
 
 # Edges that the spectra of one recorded flight give to each kind, relative to a Gaussian's (1.57 and 1.49 Hz to 0.89).

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from .errors import DictionaryError
 
-__all__ = ["lies_inside", "read_samples", "sample_bytes"]
-
 # Two hours at 100 Hz, 25 letters each line.
 MAX_BYTES = 20_000_000
 

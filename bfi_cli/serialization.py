@@ -18,8 +18,6 @@ from .errors import ConfigError
 from .files import MARK
 from .printable import printable, valid_text
 
-__all__ = ["csv_lines", "from_plain", "mapping", "member", "to_csv", "to_json", "to_plain", "without_series"]
-
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"
 # Keys of what has an entry per sample or onset: gigabytes for a day at 100 Hz. A reproduction has drawings in it.

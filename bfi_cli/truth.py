@@ -9,8 +9,6 @@ import numpy as np
 
 from .faults import Fault, FaultEstimate, fault_to_dict
 
-__all__ = ["Comparison", "compare_by_onset", "compare_faults", "is_same_fault", "name_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import LogError
 
-__all__ = ["change_in_si", "factor_and_offset", "per_second", "si_unit", "to_si"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -20,18 +20,6 @@ from .faults import did_you_mean, shown, unknown_key
 from .printable import shortened
 from .sample_file import lies_inside
 
-__all__ = [
-    "SENTENCE_LETTERS",
-    "Number",
-    "Positive",
-    "Rules",
-    "Text",
-    "Whole",
-    "editor_schema",
-    "path_beside",
-    "validate",
-]
-
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]
 Whole = StrictInt

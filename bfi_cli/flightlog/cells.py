@@ -15,8 +15,6 @@ from ..channels import match_name
 from ..errors import LogError
 from .raw import RawColumn, left_out
 
-__all__ = ["ABSENT", "Cells", "Kind", "in_seconds"]
-
 Kind = Literal["number", "clock", "date", "moment", "text"]
 
 ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})

@@ -19,8 +19,6 @@ from .rates import boot_starts, log_of_topics
 from .raw import RawLog
 from .topics import Topic, fields_of, with_ground_velocity
 
-__all__ = ["read_dataflash", "read_dataflash_topics"]
-
 BEGIN = b"\xa3\x95"
 FMT, FMT_LENGTH = 0x80, 89  # type and bytes of the message that describes a format
 # Type and scale of the numbers by their letter, and the bytes of what is no number.

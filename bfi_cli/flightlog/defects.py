@@ -25,8 +25,6 @@ from .quality import hold_of
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
 
-__all__ = ["Defect", "DefectShape", "find_defects", "sentence_of_defect", "with_bridges", "without_defects"]
-
 BoolArray = NDArray[np.bool_]
 # The course of a channel as another tells it, the scatter about it, and where it is told, (n,) each.
 _Expected = tuple[FloatArray, FloatArray, BoolArray]

@@ -28,8 +28,6 @@ from ..channels import STANDARD
 from ..errors import LogError
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
-__all__ = ["DERIVED", "missing_for", "with_derived"]
-
 BoolArray = NDArray[np.bool_]
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
 

@@ -12,8 +12,6 @@ from typing import Any
 from ..errors import ConfigError
 from ..serialization import mapping, member
 
-__all__ = ["Event", "read_events"]
-
 Plain = Mapping[str, Any]
 
 GIVE = "give the result.json of bfi identify, start-time, detect or diagnose"

@@ -10,8 +10,6 @@ from .record import Channel, FlightLog, FloatArray, frozen_array
 from .signs import runs_of
 from .topics import ANGLES
 
-__all__ = ["with_filled", "with_single_samples"]
-
 # Signals that have no values between theirs: they keep the last.
 FLAGS = frozenset({"valid_airspeed", "gear"})
 # Of a step, by which a clock may wander: a stretch of just the length that is asked for is filled.

@@ -36,8 +36,6 @@ from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["read_hdf5"]
-
 TRUTH = "truth"
 LONGEST_UNIT = 80  # characters of MATLAB's text, which is an array of numbers like any other
 # Bytes up to which a log is read whole although a window would do: filters and clocks of held channels then see what

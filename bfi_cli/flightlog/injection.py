@@ -17,8 +17,6 @@ from ..kernels.low_pass import Response
 from ..shapes import SHAPES
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
-__all__ = ["LineSignal", "added_by", "inject", "line_signals", "without_line_fault"]
-
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
 # The share of a pressure by which a derivative is taken: its square is far below, and round-off far above, what counts.
 SMALL = 1e-4

@@ -21,8 +21,6 @@ import numpy as np
 from ..errors import LogError, first_line
 from .raw import LARGEST, RawColumn, RawLog, choose_group, is_signal, left_out, rate_of, require_few, unfit_kind
 
-__all__ = ["Variable", "read_matlab", "unpacked_size", "variables"]
-
 # Types of elements, the bytes of their numbers and characters, and classes of arrays.
 MATRIX, COMPRESSED = 14, 15
 INT8, INT32, UINT32, UTF8 = 1, 5, 6, 16

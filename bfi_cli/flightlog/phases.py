@@ -28,8 +28,8 @@ from .signs import (
     TAXI,
     WALK,
     BoolArray,
-    Disagreement,
     Run,
+    Says,
     Signs,
     Verdict,
     cruise_of,
@@ -39,9 +39,6 @@ from .signs import (
     smoothed_speed,
     speed_values,
 )
-
-__all__ = ["MANOEUVRES", "NO_AIRSPEED", "PARTS", "Disagreement", "FlightPhases", "Phase", "airborne_stretches"]
-__all__ += ["find_phases", "flight_stretches", "phases_of"]
 
 # A part in flight in which no airspeed says so: none is recorded there, or all fail.
 NO_AIRSPEED = "no airspeed"
@@ -92,6 +89,30 @@ class Phase:
     phase: str
     from_s: float
     to_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disagreement:
+    """A stretch in which an airspeed says "ground" or "flight" and the other signs of the log the contrary.
+
+    Attributes
+    ----------
+    alone : other airspeeds say the contrary too; else all of them fail together, as those of one pressure line do.
+    certain : most signs say the contrary; else as many as agree with the airspeed, the altitude among them.
+    error : median of the airspeed less that of the others, in its unit; None where no other tells it.
+    latest_s : the latest that it began: slow flight may have gone before a failure of all airspeeds.
+    least_s : from which length on a stretch is no flare, stall or difference about when.
+    """
+
+    channel: str
+    from_s: float
+    to_s: float
+    says: Says
+    alone: bool
+    certain: bool
+    error: float | None
+    latest_s: float
+    least_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,8 +9,6 @@ import numpy as np
 from ..channels import STANDARD
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 
-__all__ = ["doubt_about", "doubts_about", "time_scale"]
-
 SURFACES = ("elevator", "aileron", "rudder", "stabiliser", "elevator_trim", "flaps")
 # What nothing but a rocket exceeds, in the unit of `channels.STANDARD`, and the unit that the values may rather have.
 # Surfaces stop at half a radian, fully extended flaps at 0.8 rad; the fastest jets reach 700 m/s, those with the

@@ -21,8 +21,6 @@ from .record import FlightLog
 from .report import lane_panel
 from .timeline import bands_of, event_table, lanes_of, phase_columns, phase_table, window_table
 
-__all__ = ["MOST_PANELS", "PLOT_SCHEMA", "channels_to_plot", "plot_content", "plot_document"]
-
 Plain = Mapping[str, Any]
 
 PLOT_SCHEMA = 1

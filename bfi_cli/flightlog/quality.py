@@ -19,19 +19,6 @@ from .plausible import doubt_about
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 
-__all__ = ["UNEVEN", "ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport"]
-__all__ += [
-    "advice_on_the_ground",
-    "advice_on_windows",
-    "gap_starts",
-    "held_hz",
-    "hold_of",
-    "inspect_log",
-    "is_uniform",
-    "ranked_windows",
-]
-__all__ += ["require_usable", "time_jitter"]
-
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
 PIECE = 1_000_000  # samples whose steps are looked at together, for memory
 MOSTLY = 0.5  # of a window

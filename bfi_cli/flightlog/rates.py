@@ -20,8 +20,6 @@ from ..kernels.decimation import WHITE, lowpass_taps
 from .raw import LARGEST, RawColumn, RawLog
 from .topics import Recorder, Topic, Track, tracks_of
 
-__all__ = ["OneBase", "boot_starts", "in_order", "log_of_topics", "mean_rate", "one_base"]
-
 FloatArray = NDArray[np.float64]
 
 # Whose rate is that of the log, and what takes its place in a log without an airspeed.

@@ -13,9 +13,6 @@ from ..faults import Fault
 from ..filters import Filter
 from .record import Segment
 
-__all__ = ["LARGEST", "RawColumn", "RawLog", "Span", "TimeOf", "choose_group", "different_length", "is_signal"]
-__all__ += ["left_out", "rate_of", "require_few", "unfit_kind"]
-
 # Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
 LARGEST = 4 * 10**9
 # Channels of a file. The largest recorders have about 4000 parameters.

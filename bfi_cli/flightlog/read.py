@@ -26,8 +26,6 @@ from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen
 from .recorder import with_seen_recorder
 from .tlog import is_tlog
 
-__all__ = ["read_log"]
-
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
 ULOG, DATAFLASH, TDMS = b"ULog\x01\x12\x35", b"\xa3\x95\x80", b"TDSm"

@@ -15,9 +15,6 @@ from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
 
-__all__ = ["CLEAN", "LARGEST_VALUE", "Channel", "FlightLog", "Segment", "StoredChannel", "Truth", "faults_from_json"]
-__all__ += ["faults_to_json", "frozen_array", "nothing_between", "segments_from_json", "segments_to_json"]
-
 FloatArray = NDArray[np.float64]
 
 # Ends the name, in a file, of the clean signal of a channel with an injected fault.

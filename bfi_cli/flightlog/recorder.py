@@ -15,8 +15,6 @@ from ..kernels.recorder_spectrum import recorder_from_spectra
 from .quality import is_uniform
 from .record import FlightLog
 
-__all__ = ["recorder_filters", "with_seen_recorder"]
-
 FloatArray = NDArray[np.float64]
 
 # Samples that are enough to see hundreds of jumps: three hours at 10 Hz.

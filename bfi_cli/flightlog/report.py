@@ -17,9 +17,6 @@ from .quality import UNEVEN, LogReport
 from .record import FlightLog
 from .timeline import lanes_of, phase_columns, phase_table, window_table
 
-__all__ = ["describe_injected", "info_content", "info_document", "lane_panel", "log_content", "log_document"]
-__all__ += ["log_lines"]
-
 Plain = Mapping[str, Any]
 
 SCHEMA = 1

@@ -17,8 +17,6 @@ from .holds import Hold
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
 
-__all__ = ["resample", "resample_with", "with_reach"]
-
 LONGEST_BRIDGE = 4.5  # median time steps: up to three missing samples are interpolated
 SAME_RATE = 1e-3  # relative error of a recorder's clock
 UNEVEN_RATE = 0.05  # how far the median step of an uneven axis may be from its mean

@@ -18,21 +18,6 @@ from numpy.typing import NDArray
 from ..airdata import SEA_LEVEL_PRESSURE, isa_temperature, pressure_at
 from .record import LARGEST_VALUE, FlightLog
 
-__all__ = [
-    "AIRSPEEDS",
-    "BORNE",
-    "GRAVITY",
-    "LONG",
-    "METRES_PER_SECOND",
-    "TAXI",
-    "WALK",
-    "Disagreement",
-    "Run",
-    "Signs",
-    "Verdict",
-]
-__all__ += ["cruise_of", "decide", "equivalent", "runs_of", "smoothed_speed", "speed_values"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Run = tuple[int, int]  # first sample and the one after the last
@@ -66,30 +51,6 @@ LOST = 0.25
 LEAST_IN_FLIGHT, MOST_ON_GROUND, FEWEST_PIECES = 0.2, 0.8, 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Disagreement:
-    """A stretch in which an airspeed says "ground" or "flight" and the other signs of the log the contrary.
-
-    Attributes
-    ----------
-    alone : other airspeeds say the contrary too; else all of them fail together, as those of one pressure line do.
-    certain : most signs say the contrary; else as many as agree with the airspeed, the altitude among them.
-    error : median of the airspeed less that of the others, in its unit; None where no other tells it.
-    latest_s : the latest that it began: slow flight may have gone before a failure of all airspeeds.
-    least_s : from which length on a stretch is no flare, stall or difference about when.
-    """
-
-    channel: str
-    from_s: float
-    to_s: float
-    says: Says
-    alone: bool
-    certain: bool
-    error: float | None
-    latest_s: float
-    least_s: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Signs:
     """What a log has to say, on a grid; (n,) each, NaN where it is not known.
@@ -113,7 +74,7 @@ class Signs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overruled:
-    """A run in which an airspeed is overruled; see `Disagreement`."""
+    """A run in which an airspeed is overruled; see `phases.Disagreement`."""
 
     channel: str
     run: Run

@@ -21,8 +21,6 @@ from .rates import FloatArray, one_base
 from .raw import LARGEST, RawColumn, RawLog, choose_group, left_out, rate_of, require_few
 from .topics import ANGLES, Track
 
-__all__ = ["read_tdms"]
-
 # What LabVIEW and DIAdem call a unit, the more usual first.
 UNITS = ("unit_string", "NI_UnitDescription", "units", "unit")
 # Hz and s. A clock beyond these is none of a flight, but a damaged or an empty property.

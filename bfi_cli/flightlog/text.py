@@ -23,8 +23,6 @@ from .raw import RawColumn, RawLog, require_few
 from .record import CLEAN, faults_from_json, segments_from_json
 from .topics import maps_of
 
-__all__ = ["FAULTS", "FILTERS", "SEGMENTS", "read_csv"]
-
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
 FILTERS = "# filters: "

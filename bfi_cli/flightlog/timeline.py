@@ -12,8 +12,6 @@ from ..report.content import Block, Lane, Shade, Table
 from ..report.text import instant
 from .phases import MANOEUVRES, NO_AIRSPEED, PARTS
 
-__all__ = ["bands_of", "event_table", "lanes_of", "phase_columns", "phase_table", "window_table"]
-
 Plain = Mapping[str, Any]
 
 SHADES: Mapping[str, Shade] = {

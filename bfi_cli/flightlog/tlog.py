@@ -20,8 +20,6 @@ from .rates import boot_starts, log_of_topics
 from .raw import RawLog
 from .topics import Topic
 
-__all__ = ["MESSAGES", "checksum", "is_tlog", "read_tlog", "read_tlog_topics"]
-
 # Number: name, layout, extra byte of the check sum, names of the fields.
 MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
     number: (name, struct.Struct(f"<{layout}"), extra, tuple(fields.split()))

@@ -16,19 +16,6 @@ from numpy.typing import NDArray
 
 from ..units import DEGREE, G
 
-__all__ = [
-    "RECORDERS",
-    "ChannelMap",
-    "Recorder",
-    "Topic",
-    "Track",
-    "fields_of",
-    "maps_of",
-    "tracks_of",
-    "with_angles",
-    "with_ground_velocity",
-]
-
 FloatArray = NDArray[np.float64]
 Recorder = Literal["px4", "ardupilot", "mavlink", "garmin"]
 RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "mavlink": "MAVLink", "garmin": "Garmin"}

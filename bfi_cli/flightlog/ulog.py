@@ -21,8 +21,6 @@ from .rates import log_of_topics
 from .raw import RawLog, require_few
 from .topics import Topic, fields_of, with_angles
 
-__all__ = ["read_ulog", "read_ulog_topics"]
-
 HEADER = 16  # bytes: the magic, a version, the time of the start
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 TYPES = {

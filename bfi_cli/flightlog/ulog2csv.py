@@ -18,8 +18,6 @@ from .raw import RawLog, choose_group
 from .text import read_csv
 from .topics import Topic, fields_of, with_angles
 
-__all__ = ["folder_digest", "is_topic_file", "read_folder", "read_topic_file", "topic_files"]
-
 MICROSECOND = 1e-6  # of the time stamps
 HEADER = ("timestamp,", "timestamp;")
 

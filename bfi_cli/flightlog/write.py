@@ -21,8 +21,6 @@ from .text import FAULTS, FILTERS, SEGMENTS
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["write_log"]
-
 
 def write_log(log: FlightLog, path: str | Path) -> None:
     """Write a log; the suffix tells the format, and reading it back gives the same numbers.

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..channels import match_name
 from ..errors import LogError
-from .raw import RawColumn, left_out
+from .raw import Track, left_out
 
 Kind = Literal["number", "clock", "date", "moment", "text"]
 
@@ -93,32 +93,32 @@ class Cells:
         return "text", math.nan
 
 
-def in_seconds(columns: Sequence[RawColumn], kinds: Sequence[Kind | None]) -> tuple[list[RawColumn], list[str]]:
+def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> tuple[list[Track], list[str]]:
     """Return the columns with a time axis made of clock and date where no number is one, and sentences on it.
 
     Time counts from midnight of the first day (UTC where an offset is stated), through later ones. Rows without a time
     are left out, those that repeat the second before too; where most seconds have several rows, these are spread over
     their second.
     """
-    notes = [left_out(c.source, "holds text") for c, kind in zip(columns, kinds, strict=True) if kind == "text"]
-    of = {
-        kind: [c for c, one in zip(columns, kinds, strict=True) if one == kind] for kind in ("clock", "date", "moment")
-    }
-    timed = [c for kind in ("moment", "clock", "date") for c in of[kind]]
-    kept = [c for c, kind in zip(columns, kinds, strict=True) if kind not in ("text", "date", "clock", "moment")]
+    by_kind: dict[Kind | None, list[Track]] = {}
+    for column, kind in zip(columns, kinds, strict=True):
+        by_kind.setdefault(kind, []).append(column)
+    texts, dates = by_kind.get("text", []), by_kind.get("date", [])
+    clocks, moments = by_kind.get("clock", []), by_kind.get("moment", [])
+    notes = [left_out(column.source, "holds text") for column in texts]
+    kept = [c for c, kind in zip(columns, kinds, strict=True) if kind in ("number", None)]
+    timed = [*moments, *clocks, *dates]
     matches = (match_name(column.source) for column in kept)
-    if not timed or timed[0] in of["date"] or any(match is not None and match.name == "time" for match in matches):
+    if not timed or timed[0] in dates or any(match is not None and match.name == "time" for match in matches):
         return kept, notes + [left_out(c.source, "holds dates or times beside the time axis") for c in timed]
     chosen = timed[0]
     time_s = chosen.values.copy()
+    if chosen in clocks and dates:
+        time_s += dates[0].values
     rows = np.isfinite(time_s)
-    if of["clock"] and chosen is of["clock"][0]:
-        if of["date"]:
-            time_s += of["date"][0].values
-            rows &= np.isfinite(time_s)
-        else:
-            known = time_s[rows]
-            time_s[rows] = known + DAY_S * np.cumsum(np.diff(known, prepend=known[:1]) < -0.5 * DAY_S)
+    if chosen in clocks and not dates:
+        known = time_s[rows]
+        time_s[rows] = known + DAY_S * np.cumsum(np.diff(known, prepend=known[:1]) < -0.5 * DAY_S)
     if rows.any() and time_s[rows][0] >= DAY_S:
         first = np.floor(time_s[rows][0] / DAY_S) * DAY_S
         time_s -= first
@@ -141,7 +141,7 @@ def in_seconds(columns: Sequence[RawColumn], kinds: Sequence[Kind | None]) -> tu
             f"the clock '{chosen.source}' skips {missing} times; --rate {1.0 / float(np.median(steps)):.4g} fills "
             "single missing samples"
         )
-    time = RawColumn(source=chosen.source, values=time_s[rows], unit="s", channel="time")
+    time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time")
     return [time, *(replace(column, values=column.values[rows]) for column in kept)], notes
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .record import Channel, FlightLog, FloatArray, frozen_array
+from .record import FlightLog, FloatArray, frozen_array
 from .signs import runs_of
 from .topics import ANGLES
 
@@ -65,17 +65,7 @@ def with_single_samples(log: FlightLog) -> FlightLog:
         # What is missing in the file beside them stays so.
         return frozen_array(np.where(missing, filled, inserted))
 
-    channels = {
-        name: Channel(
-            name=one.name,
-            values=with_holes(name, one.values),
-            unit=one.unit,
-            source=one.source,
-            source_unit=one.source_unit,
-            own_rate_hz=one.own_rate_hz,
-        )
-        for name, one in log.channels.items()
-    }
+    channels = {name: replace(one, values=with_holes(name, one.values)) for name, one in log.channels.items()}
     truth = log.truth
     if truth is not None:
         truth = replace(truth, clean={name: with_holes(name, x) for name, x in truth.clean.items()})

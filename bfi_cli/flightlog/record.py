@@ -84,30 +84,26 @@ class StoredChannel(Channel):
 
     __slots__ = ("_held", "_in_use", "_read", "_rows")
     _held: FloatArray | None
-    _in_use: Callable[[], FloatArray | None] | None
+    _in_use: Callable[[], FloatArray | None]
     _read: Callable[[slice], FloatArray]
     _rows: slice
 
     def __init__(
         self,
         *,
-        name: str,
-        unit: str,
-        source: str,
-        source_unit: str | None = None,
-        own_rate_hz: float | None = None,
         read: Callable[[slice], FloatArray] | None = None,
         rows: slice = slice(0, 0),
         values: FloatArray | None = None,
+        **stated: Any,
     ) -> None:
-        stated = {"name": name, "unit": unit, "source": source, "source_unit": source_unit, "own_rate_hz": own_rate_hz}
-        for key, value in {**stated, "_held": values, "_in_use": None, "_read": read, "_rows": rows}.items():
+        stated = {"source_unit": None, "own_rate_hz": None, **stated}
+        for key, value in {**stated, "_held": values, "_in_use": lambda: None, "_read": read, "_rows": rows}.items():
             object.__setattr__(self, key, value)
 
     @property
     def values(self) -> FloatArray:
         """(n_samples,) read from the file unless somebody still has them."""
-        values: FloatArray | None = self._held if self._in_use is None else self._in_use()
+        values = self._in_use() if self._held is None else self._held
         if values is None:
             values = self._read(self._rows)
             object.__setattr__(self, "_in_use", weakref.ref(values))
@@ -120,19 +116,18 @@ class StoredChannel(Channel):
 
     def between(self, rows: slice) -> FloatArray:
         """Return the values of these rows, without reading the others."""
-        if self._held is not None:
-            return self.values[rows]
-        start, stop, _ = rows.indices(self.n_samples)
-        return self._read(slice(self._rows.start + start, self._rows.start + stop))
+        return self._read(self._in_file(rows)) if self._held is None else self._held[rows]
 
     def taken(self, keep: slice | NDArray[np.bool_]) -> Channel:
         """Return the channel restricted to the samples of a slice, still unread, or where `keep` is true."""
         if not isinstance(keep, slice) or self._held is not None:
             return replace(self, values=frozen_array(self.values[keep]))
-        start, stop, _ = keep.indices(self.n_samples)
         stated = {key: getattr(self, key) for key in ("name", "unit", "source", "source_unit", "own_rate_hz")}
-        rows = slice(self._rows.start + start, self._rows.start + stop)
-        return StoredChannel(**stated, read=self._read, rows=rows)
+        return StoredChannel(**stated, read=self._read, rows=self._in_file(keep))
+
+    def _in_file(self, rows: slice) -> slice:
+        start, stop, _ = rows.indices(self.n_samples)
+        return slice(self._rows.start + start, self._rows.start + stop)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

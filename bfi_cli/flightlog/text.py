@@ -7,7 +7,7 @@ import math
 import os
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 from typing import TextIO
@@ -19,7 +19,7 @@ from ..errors import LogError
 from ..filters import filters_from_json
 from ..units import si_unit
 from .cells import Cells, in_seconds
-from .raw import RawColumn, RawLog, require_few
+from .raw import RawLog, Track, require_few
 from .record import CLEAN, faults_from_json, segments_from_json
 from .topics import maps_of
 
@@ -95,29 +95,28 @@ def _read(path: str, encoding: str) -> RawLog:
                     cells.kinds = [kind or "number" for kind in cells.kinds]
                 numbers.extend(cells.numbers(f"{path}: line {line}", parts))
     values = np.frombuffer(numbers).reshape(-1, len(names))
-    columns = []
-    for i, name in enumerate(names):
-        source, unit = split_unit(name)
-        columns.append(RawColumn(source=source, values=values[:, i].copy(), unit=unit or units[i]))
+    columns = [
+        Track(source=source, values=values[:, i].copy(), unit=unit or units[i])
+        for i, (source, unit) in enumerate(map(split_unit, names))
+    ]
     if not cells.plain:
         columns, added = in_seconds(columns, cells.kinds)
         notes += added
         if min((column.values.size for column in columns), default=2) < 2:
             raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
-    if garmin:
-        columns = _garmin(columns)
+    maps = {row.field: row for row in maps_of("garmin")} if garmin else {}
+    for i, column in enumerate(columns):
+        if row := maps.get(column.source):
+            values = row.scale * column.values + row.offset
+            columns[i] = replace(column, values=values, unit=row.unit, channel=row.channel)
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
     filters = filters_from_json(comments[FILTERS], where=f"{path}: filters") if FILTERS in comments else None
-    if FAULTS not in comments:
-        return RawLog(columns=columns, segments=segments, filters=filters, notes=tuple(notes))
-    return RawLog(
-        columns=[c for c in columns if not c.source.endswith(CLEAN)],
-        segments=segments,
-        filters=filters,
-        faults=faults_from_json(comments[FAULTS], where=f"{path}: faults"),
-        clean={c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)},
-        notes=tuple(notes),
-    )
+    faults, clean = None, dict[str, Track]()
+    if FAULTS in comments:
+        faults = faults_from_json(comments[FAULTS], where=f"{path}: faults")
+        clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
+        columns = [c for c in columns if not c.source.endswith(CLEAN)]
+    return RawLog(columns=columns, segments=segments, filters=filters, faults=faults, clean=clean, notes=tuple(notes))
 
 
 def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
@@ -132,15 +131,11 @@ def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
 def _units(line: str, delimiter: str, count: int) -> list[str | None] | None:
     """Return the units of a line of them, None where a line holds something else; those that are unknown are left."""
     cells = [cell.strip().strip("[]()").strip() for cell in _cells(line, delimiter)]
-    cells = cells[:count] + [""] * (count - len(cells))
-    stated = [cell for cell in cells if cell]
-    if not stated or any(map(_is_number, stated)) or 2 * sum(map(_is_unit, stated)) < len(stated):
+    stated = [cell for cell in cells[:count] if cell]
+    known = {cell for cell in stated if cell != "-" and si_unit(cell) is not None}
+    if not stated or any(map(_is_number, stated)) or 2 * sum(cell in known for cell in stated) < len(stated):
         return None
-    return [cell if _is_unit(cell) else None for cell in cells]
-
-
-def _is_unit(cell: str) -> bool:
-    return cell != "-" and si_unit(cell) is not None
+    return [cell if cell in known else None for cell in cells[:count]] + [None] * (count - len(cells))
 
 
 def _is_number(cell: str) -> bool:
@@ -148,19 +143,6 @@ def _is_number(cell: str) -> bool:
         return math.isfinite(float(cell))
     except ValueError:
         return False
-
-
-def _garmin(columns: Sequence[RawColumn]) -> list[RawColumn]:
-    """Return the columns of a Garmin log with the channels, units and conventions that its names stand for."""
-    maps, named = {row.field: row for row in maps_of("garmin")}, []
-    for column in columns:
-        row = maps.get(column.source)
-        if row is None:
-            named.append(column)
-        else:
-            values = row.scale * column.values + row.offset
-            named.append(replace(column, values=values, unit=row.unit, channel=row.channel))
-    return named
 
 
 def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import (
     GRAVITY_LEFT_IN,
@@ -27,8 +26,8 @@ from ..airdata import (
 from ..channels import STANDARD
 from ..errors import LogError
 from .record import Channel, FlightLog, FloatArray, frozen_array
+from .windows import BoolArray
 
-BoolArray = NDArray[np.bool_]
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
 
 # Seconds of flight before the window, from which the angle of zero lift is better taken than from the window itself.
@@ -65,30 +64,19 @@ class Derivation:
     ----------
     needs : groups of channels, each by its alternatives.
     constants : from the sources, what the log does not state, by name; make : from both, the channel.
-    words : from the constants, a sentence for the reader; "" for none.
+    words : with the constants, in degrees where they are angles, a sentence for the reader; "" for none.
     """
 
     needs: tuple[Group, ...]
     make: Callable[[Sources, Mapping[str, float]], FloatArray]
     constants: Callable[[Sources], Mapping[str, float]] = lambda _: {}
-    words: Callable[[Mapping[str, float]], str] = lambda _: ""
+    words: str = ""
 
 
 def _p_static(sources: Sources, _: Mapping[str, float]) -> FloatArray:
     # The impact pressure has no part in it; without one the system is not whole.
-    return air_data_of({"q_impact": np.zeros(sources.time_s.shape), **_only(sources, STATIC_SOURCES)}).p_static
-
-
-def _p_total(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    return air_data_of(sources.values).p_total
-
-
-def _q_impact(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    return air_data_of(sources.values).q_impact
-
-
-def _only(sources: Sources, names: Collection[str]) -> dict[str, FloatArray]:
-    return {name: values for name, values in sources.values.items() if name in names}
+    static = {name: values for name, values in sources.values.items() if name in STATIC_SOURCES}
+    return air_data_of({"q_impact": np.zeros(sources.time_s.shape), **static}).p_static
 
 
 def _lift_constants(sources: Sources) -> Mapping[str, float]:
@@ -108,17 +96,9 @@ def _lift_speed(sources: Sources, constants: Mapping[str, float]) -> FloatArray:
     return constants["scale"] * shape
 
 
-def _lift_words(constants: Mapping[str, float]) -> str:
-    return f"an angle of zero lift of {np.degrees(constants['zero_lift']):.2f} degrees"
-
-
 def _kinematic_acc(sources: Sources, _: Mapping[str, float]) -> FloatArray:
     v = sources.values
     return kinematic_acceleration(v["longitudinal_acc"], v["normal_acc"], v["aoa"], v["pitch"], v["roll"])
-
-
-def _climb_angle(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    return climb_angle(sources.values["aoa"], sources.values["pitch"], sources.values["roll"])
 
 
 def _ground_velocity(sources: Sources) -> tuple[FloatArray, FloatArray]:
@@ -143,34 +123,35 @@ def _ground_airspeed(sources: Sources, wind: Mapping[str, float]) -> FloatArray:
     return np.asarray(np.hypot(through, sources.values["altitude_rate"]))
 
 
-def _wind_words(wind: Mapping[str, float]) -> str:
-    return f"a wind of {wind['north']:.1f} m/s to the north and {wind['east']:.1f} m/s to the east"
-
-
 def _each(*names: str) -> tuple[Group, ...]:
     return tuple(((name,),) for name in names)
 
 
-STATIC: Group = tuple((name,) for name in STATIC_SOURCES)
-IMPACT: Group = tuple((name,) for name in IMPACT_SOURCES)
+STATIC, IMPACT = (tuple((name,) for name in names) for names in (STATIC_SOURCES, IMPACT_SOURCES))
 GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
 
 DERIVED: Mapping[str, Derivation] = {
     "p_static": Derivation(needs=(STATIC,), make=_p_static),
-    "p_total": Derivation(needs=(STATIC, IMPACT), make=_p_total),
-    "q_impact": Derivation(needs=(STATIC, IMPACT), make=_q_impact),
+    "p_total": Derivation(needs=(STATIC, IMPACT), make=lambda sources, _: air_data_of(sources.values).p_total),
+    "q_impact": Derivation(needs=(STATIC, IMPACT), make=lambda sources, _: air_data_of(sources.values).q_impact),
     "lift_speed": Derivation(
         needs=(*_each("aoa", "normal_acc", "tas"), STATIC),
         make=_lift_speed,
         constants=_lift_constants,
-        words=_lift_words,
+        words="an angle of zero lift of {zero_lift:.2f} degrees",
     ),
     "kinematic_acc": Derivation(
         needs=_each("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll"), make=_kinematic_acc
     ),
-    "climb_angle": Derivation(needs=_each("aoa", "pitch", "roll"), make=_climb_angle),
+    "climb_angle": Derivation(
+        needs=_each("aoa", "pitch", "roll"),
+        make=lambda sources, _: climb_angle(*(sources.values[name] for name in ("aoa", "pitch", "roll"))),
+    ),
     "ground_airspeed": Derivation(
-        needs=(GROUND, *_each("altitude_rate", "tas")), make=_ground_airspeed, constants=_wind, words=_wind_words
+        needs=(GROUND, *_each("altitude_rate", "tas")),
+        make=_ground_airspeed,
+        constants=_wind,
+        words="a wind of {north:.1f} m/s to the north and {east:.1f} m/s to the east",
     ),
 }
 
@@ -227,20 +208,16 @@ def with_derived(
                 f"{log.path}: '{name}' cannot be derived: {error}; give a log with {ENOUGH_S:g} s of flight before "
                 "--from, or a longer window"
             ) from None
+        # Of every group of what it needs the first alternative that there is.
+        used = {one for group in derivation.needs for one in next(one for one in group if set(one) <= set(recorded))}
         values = frozen_array(derivation.make(sources, constants))
         channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)
-        if log.truth is not None and set(log.truth.clean) & _used(derivation, recorded):
+        if log.truth is not None and set(log.truth.clean) & used:
             clean[name] = frozen_array(derivation.make(replace(sources, values={**recorded, **clean}), constants))
-        used = ", ".join(sorted(_used(derivation, recorded)))
-        words = derivation.words(constants)
-        notes.append(f"'{name}' is derived from {used}{', with ' * bool(words)}{words}")
+        words = derivation.words.format_map({**constants, "zero_lift": np.degrees(constants.get("zero_lift", 0.0))})
+        notes.append(f"'{name}' is derived from {', '.join(sorted(used))}{', with ' * bool(words)}{words}")
     truth = log.truth and replace(log.truth, clean=clean)
     return replace(log, channels=channels, truth=truth, notes=tuple(notes))
-
-
-def _used(derivation: Derivation, has: Collection[str]) -> set[str]:
-    """Return the recorded channels that a derived one is made of: of every group the first alternative there is."""
-    return {name for group in derivation.needs for name in next(one for one in group if set(one) <= set(has))}
 
 
 def _parts(log: FlightLog, from_s: float | None, to_s: float | None) -> tuple[BoolArray, BoolArray, BoolArray]:

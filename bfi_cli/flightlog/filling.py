@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from .record import FlightLog, FloatArray, frozen_array
-from .signs import runs_of
 from .topics import ANGLES
+from .windows import runs
 
 # Signals that have no values between theirs: they keep the last.
 FLAGS = frozenset({"valid_airspeed", "gear"})
@@ -29,10 +29,10 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     channels, notes = {}, list(log.notes)
     for name, channel in log.channels.items():
         values, lengths_s = _filled(name, channel.values, log, longest_s)
-        channels[name] = replace(channel, values=values) if lengths_s.size else channel
-        if lengths_s.size:
-            count = f"{lengths_s.size} stretch{'es' * (lengths_s.size > 1)}"
-            notes.append(f"'{name}': {count} of up to {lengths_s.max():.3g} s without samples interpolated (--fill)")
+        channels[name] = replace(channel, values=values) if lengths_s else channel
+        if lengths_s:
+            count = f"{len(lengths_s)} stretch{'es' * (len(lengths_s) > 1)}"
+            notes.append(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
     truth = log.truth
     if truth is not None:
         truth = replace(truth, clean={n: _filled(n, x, log, longest_s)[0] for n, x in truth.clean.items()})
@@ -50,7 +50,7 @@ def with_single_samples(log: FlightLog) -> FlightLog:
     step = np.diff(log.time_s) * log.rate_hz
     double, single = np.abs(step - 2.0) <= 2.0 * BESIDE, np.abs(step - 1.0) <= BESIDE
     even = double.sum() <= MOST_DOUBLE * step.size and double.sum() + single.sum() >= (1.0 - MOST_DOUBLE) * step.size
-    for first, stop in runs_of(double):
+    for first, stop in runs(double):
         double[first:stop] = stop - first <= MOST_IN_A_ROW
     at = np.flatnonzero(double) + 1
     if not at.size or not even:
@@ -74,30 +74,25 @@ def with_single_samples(log: FlightLog) -> FlightLog:
     return replace(longer, channels=channels, truth=truth, notes=(*log.notes, note))
 
 
-def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, FloatArray]:
+def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, list[float]]:
     """Return the filled values, and the lengths, s, of the stretches that were filled."""
-    missing = np.isnan(values)
-    edges = np.diff(missing.astype(np.int8), prepend=0, append=0)
-    starts, stops = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
-    inside = (starts > 0) & (stops < values.size)
-    starts, stops = starts[inside], stops[inside]
-    # From the last sample before to the first after, less the step that is no stretch: a gap of the clock counts too.
-    lengths_s = log.time_s[stops] - log.time_s[starts - 1] - 1.0 / log.rate_hz
-    short = lengths_s <= longest_s + BESIDE / log.rate_hz
-    starts, stops, lengths_s = starts[short], stops[short], lengths_s[short]
-    if not starts.size:
-        return values, lengths_s
-    out = values.copy()
-    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+    out, lengths_s = values.copy(), []
+    for start, stop in runs(np.isnan(values)):
+        if start == 0 or stop == values.size:
+            continue
+        # From the last sample before to the first after, less the step that is no stretch: a gap of the clock counts.
+        at = log.time_s[start - 1 : stop + 1]
+        length_s = float(at[-1] - at[0]) - 1.0 / log.rate_hz
+        if not length_s <= longest_s + BESIDE / log.rate_hz:
+            continue
+        lengths_s.append(length_s)
         before, after = values[start - 1], values[stop]
         if name in FLAGS:
             out[start:stop] = before
             continue
-        at = log.time_s[start - 1 : stop + 1]
-        part, turns = (at[1:-1] - at[0]) / (at[-1] - at[0]), 0.0
-        if name in ANGLES:
-            turns = 2.0 * np.pi * float(np.round((after - before) / (2.0 * np.pi)))
+        turns = 2.0 * np.pi * float(np.round((after - before) / (2.0 * np.pi))) if name in ANGLES else 0.0
+        part = (at[1:-1] - at[0]) / (at[-1] - at[0])
         between = before + (after - turns - before) * part
         # Back into the turn of the value before or of that after, whichever is nearer in time.
         out[start:stop] = np.where(part < 0.5, between, between + turns)
-    return frozen_array(out), lengths_s
+    return (frozen_array(out) if lengths_s else values), lengths_s

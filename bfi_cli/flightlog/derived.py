@@ -38,6 +38,9 @@ FIRST_PART = 0.25
 SLOWEST_FLIGHT = 0.33
 
 
+Values = Mapping[str, FloatArray]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sources:
     """What a channel is made of.
@@ -50,7 +53,7 @@ class Sources:
         the same where there are too few.
     """
 
-    values: Mapping[str, FloatArray]
+    values: Values
     time_s: FloatArray
     reference: BoolArray
     earlier: BoolArray
@@ -63,96 +66,77 @@ class Derivation:
     Attributes
     ----------
     needs : groups of channels, each by its alternatives.
-    constants : from the sources, what the log does not state, by name; make : from both, the channel.
-    words : with the constants, in degrees where they are angles, a sentence for the reader; "" for none.
+    told_by : from the sources, the function that makes the channel of recorded ones, (n_samples,) by name, and what it
+        takes from the log that no channel states, as words for the reader; "" for nothing.
     """
 
     needs: tuple[Group, ...]
-    make: Callable[[Sources, Mapping[str, float]], FloatArray]
-    constants: Callable[[Sources], Mapping[str, float]] = lambda _: {}
-    words: str = ""
+    told_by: Callable[[Sources], tuple[Callable[[Values], FloatArray], str]]
 
 
-def _p_static(sources: Sources, _: Mapping[str, float]) -> FloatArray:
+def _static(values: Values) -> FloatArray:
     # The impact pressure has no part in it; without one the system is not whole.
-    static = {name: values for name, values in sources.values.items() if name in STATIC_SOURCES}
-    return air_data_of({"q_impact": np.zeros(sources.time_s.shape), **static}).p_static
+    static = {name: one for name, one in values.items() if name in STATIC_SOURCES}
+    return air_data_of({"q_impact": np.zeros_like(next(iter(static.values()))), **static}).p_static
 
 
-def _lift_constants(sources: Sources) -> Mapping[str, float]:
-    values, earlier = sources.values, sources.earlier
-    air = air_data_of(values)
-    zero_lift = zero_lift_angle(values["normal_acc"][earlier], values["aoa"][earlier], air.q_impact[earlier])
-    shape = lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=zero_lift)
-    ratio = (values["tas"] / shape)[sources.reference]
+def _lift(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
+    """Return the airspeed that the lift shows, whose angle of zero lift and scale the flight tells."""
+    recorded, earlier = sources.values, sources.earlier
+    q_impact = air_data_of(recorded).q_impact
+    zero_lift = zero_lift_angle(recorded["normal_acc"][earlier], recorded["aoa"][earlier], q_impact[earlier])
+
+    def shape(values: Values) -> FloatArray:
+        air = air_data_of(values)
+        return lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=zero_lift)
+
+    ratio = (recorded["tas"] / shape(recorded))[sources.reference]
     if not np.isfinite(ratio).any():
         raise ValueError("the lift needs samples in flight with an airspeed, got none")
-    return {"zero_lift": zero_lift, "scale": float(np.nanmedian(ratio))}
+    scale = float(np.nanmedian(ratio))
+    return lambda values: scale * shape(values), f"an angle of zero lift of {np.degrees(zero_lift):.2f} degrees"
 
 
-def _lift_speed(sources: Sources, constants: Mapping[str, float]) -> FloatArray:
-    values, air = sources.values, air_data_of(sources.values)
-    shape = lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=constants["zero_lift"])
-    return constants["scale"] * shape
+def _over_ground(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
+    """Return the airspeed that ground velocity and a constant wind show."""
 
+    def velocity(values: Values) -> tuple[FloatArray, FloatArray]:
+        if {"velocity_north", "velocity_east"} <= values.keys():
+            return values["velocity_north"], values["velocity_east"]
+        return ground_velocity(sources.time_s, values["latitude"], values["longitude"])
 
-def _kinematic_acc(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    v = sources.values
-    return kinematic_acceleration(v["longitudinal_acc"], v["normal_acc"], v["aoa"], v["pitch"], v["roll"])
-
-
-def _ground_velocity(sources: Sources) -> tuple[FloatArray, FloatArray]:
-    values = sources.values
-    if {"velocity_north", "velocity_east"} <= values.keys():
-        return values["velocity_north"], values["velocity_east"]
-    return ground_velocity(sources.time_s, values["latitude"], values["longitude"])
-
-
-def _wind(sources: Sources) -> Mapping[str, float]:
-    north, east = _ground_velocity(sources)
+    (north, east), used = velocity(sources.values), sources.reference
     squared = sources.values["tas"] ** 2 - sources.values["altitude_rate"] ** 2
     horizontal = np.sqrt(np.where(squared > 0.0, squared, np.nan))
-    used = sources.reference
     wind = constant_wind(north[used], east[used], horizontal[used])
-    return {"north": wind[0], "east": wind[1]}
 
+    def airspeed(values: Values) -> FloatArray:
+        north, east = velocity(values)
+        return np.asarray(np.hypot(np.hypot(north - wind[0], east - wind[1]), values["altitude_rate"]))
 
-def _ground_airspeed(sources: Sources, wind: Mapping[str, float]) -> FloatArray:
-    north, east = _ground_velocity(sources)
-    through = np.hypot(north - wind["north"], east - wind["east"])
-    return np.asarray(np.hypot(through, sources.values["altitude_rate"]))
+    return airspeed, f"a wind of {wind[0]:.1f} m/s to the north and {wind[1]:.1f} m/s to the east"
 
 
 def _each(*names: str) -> tuple[Group, ...]:
     return tuple(((name,),) for name in names)
 
 
+def _stated(needs: tuple[Group, ...], make: Callable[[Values], FloatArray]) -> Derivation:
+    """Return the derivation of a channel that recorded ones state in full."""
+    return Derivation(needs=needs, told_by=lambda _: (make, ""))
+
+
 STATIC, IMPACT = (tuple((name,) for name in names) for names in (STATIC_SOURCES, IMPACT_SOURCES))
 GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
-
+ALONG = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 DERIVED: Mapping[str, Derivation] = {
-    "p_static": Derivation(needs=(STATIC,), make=_p_static),
-    "p_total": Derivation(needs=(STATIC, IMPACT), make=lambda sources, _: air_data_of(sources.values).p_total),
-    "q_impact": Derivation(needs=(STATIC, IMPACT), make=lambda sources, _: air_data_of(sources.values).q_impact),
-    "lift_speed": Derivation(
-        needs=(*_each("aoa", "normal_acc", "tas"), STATIC),
-        make=_lift_speed,
-        constants=_lift_constants,
-        words="an angle of zero lift of {zero_lift:.2f} degrees",
-    ),
-    "kinematic_acc": Derivation(
-        needs=_each("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll"), make=_kinematic_acc
-    ),
-    "climb_angle": Derivation(
-        needs=_each("aoa", "pitch", "roll"),
-        make=lambda sources, _: climb_angle(*(sources.values[name] for name in ("aoa", "pitch", "roll"))),
-    ),
-    "ground_airspeed": Derivation(
-        needs=(GROUND, *_each("altitude_rate", "tas")),
-        make=_ground_airspeed,
-        constants=_wind,
-        words="a wind of {north:.1f} m/s to the north and {east:.1f} m/s to the east",
-    ),
+    "p_static": _stated((STATIC,), _static),
+    "p_total": _stated((STATIC, IMPACT), lambda values: air_data_of(values).p_total),
+    "q_impact": _stated((STATIC, IMPACT), lambda values: air_data_of(values).q_impact),
+    "lift_speed": Derivation(needs=(*_each("aoa", "normal_acc", "tas"), STATIC), told_by=_lift),
+    "kinematic_acc": _stated(_each(*ALONG), lambda values: kinematic_acceleration(*(values[name] for name in ALONG))),
+    "climb_angle": _stated(_each(*ALONG[2:]), lambda values: climb_angle(*(values[name] for name in ALONG[2:]))),
+    "ground_airspeed": Derivation(needs=(GROUND, *_each("altitude_rate", "tas")), told_by=_over_ground),
 }
 
 
@@ -200,21 +184,20 @@ def with_derived(
         _check_possible(log, recorded, inside)
     channels, clean, notes = dict(log.channels), dict(log.truth.clean if log.truth else {}), list(log.notes)
     for name in wanted:
-        derivation = DERIVED[name]
         try:
-            constants = derivation.constants(sources)
+            make, words = DERIVED[name].told_by(sources)
         except ValueError as error:
             raise LogError(
                 f"{log.path}: '{name}' cannot be derived: {error}; give a log with {ENOUGH_S:g} s of flight before "
                 "--from, or a longer window"
             ) from None
         # Of every group of what it needs the first alternative that there is.
-        used = {one for group in derivation.needs for one in next(one for one in group if set(one) <= set(recorded))}
-        values = frozen_array(derivation.make(sources, constants))
+        needs = DERIVED[name].needs
+        used = {one for group in needs for one in next(names for names in group if set(names) <= set(recorded))}
+        values = frozen_array(make(recorded))
         channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)
         if log.truth is not None and set(log.truth.clean) & used:
-            clean[name] = frozen_array(derivation.make(replace(sources, values={**recorded, **clean}), constants))
-        words = derivation.words.format_map({**constants, "zero_lift": np.degrees(constants.get("zero_lift", 0.0))})
+            clean[name] = frozen_array(make({**recorded, **clean}))
         notes.append(f"'{name}' is derived from {', '.join(sorted(used))}{', with ' * bool(words)}{words}")
     truth = log.truth and replace(log.truth, clean=clean)
     return replace(log, channels=channels, truth=truth, notes=tuple(notes))

@@ -179,7 +179,15 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
             for name in names:
                 if (folder / name).exists():
                     shutil.copymode(folder / name, Path(new) / name)
-            _move_all(names, Path(new), folder)
+            # An interruption meanwhile waits until all are there, so that a result is never half of each.
+            try:
+                for name in names:
+                    os.replace(Path(new) / name, folder / name)
+            except KeyboardInterrupt:
+                for name in names:
+                    if (Path(new) / name).exists():
+                        os.replace(Path(new) / name, folder / name)
+                raise
     except BaseException as error:
         for one in made:
             with contextlib.suppress(OSError):
@@ -187,16 +195,4 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
         if isinstance(error, OSError):
             reason = (error.strerror or str(error)).lower()
             raise ConfigError(f"{place}: cannot be written, {reason}; give another {option}") from error
-        raise
-
-
-def _move_all(names: Sequence[str], new: Path, folder: Path) -> None:
-    """Move all files; an interruption meanwhile waits until all are there, so that a result is never half of each."""
-    try:
-        for name in names:
-            os.replace(new / name, folder / name)
-    except KeyboardInterrupt:
-        for name in names:
-            if (new / name).exists():
-                os.replace(new / name, folder / name)
         raise

@@ -26,17 +26,19 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     A stretch at an end of the log is left as it is, for there is nothing beyond. Angles take the shorter way round;
     flags keep their last value. The clean signal of a channel with an injected fault is filled alike.
     """
-    channels, notes = {}, list(log.notes)
-    for name, channel in log.channels.items():
-        values, lengths_s = _filled(name, channel.values, log, longest_s)
-        channels[name] = replace(channel, values=values) if lengths_s else channel
+    stretches: dict[str, list[float]] = {}
+
+    def filled(name: str, values: FloatArray) -> FloatArray:
+        out, lengths_s = _filled(name, values, log, longest_s)
+        stretches.setdefault(name, lengths_s)
+        return out
+
+    changed, notes = log.changed(filled), list(log.notes)
+    for name, lengths_s in stretches.items():
         if lengths_s:
             count = f"{len(lengths_s)} stretch{'es' * (len(lengths_s) > 1)}"
             notes.append(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
-    truth = log.truth
-    if truth is not None:
-        truth = replace(truth, clean={n: _filled(n, x, log, longest_s)[0] for n, x in truth.clean.items()})
-    return replace(log, channels=channels, truth=truth, notes=tuple(notes))
+    return replace(changed, notes=tuple(notes))
 
 
 def with_single_samples(log: FlightLog) -> FlightLog:
@@ -65,13 +67,9 @@ def with_single_samples(log: FlightLog) -> FlightLog:
         # What is missing in the file beside them stays so.
         return frozen_array(np.where(missing, filled, inserted))
 
-    channels = {name: replace(one, values=with_holes(name, one.values)) for name, one in log.channels.items()}
-    truth = log.truth
-    if truth is not None:
-        truth = replace(truth, clean={name: with_holes(name, x) for name, x in truth.clean.items()})
     first_s = log.time_s[at[0] - 1]
     note = f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
-    return replace(longer, channels=channels, truth=truth, notes=(*log.notes, note))
+    return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
 
 
 def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, list[float]]:

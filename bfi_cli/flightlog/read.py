@@ -286,7 +286,7 @@ def _check_clock(log: FlightLog, source: str) -> None:
     """
     step = float(np.median(np.diff(log.time_s)))
     if step > SLOWEST_S and log.n_samples >= FEWEST_TIMES:
-        fit = [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
+        fit = _units_of(step)
         advice = f"state its unit with --unit {source}={fit[0]}" if fit else "mend it"
         raise LogError(f"{log.path}: '{source}' has steps of {step:.6g} s, which no recorder of a flight has; {advice}")
     scale = time_scale(log)
@@ -348,6 +348,11 @@ def _check_maps(path: str, columns: Sequence[Track], asked: Asked) -> None:
             raise ConfigError(f"{where}: '{match.name}' is in {expected}, got a unit of {si}; give one like {expected}")
 
 
+def _units_of(step: float) -> list[str]:
+    """Return the units, other than seconds, in which a time step can be that of a flight log."""
+    return [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
+
+
 def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[str, ...]]:
     """Return the unit of a time axis that states none, as its step tells it, and a note where that is not seconds.
 
@@ -360,7 +365,7 @@ def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[str, ...]]:
     typical = float(np.median(step)) if step.size else 0.0
     if typical <= LONGEST_STEP:
         return None, ()
-    fit = [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * typical <= LONGEST_STEP]
+    fit = _units_of(typical)
     if len(fit) != 1:
         suits = " and ".join(f"{unit} ({1.0 / (TIME_UNITS[unit] * typical):.4g} Hz)" for unit in fit)
         raise LogError(

@@ -231,10 +231,21 @@ class FlightLog:
         if kept.size and kept[-1] - kept[0] + 1 == kept.size:
             rows = slice(int(kept[0]), int(kept[-1]) + 1)
         channels = {name: channel.taken(rows) for name, channel in self.channels.items()}
-        truth = self.truth
-        if truth is not None:
-            truth = replace(truth, clean={name: frozen_array(values[rows]) for name, values in truth.clean.items()})
+        clean = {name: frozen_array(values[rows]) for name, values in (self.truth.clean if self.truth else {}).items()}
+        truth = self.truth and replace(self.truth, clean=clean)
         return replace(self, time_s=frozen_array(self.time_s[rows]), channels=channels, truth=truth)
+
+    def changed(self, change: Callable[[str, FloatArray], FloatArray], **more: Any) -> FlightLog:
+        """Return the log with every channel and every clean signal changed, (n_samples,) by its name."""
+
+        def of(channel: Channel) -> Channel:
+            values = channel.values
+            new = change(channel.name, values)
+            return channel if new is values else replace(channel, values=new)
+
+        channels = {name: of(channel) for name, channel in self.channels.items()}
+        clean = {name: change(name, values) for name, values in (self.truth.clean if self.truth else {}).items()}
+        return replace(self, channels=channels, truth=self.truth and replace(self.truth, clean=clean), **more)
 
 
 def segments_to_json(segments: Sequence[Segment]) -> str:
@@ -257,8 +268,8 @@ def segments_from_json(text: str, *, where: str) -> tuple[Segment, ...]:
             raise LogError(
                 f"{where}: a segment needs the numbers t_start and t_end, got {str(entry)[:80]}; mend the file"
             ) from None
-        label, note = str(entry.get("label", "")), str(entry.get("note", ""))
-        segments.append(Segment(label=label, start_s=start, stop_s=stop, note=note))
+        words = {key: str(entry.get(key, "")) for key in ("label", "note")}
+        segments.append(Segment(start_s=start, stop_s=stop, **words))
     return tuple(segments)
 
 

@@ -166,10 +166,6 @@ def _through_filter(
             filtered[count[stop] > count[first]] = np.nan
         return frozen_array(filtered)
 
-    channels = {name: replace(c, values=new(name, c.values)) for name, c in log.channels.items()}
-    truth = log.truth
-    if truth is not None:
-        truth = replace(truth, clean={name: new(name, values) for name, values in truth.clean.items()})
     filtered = np.zeros((centre.size, extra.shape[1]))
     for j in np.flatnonzero(np.any(extra, axis=0)):
         filtered[:, j] = lowpass(_on_grid(log, extra[:, j], grid, hold=None))
@@ -183,14 +179,8 @@ def _through_filter(
     converted = Filter(
         kind="sinc", edge_hz=0.5 * CUTOFF * rate_hz, rate_hz=1.0 / step, stage="convert", source="of the conversion"
     )
-    return replace(
-        log,
-        time_s=time_s,
-        channels=channels,
-        truth=truth,
-        filters=(*(log.filters or ()), converted),
-        notes=(*log.notes, *notes),
-    ), filtered
+    filters = (*(log.filters or ()), converted)
+    return log.changed(new, time_s=time_s, filters=filters, notes=(*log.notes, *notes)), filtered
 
 
 def _on_grid(log: FlightLog, values: FloatArray, grid: FloatArray, *, hold: Hold | None) -> FloatArray:

@@ -50,7 +50,7 @@ def is_ours(path: Path) -> bool:
         except Exception:  # a damaged file can make the HDF5 library raise anything
             return False
     if head.lstrip()[:1] == b"{":
-        return all(any(map(words.search, (head, tail))) for words in (KIND, PROVENANCE))
+        return all(words.search(head) or words.search(tail) for words in (KIND, PROVENANCE))
     return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] == [MARK.encode()]
 
 
@@ -100,13 +100,15 @@ def check_files(
     ConfigError : one is an input, is not ours, or no file can be written there.
     """
     for path in paths:
+        reason = ""
         if any(same_file(path, one) for one in inputs):
-            raise ConfigError(f"{path}: is an input of this command; give another {option}")
-        if reason := _obstacle(path):
-            raise ConfigError(f"{path}: cannot be written, {reason}; give another {option}")
-        if not force and os.path.lexists(path) and not is_ours(path):
-            what = "exists and was not written by bfi"
-            raise ConfigError(f"{path}: {what}; give another {option}, or --force to replace it")
+            reason = f"is an input of this command; give another {option}"
+        elif obstacle := _obstacle(path):
+            reason = f"cannot be written, {obstacle}; give another {option}"
+        elif not force and os.path.lexists(path) and not is_ours(path):
+            reason = f"exists and was not written by bfi; give another {option}, or --force to replace it"
+        if reason:
+            raise ConfigError(f"{path}: {reason}")
 
 
 def check_folder(folder: Path, names: Iterable[str], *, inputs: Sequence[str | Path] = (), force: bool = False) -> None:

@@ -17,13 +17,13 @@ import numpy as np
 from ..filters import response_of
 from ..kernels.excursions import interpolation_error, running_median, travel
 from ..kernels.quantisation import quantum_of_plateaus
+from ..kernels.runs import BoolArray, within
 from ..report.text import instant
 from .holds import find_quantum
 from .phases import phases_of
 from .quality import hold_of
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
-from .windows import BoolArray, within
 
 # The course of a channel as another tells it, the scatter about it, and where it is told, (n,) each.
 _Expected = tuple[FloatArray, FloatArray, BoolArray]

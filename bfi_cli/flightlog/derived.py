@@ -25,8 +25,8 @@ from ..airdata import (
 )
 from ..channels import STANDARD
 from ..errors import LogError
+from ..kernels.runs import BoolArray
 from .record import Channel, FlightLog, FloatArray, frozen_array
-from .windows import BoolArray
 
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
 
@@ -164,8 +164,7 @@ def with_derived(
     ------
     LogError : a channel it is made of is missing, or holds in the window what no subsonic flight has.
     """
-    sources_names = {channel.source for channel in log.channels.values()}
-    wanted = [name for name in dict.fromkeys(names) if name in DERIVED and name not in {*log.channels, *sources_names}]
+    wanted = [name for name in dict.fromkeys(names) if name in DERIVED and log.find(name) is None]
     for name in wanted:
         if missing := missing_for(name, log.channels):
             has = ", ".join(sorted(log.channels))

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..kernels.runs import runs
 from .record import FlightLog, FloatArray, frozen_array
 from .topics import ANGLES
-from .windows import runs
 
 # Signals that have no values between theirs: they keep the last.
 FLAGS = frozenset({"valid_airspeed", "gear"})

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import LogError, first_line
+from ..errors import LogError
 from ..filters import filters_from_json
 from ..units import to_si
 from . import raw
@@ -34,6 +34,7 @@ MOST_LINKS = 100  # followed for one name; a log needs one or two, a loop never 
 MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at most as many bytes into one
 LARGEST_CHUNK = 2**28  # bytes; a chunk is unpacked whole, and is below 1 MiB where h5py or MATLAB choose its size
 LARGEST_ATTRIBUTE = 2**24  # bytes; a unit takes ten, a list of a thousand segments 100 000
+DAMAGED = ("HDF5 file", "copy or export it again")
 OWN_DATA = "a log must hold its own data, copy it into the file"
 
 
@@ -60,11 +61,8 @@ class _Signal:
         def read(rows: slice) -> FloatArray:
             import h5py
 
-            try:
-                with h5py.File(path, "r") as file:
-                    return replace(signal, data=file[place]).values(rows)
-            except Exception as error:  # as in `read_hdf5`; the file may also have changed since
-                raise _damaged(path, error) from None
+            with raw.parsing(path, *DAMAGED), h5py.File(path, "r") as file:  # which may also have changed since
+                return replace(signal, data=file[place]).values(rows)
 
         rows = slice(rows.start, min(rows.stop, self.data.size))
         return Track(source=self.name, values=np.empty(0), unit=self.unit, read=read, rows=rows)
@@ -79,17 +77,8 @@ def read_hdf5(path: str, asked: Asked) -> RawLog:
     """
     import h5py
 
-    try:
-        with h5py.File(path, "r") as file:
-            return _read(path, file, asked)
-    except (LogError, MemoryError):
-        raise
-    except Exception as error:  # a damaged file can make the HDF5 library raise anything
-        raise _damaged(path, error) from None
-
-
-def _damaged(path: str, error: Exception) -> LogError:
-    return LogError(f"{path}: damaged or truncated HDF5 file, {first_line(error)}; copy or export it again")
+    with raw.parsing(path, *DAMAGED), h5py.File(path, "r") as file:
+        return _read(path, file, asked)
 
 
 def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
@@ -182,7 +171,8 @@ def _rows(
     if 8 * sum(sizes) <= (LARGEST if whole else WHOLE):
         return slice(0, max(sizes)), ()
     if whole:
-        raise _too_large(path, len(every), max(sizes), sum(sizes), "give --from/--to for a part of it")
+        what = f"{len(every)} channels of {max(sizes)} samples"
+        raw.require_memory(path, 8 * sum(sizes), what, "give --from/--to for a part of it")
     time = raw.time_column([Track(source=s.name, values=np.empty(0), unit=s.unit) for s in signals.values()], asked)
     n = sizes[0] if time is None else signals[time.source].data.size
     for signal in every:
@@ -211,17 +201,9 @@ def _rows(
         raise nothing_between(path, (start, stop), (first, last))
     rows = slice(max(begin - 1, 0), min(end + 1, n))
     count = rows.stop - rows.start
-    if 8 * len(every) * count > LARGEST:
-        raise _too_large(path, len(every), count, len(every) * count, "shorten the window")
+    what = f"{len(every)} channels of {count} samples"
+    raw.require_memory(path, 8 * len(every) * count, what, "shorten the window")
     return rows, (f"of {n} samples only {count} were read, those around the window",)
-
-
-def _too_large(path: str, n_channels: int, n_samples: int, total: int, advice: str) -> LogError:
-    """Return the error of channels of `total` samples that do not fit into memory."""
-    return LogError(
-        f"{path}: {n_channels} channels of {n_samples} samples need {8 * total / 1e9:.1f} GB of memory, the limit is "
-        f"{LARGEST / 1e9:.0f} GB; {advice}"
-    )
 
 
 def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -> Iterator[tuple[str, Any]]:

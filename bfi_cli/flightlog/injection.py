@@ -13,9 +13,9 @@ from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
 from ..filters import recorded_signal, response_of
 from ..kernels.low_pass import Response
+from ..kernels.runs import BoolArray
 from ..shapes import SHAPES
 from .record import FlightLog, FloatArray, Truth, frozen_array
-from .windows import BoolArray
 
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
 # The share of a pressure by which a derivative is taken: its square is far below, and round-off far above, what counts.

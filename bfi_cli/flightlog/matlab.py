@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import LogError, first_line
+from ..errors import first_line
 from . import raw
-from .raw import LARGEST, Asked, RawLog, Track, left_out
+from .raw import Asked, RawLog, Track, left_out
 
 # Types of elements, the bytes of their numbers and characters, and classes of arrays.
 MATRIX, COMPRESSED = 14, 15
@@ -45,16 +45,11 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
     """
     from scipy.io import loadmat
 
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            unlike = _unlike(path)
-            wanted = [name for name, why in unlike.items() if why is None]
-            loaded = loadmat(path, simplify_cells=True, variable_names=wanted)
-    except (LogError, MemoryError):
-        raise
-    except Exception as error:  # a damaged file can make the parser raise anything
-        raise LogError(f"{path}: damaged or truncated MATLAB file, {first_line(error)}; export it again") from None
+    with raw.parsing(path, "MATLAB file"), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        unlike = _unlike(path)
+        wanted = [name for name, why in unlike.items() if why is None]
+        loaded = loadmat(path, simplify_cells=True, variable_names=wanted)
     root = {name: value for name, value in loaded.items() if not name.startswith("__")}
     groups = [name for name, value in root.items() if isinstance(value, Mapping) and "data" not in value]
     columns, refused = _signals(root)
@@ -74,19 +69,12 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
 
 def _unlike(path: str) -> dict[str, str | None]:
     """Return why each variable of a file is no signal, None where it can be one, if all of them fit into memory."""
-
-    def require_memory(count: int) -> None:
-        if count > LARGEST:
-            raise LogError(
-                f"{path}: its variables need {count / 1e9:.1f} GB of memory, the limit is {LARGEST / 1e9:.0f} GB; "
-                "save fewer of them, or a part of the flight"
-            )
-
-    require_memory(Path(path).stat().st_size)
+    what = ("its variables", "save fewer of them, or a part of the flight")
+    raw.require_memory(path, Path(path).stat().st_size, *what)
     file = Path(path).read_bytes()
-    require_memory(unpacked_size(file))
+    raw.require_memory(path, unpacked_size(file), *what)
     arrays = variables(file)
-    require_memory(8 * sum(variable.count for variable in arrays))
+    raw.require_memory(path, 8 * sum(variable.count for variable in arrays), *what)
     raw.require_few(path, len(arrays), "variables")
     return {variable.name: variable.unlike for variable in arrays}
 

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.runs import BoolArray, FloatArray, Run, joined, runs, runs_with
 from .record import LARGEST_VALUE, FlightLog
 from .signs import (
     AIRSPEEDS,
@@ -36,7 +37,6 @@ from .signs import (
     smoothed_speed,
     speed_values,
 )
-from .windows import BoolArray, FloatArray, Run, joined, runs, runs_with
 
 # A part in flight in which no airspeed says so: none is recorded there, or all fail.
 NO_AIRSPEED = "no airspeed"

@@ -12,13 +12,13 @@ from ..airdata import DEPENDS_ON
 from ..channels import INPUTS, STANDARD
 from ..errors import LogError
 from ..filters import Filter
+from ..kernels.runs import BoolArray, shared, within
 from .derived import DERIVED, missing_for
 from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from .phases import NO_AIRSPEED, Phase, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
-from .windows import BoolArray, shared, within
 
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
 PIECE = 1_000_000  # samples whose steps are looked at together, for memory

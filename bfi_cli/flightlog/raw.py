@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import STANDARD, NameMatch, match_name
-from ..errors import LogError
+from ..errors import LogError, first_line
 from ..faults import Fault
 from ..filters import Filter
 from ..units import si_unit
@@ -166,6 +167,34 @@ def require_few(path: str, count: int, what: str) -> None:
     """
     if count > MOST_CHANNELS:
         raise LogError(f"{path}: {count} {what}, the limit is {MOST_CHANNELS}; export fewer channels")
+
+
+def require_memory(path: str, n_bytes: float, what: str, advice: str) -> None:
+    """Check that `what` fits into memory.
+
+    Raises
+    ------
+    LogError : it does not.
+    """
+    if n_bytes > LARGEST:
+        limit = f"the limit is {LARGEST / 1e9:.0f} GB"
+        raise LogError(f"{path}: {what} need {n_bytes / 1e9:.1f} GB of memory, {limit}; {advice}")
+
+
+@contextlib.contextmanager
+def parsing(path: str, what: str, advice: str = "export it again") -> Iterator[None]:
+    """Say of a file that it is damaged where the parser of another library fails: it can raise anything then.
+
+    Raises
+    ------
+    LogError : it is.
+    """
+    try:
+        yield
+    except (LogError, MemoryError):
+        raise
+    except Exception as error:
+        raise LogError(f"{path}: damaged or truncated {what}, {first_line(error)}; {advice}") from None
 
 
 def rate_of(path: str, stated: object) -> float:

@@ -20,7 +20,7 @@ from .filling import with_filled, with_single_samples
 from .hdf5 import read_hdf5
 from .matlab import read_matlab
 from .phases import airborne_stretches
-from .plausible import RIGHT, time_scale
+from .plausible import RIGHT, assumed_units, time_scale
 from .quality import is_uniform
 from .rates import boot_starts
 from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column
@@ -222,8 +222,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     for channel in channels.values():
         if channel.n_samples != time_s.size:
             raise different_length(path, channel.source, channel.n_samples, time_s.size)
-    bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
-    if units := ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1"):
+    if units := assumed_units(channels.values()):
         notes.append(
             f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
         )

@@ -192,16 +192,18 @@ class FlightLog:
         ------
         LogError : there is none.
         """
-        if name in self.channels:
-            return self.channels[name]
-        for channel in self.channels.values():
-            if channel.source == name:
-                return channel
+        if (channel := self.find(name)) is not None:
+            return channel
         has = ", ".join(sorted(self.channels))
         for note in self.notes:
             if note.startswith(f"'{name}' ") and "left out" in note:
                 raise LogError(f"{self.path}: {note.partition(';')[0]}; the log has: {has}")
         raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; map one with --channel {name}=NAME")
+
+    def find(self, name: str) -> Channel | None:
+        """Return a channel by its standard name, or by its name in the file; None where there is none."""
+        by_source = (channel for channel in self.channels.values() if channel.source == name)
+        return self.channels.get(name) or next(by_source, None)
 
     def signals(self, names: Sequence[str]) -> FloatArray:
         """Return (n_samples, len(names)) of channel values, of one channel those themselves."""

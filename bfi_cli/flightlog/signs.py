@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 
 from ..airdata import SEA_LEVEL_PRESSURE, isa_temperature, pressure_at
+from ..kernels.runs import BoolArray, FloatArray, Run, runs
 from .record import LARGEST_VALUE, FlightLog
-from .windows import BoolArray, FloatArray, Run, runs
 
 Says = Literal["ground", "flight"]
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from ..channels import NameMatch, match_name
-from ..errors import LogError, first_line
+from ..errors import LogError
 from ..units import si_unit, to_si
 from .rates import one_base
-from .raw import LARGEST, Asked, FloatArray, RawLog, Track, choose_group, left_out, rate_of, require_few
+from .raw import Asked, FloatArray, RawLog, Track, choose_group, left_out, parsing, rate_of, require_few, require_memory
 from .topics import ANGLES
 
 # What LabVIEW and DIAdem call a unit, the more usual first.
@@ -75,15 +75,11 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
         raise LogError(f"{path}: a TDMS file, and npTDMS is not installed; pip install 'bfi-cli[tdms]'") from None
     for name in ("nptdms", *nptdms.log.log_manager.loggers):
         logging.getLogger(name).setLevel(logging.ERROR)
-    try:
-        # From an open file, because beside a name the index file of a stranger would be read.
-        with open(path, "rb") as file, np.errstate(all="ignore"), nptdms.TdmsFile.open(file) as tdms:
-            signals, stated_rate, notes = _signals(path, tdms, asked.group)
-            is_cut = bool(tdms.file_status.incomplete_final_segment)
-    except (LogError, MemoryError):
-        raise
-    except Exception as error:  # a damaged file can make the parser raise anything
-        raise LogError(f"{path}: damaged or truncated TDMS file, {first_line(error)}; export it again") from None
+    # From an open file, because beside a name the index file of a stranger would be read.
+    quiet = np.errstate(all="ignore")
+    with parsing(path, "TDMS file"), open(path, "rb") as file, quiet, nptdms.TdmsFile.open(file) as tdms:
+        signals, stated_rate, notes = _signals(path, tdms, asked.group)
+        is_cut = bool(tdms.file_status.incomplete_final_segment)
     has_time = any(one.is_time for one in signals)
     if not has_time and any(one.clock is not None for one in signals):
         untimed = [one.source for one in signals if one.clock is None]
@@ -134,11 +130,7 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
         chosen = choose_group(path, wanted, groups, has_signals=False)
     numbers = [channel for channel in numbers if chosen is None or channel.group_name == chosen]
     need = 8 * sum(len(channel) for channel in numbers)
-    if need > LARGEST:
-        raise LogError(
-            f"{path}: its channels need {need / 1e9:.1f} GB of memory, the limit is {LARGEST / 1e9:.0f} GB; "
-            "export fewer of them, or a part of the flight"
-        )
+    require_memory(path, need, "its channels", "export fewer of them, or a part of the flight")
     names = [channel.name for channel in numbers]
     signals = []
     for channel in numbers:

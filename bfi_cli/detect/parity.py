@@ -18,7 +18,7 @@ from ..kernels.exponential_tail import block_maxima, fit_tail, white_excess, whi
 from ..kernels.lagged import lagged
 from ..kernels.parity import Drops, largest_drops, past_basis
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
-from ..kernels.running_weights import running_weights
+from ..kernels.running import running_weights
 from ..kernels.step_height import StepHeight, step_height
 from .preparation import DecimatedRecord
 

@@ -13,8 +13,6 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["CORRELATIONS", "ChangeScan", "scan_changes", "steps_and_ramps"]
-
 # Over a second: white noise, and time constants of 1.4, 4.5, 9.5, 20 and 50 s. A slower one is a change itself in a
 # record of two minutes.
 CORRELATIONS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98)

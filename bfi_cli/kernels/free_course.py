@@ -21,8 +21,6 @@ from .covariance import Layout
 from .lagged import lagged
 from .random_walk import fit_mixed
 
-__all__ = ["CourseFit", "CourseProblem", "course_problem", "deviance", "fit_course", "redrawn"]
-
 # Below this share of the largest, a direction is round-off (as in `variable_projection`).
 RANK_TOLERANCE = 1e-11
 # Gradients per row at which the quasi-Newton steps end, and their number.

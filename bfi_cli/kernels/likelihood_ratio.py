@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-__all__ = ["LikelihoodRatio", "NoiseModel", "Residual", "likelihood_ratio", "noise_model", "settle"]
-
 FloatArray = NDArray[np.float64]
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample

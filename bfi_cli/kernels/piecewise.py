@@ -16,8 +16,6 @@ from numpy.typing import DTypeLike
 
 from . import FloatArray
 
-__all__ = ["LONGEST_REACH", "PiecewiseSignals", "Stretch", "Tail", "signal_of"]
-
 # Time constants that a filter may reach beside a sample: e^50 of a signal is far from the largest number.
 LONGEST_REACH = 50.0
 # Samples of a signal that are evaluated at once, for memory.

@@ -19,8 +19,6 @@ from scipy.linalg import lapack
 from . import FloatArray
 from .normal import TWO_SIDED_95
 
-__all__ = ["Course", "MixedFit", "correlated_noise", "fit_mixed", "smoothed_course", "walk_columns"]
-
 # Cells of the walk at most. In simulated residuals of 4 to 20 minutes the course then differs from that of a cell per
 # sample by less than a tenth of its standard deviation, as long as it has fewer than 30 effective coefficients.
 CELLS = 128

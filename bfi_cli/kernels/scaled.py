@@ -10,8 +10,6 @@ from numpy.typing import DTypeLike
 
 from . import FloatArray
 
-__all__ = ["ScaledSignals", "standardised"]
-
 # Samples of which means are taken at once, for memory.
 AT_ONCE = 65_536
 

@@ -16,8 +16,6 @@ from scipy import linalg, special
 from . import FloatArray
 from .parity import step_response
 
-__all__ = ["StepHeight", "step_height"]
-
 # Stretches beside each other of which a variance is told at least: Student's t of fewer hardly bounds anything.
 FEWEST_APART = 4
 # Stretches that are looked at: more of them overlap so far that they add nothing.

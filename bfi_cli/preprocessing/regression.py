@@ -36,7 +36,7 @@ from ..kernels.lagged import (
 )
 from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, silent
-from ..kernels.running_weights import running_weights
+from ..kernels.running import running_weights
 from ..kernels.scaled import ScaledSignals, standardised
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from .fault_signals import FaultSignals

@@ -27,8 +27,6 @@ from .profile import Minimum, profile_polynomial, screen
 from .scan import Scan, default_onsets, in_blocks, largest_magnitude, magnitude_bound, stack_onsets, tabulate
 from .waveform import sine
 
-__all__ = ["SineScreen", "Sines", "prepare_screen", "screen_tabulated"]
-
 ComplexArray = NDArray[np.complex128]
 
 # Samples between borders: more make the bounds of short oscillations loose, fewer cost time and memory.

@@ -15,8 +15,6 @@ from .profile import ProfilePolynomial, log_ratio
 from .scan import CACHE_DOUBLES, Profile, Scan, magnitude_bound, stack_onsets, tabulate
 from .waveform import Waveform
 
-__all__ = ["SPAN", "deviances", "excluded_error", "likelihood_ratios", "mean_ratios", "undeclared_magnitudes"]
-
 # Magnitudes tried, relative to the one that a parabola through the minimum gives; between them the root of the
 # deviance, which is nearly linear in the magnitude, is interpolated.
 GRID = np.array([0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.2, 3.5, 6.0, 12.0, 30.0, 100.0])

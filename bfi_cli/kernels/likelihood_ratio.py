@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-FloatArray = NDArray[np.float64]
+from . import FloatArray
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
 # Of a nuisance column's largest, below which its part off the others is rounding.
@@ -58,7 +57,9 @@ class Residual:
 
     def whitened(self, signatures: FloatArray) -> FloatArray:
         """Return (n + n_prior, ...) signatures, (n, ...) in the residual's unit, whitened and off the nuisances."""
-        return off(self.nuisances, self.whitening @ signatures)
+        white = self.whitening @ signatures
+        rows = np.concatenate([white, np.zeros((len(self.nuisances) - len(white), *white.shape[1:]))])
+        return np.asarray(rows - self.nuisances @ (self.nuisances.T @ rows))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,13 +89,6 @@ def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> Noi
     of_fast = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(fast)))))
     log_det = np.log(variances).sum(axis=1) + of_fast
     return NoiseModel(levels=levels, modes=np.ascontiguousarray(vectors.T), variances=variances, log_det=log_det)
-
-
-def off(nuisances: FloatArray, whitened: FloatArray) -> FloatArray:
-    """Return whitened columns, (n, ...), stacked over zeros for the priors, off orthonormal nuisances."""
-    missing = nuisances.shape[0] - whitened.shape[0]
-    rows = np.concatenate([whitened, np.zeros((missing, *whitened.shape[1:]))]) if missing else whitened
-    return np.asarray(rows - nuisances @ (nuisances.T @ rows))
 
 
 def settle(

@@ -107,13 +107,11 @@ class Compressed:
         columns of the constant and the inputs only. Read-only.
     columns : where the blocks lie.
     n_rows : rows of the matrix that R stands for.
-    scales : (n_cols,) norm of each column, 1 for a column that is zero beside the largest.
     """
 
     R: FloatArray
     columns: Columns
     n_rows: int
-    scales: FloatArray
 
 
 def lagged(x: FloatArray, lags: Sequence[int], *, first: int | None = None) -> FloatArray:
@@ -202,29 +200,27 @@ class SegmentFactors:
         """
         pieces, at = list[tuple[int, FloatArray]](), start
         while at < stop:
-            if at % self.rows or at + self.rows > stop:
-                until = min((at // self.rows + 1) * self.rows, stop)
-                pieces.append((at, self._made(at, until)))
+            size = self.rows
+            if at % size or at + size > stop:
+                size = min((at // size + 1) * size, stop) - at
+                pieces.append((at, self._made(at, at + size)))
             else:
-                level = 0
-                while at % (self.rows << (level + 1)) == 0 and at + (self.rows << (level + 1)) <= stop:
-                    level += 1
-                pieces.append((at, self._node(level, at)))
-                until = at + (self.rows << level)
-            at = until
+                while at % (2 * size) == 0 and at + 2 * size <= stop:
+                    size *= 2
+                pieces.append((at, self._kept(at, size)))
+            at += size
         return self._together(pieces)
 
-    def _node(self, level: int, start: int) -> FloatArray:
-        """Return the factor of ``rows * 2^level`` rows."""
-        if (level, start) not in self._known:
-            if level == 0:
-                made = self._made(start, start + self.rows)
-            else:
-                middle = start + (self.rows << (level - 1))
-                halves = [(at, self._node(level - 1, at)) for at in (start, middle)]
-                made = self._together(halves)
-            self._known[level, start] = made
-        return self._known[level, start]
+    def _kept(self, start: int, size: int) -> FloatArray:
+        """Return the factor of ``rows * 2^n`` rows, made once."""
+        if (start, size) not in self._known:
+            half = size // 2
+            self._known[start, size] = (
+                self._made(start, start + size)
+                if size == self.rows
+                else self._together([(at, self._kept(at, half)) for at in (start, start + half)])
+            )
+        return self._known[start, size]
 
     def _together(self, pieces: Sequence[tuple[int, FloatArray]]) -> FloatArray:
         """Return the factor of factors, of which the first row is given, functions counted from the first of them."""
@@ -566,7 +562,7 @@ def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int]
     else:
         upper = min(whole.n_base, len(R))  # rows below are zero in the columns of the constant and the inputs
         R[:upper] = triangular_first(R[:upper], columns.n_base)
-    return _frozen(R, columns, data.n_rows, data.scales[picked])
+    return _compressed(R, columns, data.n_rows)
 
 
 def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
@@ -621,12 +617,5 @@ def _fill(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:
 def _compressed(R: FloatArray, columns: Columns, n_rows: int) -> Compressed:
     if not np.isfinite(R).all():
         raise ValueError("u, y and theta must be finite, got NaN or infinite values; repair or cut them first")
-    norms = np.linalg.norm(R, axis=0)
-    scales = np.where(norms > np.finfo(float).eps * norms.max(), norms, 1.0)
-    return _frozen(R, columns, n_rows, scales)
-
-
-def _frozen(R: FloatArray, columns: Columns, n_rows: int, scales: FloatArray) -> Compressed:
-    for array in (R, scales):
-        array.setflags(write=False)
-    return Compressed(R=R, columns=columns, n_rows=n_rows, scales=scales)
+    R.setflags(write=False)
+    return Compressed(R=R, columns=columns, n_rows=n_rows)

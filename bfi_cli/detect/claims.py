@@ -14,7 +14,7 @@ import numpy as np
 from ..decision import Candidate, shown_limit, state_of
 from ..kernels import FloatArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_99
-from ..kernels.nullspace import Criteria, onset_shares
+from ..kernels.nullspace import Criteria
 from ..kernels.parity import drop_at
 from ..preprocessing.regression import Signals
 from ..report.text import instant
@@ -96,9 +96,7 @@ def parity_limits(samples: DecimatedRecord, passes: Sequence[MonitoringPass], *,
     )
 
 
-def exact_limits(
-    record: Signals, u: FloatArray, criterion: Criteria, *, width: int, level: FloatArray
-) -> tuple[StepLimits, int]:
+def exact_limits(record: Signals, criterion: Criteria, *, width: int, level: FloatArray) -> tuple[StepLimits, int]:
     """Return what the criterion of data without noise could not have declared.
 
     At its first sample a step d changes Y alone, in its channel's row, so that the criterion becomes at least |d| times
@@ -107,14 +105,13 @@ def exact_limits(
 
     Parameters
     ----------
-    u : inputs with the samples before that count as such.
     level : (n_samples,) above which a channel is declared.
 
     Returns
     -------
     The limits, and the number of samples that are not covered.
     """
-    share = onset_shares(record.y, u, width=width)
+    share = criterion.share
     at = np.flatnonzero(np.nan_to_num(share) >= LEAST_SHARE)
     size = np.maximum.accumulate(np.abs(record.y), axis=0)[at] * np.sqrt(width)
     limit = (level[at, None] + criterion.channel[at]) * size / share[at, None]

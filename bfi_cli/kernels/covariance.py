@@ -15,8 +15,7 @@ from scipy.linalg import lapack
 from . import FloatArray
 from .coherence import whiten
 from .lagged import Compressed, lagged
-from .piecewise import PiecewiseSignals
-from .scaled import ScaledSignals
+from .piecewise import PiecewiseSignals, ScaledSignals
 from .variable_projection import Fit
 
 # An atom whose power the regressors absorb but for less than this share is not seen: the rest is round-off.

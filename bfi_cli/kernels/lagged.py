@@ -25,9 +25,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
-from .piecewise import PiecewiseSignals, Stretch, Stretches, Tail, regular_runs
+from .piecewise import PiecewiseSignals, ScaledSignals, Stretch, Stretches, Tail, regular_runs
 from .progress import Report, parts, silent
-from .scaled import ScaledSignals
 
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.
 PANEL = 16

@@ -34,10 +34,9 @@ from ..kernels.lagged import (
     with_fault,
     with_scaled_outputs,
 )
-from ..kernels.piecewise import PiecewiseSignals
+from ..kernels.piecewise import PiecewiseSignals, ScaledSignals, standardised
 from ..kernels.progress import Report, silent
 from ..kernels.running import running_weights
-from ..kernels.scaled import ScaledSignals, standardised
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from .fault_signals import FaultSignals
 

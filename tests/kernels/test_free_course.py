@@ -9,9 +9,8 @@ from numpy.testing import assert_allclose
 
 from bfi_cli.kernels import free_course
 from bfi_cli.kernels.covariance import Layout
-from bfi_cli.kernels.free_course import CourseProblem, course_problem, fit_course, redrawn
+from bfi_cli.kernels.free_course import CourseProblem, course_problem, fit_course, redrawn, walk_columns
 from bfi_cli.kernels.lagged import compress
-from bfi_cli.kernels.random_walk import walk_columns
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
 
 ORDER, N, ONSET = 2, 300, 120

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from bfi_cli.kernels.random_walk import (
+from bfi_cli.kernels.free_course import (
     Course,
     correlated_noise,
     fit_mixed,

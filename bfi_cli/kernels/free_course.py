@@ -62,8 +62,6 @@ class MixedFit:
     noise_variance : as given, or by maximum likelihood.
     deviance : minus twice the log-likelihood of the data off the fixed columns, constants left out that depend on
         their number only; without : the same for b = 0.
-    freedom : effective number of the random coefficients, the trace of their smoother.
-    log_det : of the covariance of the data off the fixed columns over the noise's: what the random ones pay.
     """
 
     beta: FloatArray
@@ -72,8 +70,6 @@ class MixedFit:
     noise_variance: float
     deviance: float
     without: float
-    freedom: float
-    log_det: float
     _inverse: FloatArray
     _across: FloatArray
     _V: FloatArray
@@ -148,8 +144,6 @@ def fit_mixed(
         noise_variance=variance,
         deviance=least,
         without=deviance(0.0)[0],
-        freedom=float(np.sum(ratio * s**2 / (1.0 + ratio * s**2))),
-        log_det=float(np.sum(np.log1p(ratio * s**2))),
         _inverse=inverse,
         _across=across,
         _V=V,
@@ -218,16 +212,12 @@ class Course:
     time_s, value, sd : (n,) of each point; sd is that of the value, the onset and the walk's intensity taken as known.
     low, high : (n,) the pointwise 95 % band.
     intensity : of the white noise that the fault's second derivative is, unit^2/s^3; 0 for a straight line.
-    freedom : how many coefficients the course really has beside its level and slope.
-    evidence : twice the log-likelihood that the curvature brings over a straight line.
     """
 
     time_s: FloatArray
     value: FloatArray
     sd: FloatArray
     intensity: float
-    freedom: float
-    evidence: float
 
     @property
     def low(self) -> FloatArray:
@@ -286,14 +276,7 @@ def smoothed_course(
     fit = fit_mixed(white[:, -1], white[:, :m], white[:, m:-1], noise_variance=1.0)
     line, curved = walk_columns(at, onset_s=onset_s, stop_s=stop_s, cells=cells)
     value, sd = fit.combine(np.column_stack([np.zeros((at.size, m - 2)), line]), curved)
-    return Course(
-        time_s=at,
-        value=value,
-        sd=sd,
-        intensity=fit.ratio,
-        freedom=fit.freedom,
-        evidence=max(fit.without - fit.deviance, 0.0),
-    )
+    return Course(time_s=at, value=value, sd=sd, intensity=fit.ratio)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -326,24 +309,17 @@ class CourseFit:
     ----------
     K : (order,) coefficients of the lagged corrected output.
     value, sd : (n_samples,) of the course, predictor and named magnitudes being uncertain too.
-    z, z_sd : (n_named,) magnitudes of the named atoms.
+    z : (n_named,) magnitudes of the named atoms.
     deviance : minus twice the marginal log-likelihood; a model without a course has n_rows log(variance of its error).
-    freedom : effective number of coefficients of the curvature.
     n_parameters : of predictor, base, named atoms, level, slope and ratio.
-    n_rows : of the regression.
-    converged : the steps ended at a maximum.
     """
 
     K: FloatArray
     value: FloatArray
     sd: FloatArray
     z: FloatArray
-    z_sd: FloatArray
     deviance: float
-    freedom: float
     n_parameters: int
-    n_rows: int
-    converged: bool
 
 
 def course_problem(
@@ -405,7 +381,7 @@ def fit_course(problem: CourseProblem, starts: Sequence[FloatArray] = ()) -> Cou
     starts = starts or [np.asarray(np.linalg.lstsq(problem.y[:, 1:], problem.y[:, 0], rcond=RANK_TOLERANCE)[0])]
     # A step of unit length changes the prediction by about one prediction error, whatever the lags look like.
     inverse = np.linalg.pinv(np.linalg.qr(problem.y[:, 1:], mode="r"), rcond=RANK_TOLERANCE)
-    best: tuple[float, FloatArray, float, bool] | None = None
+    best: tuple[float, FloatArray, float] | None = None
     for start in starts:
         w, _, Z = _filtered(problem, start)
         size, unit = float(np.linalg.norm(Z, 2)) ** 2, inverse * float(np.linalg.norm(w))
@@ -424,9 +400,9 @@ def fit_course(problem: CourseProblem, starts: Sequence[FloatArray] = ()) -> Cou
                 options={"maxiter": STEPS, "gtol": TOLERANCE, "ftol": TOLERANCE**2},
             )
             if best is None or found.fun < best[0]:
-                best = float(found.fun), start + unit @ found.x[:-1], float(np.exp(found.x[-1])) / size, found.success
+                best = float(found.fun), start + unit @ found.x[:-1], float(np.exp(found.x[-1])) / size
     assert best is not None
-    return _assembled(problem, best[1], best[2], deviance=n * best[0], converged=best[3])
+    return _assembled(problem, best[1], best[2], deviance=n * best[0])
 
 
 def redrawn(
@@ -498,7 +474,7 @@ def deviance(problem: CourseProblem, K: FloatArray, ratio: float) -> tuple[float
     return value, by_K, by_ratio
 
 
-def _assembled(problem: CourseProblem, K: FloatArray, ratio: float, *, deviance: float, converged: bool) -> CourseFit:
+def _assembled(problem: CourseProblem, K: FloatArray, ratio: float, *, deviance: float) -> CourseFit:
     """Return the course at the maximum; the lagged corrected outputs are projected out, for K is uncertain too."""
     w, L, Z = _filtered(problem, K)
     m = L.shape[1]
@@ -511,16 +487,11 @@ def _assembled(problem: CourseProblem, K: FloatArray, ratio: float, *, deviance:
     named = m - 2
     line = np.column_stack([np.zeros((len(problem.raw_line), named)), problem.raw_line[:, named:]])
     value, sd = mixed.combine(line, problem.raw_walk)
-    z, z_sd = mixed.combine(np.eye(m)[:named], np.zeros((named, Z.shape[1])))
     return CourseFit(
         K=K,
         value=value,
         sd=sd,
-        z=z,
-        z_sd=z_sd,
+        z=mixed.beta[:named],
         deviance=deviance,
-        freedom=mixed.freedom,
         n_parameters=problem.n_base + len(K) + m + 1,
-        n_rows=len(w),
-        converged=converged,
     )

@@ -69,12 +69,11 @@ class LikelihoodRatio:
     Attributes
     ----------
     ratio : (n_onsets,) twice the log-likelihood ratio against no fault.
-    gain : (n_onsets,) the part of it that the fault's own magnitude explains; magnitude, sd : (n_onsets,) estimates.
+    magnitude, sd : (n_onsets,) estimates.
     parts : (n_residuals, n_onsets) of `ratio`, what each residual says at the joint magnitude.
     """
 
     ratio: FloatArray
-    gain: FloatArray
     magnitude: FloatArray
     sd: FloatArray
     parts: FloatArray
@@ -149,10 +148,8 @@ def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatAr
     magnitude = np.where(seen, shown.sum(axis=0) / safe, 0.0)
     costs = np.array([residual.cost for residual in residuals])
     parts = costs[:, None] + 2.0 * magnitude * shown - magnitude**2 * power
-    gain = np.where(seen, shown.sum(axis=0) ** 2 / safe, 0.0)
     return LikelihoodRatio(
-        ratio=costs.sum() + gain,
-        gain=gain,
+        ratio=costs.sum() + np.where(seen, shown.sum(axis=0) ** 2 / safe, 0.0),
         magnitude=magnitude,
         sd=np.where(seen, 1.0 / np.sqrt(safe), np.inf),
         parts=parts,

@@ -32,6 +32,8 @@ from .progress import Report, parts, silent
 PANEL = 16
 # Rows of the shortest segment that is kept, and of those that are formed at once; memory and speed only.
 SEGMENT, TAIL_ROWS = 16_384, 2048
+# Lagged rows that are formed at a time; likewise.
+BLOCK_ROWS = 1024
 # A run of fewer rows between sharp parts is formed as it is: a segment leaves as many rows as it has columns.
 SHORTEST_RUN = 128
 
@@ -303,7 +305,7 @@ def compress(
     order: int,
     feedthrough: bool = False,
     weights: FloatArray | None = None,
-    block_rows: int = 1024,
+    block_rows: int = BLOCK_ROWS,
     report: Report = silent,
     segments: SegmentFactors | None = None,
 ) -> Compressed:
@@ -366,7 +368,7 @@ def compress(
 
 
 def compress_beside(
-    theta: PiecewiseSignals, beside: PiecewiseSignals, *, segments: SegmentFactors, block_rows: int = 1024
+    theta: PiecewiseSignals, beside: PiecewiseSignals, *, segments: SegmentFactors
 ) -> tuple[Compressed, FloatArray]:
     """Return the factor of a record and a few signals, and the rows that others have beside it.
 
@@ -381,12 +383,12 @@ def compress_beside(
     The factor of the record with `theta`, whose R has more rows than columns, and (rows of R, n_beside).
     """
     columns = replace(segments.record_columns, n_atoms=theta.shape[2], signals=_signals_of(theta))
-    R = _piecewise_factor(theta, columns, beside, segments, block_rows, silent)
+    R = _piecewise_factor(theta, columns, beside, segments)
     data = _compressed(R[:, : columns.size], columns, len(segments.y) - segments.order)
     return data, R[:, columns.size :]
 
 
-def signals_factor(theta: PiecewiseSignals, *, block_rows: int = 1024) -> FloatArray:
+def signals_factor(theta: PiecewiseSignals) -> FloatArray:
     """Return (n, n_outputs + n_atoms) rows with the inner products of the constant of every output and of all signals.
 
     Samples of all outputs count as rows, each signal being zero on the others.
@@ -404,7 +406,7 @@ def signals_factor(theta: PiecewiseSignals, *, block_rows: int = 1024) -> FloatA
     )
     for output in range(n_y):
         own = [j for j, of in enumerate(theta.outputs) if of == output]
-        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(own), segments, block_rows, silent)
+        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(own), segments)
         rows = np.zeros((len(R), n_y + theta.shape[2]))
         rows[:, [output, *(n_y + j for j in own)]] = R
         parts_of.append(rows)
@@ -449,8 +451,8 @@ def _piecewise_factor(
     columns: Columns,
     beside: PiecewiseSignals | None,
     segments: SegmentFactors,
-    block_rows: int,
-    report: Report,
+    block_rows: int = BLOCK_ROWS,
+    report: Report = silent,
 ) -> FloatArray:
     """Return the factor of the stacked lagged matrix, signals that are `beside` it after all others.
 
@@ -527,35 +529,22 @@ def _runs(
     return made
 
 
-def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int] | None = None) -> Compressed:
-    """Return the factor of a lower order, or of some of the atoms, over the same rows.
-
-    Parameters
-    ----------
-    data : from `compress`.
-    order : at most the order of `data`; None keeps it.
-    atoms : indices of the atoms to keep, in the order of the result; None keeps all.
-    """
+def restrict(data: Compressed, *, order: int) -> Compressed:
+    """Return the factor of an order, at most that of `data`, over the same rows."""
     whole = data.columns
-    order = whole.order if order is None else order
     if not 1 <= order <= whole.order:
         raise ValueError(f"order must lie in 1..{whole.order}, got {order}")
-    atoms = range(whole.n_atoms) if atoms is None else atoms
-    place = {atom: n for n, atom in enumerate(atoms)}
-    pairs = sorted((output, place[j], n) for n, (output, j) in enumerate(whole.signals) if j in place)
-    kept = [n for _, _, n in pairs]
-    signals = tuple((output, atom) for output, atom, _ in pairs)
-    columns = replace(whole, order=order, n_atoms=len(atoms), signals=signals)
-    index = np.arange(whole.size)
+    if order == whole.order:
+        return data
+    columns, index = replace(whole, order=order), np.arange(whole.size)
     parts = (
         index[: columns.n_base],
-        index[whole.theta_lags].reshape(whole.order, -1)[:order, kept].ravel(),
+        index[whole.theta_lags][: order * len(whole.signals)],
         index[whole.y_lags][: order * whole.n_outputs],
-        index[whole.theta][kept],
+        index[whole.theta],
         index[whole.y],
     )
-    picked = np.concatenate(parts)
-    R = data.R.T[picked].T
+    R = data.R.T[np.concatenate(parts)].T
     if len(R) > columns.size:
         R = np.asarray(np.linalg.qr(R, mode="r"))
     else:

@@ -302,7 +302,7 @@ class RegressionData:
 
     def at_order(self, order: int) -> Compressed:
         """Return the factor of one order."""
-        return self.data if order == self.data.columns.order else restrict(self.data, order=order)
+        return restrict(self.data, order=order)
 
     def unfold(self, fit: Fit) -> FitRows:
         """Return a fit row by row, with the signatures of its support; of a long record without them."""

@@ -15,8 +15,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ..filters import response_of
-from ..kernels.excursions import interpolation_error, running_median, travel
+from ..kernels.normal import MAD
 from ..kernels.quantisation import quantum_of_plateaus
+from ..kernels.running import interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, within
 from ..report.text import instant
 from .holds import find_quantum
@@ -63,7 +64,6 @@ LEAST, BEYOND, STEEPEST, FEWEST_BLOCKS = 24.0, 6.4, 10.0, 20
 MOST_ALIKE = 0.5
 FEWEST_QUANTA = 3.0
 MOST_PASSES = 25
-GAUSSIAN_MEDIAN = 1.4826  # standard deviation over median size
 ROUNDING = 1e-6  # of the largest value: of single precision, some digits
 TINY = float(np.finfo(np.float64).tiny)
 FEWEST_TICKS, MOST_TICKS = 32, 10**7
@@ -316,7 +316,7 @@ def _errors(track: _Track) -> dict[int, tuple[FloatArray, FloatArray]]:
         error = np.where(track.known, interpolation_error(track.values, half), 0.0)
         size = np.abs(error)
         usual = running_median(size, half, max(5, track.size(AROUND_S) // half))
-        usual = GAUSSIAN_MEDIAN * np.maximum(usual, CALMEST * float(np.median(size)))
+        usual = MAD * np.maximum(usual, CALMEST * float(np.median(size)))
         errors[half] = error, size / np.maximum(usual, least)
     return errors
 
@@ -605,14 +605,14 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
         error = np.abs(track.values[rows] - columns @ factors)
         usual = error <= max(OUTLYING * float(np.median(error)), track.quantum)
         factors = np.linalg.lstsq(columns[usual], track.values[rows[usual]], rcond=None)[0]
-        scatter = GAUSSIAN_MEDIAN * float(np.median(np.abs(track.values[rows] - columns @ factors)))
+        scatter = MAD * float(np.median(np.abs(track.values[rows] - columns @ factors)))
         spread[at] = max(scatter, COARSE * abs(float(factors[2])) * other.quantum)
         course[at] = wanted @ factors
     known &= np.isfinite(course)
     course = np.where(known, course, 0.0)
     # White noise travels by several of its standard deviations within seconds.
     second = np.abs(np.diff(course, 2, prepend=course[:1], append=course[-1:]))
-    noise = GAUSSIAN_MEDIAN / np.sqrt(6.0) * running_median(second, track.size(1.0), NOISE_S)
+    noise = MAD / np.sqrt(6.0) * running_median(second, track.size(1.0), NOISE_S)
     return course, spread + noise, known
 
 

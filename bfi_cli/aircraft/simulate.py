@@ -6,27 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, frozen_array
+from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
-
-__all__ = [
-    "GUSTS",
-    "MANOEUVRES",
-    "Dryden",
-    "deviations",
-    "dryden_gusts",
-    "manoeuvre",
-    "simulate",
-    "time_axis",
-    "with_gusts",
-]
-
-FloatArray = NDArray[np.float64]
 
 MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
 # Rules of thumb: below the stall of the wing, and sin(pitch) within 2 % of pitch.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config
 from ..dictionary import Dictionary, dead_reason, no_signal, signals
@@ -30,10 +29,6 @@ from .entries import (
     unknown_channels,
 )
 from .result import Audit
-
-__all__ = ["audit_dictionary", "audit_on_log"]
-
-FloatArray = NDArray[np.float64]
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
 # every shape; 100 Hz, that of a common recorder, as long as all signals together have two million values.

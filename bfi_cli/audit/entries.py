@@ -6,32 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..config import Config
 from ..faults import Fault, did_you_mean, magnitude_unit, physical
+from ..kernels import FloatArray
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from .comparison import absorbed, most_like
 from .result import AuditedAtom, Signatures
-
-__all__ = [
-    "AuditWindow",
-    "Limits",
-    "Listing",
-    "entries",
-    "fastest_hz",
-    "largest_order",
-    "oddities",
-    "reasons_of",
-    "remarks_of",
-    "same_definition",
-    "span_of",
-    "unit_of",
-    "unknown_channels",
-]
-
-FloatArray = NDArray[np.float64]
 
 # A window shows three cycles of an oscillation and five time constants of a lagged bias (0.7 % short of its end), with
 # 10 s of margin, the order of a longitudinal manoeuvre; less than half a cycle is monotonic or nearly so.

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..display_units import SI, Units
 from ..faults import fault_to_dict
+from ..kernels import FloatArray
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, thinned
@@ -20,9 +20,6 @@ from ..shapes import SHAPES
 from .comparison import pairs
 from .result import Audit, Signatures
 
-__all__ = ["AUDIT_SCHEMA", "DRAWINGS", "TABLES", "audit_content", "audit_document"]
-
-FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
 AUDIT_SCHEMA = 1

@@ -5,15 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..faults import Fault
+from ..kernels import FloatArray
 from ..preprocessing.summary import ModelSummary
-
-__all__ = ["Audit", "AuditedAtom", "Signatures"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,6 @@ from ..faults import Fault, did_you_mean, fault_from_dict
 from ..shapes import SHAPES
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema
 
-__all__ = ["FlownModel", "InjectedFault", "RecordedLog", "SweepRules", "json_schema"]
-
 
 def _listed(value: object) -> object:
     """One value stands for a list of it."""

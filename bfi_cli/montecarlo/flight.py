@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from ..faults import Fault
@@ -16,13 +15,10 @@ from ..flightlog import FlightLog, read_log
 from ..flightlog.injection import added_by
 from ..flightlog.record import frozen_array
 from ..flightlog.recorder import recorder_filters
+from ..kernels import FloatArray
 from ..shapes import OF_LINES, SHAPES
 from .definition import FlownModel, RecordedLog
 from .scenarios import Setting
-
-__all__ = ["faults_of", "faulty", "is_shared", "largest_errors", "record_of"]
-
-FloatArray = NDArray[np.float64]
 
 # Records that a worker keeps: a sweep's trials go through its records in turn.
 KEPT_RECORDS = 32

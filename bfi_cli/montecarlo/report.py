@@ -14,8 +14,6 @@ from ..report.text import counted, number
 from ..serialization import to_plain
 from .summary import Summary
 
-__all__ = ["DRAWINGS", "TABLES", "montecarlo_content", "summary_document"]
-
 Plain = Mapping[str, Any]
 
 MONTECARLO_SCHEMA = 2

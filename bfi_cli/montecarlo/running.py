@@ -29,8 +29,6 @@ from .flight import record_of
 from .scenarios import Sweep
 from .trial import COLUMNS, Row, row_from_cells, run_trial
 
-__all__ = ["TIMING_COLUMNS", "Journal", "check_records", "digest_of", "run_sweep", "timing_cells"]
-
 Report = Callable[[int], None]
 
 TIMING_COLUMNS = ("scenario", "trial", "seconds")

@@ -24,8 +24,6 @@ from ..validation import validate
 from ..yaml12 import load_yaml, read_text
 from .definition import FlownModel, InjectedFault, RecordedLog, SweepRules
 
-__all__ = ["Scenario", "Setting", "Sweep", "Trial", "load_sweep", "size_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:

@@ -16,8 +16,6 @@ from ..shapes import Kind
 from .scenarios import Sweep
 from .trial import Row, rounded
 
-__all__ = ["Proportion", "ScenarioSummary", "Summary", "summarise", "wilson"]
-
 # The 97.5 % quantile of the normal distribution.
 DECISIONS: tuple[Decision, ...] = get_args(Decision)
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}

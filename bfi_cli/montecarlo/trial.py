@@ -14,7 +14,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..decision import KINDS, State, kind_of
 from ..errors import BfiError
@@ -22,6 +21,7 @@ from ..faults import Decision, Fault
 from ..identify import identify_faults
 from ..identify.methods import METHODS
 from ..identify.risro import declared
+from ..kernels import FloatArray
 from ..kernels.termination import Termination
 from ..preprocessing.rank_one import decides_by_rule, solve
 from ..preprocessing.regression import RegressionData
@@ -32,20 +32,6 @@ from ..shapes import ADDITIVE, Kind
 from ..truth import compare_faults
 from .flight import faults_of, faulty, is_shared, largest_errors, record_of
 from .scenarios import Setting, Trial, size_of
-
-__all__ = [
-    "COLUMNS",
-    "Row",
-    "SharedRecord",
-    "declared_magnitudes",
-    "draw",
-    "rounded",
-    "row_from_cells",
-    "run_trial",
-    "shared_record",
-]
-
-FloatArray = NDArray[np.float64]
 
 # Factors that a worker keeps, of as many settings: a sweep's trials go through its settings in turn.
 KEPT_FACTORS = 16

@@ -9,9 +9,6 @@ from ..channels import STANDARD
 from ..display_units import Shown, Units
 from ..printable import shortened
 
-__all__ = ["HEADINGS", "axis_label", "change", "counted", "instant", "interval", "noise_level", "number"]
-__all__ += ["quantity", "shortened", "with_unit"]
-
 # What a report says over a decision.
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
 # From here on two digits would be written with an exponent.

@@ -14,9 +14,6 @@ from ..report.content import ReportContent, Table
 from ..serialization import from_plain, mapping, member, to_plain
 from .record import Settings
 
-__all__ = ["ABSENT", "REPRODUCTIONS", "Entry", "find", "list_content", "reproduce_content", "reproduce_document", "run"]
-__all__ += ["summary_content"]
-
 REPRODUCE_SCHEMA = 1
 
 

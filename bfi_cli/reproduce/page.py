@@ -10,8 +10,6 @@ from typing import Any
 from ..report.content import Drawing, Panel, ReportContent, Style, Table
 from ..yaml12 import load_yaml
 
-__all__ = ["FOLDER", "Page", "drawing", "fill", "joined", "load", "percent", "report_content", "table"]
-
 FOLDER = Path(__file__).parent
 Page = Mapping[str, Any]
 

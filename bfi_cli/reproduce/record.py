@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft import find_model, manoeuvre, simulate, time_axis
 from ..dictionary import SHIPPED, Dictionary, load_dictionary
@@ -14,13 +13,9 @@ from ..errors import LogError
 from ..faults import Fault
 from ..flightlog import FlightLog, inject
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..report.content import Panel, Span, curve
 from .page import load
-
-__all__ = ["NOISE_M_S", "Settings", "airspeed_panel", "fault_starts", "records_of", "stand_in", "thesis_dictionary"]
-__all__ += ["thesis_record", "true_fault", "with_fault", "with_noise"]
-
-FloatArray = NDArray[np.float64]
 
 # White noise added to the airspeed where a page shows what noise changes; the thesis does not state that of its record.
 NOISE_M_S = 0.01

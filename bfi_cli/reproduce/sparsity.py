@@ -13,7 +13,6 @@ from itertools import product
 from time import process_time
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft import find_model, manoeuvre, simulate, time_axis
 from ..config import STRONG_EVIDENCE, Config, merge
@@ -23,6 +22,7 @@ from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify.risro import THRESHOLD
 from ..identify.supports import proposals_of, stage_runs
+from ..kernels import FloatArray
 from ..kernels.model_selection import Penalty, Proposal, refine_supports, search_orders
 from ..kernels.risro_varx import risro_varx
 from ..kernels.sparsity import SparseStage
@@ -34,9 +34,6 @@ from ..report.content import Panel, ReportContent, curve
 from .page import drawing, fill, joined, load, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, with_fault, with_noise
 
-__all__ = ["RULES", "Point", "Problem", "lasso_supports", "problem_of", "run", "sparsity"]
-
-FloatArray = NDArray[np.float64]
 Support = tuple[int, ...]
 
 # At 100 Hz lags remember so little that white noise becomes a drift; order 6 is among those that identify tries.

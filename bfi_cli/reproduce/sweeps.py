@@ -23,8 +23,6 @@ from .page import FOLDER, Page, drawing, fill, joined, load, report_content, tab
 from .reconstruction import label_of
 from .record import Settings, stand_in, thesis_record
 
-__all__ = ["Cell", "Swept", "Thin", "isolation_noise", "swept", "thesis_a", "thesis_monte_carlo"]
-
 LEAST_ERROR = 1e-16  # what a log axis shows of an error of zero
 NEARLY_ALL = 0.99  # of the trials isolated: as published, where no miss and no false alarm is seen in 100 trials
 AT_ZERO = 1e-4  # m/s, where a log axis shows the points without noise

@@ -32,9 +32,6 @@ from .reconstruction import (
 )
 from .record import Settings, airspeed_panel, fault_starts, records_of, stand_in, thesis_record, true_fault, with_fault
 
-__all__ = ["BEST", "KAPPA", "KAPPAS", "LOW", "ORDERS", "magnitude_error", "perturbed", "thesis_5_5", "thesis_5_6"]
-__all__ += ["thesis_5_7", "thesis_5_8", "thesis_5_9", "thesis_5_10", "thesis_5_11", "thesis_5_12"]
-
 Views = Mapping[str, Reconstruction]
 Told = Mapping[str, Mapping[str, object]]
 

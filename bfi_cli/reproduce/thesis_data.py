@@ -24,8 +24,6 @@ from .record import (
     with_noise,
 )
 
-__all__ = ["thesis_5_1", "thesis_5_2", "thesis_table_2_1"]
-
 
 def thesis_5_1(settings: Settings) -> ReportContent:
     """Return figure 5-1: the control input and the airspeed.

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import STRONG_EVIDENCE
 from ..faults import Fault, unit_signal
 from ..flightlog import FlightLog
 from ..identify.risro import solve
+from ..kernels import FloatArray
 from ..kernels.lagged import Compressed, compress
 from ..kernels.model_selection import Penalty, Proposal, refine_supports
 from ..kernels.risro_varx import risro_varx, sparse_varx
@@ -36,10 +36,6 @@ from .record import (
     with_fault,
 )
 from .thesis_cases import LOW
-
-__all__ = ["thesis_5_13", "thesis_5_14", "thesis_5_15", "thesis_5_16"]
-
-FloatArray = NDArray[np.float64]
 
 BIAS = Fault(shape="bias", magnitude=5.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=5.0, slope=0.05, onset_s=16.0)

@@ -11,6 +11,7 @@ import numpy as np
 from ..display_units import SI, Units
 from ..faults import fault_to_dict
 from ..kernels import FloatArray
+from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, thinned
@@ -79,7 +80,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
             "window": {**window, "why": audit.why},
             "model": None if audit.model is None else {key: getattr(audit.model, key) for key in MODEL_KEYS},
             "fastest_hz": audit.fastest_hz,
-            "rate_needed_hz": audit.rate_needed_hz,
+            "rate_needed_hz": None if audit.fastest_hz is None else SAMPLES_PER_CYCLE * audit.fastest_hz,
             "atoms": atoms,
             "rank": None if signatures is None else signatures.rank,
             "condition_number": None if signatures is None else signatures.condition_number,

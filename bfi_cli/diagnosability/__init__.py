@@ -8,14 +8,5 @@ from .assess import DiagnosabilityResult, Magnitudes, assess, magnitudes_of
 from .manoeuvres import ModelFlights, assess_manoeuvres, flights_of
 from .report import diagnosability_content, diagnosability_document
 
-__all__ = [
-    "DiagnosabilityResult",
-    "Magnitudes",
-    "ModelFlights",
-    "assess",
-    "assess_manoeuvres",
-    "diagnosability_content",
-    "diagnosability_document",
-    "flights_of",
-    "magnitudes_of",
-]
+__all__ = ["DiagnosabilityResult", "Magnitudes", "ModelFlights", "assess", "assess_manoeuvres"]
+__all__ += ["diagnosability_content", "diagnosability_document", "flights_of", "magnitudes_of"]

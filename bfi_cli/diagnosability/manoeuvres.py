@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
+from ..aircraft import find_model, flight_of
 from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
@@ -18,6 +18,7 @@ from .signatures import FaultSignatures, apart_bits, divergences, minimal_detect
 
 # Standard errors of the paired difference, about 95 % confidence; it only decides whether a note asks for more draws.
 CLEAR = 2.0
+FLOWN = ("amplitude_rad", "start_s", "step_s", "duration_s", "rate_hz", "turbulence_m_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,16 +62,9 @@ class ModelFlights:
         ------
         ConfigError : no such model, manoeuvre or output, or a number that is out of range.
         """
-        time_s = time_axis(duration_s=self.duration_s, rate_hz=self.rate_hz)
-        settings = {"amplitude_rad": self.amplitude_rad, "start_s": self.start_s, "step_s": self.step_s}
-        return simulate(
-            find_model(self.model),
-            manoeuvre(name, time_s, **settings),
-            rng=np.random.default_rng([self.seed, draw]),
-            rate_hz=self.rate_hz,
-            turbulence=Dryden(sigma_m_s=self.turbulence_m_s) if self.turbulence_m_s else None,
-            noise_sd=self.noise_sd,
-        )
+        given = {key: getattr(self, key) for key in FLOWN}
+        rng = np.random.default_rng([self.seed, draw])
+        return flight_of(find_model(self.model), name, rng=rng, noise_sd=self.noise_sd, **given)
 
 
 def flights_of(config: Config) -> ModelFlights:
@@ -83,18 +77,8 @@ def flights_of(config: Config) -> ModelFlights:
     stated = config.diagnosability
     if stated.model is None:
         raise ConfigError("diagnosability.model: names no model; give one, such as citation")
-    return ModelFlights(
-        model=stated.model,
-        manoeuvres=stated.manoeuvres,
-        noise_sd=stated.noise,
-        amplitude_rad=stated.amplitude_rad,
-        start_s=stated.start_s,
-        step_s=stated.step_s,
-        duration_s=stated.duration_s,
-        turbulence_m_s=stated.turbulence_m_s,
-        draws=stated.draws,
-        seed=config.seed,
-    )
+    given = stated.model_dump(exclude={"magnitude", "magnitudes", "at_limit", "noise"})
+    return ModelFlights(**given, noise_sd=stated.noise, seed=config.seed)
 
 
 def assess_manoeuvres(

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
+from ..aircraft import find_model, flight_of
 from ..faults import Fault
 from ..filters import recorded_signal, response_of
 from ..flightlog import FlightLog, read_log
@@ -139,15 +139,5 @@ def _shared(source: FlownModel | RecordedLog, names: tuple[tuple[tuple[str, str]
 
 
 def _flown(source: FlownModel, rng: np.random.Generator) -> FlightLog:
-    time_s = time_axis(duration_s=source.duration_s, rate_hz=source.rate_hz)
-    deflection = manoeuvre(
-        source.manoeuvre, time_s, amplitude_rad=source.amplitude_rad, start_s=source.start_s, step_s=source.step_s
-    )
-    return simulate(
-        find_model(source.model),
-        deflection,
-        rng=rng,
-        rate_hz=source.rate_hz,
-        discretisation=source.discretisation,
-        turbulence=Dryden(sigma_m_s=source.turbulence_m_s) if source.turbulence_m_s else None,
-    )
+    given = source.model_dump(exclude={"model", "manoeuvre"})
+    return flight_of(find_model(source.model), source.manoeuvre, rng=rng, **given)

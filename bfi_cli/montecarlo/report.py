@@ -12,7 +12,7 @@ from ..provenance import Provenance
 from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
 from ..report.text import counted, number
 from ..serialization import to_plain
-from .summary import Summary
+from .summary import QUANTILES, Summary
 
 Plain = Mapping[str, Any]
 
@@ -26,7 +26,6 @@ MOST_CURVES = 6
 SPREAD = 0.6
 # What is drawn of an error of 0 on a logarithmic axis: round-off.
 FLOOR = 1e-16
-QUANTILES = ("p05", "p25", "p50", "p75", "p95", "max")
 ISOLATION_CAPTION = (
     "Share of the trials whose declared faults are exactly those added, against the number of faults in the record, "
     "with 95 % Wilson intervals. Curves are drawn side by side around the whole number."
@@ -48,16 +47,10 @@ def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -
         "kind": "montecarlo",
         "schema": MONTECARLO_SCHEMA,
         "digest": digest,
-        "scenarios": [_flat(to_plain(scenario)) for scenario in summary.scenarios],
+        "scenarios": to_plain(summary.scenarios),
         "notes": list(summary.notes),
         "provenance": to_plain(provenance),
     }
-
-
-def _flat(scenario: dict[str, Any]) -> dict[str, Any]:
-    rates = ("isolation", "false_alarm", "missed_detection", "wrong_no_fault")
-    named = {f"{key}_rate" if key in rates else key: value for key, value in scenario.items()}
-    return {**named, "magnitude_error": named["magnitude_error"] or None}
 
 
 def montecarlo_content(document: Plain) -> ReportContent:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..dictionary import signals
-from ..engine import in_order
 from ..errors import ConfigError, DictionaryError
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
@@ -23,7 +22,7 @@ from ..kernels.termination import Termination
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number
 from .page import drawing, joined, load, report_content, table
-from .record import Settings, thesis_dictionary, thesis_record
+from .record import Settings, thesis_dictionary, thesis_record, trials_of
 
 # A filter and three faults, by their number in the dictionary, that nothing singles out.
 TAPS = np.array([1.0, 0.5, -0.3])
@@ -233,12 +232,7 @@ def slow_and_white(white: float, rng: np.random.Generator) -> FloatArray:
 
 
 def fir(settings: Settings) -> ReportContent:
-    """Return the example of chapter 3 on the thesis's dictionary, with sweeps over condition number and noise.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    """
+    """Return the example of chapter 3 on the thesis's dictionary, with sweeps over condition number and noise."""
     page, time_s = load("fir"), thesis_record(settings).time_s
     start_s = float(time_s[0])
     theta = signals(thesis_dictionary().resolved(start_s), time_s, ["tas"], window_start_s=start_s)[:, 0]
@@ -301,13 +295,8 @@ def _sweeps(theta: FloatArray, settings: Settings) -> tuple[list[_Point], list[_
     problems = [Problem(theta=None, white=share, noise=sd) for sd in (0.0, SWEEP_NOISE) for share in shares]
     problems += [Problem(theta=theta, white=0.0, noise=sd) for sd in noises]
     n_trials, n_shares = settings.trials_or(TRIALS, QUICK_TRIALS), len(shares)
-    trials = [(problem, (settings.seed, i, k)) for i, problem in enumerate(problems) for k in range(n_trials)]
-    done: list[list[float]] = []
-    for outcome, _ in in_order(run, trials, workers=settings.workers):
-        done.append(outcome)
-        settings.report(len(done), len(trials))
     points = []
-    for problem, outcomes in zip(problems, np.array(done).reshape(len(problems), n_trials, -1), strict=True):
+    for problem, outcomes in zip(problems, trials_of(run, problems, n_trials, settings), strict=True):
         bounds, condition = np.median(outcomes[:, -2:], axis=0).tolist()
         x = condition if problem.theta is None else problem.noise
         points.append(_Point(x=x, errors=outcomes[:, :-2], bound=bounds))

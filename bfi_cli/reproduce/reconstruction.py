@@ -223,7 +223,7 @@ def scanning(settings: Settings, shapes: Sequence[str]) -> Iterator[Config]:
     `bfi calibrate` does.
     """
     config = merge(Config(), {"conditioning.rate_hz": 10.0, "start_time.shapes": list(shapes)})
-    if shipped(settings) or "sine" in shapes:
+    if shipped(settings, shapes):
         yield config
         return
     with TemporaryDirectory() as folder:
@@ -232,9 +232,10 @@ def scanning(settings: Settings, shapes: Sequence[str]) -> Iterator[Config]:
         yield merge(config, {"start_time.calibration": str(path)})
 
 
-def shipped(settings: Settings) -> tuple[str, ...]:
-    """Return the note that the shipped threshold is taken for biases and drifts, none where it is counted anew."""
-    return (load("thesis")["shared"]["shipped"],) if settings.quick or settings.log is not None else ()
+def shipped(settings: Settings, shapes: Sequence[str]) -> tuple[str, ...]:
+    """Return the note that the shipped threshold is taken, none where it is counted anew."""
+    taken = settings.quick or settings.log is not None or "sine" in shapes
+    return (load("thesis")["shared"]["shipped"],) if taken else ()
 
 
 @lru_cache(maxsize=4)

@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import product
 from time import process_time
 
 import numpy as np
 
-from ..aircraft import find_model, manoeuvre, simulate, time_axis
+from ..aircraft import find_model, flight_of
 from ..config import STRONG_EVIDENCE, Config, merge
 from ..dictionary import Dictionary
-from ..engine import in_order
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify.risro import THRESHOLD
@@ -32,7 +30,7 @@ from ..preprocessing.regression import RegressionData, build_regression
 from ..preprocessing.window import prepare_window
 from ..report.content import Panel, ReportContent, curve
 from .page import drawing, fill, joined, load, report_content, table
-from .record import Settings, thesis_dictionary, thesis_record, with_fault, with_noise
+from .record import Settings, thesis_dictionary, thesis_record, trials_of, with_fault, with_noise
 
 Support = tuple[int, ...]
 
@@ -72,9 +70,8 @@ def _clean(n_atoms: int) -> tuple[FlightLog, Dictionary]:
     """Return the fault-free record and the dictionary of a number of atoms."""
     if n_atoms == THESIS_ATOMS:
         return thesis_record(Settings()), thesis_dictionary()
-    time_s = time_axis(duration_s=STEPS_S, rate_hz=RATE_HZ)
-    command = manoeuvre("3211", time_s)
-    log = simulate(find_model("citation"), command, rng=np.random.default_rng(0), rate_hz=RATE_HZ)
+    rng = np.random.default_rng(0)
+    log = flight_of(find_model("citation"), "3211", rng=rng, duration_s=STEPS_S, rate_hz=RATE_HZ)
     starts = np.linspace(4.0, STEPS_S - 4.0, n_atoms)
     atoms = [Fault(shape="bias", channel="tas", onset_s=round(float(one), 1), name=f"step_{one:.1f}") for one in starts]
     return log, replace(thesis_dictionary(), atoms=tuple(atoms))
@@ -232,12 +229,7 @@ def sparsity(settings: Settings) -> ReportContent:
     without = [Point(THESIS_ATOMS, QUICK_NOISES[0], False), Point(sizes[-1], STEP_NOISES[0], False)]
     points = [*on_thesis, *(point for each in on_steps.values() for point in each), *without]
     n_trials = settings.trials_or(TRIALS, QUICK_TRIALS)
-    trials = [(point, (settings.seed, i, k)) for (i, point), k in product(enumerate(points), range(n_trials))]
-    done: list[list[tuple[bool, float]]] = []
-    for outcome, _ in in_order(run, trials, workers=settings.workers):
-        done.append(outcome)
-        settings.report(len(done), len(trials))
-    every = np.array(done).reshape(len(points), n_trials, len(names), 2)
+    every = trials_of(run, points, n_trials, settings)
     counts, ms = every[..., 0].sum(axis=1).astype(int), 1e3 * np.median(every[..., 1], axis=1)
     ends = 100.0 * np.array([[wilson(int(count), n_trials) for count in row] for row in counts])
     shares = [

@@ -89,7 +89,7 @@ def test_a_fault_of_the_dictionary_is_scored_by_its_entry_and_in_its_unit(sweep:
     assert row_from_cells(row.cells()) == row
     (summary,) = summarise(made, [(row, 1.0)]).scenarios
     assert summary.onset_error_s == abs(row.onset_error_s["icing"])
-    assert summary.isolation.count == 1
+    assert summary.isolation_rate.count == 1
 
 
 def test_one_beyond_the_dictionary_is_missed_unless_an_entry_is_called_right(sweep: Callable[..., Sweep]) -> None:

@@ -57,6 +57,10 @@ class Fault:
     Times are seconds on the axis the fault was stated on (see `relative_to` of a dictionary). `channel` is "tas" where
     none is given. A fault of a pressure line has none, but for an entry of a dictionary, whose `channel` is the output
     that it is looked for in.
+
+    An entry of a dictionary whose onset is not known is a kind of fault, which is searched: `onset_range_s` are the
+    onsets that it may have, infinite where any, and `parameter_range` the frequencies, time constants or durations,
+    None where these are stated, or any is looked for. Its `onset_s` means nothing.
     """
 
     shape: Shape
@@ -73,6 +77,8 @@ class Fault:
     duration_s: float | None = None
     file: str | None = None
     cabin_altitude_m: float | None = None
+    onset_range_s: tuple[float, float] | None = None
+    parameter_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
@@ -223,6 +229,7 @@ def build_up_s(fault: Fault) -> float | None:
 def fault_to_dict(fault: Fault) -> dict[str, Any]:
     """Return the JSON object of a fault: the common keys and those of its shape, None where absent or meaningless."""
     common = {key: getattr(fault, key) for key in COMMON_KEYS}
+    common |= {} if fault.onset_range_s is None else {"onset_s": None}
     left_out = dict.fromkeys(set(COMMON_KEYS) - set(_common_keys(fault.shape)))
     return common | left_out | _parameters(fault)
 

@@ -23,7 +23,9 @@ __all__ = [
     "IN_DICTIONARY",
     "KEY_RULES",
     "OF_LINES",
+    "PARAMETERS",
     "SCANNED",
+    "SEARCHED",
     "SHAPES",
     "FaultShape",
     "Key",
@@ -404,6 +406,13 @@ IN_DICTIONARY: tuple[str, ...] = tuple(
     name for name, shape in SHAPES.items() if shape.lines is None or shape.loss is not None
 )
 SCANNED: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.is_scanned)
+# Those that a dictionary may hold as a kind of fault, without an onset: what the scan over all onsets looks for, and
+# faults of a pressure line, which relations between channels show.
+SEARCHED: tuple[str, ...] = tuple(
+    name for name in IN_DICTIONARY if (SHAPES[name].is_scanned and name != "samples") or name in OF_LINES
+)
+# The key of a kind of fault that may be an interval, or left out for any.
+PARAMETERS = ("frequency_hz", "time_constant_s", "duration_s")
 # A key means the same in every shape that has it; only its description may differ.
 KEY_RULES: Mapping[str, Rule] = {key.name: key.rule for shape in SHAPES.values() for key in shape.keys}
 

@@ -127,7 +127,7 @@ def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
     for part in _parts(model):
         described = schema if part is model else by_title[part.__name__]
         for key, description in _attribute_docstrings(part).items():
-            described["properties"][key]["description"] = description
+            described["properties"][part.model_fields[key].alias or key]["description"] = description
     text = json.dumps(schema)
     for name, part in schema["$defs"].items():
         text = text.replace(f'"{name}": {{', f'"{part["title"]}": {{').replace(f'/{name}"', f'/{part["title"]}"')
@@ -208,7 +208,7 @@ def _known_keys(model: type[BaseModel], loc: Loc) -> list[str]:
         below = [m for parent in here if part in parent.model_fields for m in _models(parent, str(part))]
         tagged = [m for m in here if "shape" in m.model_fields and part in get_args(m.model_fields["shape"].annotation)]
         here = below or tagged or here
-    return list(dict.fromkeys(key for m in here for key in m.model_fields))
+    return list(dict.fromkeys(field.alias or key for m in here for key, field in m.model_fields.items()))
 
 
 def _models(parent: type[BaseModel], key: str) -> Iterator[type[BaseModel]]:

@@ -15,7 +15,7 @@ from bfi_cli.dictionary import dead_reason, dead_sentences, json_schema, load_di
 from bfi_cli.dictionary.document import MAX_ATOMS
 from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import COMMON_KEYS, Fault, fault_from_dict, unit_signal
-from bfi_cli.shapes import IN_DICTIONARY, KEY_RULES, OF_LINES, SHAPES
+from bfi_cli.shapes import IN_DICTIONARY, KEY_RULES, OF_LINES, PARAMETERS, SEARCHED, SHAPES
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -37,7 +37,9 @@ def test_the_document_and_the_command_line_know_the_same_keys():
         title = "".join(word.capitalize() for word in shape.split("_"))
         for entry in (definitions[title], definitions[f"{title}Grid"]):
             assert set(entry["properties"]) == {*COMMON_KEYS, *(key.name for key in SHAPES[shape].keys)}
-            assert set(entry["required"]) == {"shape", *(key.name for key in SHAPES[shape].keys if key.required)}
+            may_be_searched = PARAMETERS if shape in SEARCHED else ()
+            required = {key.name for key in SHAPES[shape].keys if key.required} - {*may_be_searched}
+            assert set(entry["required"]) == {"shape", *required}
 
 
 VALUE = st.one_of(
@@ -53,7 +55,7 @@ VALUE = st.one_of(
 def test_the_document_and_the_command_line_accept_the_same_faults(shape, keys):
     atom = {"frequency_hz": 1.0, "time_constant_s": 1.0, "duration_s": 1.0}
     atom = {"shape": shape} | {key.name: atom[key.name] for key in SHAPES[shape].keys if key.name in atom} | keys
-    atom = {key: value for key, value in atom.items() if value is not None}
+    atom = {"onset_s": 0.0} | {key: value for key, value in atom.items() if value is not None}
     # The channel of an entry of a pressure line is the output that it is looked for in; a fault of one has none.
     output = {"channel": atom.pop("channel")} if shape in OF_LINES and atom.get("channel") in ("tas", "1") else {}
     try:
@@ -130,9 +132,9 @@ def test_the_grid_of_the_contract():
 @pytest.mark.parametrize(
     ("document", "expected"),
     [
-        ({"atoms": [{"shape": "bias"}, {"shape": "bias", "name": "x"}]}, ["bias_tas_0", "x"]),
-        ({"atoms": [{"shape": "bias"}, {"shape": "bias"}]}, ["bias_tas_0", "bias_tas_0_2"]),
-        ({"atoms": [{"shape": "bias"}, {"shape": "drift", "name": "bias_tas_0"}]}, ["bias_tas_0_2", "bias_tas_0"]),
+        ({"atoms": [{"shape": "bias"}, {"shape": "bias", "name": "x"}]}, ["bias_tas", "x"]),
+        ({"atoms": [{"shape": "bias"}, {"shape": "bias"}]}, ["bias_tas", "bias_tas_2"]),
+        ({"atoms": [{"shape": "bias"}, {"shape": "drift", "name": "bias_tas"}]}, ["bias_tas_2", "bias_tas"]),
         ({"channel": "cas", "atoms": [{"shape": "bias", "onset_s": 1.5}]}, ["bias_cas_1.5"]),
         ({"grids": [{"shape": "bias", "name": "leak", "onset_s": [1, 2]}]}, ["leak_tas_1", "leak_tas_2"]),
         (
@@ -151,6 +153,48 @@ def test_names(document, expected):
 
 
 @pytest.mark.parametrize(
+    ("keys", "onsets_s", "parameters"),
+    [
+        ({"shape": "bias"}, (-math.inf, math.inf), None),
+        ({"shape": "drift", "onset_s": {"from": 20, "to": 100}}, (20.0, 100.0), None),
+        ({"shape": "sine", "onset_s": {"to": 100}}, (-math.inf, 100.0), None),
+        ({"shape": "sine", "frequency_hz": {"from": 0.1, "to": 0.5}}, (-math.inf, math.inf), (0.1, 0.5)),
+        ({"shape": "lagged_bias", "time_constant_s": 2.0}, (-math.inf, math.inf), None),
+        ({"shape": "pitot_icing"}, (-math.inf, math.inf), None),
+    ],
+)
+def test_an_entry_without_a_number_for_its_onset_is_searched(keys, onsets_s, parameters):
+    document = {"atoms": [keys, {"shape": "bias", "onset_s": 3}]}
+    dictionary = load_dictionary(document)
+    assert [one.name for one in dictionary.exact.atoms] == ["bias_tas_3"]
+    (kind,) = dictionary.searched.atoms
+    assert (kind.onset_range_s, kind.parameter_range) == (onsets_s, parameters)
+    moved = load_dictionary({**document, "relative_to": "window"}).resolved(50.0)[0]
+    assert moved.onset_range_s == tuple(50.0 + end for end in onsets_s)
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({"shape": "bias", "onset_s": {"from": 9, "to": 3}}, "onset_s: to must be after from (9), got 3; swap them"),
+        ({"shape": "bias", "onset_s": {"from": 3, "until": 9}}, "onset_s.until: unknown key; known: from, to"),
+        ({"shape": "sine", "onset_s": 3}, "frequency_hz: missing; add it"),
+        ({"shape": "sine", "onset_s": 3, "frequency_hz": {"from": 1}}, "frequency_hz: must be a number, got "),
+        ({"shape": "lagged_bias", "time_constant_s": {"from": -1}}, "time_constant_s: must be greater than 0, got -1"),
+    ],
+)
+def test_kinds_of_fault_that_are_refused(keys, expected):
+    assert complaint({"atoms": [keys]}).startswith(f"d.yaml: atoms[0].{expected}")
+
+
+def test_a_shape_that_no_analysis_searches_needs_its_onset():
+    said = complaint({"atoms": [{"shape": "cosine", "frequency_hz": 1, "onset_s": {"from": 9}}]})
+    assert said.startswith("d.yaml: atoms[0]: onset_s: a cosine is not searched, give its onset; searched: bias, ")
+    said = complaint({"atoms": [{"shape": "bias", "offset_s": 9}]})
+    assert said == "d.yaml: atoms[0]: offset_s: a fault that is searched lasts; leave it out, or give its onset_s"
+
+
+@pytest.mark.parametrize(
     ("document", "expected"),
     [
         ({"atoms": [{"shape": "bias", "onset": 3}]}, "d.yaml: atoms[0].onset: unknown key; did you mean 'onset_s'?"),
@@ -165,8 +209,7 @@ def test_names(document, expected):
         ),
         (
             {"atoms": [3, {"shape": "sine", "onset_s": "a"}]},
-            "d.yaml: atoms[0]: must be a mapping of key: value, got 3 | atoms[1].onset_s: must be a number, got 'a' | "
-            "atoms[1].frequency_hz: missing; add it",
+            "d.yaml: atoms[0]: must be a mapping of key: value, got 3 | atoms[1].onset_s: must be a number, got 'a'",
         ),
         ({"atoms": [{"shape": "bias", "onset_s": True}]}, "d.yaml: atoms[0].onset_s: must be a number, got true"),
         ({"atoms": [{"shape": "bias", "name": 3}]}, "d.yaml: atoms[0].name: must be text, got 3; put it in quotes"),

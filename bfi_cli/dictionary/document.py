@@ -21,17 +21,19 @@ from pydantic import (
     Discriminator,
     Field,
     Tag,
+    ValidationError,
     ValidationInfo,
     create_model,
     model_validator,
 )
+from pydantic_core import InitErrorDetails
 
 from ..errors import DictionaryError
 from ..faults import Fault, shown
 from ..filters import recorded_signal
 from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
-from ..shapes import IN_DICTIONARY, SHAPES
+from ..shapes import IN_DICTIONARY, PARAMETERS, SEARCHED, SHAPES
 from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
@@ -78,13 +80,41 @@ class Range(Rules):
         return tuple(float(f"{self.start + i * self.step:.12g}") for i in range(count))
 
 
+class Interval(Rules):
+    """What a kind of fault may have: any number between two, where one is left out any above or below the other."""
+
+    first: Number | None = Field(None, alias="from")
+    """The least."""
+    last: Number | None = Field(None, alias="to")
+    """The largest."""
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Interval:
+        first, last = self.ends()
+        if last <= first:
+            raise ValueError(f"to must be after from ({first:g}), got {last:g}; swap them")
+        return self
+
+    def ends(self) -> tuple[float, float]:
+        """Return both ends, infinite where they are left out."""
+        return -math.inf if self.first is None else self.first, math.inf if self.last is None else self.last
+
+
 def _kind_of_numbers(value: object) -> str:
     if isinstance(value, list | tuple):
         return "<list>"
+    if isinstance(value, Interval) or (isinstance(value, dict) and {"from", "to"} & set(value)):
+        return "<interval>"
     return "<range>" if isinstance(value, dict | Range) else "<number>"
 
 
+def _kind_of_number(value: object) -> str:
+    return "<interval>" if _kind_of_numbers(value) == "<interval>" else "<number>"
+
+
 def _scalars(value: object) -> tuple[Any, ...]:
+    if isinstance(value, Interval):
+        return tuple(end for end in (value.first, value.last) if end is not None)
     if isinstance(value, Range):
         return value.values()
     return value if isinstance(value, tuple) else (value,)
@@ -121,40 +151,75 @@ Numbers = Annotated[
     | Annotated[Range, Tag("<range>")],
     Discriminator(_kind_of_numbers),
 ]
+NumberOrInterval = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[Interval, Tag("<interval>")], Discriminator(_kind_of_number)
+]
+NumbersOrInterval = Annotated[
+    Annotated[Number, Tag("<number>")]
+    | Annotated[tuple[Number, ...], Field(min_length=1), Tag("<list>")]
+    | Annotated[Range, Tag("<range>")]
+    | Annotated[Interval, Tag("<interval>")],
+    Discriminator(_kind_of_numbers),
+]
 Names = Annotated[
     Annotated[Text, Tag("<name>")] | Annotated[tuple[Text, ...], Field(min_length=1), Tag("<list>")],
     Discriminator(lambda value: "<list>" if isinstance(value, list | tuple) else "<name>"),
 ]
 N = TypeVar("N")
 C = TypeVar("C")
+F = TypeVar("F")
 
 
-class _Entry(Rules, Generic[N, C]):
+class _Entry(Rules, Generic[N, C, F]):
     name: Text | None = None
     """What results call it; default shape_channel_onset. In a grid, what replaces the shape in that."""
     channel: C | None = None
     """The faulty channel; default the dictionary's `channel`. Of a pressure line, the output to look for it in."""
     magnitude: N | None = None
     """The multiplier; for `bfi inject`, an analysis estimates it."""
-    onset_s: N | None = None
-    """When it starts, s; default 0. See `relative_to`."""
+    onset_s: F | None = None
+    """When it starts, s, or between which times ({from, to}); left out, at any time. See `relative_to`."""
     offset_s: N | None = None
     """When it ends, s; default never."""
 
     @model_validator(mode="after")
-    def _ends_after_start(self) -> _Entry[N, C]:
+    def _ends_after_start(self) -> _Entry[N, C, F]:
         onset, offset = self.onset_s or 0.0, self.offset_s
         if isinstance(onset, float | int) and isinstance(offset, float | int) and offset <= onset:
             raise ValueError(f"offset_s must be after onset_s ({onset:g} s), got {offset:g} s")
         return self
 
 
-def _entry_of(name: str, number: Any, names: Any, suffix: str) -> type[Rules]:
+def _is_searched(shape: str, onset_s: object) -> bool:
+    """Say whether an entry with such an onset is a kind of fault, which is searched."""
+    return isinstance(onset_s, Interval) or (onset_s is None and shape in SEARCHED)
+
+
+def _complete(entry: Any) -> Any:
+    """Refuse an entry with an onset that lacks a key of its shape, and one that no analysis searches."""
+    if isinstance(entry.onset_s, Interval) and entry.shape not in SEARCHED:
+        raise ValueError(f"onset_s: a {entry.shape} is not searched, give its onset; searched: {', '.join(SEARCHED)}")
+    searched = _is_searched(entry.shape, entry.onset_s)
+    if searched and entry.offset_s is not None:
+        raise ValueError("offset_s: a fault that is searched lasts; leave it out, or give its onset_s")
+    complaints: list[InitErrorDetails] = []
+    for key in SHAPES[entry.shape].keys:
+        value = getattr(entry, key.name)
+        if not searched and key.required and value is None:
+            complaints.append({"type": "missing", "loc": (key.name,), "input": {}})
+        elif not searched and isinstance(value, Interval):
+            complaints.append({"type": "float_type", "loc": (key.name,), "input": value.model_dump(by_alias=True)})
+    if complaints:
+        raise ValidationError.from_exception_data("entry", complaints)
+    return entry
+
+
+def _entry_of(name: str, numbers: Any, numbers_or_interval: Any, names: Any, suffix: str) -> type[Rules]:
     """Return the model of the entries of one shape; the JSON schema calls it LaggedBias, in grids LaggedBiasGrid."""
     values = {
-        "number": number,
-        "positive": Annotated[number, AfterValidator(_positive)],
-        "nonzero": Annotated[number, AfterValidator(_nonzero)],
+        "number": numbers,
+        "positive": Annotated[numbers, AfterValidator(_positive)],
+        "nonzero": Annotated[numbers, AfterValidator(_nonzero)],
         "reference": Literal["onset", "window"],
         "file": Annotated[Text, AfterValidator(_existing)],
     }
@@ -162,6 +227,8 @@ def _entry_of(name: str, number: Any, names: Any, suffix: str) -> type[Rules]:
     for key in sorted(SHAPES[name].keys, key=lambda key: not key.required):
         value = values[key.rule]
         kind, default = (value, ...) if key.required else (value | None, None)
+        if key.name in PARAMETERS and name in SEARCHED:
+            kind, default = Annotated[numbers_or_interval, AfterValidator(_positive)] | None, None
         fields[key.name] = (kind, Field(default, description=key.description))
     if not SHAPES[name].has_magnitude and SHAPES[name].lines is not None:
         whole = Annotated[None, BeforeValidator(_no_magnitude)]
@@ -170,17 +237,19 @@ def _entry_of(name: str, number: Any, names: Any, suffix: str) -> type[Rules]:
     # Messages and the schema list the keys in this order: an oscillation's own first.
     fields = fields | shape if SHAPES[name].kind == "oscillating" else shape | fields
     title = "".join(word.capitalize() for word in name.split("_")) + suffix
-    made = create_model(title, __base__=_Entry[number, names], __module__=__name__, **fields)
+    complete: dict[str, Any] = {"complete": model_validator(mode="after")(_complete)}
+    base = _Entry[numbers, names, numbers_or_interval]
+    made = create_model(title, __base__=base, __module__=__name__, __validators__=complete, **fields)
     globals()[title] = made  # where pickle looks for it, when a configuration goes to another process
     return cast("type[Rules]", made)
 
 
 if TYPE_CHECKING:
-    AtomEntry = _Entry[Number, Text]
-    GridEntry = _Entry[Numbers, Names]
+    AtomEntry = _Entry[Number, Text, NumberOrInterval]
+    GridEntry = _Entry[Numbers, Names, NumbersOrInterval]
 else:
-    ATOMS = reduce(or_, (_entry_of(name, Number, Text, "") for name in IN_DICTIONARY))
-    GRIDS = reduce(or_, (_entry_of(name, Numbers, Names, "Grid") for name in IN_DICTIONARY))
+    ATOMS = reduce(or_, (_entry_of(name, Number, NumberOrInterval, Text, "") for name in IN_DICTIONARY))
+    GRIDS = reduce(or_, (_entry_of(name, Numbers, NumbersOrInterval, Names, "Grid") for name in IN_DICTIONARY))
     AtomEntry = Annotated[ATOMS, Discriminator("shape")]
     GridEntry = Annotated[GRIDS, Discriminator("shape")]
 
@@ -264,13 +333,18 @@ def _faults(entry: Any, channel: str, taken: set[str], *, is_grid: bool) -> Iter
     axes = _axes(entry)
     fixed = {key: getattr(entry, key) for key in type(entry).model_fields if key not in axes}
     given = {"channel": channel, "onset_s": 0.0} | {key: value for key, value in fixed.items() if value is not None}
+    if searched := _is_searched(entry.shape, entry.onset_s):
+        given |= {"onset_s": 0.0, "onset_range_s": (entry.onset_s or Interval()).ends()}
+        for key in [key for key in PARAMETERS if isinstance(given.get(key), Interval)]:
+            given["parameter_range"] = given.pop(key).ends()
     longer = [key for key, values in axes.items() if len(values) > 1 and key not in ("channel", "onset_s")]
     for combination in itertools.product(*axes.values()):
         fault = given | dict(zip(axes, combination, strict=True))
         if fault.get("offset_s", math.inf) <= fault["onset_s"]:
             continue
         if is_grid or "name" not in given:
-            stem = f"{fault.get('name', fault['shape'])}_{fault['channel']}_{fault['onset_s']:.12g}"
+            stem = f"{fault.get('name', fault['shape'])}_{fault['channel']}"
+            stem += "" if searched else f"_{fault['onset_s']:.12g}"
             stem += "".join(f"_{key}_{fault[key]:.12g}" for key in longer)
             numbered = (f"{stem}_{i}" for i in itertools.count(2))
             fault["name"] = next(name for name in itertools.chain([stem], numbered) if name not in taken)
@@ -295,6 +369,16 @@ class Dictionary:
     sha256: str
     path: str
 
+    @property
+    def exact(self) -> Dictionary:
+        """The entries whose onsets are stated."""
+        return replace(self, atoms=tuple(one for one in self.atoms if one.onset_range_s is None))
+
+    @property
+    def searched(self) -> Dictionary:
+        """The kinds of fault, whose onsets are not known."""
+        return replace(self, atoms=tuple(one for one in self.atoms if one.onset_range_s is not None))
+
     def resolved(self, window_start_s: float) -> tuple[Fault, ...]:
         """Return the atoms with onset and offset on the log's time axis."""
         if self.relative_to == "log":
@@ -302,7 +386,10 @@ class Dictionary:
         start_s = window_start_s
         return tuple(
             replace(
-                one, onset_s=one.onset_s + start_s, offset_s=None if one.offset_s is None else one.offset_s + start_s
+                one,
+                onset_s=one.onset_s + start_s,
+                offset_s=None if one.offset_s is None else one.offset_s + start_s,
+                onset_range_s=one.onset_range_s and (one.onset_range_s[0] + start_s, one.onset_range_s[1] + start_s),
             )
             for one in self.atoms
         )

@@ -122,13 +122,11 @@ def run_trial(trial: Trial) -> Row:
     """Return the row of a trial; it depends on the trial alone. A trial that fails is a row that says why."""
     faults, gusts, noise, onsets = np.random.default_rng(trial.seed).spawn(4)
     truth, injected = draw(trial, faults), trial.scenario.setting.injected
-    moved_s = 0.0
     if injected is not None:
-        moved_s = injected.onset_spread_s * float(onsets.uniform(-1.0, 1.0))
         truth[trial.scenario.setting.injected_name] = size_of(injected.fault())
     row = Row(scenario=trial.scenario.name, trial=trial.number, seed=trial.seed, truth=truth)
     try:
-        return _identify(row, trial, (gusts, noise), moved_s)
+        return _identify(row, trial, (gusts, noise, onsets))
     except BfiError as error:
         why = str(error)
     except Exception as error:
@@ -145,16 +143,11 @@ def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
     return {_name(atoms[j]): size_of(replace(atoms[j], magnitude=float(z))) for j, z in zip(active, sizes, strict=True)}
 
 
-def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator], moved_s: float) -> Row:
-    """Return the row with the answer beside the truth.
-
-    Parameters
-    ----------
-    moved_s : by how much later than stated the injected fault begins.
-    """
+def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) -> Row:
+    """Return the row with the answer beside the truth; the streams are of gusts, noise and onsets."""
     setting, truth = trial.scenario.setting, row.truth
     record = record_of(setting, streams[0])
-    drawn, injected = faults_of(record, setting, truth, moved_s)
+    drawn, injected = faults_of(record, setting, truth, streams[2])
     own, right = setting.injected_name, setting.right
     added = {_name(fault): fault for fault in drawn} | ({} if injected is None else {own: injected})
     log = faulty(record, setting, list(added.values()), streams[1])
@@ -272,7 +265,9 @@ def shared_record(setting: Setting) -> SharedRecord | None:
     asked = published and config.conditioning.rate_hz == "none" and config.model.order != "auto"
     silent = all(sd == 0.0 for _, sd in setting.noise)
     # A fault that depends on what the log shows is not one column of the factor in the clean and in the faulty record.
-    added = setting.injected is None and all(atom.shape in ADDITIVE for atom in setting.dictionary.atoms)
+    added = setting.injected is None and all(
+        atom.shape in ADDITIVE and atom.onset_range_s is None for atom in setting.dictionary.atoms
+    )
     if not (asked and silent and added and is_shared(setting) and len(config.outputs) == 1):
         return None
     try:

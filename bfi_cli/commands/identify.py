@@ -55,9 +55,9 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     inputs = inputs_of(config, log, dictionary=dictionary)
     with stage("reading the log", wanted=options["progress"]):
         # What is imported here takes as long as a short log.
+        from ..analysis import identify
         from ..files import check_folder
         from ..identify.document import identify_document
-        from ..identify.from_scan import identify_and_scan, identify_from_scan
         from ..identify.report import DRAWINGS, TABLES, identify_content
         from ..provenance import provenance
         from ..report.files import content_names
@@ -69,10 +69,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     if dictionary is not None:  # its entries may act on the output, which is known now
         dictionary = config.load_dictionary(allow_outside=options["allow_outside"])
     with stages(wanted=options["progress"]) as progress:
-        if dictionary is None:
-            result, dictionary = identify_from_scan(flight, config, progress)
-        else:
-            result = identify_and_scan(flight, dictionary, config, progress)
+        result, dictionary = identify(flight, dictionary, config, progress)
     result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(
         log_sha256=flight.sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed

@@ -43,8 +43,9 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
     inputs = inputs_of(config, log)
     with stage("reading the log", wanted=options["progress"]):
         # What is imported here takes as long as a short log.
+        from ..analysis import start_time
         from ..files import check_folder
-        from ..onset import find_onset, onset_content, onset_document
+        from ..onset import onset_content, onset_document
         from ..provenance import provenance
         from ..report.files import content_names
 
@@ -53,7 +54,7 @@ def command(context: click.Context, /, log: str, config_path: str | None, **opti
         flight = log_of(log, config)
     config, notes = settled(flight, config)
     with stages(wanted=options["progress"]) as progress:
-        result = find_onset(flight, config, progress)
+        result = start_time(flight, config, progress)
     result = replace(result, notes=(*notes, *result.notes))
     origin = provenance(log_sha256=flight.sha256, config_sha256=config.sha256, seed=config.seed)
     document = onset_document(result, origin)

@@ -17,6 +17,7 @@ from typing import Literal, get_args
 from ..channels import LARGEST_ERROR
 from ..display_units import SI, Units
 from ..faults import Fault, build_up_s
+from ..kernels.normal import TWO_SIDED_95
 from ..shapes import SHAPES, Kind
 
 State = Literal["declared", "suspected", "excluded", "not_seen"]
@@ -46,6 +47,7 @@ class Candidate:
     effect : largest error that this magnitude makes on the channel within the window; tolerance : of the channel.
     onset_s : of an entry of a dictionary, on the log's axis; None where all onsets were looked at.
     note : why it is left out, suspected or not seen.
+    onsets_checked : (from, to), s, of the onsets that were searched; empty for an entry with a stated onset.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Candidate:
     note: str | None = None
     physical_scale: float | None = None
     physical_unit: str | None = None
+    onsets_checked: tuple[tuple[float, float], ...] = ()
 
     @property
     def limit(self) -> float | None:
@@ -101,6 +104,21 @@ def state_of(*, declared: bool, suspected: bool, effect: float | None, tolerance
     if effect is None or tolerance is None or not effect <= tolerance:
         return "not_seen"
     return "excluded"
+
+
+def beyond_tolerance(effect: float, magnitude: float, sd: float, tolerance: float | None) -> bool | None:
+    """Return whether the error of a fault surely exceeds, or surely keeps within, a tolerance; None where neither.
+
+    Parameters
+    ----------
+    effect : the largest error by a fault of this magnitude, whose 95 % interval decides.
+    """
+    if tolerance is None or not magnitude or not math.isfinite(sd):
+        return None
+    spread = TWO_SIDED_95 * sd / abs(magnitude)
+    if effect * (1.0 + spread) <= tolerance:
+        return False
+    return True if effect * (1.0 - spread) > tolerance else None
 
 
 def shown_limit(one: Candidate, units: Units = SI) -> str | None:

@@ -7,6 +7,7 @@ bound both statements hold at the level of all, however the sources depend on ea
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -42,7 +43,7 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     """Return what the evidence of all sources says together.
 
     1. A fault that a source declares is declared, unless another source excludes its error on the channel: then it is
-       suspected. What two sources declare of one channel at one time is one fault, named by the first.
+       suspected. What two sources declare of one channel at one time is one fault, named by the one with more evidence.
     2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
     3. The verdicts on the kinds, and the sentence that says them.
 
@@ -54,12 +55,21 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     faults: list[FaultEstimate] = []
     candidates: list[Candidate] = []
     notes: list[str] = []
+    refuted: dict[int, str] = {}
     for one in evidence:
         others = [other for other in evidence if other is not one]
-        refuted = {id(fault): by for fault in one.faults if (by := _excluded_by(fault, others)) is not None}
-        told = [fault for fault in one.faults if id(fault) not in refuted and not _told(fault, faults)]
-        faults += [replace(fault, source=one.source) for fault in told]
-        notes += [_disagreement(fault, one.source, refuted[id(fault)]) for fault in one.faults if id(fault) in refuted]
+        for fault in one.faults:
+            if (by := _excluded_by(fault, others)) is not None:
+                refuted[id(fault)] = _disagreement(fault, one.source, by)
+    notes += refuted.values()
+    declared = [
+        replace(fault, source=one.source) for one in evidence for fault in one.faults if id(fault) not in refuted
+    ]
+    for fault in sorted(declared, key=lambda one: -math.inf if one.statistic is None else -one.statistic):
+        if not _told(fault, faults):
+            faults.append(fault)
+    faults.sort(key=lambda one: declared.index(one))
+    for one in evidence:
         suspected = {(fault.fault.shape, fault.fault.channel) for fault in one.faults if id(fault) in refuted}
         for candidate in one.candidates:
             if candidate.state == "declared" and (candidate.shape, candidate.channel) in suspected:
@@ -78,14 +88,19 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
 
 
 def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> bool:
-    """Say whether a fault is already declared: on its channel, at an onset that both admit."""
+    """Say whether a fault is already declared: on its channel, at an onset that both admit, or both being slow."""
 
     def span(one: FaultEstimate) -> tuple[float, float]:
         return one.onset_ci95 or (one.fault.onset_s, one.fault.onset_s)
 
     low, high = span(fault)
     alike = (one for one in known if fault.fault.channel in (one.fault.channel, *one.among))
-    return any(span(one)[0] <= high and low <= span(one)[1] for one in alike)
+    slow = SHAPES[fault.fault.shape].kind == "slow"
+    return any(
+        (span(one)[0] <= high and low <= span(one)[1]) or (slow and SHAPES[one.fault.shape].kind == "slow")
+        for one in alike
+        if one.source != fault.source
+    )
 
 
 def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str, Candidate] | None:

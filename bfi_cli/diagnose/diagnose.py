@@ -36,11 +36,11 @@ from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
 from .short_defects import events_of_defects, notes_on_defects
-from .slow_faults import find_slow_faults
+from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import sentence_of, verdicts_of
 
-__all__ = ["diagnose_flight"]
+__all__ = ["diagnose_flight", "events_of", "lasting_faults"]
 
 FloatArray = NDArray[np.float64]
 
@@ -75,33 +75,13 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     """
     progress("phases of the flight", 0.0)
     recorded, flight = log, flight_of(log, config)
-    log, notes = flight.log, [*log.notes, *notes_on_defects(flight)]
+    log, notes = (
+        flight.log,
+        [*log.notes, *notes_on_defects(flight), *flight.held.missing_in(flight.from_s, flight.to_s)],
+    )
     with threadpool_limits(1):
-        part = (flight.from_s, flight.to_s)
-        drafts = [
-            Draft(finding=one, window=part, until_s=one.offset_s or part[1])
-            for one in flight.not_credible
-            if one.onset_s < part[1] and (one.offset_s is None or one.offset_s > part[0])
-        ]
-        drafts += [
-            Draft(
-                finding=one,
-                window=(max(one.onset_s - AROUND_HOLD_S, part[0]), min(one.onset_s + AROUND_HOLD_S, part[1])),
-                until_s=one.onset_ci95[1] + AFTER_HOLD_S,
-            )
-            for one in flight.stepped
-            if part[0] <= one.onset_s < part[1]
-        ]
-        held = _holds(flight)
-        drafts += [*held, *drafts_of_disagreements(flight, held)]
-        notes += flight.held.missing_in(*part)
-        series = relation_series(log)
-        static = find_relations(flight, series, report=partial(progress, "static relations"))
-        drafts += drafts_of_relations(flight, series, static)
-        slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
-        flight = slow.flight
-        drafts = [one for one in drafts if not _follows_from_leak(one, slow.drafts)] + list(slow.drafts)
-        notes += slow.notes
+        drafts, static, slow = lasting_faults(flight, progress)
+    flight, notes = slow.flight, [*notes, *slow.notes]
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
             "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not used"
@@ -115,8 +95,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         flight, config, static, workers, partial(progress, "steps and oscillations")
     )
     drafts += glanced
-    large, small = _by_tolerance(flight, merge_stages(*_by_tolerance(flight, drafts)))
-    lasting = [_event(flight, draft) for draft in largest_first(flight, [*as_one(large), *as_one(small)])]
+    lasting = events_of(flight, drafts)
     found = [*events_of_defects(flight), *lasting]
     events = tuple(one for one in found if one.beyond_tolerance is not False)
     deviations = tuple(one for one in found if one.beyond_tolerance is False)
@@ -156,6 +135,39 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
     )
+
+
+def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], StaticWindows, SlowFaults]:
+    """Return what sensors, pressure lines, static relations, lift and inertia show, the relations, and the scan."""
+    part = (flight.from_s, flight.to_s)
+    drafts = [
+        Draft(finding=one, window=part, until_s=one.offset_s or part[1])
+        for one in flight.not_credible
+        if one.onset_s < part[1] and (one.offset_s is None or one.offset_s > part[0])
+    ]
+    drafts += [
+        Draft(
+            finding=one,
+            window=(max(one.onset_s - AROUND_HOLD_S, part[0]), min(one.onset_s + AROUND_HOLD_S, part[1])),
+            until_s=one.onset_ci95[1] + AFTER_HOLD_S,
+        )
+        for one in flight.stepped
+        if part[0] <= one.onset_s < part[1]
+    ]
+    held = _holds(flight)
+    drafts += [*held, *drafts_of_disagreements(flight, held)]
+    series = relation_series(flight.log)
+    static = find_relations(flight, series, report=partial(progress, "static relations"))
+    drafts += drafts_of_relations(flight, series, static)
+    slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
+    drafts = [one for one in drafts if not _follows_from_leak(one, slow.drafts)]
+    return [*drafts, *slow.drafts], static, slow
+
+
+def events_of(flight: Flight, drafts: Sequence[Draft]) -> list[Event]:
+    """Return what windows and analyses found as events, the largest beside its tolerance first."""
+    large, small = _by_tolerance(flight, merge_stages(*_by_tolerance(flight, drafts)))
+    return [_event(flight, draft) for draft in largest_first(flight, [*as_one(large), *as_one(small)])]
 
 
 def _measured(recorded: FlightLog, flight: Flight, shown: Sequence[str]) -> dict[str, FloatArray]:

@@ -85,6 +85,7 @@ class Flight:
     Attributes
     ----------
     phases : of the whole flight; disagreements : airspeeds that contradict them.
+    counted : phases over whose windows the rate of false alarms is shared.
     from_s, to_s : the part that is diagnosed, s on the log's time; is_part : whether that is less than the log.
     zero_lift : angle of attack of zero lift, rad, and where it is from; None where it is free in every window.
     moved : stretches in which flaps and gear may move.
@@ -99,6 +100,7 @@ class Flight:
     log: FlightLog
     record: Record
     phases: Sequence[Phase]
+    counted: Sequence[Phase]
     disagreements: Sequence[Disagreement]
     from_s: float
     to_s: float
@@ -235,6 +237,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         log=log,
         record=record,
         phases=phases,
+        counted=phases,
         disagreements=whether_it_flies.disagreements,
         from_s=from_s,
         to_s=to_s,

@@ -22,7 +22,8 @@ from .looks import Scanned
 from .relations import StaticWindows
 from .result import Event, FlightLimit, Look
 
-__all__ = ["AIRSPEEDS", "PITOT_LINE", "Bounds", "Hidden", "bounds_of", "limits_of", "tried_out"]
+__all__ = ["AIRSPEEDS", "PITOT_LINE", "Bounds", "Hidden", "bounds_of", "hidden_slopes", "limits_of"]
+__all__ += ["tried_out"]
 
 FloatArray = NDArray[np.float64]
 
@@ -231,6 +232,12 @@ def limits_of(flight: Flight, bounds: Sequence[Bounds]) -> tuple[FlightLimit, ..
     return tuple(
         sorted(rows, key=lambda row: (row.bounds != "error", row.shape, row.fault, -row.holds_in, row.grows_on))
     )
+
+
+def hidden_slopes(one: Bounds, starts: FloatArray) -> FloatArray:
+    """Return (n_starts,) the steepest drifts that may begin unseen in the stretches from these times on."""
+    every = [_of_window(hidden, starts, one.shape)[0] for hidden in one.windows]
+    return np.asarray(np.min([*every, np.full(len(starts), np.inf)], axis=0))
 
 
 def _rows(flight: Flight, one: Bounds) -> list[FlightLimit]:

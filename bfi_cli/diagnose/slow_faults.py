@@ -266,8 +266,7 @@ def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = Non
     kept = before.scanned if before is not None and before.flight.zero_lift == flight.zero_lift else ()
     scanned = scan_flight(flight, every, kept=kept, report=report)
     scale = scale_of(flight) if before is None else before.scale
-    # The level is that of the whole flight, whatever part of it is diagnosed.
-    n_windows = {length_s: len(windows_in(flight.phases, length_s)) for length_s in LENGTHS_S}
+    n_windows = {length_s: len(windows_in(flight.counted, length_s)) for length_s in LENGTHS_S}
     rates = {length_s: rate_of(flight.false_alarm, n) for length_s, n in n_windows.items()}
     # What a healthy flight shows once in the mean is suspected.
     suspicions = {length_s: rate_of(1.0, n) for length_s, n in n_windows.items()}

@@ -24,7 +24,10 @@ GIVE = "give the result.json of bfi identify --out"
 # Series of an output that the document has beside those it is made of.
 DERIVED = ("corrected", "predicted")
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
-FAULT_KEYS = tuple(field.name for field in fields(Fault) if field.name not in ("name", "magnitude"))
+ESTIMATE_KEYS = ("onset_ci95", "statistic", "p_value", "effect", "beyond_tolerance", "among", "source")
+FAULT_KEYS = tuple(
+    field.name for field in fields(Fault) if field.name not in ("name", "magnitude", "onset_range_s", "parameter_range")
+)
 
 
 def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[str, Any]:
@@ -87,7 +90,7 @@ def _thinned(result: IdentifyResult) -> IdentifyResult:
 def _fault_entry(estimate: FaultEstimate) -> dict[str, Any]:
     plain = to_plain(estimate)
     fault = plain["fault"]
-    entry = {key: plain[key] for key in ("name", "magnitude", "unit", "sd", "ci95")}
+    entry = {key: plain[key] for key in ("name", "magnitude", "unit", "sd", "ci95", *ESTIMATE_KEYS)}
     if None in entry["ci95"]:
         entry["ci95"] = None
     entry["physical"] = {"value": plain["physical_value"], "unit": plain["physical_unit"]}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from operator import attrgetter
@@ -11,10 +12,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
-from ..decision import KINDS, decide, summarise, verdicts_of
+from ..decision import KINDS, Evidence, beyond_tolerance, conclude
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
-from ..faults import FaultEstimate, magnitude_unit, physical
+from ..faults import Decision, FaultEstimate, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..preprocessing.advice import what_would_help
@@ -30,7 +31,7 @@ from .reconstruction import against_truth, output_series, residual_summaries, tr
 from .result import IdentifyResult, ScanSummary
 from .warnings import hidden_atoms, warnings_of
 
-__all__ = ["assemble_result", "identify_faults"]
+__all__ = ["Identification", "concluded", "identification", "identify_faults"]
 
 UNANSWERABLE = (
     "the data cannot answer: in this window every fault of the dictionary that is smaller than the output's whole "
@@ -60,6 +61,67 @@ def identify_faults(
     DictionaryError : no entry of the dictionary can be seen in the window.
     ConfigError : the method does not do what is asked.
     """
+    return concluded(log, with_inputs_of(log, config), identification(log, dictionary, config, progress, given=given))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification:
+    """An identification before any conclusion.
+
+    Attributes
+    ----------
+    result : without decision, verdicts and summary.
+    converged : the solver of the answer did; fires : the method says that there is a fault, whatever is declared.
+    hides_all : every fault of the dictionary can pass for the aircraft's motion.
+    """
+
+    result: IdentifyResult
+    converged: bool
+    fires: bool
+    hides_all: bool
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the identification says of the entries of its dictionary."""
+        candidates = self.result.candidates if self.converged else ()
+        return Evidence(source="dictionary", faults=self.result.faults, candidates=candidates)
+
+
+def concluded(
+    log: FlightLog, config: Config, found: Identification, sources: Sequence[Evidence] | None = None
+) -> IdentifyResult:
+    """Return the result of an identification with the conclusion from its evidence, or from that of several sources.
+
+    Parameters
+    ----------
+    config : with the names of the inputs.
+    sources : the evidence, that of the identification among it; default it alone.
+    """
+    result = found.result
+    said = conclude([found.evidence] if sources is None else sources, config.require)
+    decision: Decision = "fault" if found.fires else said.decision
+    verdicts, unanswered = said.verdicts, list[str]()
+    if not found.converged:
+        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+        unanswered.append(f"{NOT_CONVERGED}: {result.solver.termination}")
+    elif decision == "inconclusive" and found.hides_all:
+        unanswered.append(UNANSWERABLE)
+    helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
+    return replace(
+        result,
+        decision=decision,
+        verdicts=verdicts,
+        summary=said.summary if found.converged else NOT_CONVERGED,
+        faults=said.faults if found.converged else result.faults,
+        candidates=said.candidates if found.converged else result.candidates,
+        notes=(*unanswered, *said.notes, *result.notes, *filter(None, [helps])),
+    )
+
+
+def identification(
+    log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen, *, given: bool = False
+) -> Identification:
+    """Identify the faults of a dictionary without a conclusion; see `identify_faults`."""
     method = METHODS[config.method]
     module, _, function = method.function.partition(":")
     config = with_inputs_of(log, config)
@@ -96,13 +158,13 @@ def identify_faults(
         if outcome.analysed is not None:
             outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
         outcome = with_heads(outcome, len(regression.signals.time_s))
-        return assemble_result(log, window, regression, config, outcome)
+        return _assembled(log, window, regression, config, outcome)
 
 
-def assemble_result(
+def _assembled(
     log: FlightLog, window: PreparedWindow, regression: RegressionData, config: Config, outcome: MethodResult
-) -> IdentifyResult:
-    """Return the result of an identification: estimates, candidates, series, residuals, notes and decision.
+) -> Identification:
+    """Return what a method found: estimates, candidates, series, residuals and notes.
 
     Parameters
     ----------
@@ -114,10 +176,12 @@ def assemble_result(
     magnitudes, estimates_all = outcome.magnitudes, METHODS[config.method].candidates
     hidden = hidden_atoms(window, magnitudes) if estimates_all else (False,) * len(window.live)
     sd = np.sqrt(magnitudes.variance) if outcome.converged else np.full(len(window.live), np.nan)
+    tolerances = tolerances_of(log, window.log, config.outputs, config)
     faults = []
     for n in outcome.atoms:
         fault, z, reach = window.faults[window.live[n]], float(magnitudes.value[n]), magnitudes.quantile * float(sd[n])
-        unit = window.log.channel(fault.channel).unit
+        channel = window.log.channel(fault.channel)
+        unit, effect = channel.unit, abs(z) * float(window.largest[window.live[n]])
         value, physical_unit = physical(fault, z, unit)
         estimate = FaultEstimate(
             name=window.names[window.live[n]],
@@ -128,33 +192,24 @@ def assemble_result(
             physical_unit=physical_unit,
             sd=float(sd[n]),
             ci95=(z - reach, z + reach),
+            effect=effect,
+            beyond_tolerance=beyond_tolerance(effect, z, float(sd[n]), tolerances[channel.name]),
+            among=(fault.shape,),
         )
         faults.append(estimate)
     faults += [_of_course(window, one, magnitudes.quantile) for one in outcome.free if one.declared]
-    tolerances = tolerances_of(log, window.log, config.outputs, config)
     candidates = claims_of(window, regression, outcome, config.method, tolerances)
-    verdicts = verdicts_of(candidates)
-    decision = decide(verdicts, config.require)
-    unanswered = []
-    if outcome.fires:
-        decision = "fault"
-    if not outcome.converged:
-        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
-        unanswered.append(f"{NOT_CONVERGED}: {outcome.solver.termination}")
-    elif decision == "inconclusive" and hidden and all(hidden):
-        unanswered.append(UNANSWERABLE)
-    helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
     residuals = residual_summaries(window, outcome)
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
     vaf = [
         float(100.0 * (1.0 - np.var(error) / np.var(y))) for error, y in zip(outcome.error.T, explained.T, strict=True)
     ]
     series = output_series(window, outcome, true_faults(window))
-    return IdentifyResult(
+    result = IdentifyResult(
         log=window.summary,
-        decision=decision,
-        verdicts=verdicts,
-        summary=summarise(verdicts, candidates) if outcome.converged else NOT_CONVERGED,
+        decision="inconclusive",
+        verdicts=dict.fromkeys(KINDS, "inconclusive"),
+        summary="",
         scan=ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED),
         faults=tuple(faults),
         candidates=candidates,
@@ -172,11 +227,9 @@ def assemble_result(
         vaf_output=dict(zip(config.outputs, vaf, strict=True)),
         solver=outcome.solver,
         notes=(
-            *unanswered,
             *outcome.notes,
             *warnings_of(window, outcome, series, residuals, hidden),
             *((window.recorder,) if window.recorder else ()),
-            *((helps,) if helps else ()),
         ),
         time_s=window.signals.time_s,
         inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
@@ -184,6 +237,9 @@ def assemble_result(
         outputs=series,
         residuals=residuals,
         truth=against_truth(stated, outcome, series),
+    )
+    return Identification(
+        result=result, converged=outcome.converged, fires=outcome.fires, hides_all=bool(hidden) and all(hidden)
     )
 
 

@@ -7,7 +7,7 @@ and what could have been missed is told by the scan, which looks at all of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from ..config import Config, merge
@@ -17,7 +17,8 @@ from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..preprocessing.window import must_resample
-from .detection import find_onset
+from ..shapes import Kind
+from .detection import search_onsets
 from .result import OnsetResult, ScanLimit
 
 __all__ = ["scan_beside", "why_not_scanned", "with_limit_of_scan"]
@@ -27,31 +28,37 @@ MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
 
 
 def scan_beside(
-    window: FlightLog, config: Config, faults: Sequence[Fault], progress: Progress = unseen, *, exact: bool
+    window: FlightLog,
+    config: Config,
+    entries: Sequence[Fault],
+    progress: Progress = unseen,
+    *,
+    kinds: Sequence[Fault] = (),
+    claims: Collection[Kind],
+    as_measured: FlightLog | None,
 ) -> OnsetResult | str:
-    """Scan all onsets of a window briefly, or return why not.
+    """Search all onsets of a window beside entries of a dictionary that state theirs, or return why not.
 
     The calibration is a table that fits or the nearest one: windows of the log itself would take longer than the
     analysis beside which this is done.
 
     Parameters
     ----------
-    window : of the log, less the faults that are known.
-    config : of the analysis.
-    faults : of its dictionary, on the axis of the window.
-    exact : a model explains the window to round-off, where a scan would tell no more and take long.
+    window : of the log, less the faults that are known; as_measured : the same with them, None where none is known.
+    entries : of the dictionary, on the axis of the window.
+    kinds : entries whose onsets are searched; without them every kind is.
+    claims : the kinds of fault of which limits are sought, as the dictionary has none of them.
     """
-    if (why_not := why_not_scanned(window, config, exact=exact)) is not None:
-        return why_not
     try:
-        asked = config.conditioning.rate_hz
         known = [name for name in (*config.inputs, *config.outputs) if name in window.channels]
-        must_resample(window, known, asked)
+        must_resample(window, known, config.conditioning.rate_hz)
         scanning = merge(config, {"method": "ml", "model.feedthrough": config.feedthrough})
         if config.start_time.calibration == "self":
             scan = scanning.start_time.model_copy(update={"calibration": None})
             scanning = scanning.model_copy(update={"start_time": scan})
-        return find_onset(window, scanning, progress, briefly=True, faults=faults)
+        return search_onsets(
+            window, scanning, progress, kinds=kinds, entries=entries, claims=claims, as_measured=as_measured
+        )
     except (ConfigError, LogError) as problem:
         return f"not scanned for other onsets: {problem}"
 

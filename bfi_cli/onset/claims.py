@@ -12,13 +12,13 @@ likelier it is without such a fault than with one, whatever its onset. Limits ar
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
 import numpy as np
 
-from ..decision import Candidate, kind_of, state_of
+from ..decision import KINDS, Candidate, kind_of, state_of
 from ..faults import Fault, magnitude_unit
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
@@ -28,7 +28,7 @@ from ..kernels.onset.pairs import peaks
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
 from ..preprocessing.tolerance import is_any
-from ..shapes import SHAPES, Shape
+from ..shapes import SHAPES, Kind, Shape
 from .decision import Rule
 from .estimate import Estimate, subtract_faults
 from .result import ScanLimit
@@ -130,9 +130,11 @@ def claims_of(
     estimates: Sequence[Estimate],
     rule: Rule,
     tolerances: Mapping[str, float],
+    views: Sequence[Sequence[Scan]],
     *,
     order: int,
     doubted: Mapping[tuple[Shape, int], str],
+    claims: Collection[Kind] = KINDS,
     report: Report = silent,
 ) -> tuple[Candidate, ...]:
     """Return one candidate per shape and channel, and of lags and ramps where steps are looked for.
@@ -141,24 +143,34 @@ def claims_of(
     ----------
     first : scan of the outputs as measured.
     estimates : the declared faults; rule : by which they were.
-    tolerances : by output.
+    tolerances : by output; views : see `views_of`.
     order : of the model that is left without the faults.
+    claims : kinds of fault of which limits are sought; of others there is a candidate where it stands out.
     doubted : why a shape on an output that stands out is not declared.
     report : called with the fraction that is done.
     """
     settings, log = record.settings, record.window.log
-    views = _views(record, estimates, order=order, order_as_measured=first.order)
     # A claim about steps covers lags and ramps too.
     beside = [shape for shape in BUILT_UP if shape not in settings.shapes and "bias" in settings.shapes]
     candidates = []
-    wanted = [(shape, i) for i in range(record.y.shape[1]) for shape in (*settings.shapes, *beside)]
+    wanted = [
+        (shape, i)
+        for i in range(record.y.shape[1])
+        for shape in (*settings.shapes, *beside)
+        if record.kinds.may_be(shape, i)
+    ]
     for (shape, output), of_shape in parts(report, wanted):
         channel, scale = settings.outputs[output], float(record.unit[output])
+        on_channel = f"{shape} on {channel}"
         own = [one for one in estimates if (one.form.shape, one.form.output) == (shape, output)]
         peak = None if shape in beside else _peak_of(first, shape, output)
         form = own[0].form if own else _built_up(record, shape, output)[0] if peak is None else peak.form
+        fault, unit = fault_of(form, channel, magnitude=1.0, onset_s=0.0), log.channel(channel).unit
+        kind = SHAPES[shape].kind if shape in WEIGHED else kind_of(fault, declared=bool(own))
         if own:
             said = Said(z=own[0].z, sd=own[0].sd)
+        elif kind not in claims:
+            said = Said()
         else:
             tolerance = tolerances[channel]
             of_views = [
@@ -168,16 +180,17 @@ def claims_of(
             said = _worst(of_views, tolerance / scale)
         suspicion = None if own or peak is None else _suspicion(rule, first, estimates, peak, order)
         suspicion = None if own else doubted.get((shape, output)) or suspicion or said.suspicion
-        fault, unit = fault_of(form, channel, magnitude=1.0, onset_s=0.0), log.channel(channel).unit
+        if kind not in claims and not own and suspicion is None:
+            continue
         effect = None if said.effect is None else scale * said.effect
         if effect is None or is_any(effect, log, channel):
             said, effect = replace(said, excluded=None), None
         candidates.append(
             Candidate(
-                name=shape if len(settings.outputs) == 1 else f"{shape} on {channel}",
+                name=record.kinds.names.get((shape, output), shape if len(settings.outputs) == 1 else on_channel),
                 shape=shape,
                 channel=channel,
-                kind=SHAPES[shape].kind if shape in WEIGHED else kind_of(fault, declared=bool(own)),
+                kind=kind,
                 state=state_of(
                     declared=bool(own),
                     suspected=suspicion is not None,
@@ -193,6 +206,7 @@ def claims_of(
                 tolerance=tolerances[channel],
                 channel_unit=unit,
                 note=suspicion or said.note,
+                onsets_checked=() if own else _checked(record, shape, output, order),
             )
         )
     return tuple(candidates)
@@ -222,7 +236,15 @@ def _peak_of(first: HypothesisScan, shape: str, output: int) -> Peak:
     return max(of_shape, key=lambda one: one.statistic)
 
 
-def _views(
+def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple[tuple[float, float], ...]:
+    """Return the onsets that a candidate was looked for at, (from, to), s."""
+    earliest_s, latest_s = covered_s(record, order)
+    first_s, last_s = record.kinds.onsets_of(shape, output)
+    span = (max(earliest_s, first_s), min(latest_s, last_s))
+    return (span,) if span[0] <= span[1] else ()
+
+
+def views_of(
     record: ScanRecord, estimates: Sequence[Estimate], *, order: int, order_as_measured: int
 ) -> list[tuple[Scan, ...]]:
     """Return, for every output, the record less the declared faults and, where some are on it, as it was measured.
@@ -374,14 +396,12 @@ def _likeliness(record: ScanRecord, scan: Scan, form: ShapeHypothesis, tolerance
 
 def limits_near_onsets(
     record: ScanRecord,
-    estimates: Sequence[Estimate],
     rule: Rule,
     faults: Sequence[Fault],
     tolerance_s: float,
     tolerances: Mapping[str, float],
+    views: Sequence[Sequence[Scan]],
     *,
-    order: int,
-    order_as_measured: int,
     report: Report = silent,
 ) -> tuple[ScanLimit | None, ...]:
     """Return what the scan says of faults of a dictionary, the worst of the onsets that each may have.
@@ -390,13 +410,11 @@ def limits_near_onsets(
 
     Parameters
     ----------
-    faults : of the dictionary; `estimates`, `tolerances` and `order` as in `claims_of`, `order_as_measured` that of the
-        scan of the outputs as measured.
+    faults : of the dictionary; `tolerances` and `views` as in `claims_of`.
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
     report : called with the fraction that is done.
     """
     known = dict[ShapeHypothesis, list[Limits | Likeliness | None]]()
-    views = _views(record, estimates, order=order, order_as_measured=order_as_measured)
     # An onset lies between two samples of the analysis.
     near_s = tolerance_s + 1.0 / record.settings.rate_hz
     found: list[ScanLimit | None] = []
@@ -490,6 +508,7 @@ def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
     ramps of five standard deviations were excluded that were in simulated records.
     """
     onsets = default_onsets(scan)
+    onsets = onsets[record.admits(form, onsets + record.sampling.lead)]
     if form.shape == "sine" and form.parameter is not None:
         onsets = onsets[onsets <= scan.n_samples - CYCLES_LEFT * record.sampling.rate_hz / form.parameter]
     return onsets

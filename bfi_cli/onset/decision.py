@@ -32,6 +32,7 @@ from ..kernels.progress import Progress, Report, parts, silent, unseen
 from .result import CalibrationUse
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
+from .shapes import SCANNED_AS
 
 Windows = list[tuple[float, float]]
 
@@ -107,8 +108,9 @@ class Rule:
         )
 
     def threshold(self, shape: str) -> float:
-        """Return the statistic of a shape above which it is a fault."""
-        return self.raised * self.null.threshold(shape, self.false_alarm)
+        """Return the statistic of a shape above which it is a fault; lags and ramps show as steps."""
+        counted = shape if shape in self.null.scale else SCANNED_AS.get(shape, shape)
+        return self.raised * self.null.threshold(counted, self.false_alarm)
 
 
 def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, progress: Progress = unseen) -> Rule:

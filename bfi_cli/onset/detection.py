@@ -2,32 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..config import Config
-from ..decision import decide, summarise, verdicts_of
+from ..config import Config, merge
+from ..decision import KINDS, Evidence, conclude
 from ..errors import ConfigError
-from ..faults import Fault, magnitude_unit
+from ..faults import Fault, FaultEstimate, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
-from ..kernels.progress import Progress, Report, parts, shares, unseen
+from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..preprocessing.advice import what_would_help
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
-from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets
+from ..shapes import Kind
+from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets, views_of
 from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
-from .estimate import Estimate, as_scanned, estimate, subtract_faults
+from .estimate import Estimate, estimate, subtract_faults
 from .magnitudes import measure
-from .result import OnsetFault, OnsetResult, assemble_result
-from .scan import HypothesisScan, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
+from .result import OnsetResult, assemble_result
+from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
 from .shapes import fault_of
 from .thesis import find_onset_as_published
@@ -40,6 +41,8 @@ UNMOVED = 0.1  # of a standard deviation
 # An update may raise twice the negative log-likelihood by this much per sample, so that round-off does not stop the
 # refinement; the losses that it must reject, an onset too close to the ends for another order, are far larger.
 SLACK = 1e-3
+# A kind of fault is told from another where its criterion is lower by this much, ten to one by the likelihoods.
+NOT_TOLD = 2.0 * float(np.log(10.0))
 # An input moves most where it changes by half of the most it ever does, if that is in no more than 5 % of the samples;
 # a fault is beside it within 1.5 s, the time in which an error of the model dies out. Chosen without tuning.
 MOST, RARE, BESIDE_S = 0.5, 0.05, 1.5
@@ -48,18 +51,60 @@ HARDLY_KNOWN = 0.25
 
 
 def find_onset(
+    log: FlightLog, config: Config, progress: Progress = unseen, *, beside: Sequence[Evidence] = ()
+) -> OnsetResult:
+    """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
+
+    Parameters
+    ----------
+    log : in SI units, see `bfi_cli.flightlog.read_log`.
+    config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
+        published search, one solution per onset.
+    progress : called with the name of the stage and the fraction of it that is done.
+    beside : evidence of other sources on the same window.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be used.
+    ConfigError : the calibration cannot be used, or the method does not do what is asked.
+    """
+    if config.method not in ("ml", "risro"):
+        raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
+    config = with_inputs_of(log, config)
+    if config.method == "risro":
+        with threadpool_limits(1):
+            result = find_onset_as_published(log, config, progress)
+    else:
+        result = search_onsets(log, config, progress)
+    said = conclude([result.evidence, *beside], config.require)
+    helps = None if config.method == "risro" else what_would_help(log, config, said.verdicts)
+    return replace(
+        result,
+        decision=said.decision,
+        verdicts=said.verdicts,
+        summary=said.summary,
+        faults=said.faults,
+        candidates=said.candidates,
+        notes=(*said.notes, *result.notes, *(note for one in beside for note in one.notes), *filter(None, [helps])),
+    )
+
+
+def search_onsets(
     log: FlightLog,
     config: Config,
     progress: Progress = unseen,
     *,
-    briefly: bool = False,
-    faults: Sequence[Fault] = (),
+    kinds: Sequence[Fault] = (),
+    entries: Sequence[Fault] = (),
+    claims: Collection[Kind] = KINDS,
+    as_measured: FlightLog | None = None,
 ) -> OnsetResult:
-    """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
+    """Search a window for faults by a scan over all onsets, and return the evidence without a conclusion.
 
     1. Scan the record: every shape at every onset, the order of the model chosen together with the shape.
     2. Compare the statistic that stands out most with its null distribution. While it exceeds its threshold, estimate
-       the fault at the log's own samples, re-estimate those before it, subtract all of them and scan again.
+       the fault at the log's own samples, named by the likeliest of the kinds that it may be, re-estimate those before
+       it, subtract all of them and scan again.
     3. Refine all faults jointly, each estimated with the others subtracted, until none moves.
     4. Leave each out in turn, the weakest first, and drop it where the others explain the record as well.
     5. Doubt those that do not stand out where all trusted channels of the log are inputs: they are suspected.
@@ -70,69 +115,65 @@ def find_onset(
 
     Parameters
     ----------
-    log : in SI units, see `bfi_cli.flightlog.read_log`.
-    config : see `bfi_cli.config.Config`; `start_time` holds what is special to the scan, and method `risro` is the
-        published search, one solution per onset.
-    progress : called with the name of the stage and the fraction of it that is done.
-    briefly : after step 1 the fault that stands out most is declared as the scan has it, on its grid of onsets, and
-        nothing more is sought: enough to tell whether there is one.
-    faults : of a dictionary, for which the result says how large each would have to be for the scan.
-
-    Raises
-    ------
-    LogError, ExcitationError : the log cannot be used.
-    ConfigError : the calibration cannot be used, or the method does not do what is asked.
+    kinds : entries of a dictionary whose onsets are searched, on the axis of the log; without them every kind is.
+    entries : other entries, for which the result says how large each would have to be for the scan.
+    claims : the kinds of fault of which limits are sought.
+    as_measured : the window before known faults were taken off `log`, of which nothing is excluded that it does not
+        exclude, too.
     """
-    if config.method not in ("ml", "risro"):
-        raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
     config = with_inputs_of(log, config)
     with threadpool_limits(1):
-        if config.method == "risro":
-            return find_onset_as_published(log, config, progress)
-        record = prepare_record(log, config, partial(progress, "the window"))
+        record = prepare_record(log, config, partial(progress, "the window"), entries=kinds)
+        config = merge(config, {"start_time.shapes": record.settings.shapes}) if kinds else config
         first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
         rule = rule_for(log, record, config, order=first.order, progress=progress)
-        if briefly:
-            verdicts, estimates, order = _at_a_glance(record, first, rule)
-        else:
-            verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
-            order = last.fault_free_order
-            if estimates:
-                estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
-            eliminate(record, verdicts, estimates, order, rule, progress)
+        verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
+        order = last.fault_free_order
+        if estimates:
+            estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
+        eliminate(record, verdicts, estimates, order, rule, progress)
         doubts = unconfirmed(log, record, estimates, config, order=order)
-        if not briefly:
-            kept = [i for i in range(len(estimates)) if i not in doubts]
-            sizes = measure(log, record, [estimates[i] for i in kept], config, partial(progress, "magnitudes"))
-            for i, one in zip(kept, sizes, strict=True):
-                estimates[i] = one
-                if abs(one.z) <= TWO_SIDED_95 * one.sd:
-                    doubts[i] = _may_be_nothing(record, one)
+        kept = [i for i in range(len(estimates)) if i not in doubts]
+        sizes = measure(log, record, [estimates[i] for i in kept], config, partial(progress, "magnitudes"))
+        for i, one in zip(kept, sizes, strict=True):
+            estimates[i] = one
+            if abs(one.z) <= TWO_SIDED_95 * one.sd:
+                doubts[i] = _may_be_nothing(record, one)
         doubted = {(estimates[i].form.shape, estimates[i].form.output): said for i, said in doubts.items()}
         verdicts = [one for i, one in enumerate(verdicts) if i not in doubts]
         estimates = [one for i, one in enumerate(estimates) if i not in doubts]
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
         of_limits = partial(progress, "what could not have been seen")
-        limiting, of_faults = shares(of_limits, 2, len(faults) / 8)
+        limiting, of_faults = shares(of_limits, 2, len(entries) / 8)
+        views = views_of(record, estimates, order=order, order_as_measured=first.order)
+        if as_measured is not None:
+            measured = prepare_record(as_measured, config, entries=kinds)
+            if measured.y.shape == record.y.shape:
+                for i, view in enumerate(views):
+                    # The same model of the outputs before any fault was taken off, scaled alike.
+                    y = measured.y * (measured.unit / record.unit)
+                    views[i] = (*view, scan_of(measured, y, first.order, output=i))
         candidates = claims_of(
-            record, first, estimates, rule, tolerances, order=order, doubted=doubted, report=limiting
-        )
-        of_dictionary = limits_near_onsets(
             record,
+            first,
             estimates,
             rule,
-            faults,
-            config.onset_tolerance_s,
             tolerances,
+            views,
+            doubted=doubted,
+            claims=claims,
             order=order,
-            order_as_measured=first.order,
-            report=of_faults,
+            report=limiting,
+        )
+        of_dictionary = limits_near_onsets(
+            record, rule, entries, config.onset_tolerance_s, tolerances, views, report=of_faults
         )
         of_limits(1.0)
-    by_kind = verdicts_of(candidates)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
-    result = assemble_result(record, first, estimates, p_values, order=order, series_order=first.fault_free_order)
+    result = assemble_result(
+        record, first, estimates, p_values, tolerances, order=order, series_order=first.fault_free_order
+    )
     notes = [*doubts.values(), *rule.notes]
     if rule.use.matches and verdict.p_value <= rule.null.rarest:
         n_windows = rule.use.n_windows
@@ -149,16 +190,11 @@ def find_onset(
             f"{verdict.threshold:.3g}; a table for these settings "
             "(bfi calibrate), or --calibration gaussian, may decide otherwise",
         )
-    helps = what_would_help(record.window.log, config, by_kind)
     earliest_s, latest_s = covered_s(record, order)
     notes.append(f"limits hold at 95 % for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")
-    notes += [helps] if helps else []
     return replace(
         result,
-        decision=decide(by_kind, config.require),
-        verdicts=by_kind,
         candidates=candidates,
-        summary=summarise(by_kind, candidates),
         covered_s=(earliest_s, latest_s),
         of_dictionary=of_dictionary,
         false_alarm=rule.false_alarm,
@@ -182,14 +218,6 @@ def _may_be_nothing(record: ScanRecord, fault: Estimate) -> str:
         f"{quantity(scale * fault.z, unit)} with a 95 % interval from {low:.3g} to {high:.3g}, which holds zero: it is "
         "suspected"
     )
-
-
-def _at_a_glance(record: ScanRecord, first: HypothesisScan, rule: Rule) -> tuple[list[Verdict], list[Estimate], int]:
-    """Return the fault that stands out most as the scan has it, if one does, and the order of the model."""
-    verdict = rule.verdict(first)
-    if not verdict.significant:
-        return [], [], first.fault_free_order
-    return [verdict], [as_scanned(record, verdict.significant[0])], first.order
 
 
 def detect_sequentially(
@@ -219,29 +247,51 @@ def detect_sequentially(
 
 
 def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int, report: Report) -> Estimate:
-    """Return the fault of the likeliest shape, or an oscillation that explains more once its phase has been freed.
+    """Return the fault of the likeliest kind that what stands out may be.
 
-    The scan knows only oscillations of phase 0 at their onset, so one of another phase may look less likely than a
-    step. It is preferred where its frequency is known and its gain exceeds the charge for its further parameters,
-    multiplied by the dispersion that the first shape leaves.
+    The shapes above their thresholds compete with the lags and ramps that show as steps, and with an oscillation whose
+    phase has been freed: the scan knows only oscillations of phase 0 at their onset, so that one of another phase may
+    look less likely than a step. Each is estimated at the log's own samples, with the recorder that suits it best where
+    that is uncertain. Of those with about the least criterion the simplest is named, and the others stand beside it.
     """
-    likeliest = verdict.significant[0]
-    of_steps, of_likeliest, of_sine = shares(report, 1, 2, 2)
-    biases = [peak for peak in verdict.significant if peak.form.shape == "bias"]
-    steps = [estimate(record, y, peak, order=order, report=own) for peak, own in parts(of_steps, biases)]
-    jump_s = steps[0].onset_s if steps else None
-    if likeliest.form.shape == "bias":
-        first = steps[0]
-    else:
-        first = estimate(record, y, likeliest, order=order, jump_s=jump_s, report=of_likeliest)
-    for peak in verdict.significant[1:]:
-        if peak.form.shape == "sine":
-            oscillation = estimate(record, y, peak, order=order, jump_s=jump_s, report=of_sine)
-            more = (1 + peak.n_parameters - likeliest.n_parameters) * float(np.log(len(y) - order))
-            charge = more * _dispersion(record, subtract_faults(y, first), first, order)
-            better = oscillation.frequency_is_known and oscillation.statistic > first.statistic + charge
-            return oscillation if better else first
-    return first
+    log_n = float(np.log(len(y) - order))
+    of_steps, of_rivals = shares(report, 1, 3)
+    peaks = sorted(
+        [*verdict.significant, *_rival_peaks(record, y, verdict, order)],
+        key=lambda peak: (peak.form.shape != "bias", bic_change(peak)),
+    )
+    found: list[tuple[float, Estimate]] = []
+    jump_s, dispersion = None, 1.0
+    for n, peak in enumerate(peaks):
+        own = of_steps if n == 0 else silent
+        one = estimate(record, y, peak, order=order, jump_s=jump_s, report=own)
+        if n == 0:
+            dispersion = _dispersion(record, subtract_faults(y, one), one, order)
+        if peak.form.shape == "bias" and jump_s is None:
+            jump_s = one.onset_s
+        is_last_and_alone = not found and n == len(peaks) - 1
+        nameable = record.kinds.may_be(peak.form.shape, peak.form.output) and one.frequency_is_known
+        if nameable or is_last_and_alone:
+            n_parameters = peak.n_parameters + (peak.form.shape == "sine")
+            found.append((n_parameters * log_n * dispersion - one.statistic, one))
+    of_rivals(1.0)
+    least = min(cost for cost, _ in found)
+    told = [one for cost, one in found if cost - least <= NOT_TOLD * dispersion]
+    best = min(told, key=lambda one: (one.form.parameter is not None, -one.statistic))
+    return replace(best, among=tuple(dict.fromkeys((best.form.shape, *(one.form.shape for one in told)))))
+
+
+def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> list[Peak]:
+    """Return the best lag and the best ramp on every output on which a step stands out."""
+    outputs = {peak.form.output for peak in verdict.significant if peak.form.shape == "bias"}
+    best: dict[tuple[str, int], Peak] = {}
+    for form in record.kinds.rivals:
+        if form.output in outputs:
+            peak = lasting_peak(record, scan_of(record, y, order, output=form.output), form)
+            key = (form.shape, form.output)
+            if key not in best or peak.statistic > best[key].statistic:
+                best[key] = peak
+    return list(best.values())
 
 
 def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, report: Report) -> list[Estimate]:
@@ -284,7 +334,8 @@ def reestimate(record: ScanRecord, faults: list[Estimate], i: int, order: int, r
     dispersion = _dispersion(record, subtract_faults(y, faults[i]), faults[i], order)
     scanning, measuring = shares(report, 1, 2)
     peak = scan_hypothesis(record, scan_of(record, y, order, output=form.output), form, scanning)
-    return estimate(record, y, peak, order=order, dispersion=dispersion, report=measuring)
+    again = estimate(record, y, peak, order=order, dispersion=dispersion, report=measuring)
+    return replace(again, among=faults[i].among)
 
 
 def eliminate(
@@ -324,7 +375,7 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     return likelihood.n_rows * likelihood.fit(np.zeros((*record.y.shape, 0))).log_det
 
 
-def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list[str]:
+def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], order: int) -> list[str]:
     notes = [
         f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
         f"onsets are sought from {instant(covered_s(record, order)[0])} s on; the model absorbs an earlier fault",
@@ -334,12 +385,12 @@ def _notes(record: ScanRecord, faults: Sequence[OnsetFault], order: int) -> list
     large = changes >= MOST * changes.max(axis=0, initial=0.0)
     moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
     for fault in faults:
-        low, high = fault.onset_ci95
+        low, high = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
         if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
             notes.append(
-                f"'{fault.estimate.name}' begins while the inputs move most, where an error of the model looks like a "
+                f"'{fault.name}' begins while the inputs move most, where an error of the model looks like a "
                 "fault; see whether another --rate or more --input confirm it"
             )
         if high - low > HARDLY_KNOWN * record.settings.duration_s:
-            notes.append(f"the onset of '{fault.estimate.name}' is hardly known: {instant(low)} to {instant(high)} s")
+            notes.append(f"the onset of '{fault.name}' is hardly known: {instant(low)} to {instant(high)} s")
     return notes

@@ -17,6 +17,7 @@ from ..kernels.normal import TWO_SIDED_95
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.scan import Scan, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
+from ..shapes import Shape
 from .oscillation import estimate_oscillation, oscillation_search
 from .scan import Peak, lasting_peak, scan_of
 from .scan_record import DECIMALS, Likelihood, ScanRecord
@@ -53,6 +54,7 @@ class Estimate:
     statistic : of its shape at this onset.
     frequency_is_known : False for an oscillation whose frequency the record hardly tells, so that other slow shapes
         would explain it as well.
+    among : shapes that explain the record about as well, its own first.
     """
 
     form: ShapeHypothesis
@@ -65,6 +67,7 @@ class Estimate:
     signal: FloatArray
     statistic: float
     frequency_is_known: bool = True
+    among: tuple[Shape, ...] = ()
 
 
 def as_scanned(record: ScanRecord, peak: Peak) -> Estimate:

@@ -28,6 +28,7 @@ Plain = Mapping[str, Any]
 
 SCHEMA = 2
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
+ESTIMATE_KEYS = ("statistic", "p_value", "effect", "beyond_tolerance", "among", "source")
 DECISION_KEYS = (
     "log",
     "decision",
@@ -74,14 +75,14 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
             **{key: getattr(result, key) for key in DECISION_KEYS},
             "faults": [
                 {
-                    **{key: getattr(fault.estimate.fault, key) for key in KEYS},
-                    "phase_rad": fault.estimate.fault.phase_rad if fault.estimate.fault.shape == "sine" else None,
-                    **{key: getattr(fault.estimate, key) for key in ("name", "magnitude", "unit")},
-                    "physical": {"value": fault.estimate.physical_value, "unit": fault.estimate.physical_unit},
-                    "sd": fault.estimate.sd,
-                    "ci95": _known(fault.estimate.ci95),
-                    "onset_ci95": _known(fault.onset_ci95),
-                    **{key: getattr(fault, key) for key in ("statistic", "p_value")},
+                    **{key: getattr(fault.fault, key) for key in KEYS},
+                    "phase_rad": fault.fault.phase_rad if fault.fault.shape == "sine" else None,
+                    **{key: getattr(fault, key) for key in ("name", "magnitude", "unit")},
+                    "physical": {"value": fault.physical_value, "unit": fault.physical_unit},
+                    "sd": fault.sd,
+                    "ci95": _known(fault.ci95),
+                    "onset_ci95": None if fault.onset_ci95 is None else _known(fault.onset_ci95),
+                    **{key: getattr(fault, key) for key in ESTIMATE_KEYS},
                 }
                 for fault in result.faults
             ],

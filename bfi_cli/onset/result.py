@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from ..decision import KINDS, Candidate
-from ..dictionary import Dictionary
+import numpy as np
+
+from ..decision import KINDS, Candidate, Evidence, beyond_tolerance
 from ..faults import Decision, Fault, FaultEstimate, magnitude_unit, physical
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.whiteness import exceedances, robust_sd
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
-from ..report.text import instant
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
 from .scan import HypothesisScan
@@ -40,24 +40,6 @@ class CalibrationUse:
     matches: bool
     n_windows: int
     length_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OnsetFault:
-    """One declared fault; times are on the log's axis.
-
-    Attributes
-    ----------
-    estimate : its shape, times and magnitude.
-    onset_ci95 : earliest and latest onset that the likelihood profile admits.
-    statistic : that of its shape, with the other faults subtracted from the record.
-    p_value : None where no calibration fits the settings.
-    """
-
-    estimate: FaultEstimate
-    onset_ci95: tuple[float, float]
-    statistic: float
-    p_value: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,7 +127,7 @@ class OnsetResult:
     statistic: float
     threshold: float | None
     calibration: CalibrationUse | None
-    faults: tuple[OnsetFault, ...]
+    faults: tuple[FaultEstimate, ...]
     model: ModelSummary
     method: str
     profiles: tuple[ShapeProfile, ...]
@@ -153,6 +135,11 @@ class OnsetResult:
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
     notes: tuple[str, ...]
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the search says, before any conclusion."""
+        return Evidence(source="scan", faults=self.faults, candidates=self.candidates)
 
     @property
     def is_trusted(self) -> bool:
@@ -165,6 +152,7 @@ def assemble_result(
     scan: HypothesisScan,
     estimates: Sequence[Estimate],
     p_values: Sequence[float | None],
+    tolerances: Mapping[str, float],
     *,
     order: int,
     series_order: int,
@@ -174,7 +162,7 @@ def assemble_result(
     Parameters
     ----------
     scan : of the outputs as measured; its criteria over the order are shown.
-    estimates, p_values : of each fault.
+    estimates, p_values : of each fault; tolerances : by output.
     order : of the model without the faults; series_order : of that of the outputs as measured, which may hold faults.
     """
     settings, log = record.settings, record.window.log
@@ -190,6 +178,7 @@ def assemble_result(
         onset_s, offset_s = estimate.onset_s, estimate.offset_s
         fault = fault_of(estimate.form, channel, magnitude=magnitude, onset_s=onset_s, offset_s=offset_s)
         value, physical_unit = physical(fault, magnitude, unit)
+        effect = scale * float(np.abs(estimate.signal).max())
         declared = FaultEstimate(
             name=fault.name or fault.shape,
             fault=fault,
@@ -199,9 +188,14 @@ def assemble_result(
             physical_unit=physical_unit,
             sd=sd,
             ci95=(magnitude - TWO_SIDED_95 * sd, magnitude + TWO_SIDED_95 * sd),
+            onset_ci95=estimate.onset_ci95,
+            statistic=estimate.statistic,
+            p_value=p_value,
+            effect=effect,
+            beyond_tolerance=beyond_tolerance(effect, magnitude, sd, tolerances[channel]),
+            among=estimate.among,
         )
-        onset_ci95, statistic = estimate.onset_ci95, estimate.statistic
-        faults.append(OnsetFault(estimate=declared, onset_ci95=onset_ci95, statistic=statistic, p_value=p_value))
+        faults.append(declared)
     profiles = []
     for shape in dict.fromkeys(peak.form.shape for peak in scan.peaks):
         peak = scan.of(shape)
@@ -222,7 +216,7 @@ def assemble_result(
         )
     return OnsetResult(
         log=record.window.summary,
-        decision="fault",
+        decision="inconclusive",
         verdicts=dict.fromkeys(KINDS, "inconclusive"),
         candidates=(),
         summary="",
@@ -262,24 +256,3 @@ def assemble_result(
         truth=None if log.truth is None else log.truth.faults,
         notes=(),
     )
-
-
-def propose_dictionary(result: OnsetResult) -> Dictionary:
-    """Return the declared faults; where there is none, each scanned bias, drift and sine at its best onset."""
-    atoms = [fault.estimate.fault for fault in result.faults]
-    if not atoms:
-        for profile in result.profiles:
-            if profile.shape in ("bias", "drift", "sine"):
-                onset_s = float(profile.onset_s[profile.statistic.argmax()])
-                atoms.append(
-                    Fault(
-                        shape=profile.shape,
-                        channel=profile.channel,
-                        onset_s=onset_s,
-                        frequency_hz=profile.frequency_hz,
-                        name=f"{profile.shape}_{instant(onset_s)}",
-                    )
-                )
-    if len({atom.name for atom in atoms}) < len(atoms):
-        atoms = [replace(atom, name=f"{atom.name}_{i}") for i, atom in enumerate(atoms, 1)]
-    return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path=DICTIONARY_NAME)

@@ -21,7 +21,7 @@ from ..kernels.onset.frequency import (
     screen_sine,
 )
 from ..kernels.onset.pairs import peaks, scan_ends
-from ..kernels.onset.scan import Profile, Scan, prepare_scan, scan_shape
+from ..kernels.onset.scan import Profile, Scan, default_onsets, prepare_scan, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, waveform
@@ -219,7 +219,13 @@ def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, repor
 
 def lasting_peak(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
     """Return the exact scan of a hypothesis, with its frequency where it has one, of a fault that does not end."""
-    profile = scan_shape(scan, waveform(form, record.sampling), report=report)
+    onsets = default_onsets(scan)
+    admitted = record.admits(form, onsets + record.sampling.lead)
+    if not admitted.any():  # too near an end for a claim: it neither stands out nor is excluded
+        profile = scan_shape(scan, waveform(form, record.sampling), onsets[:1], report=report)
+        profile = replace(profile, statistic=np.zeros(1))
+    else:
+        profile = scan_shape(scan, waveform(form, record.sampling), onsets[admitted], report=report)
     return Peak(form=form, profile=replace(profile, onsets=profile.onsets + record.sampling.lead), end=None)
 
 

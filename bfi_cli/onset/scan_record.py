@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
-from ..kernels import FloatArray
+from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.covariance import FitRows, Layout, unfold
 from ..kernels.lagged import compress
 from ..kernels.onset.scan import ENDING, FLOOR, STARTING
@@ -21,7 +22,7 @@ from ..kernels.progress import Report, Step, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from ..sample_file import sample_bytes
-from .shapes import Sampling, ShapeHypothesis, shape_hypotheses
+from .shapes import KindsOfFault, Sampling, ShapeHypothesis, every_kind, kinds_of_entries, shape_hypotheses
 
 # Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told
 # from a drift, and at least five samples per period.
@@ -45,7 +46,7 @@ class ScanRecord:
     orders : of the model, to choose from.
     weights : (n_samples,) of the rows, None for 1.
     floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
-    forms : hypotheses to test.
+    forms : hypotheses to test; kinds : that may be named.
     band_hz : lowest and highest frequency of an oscillation.
     settings : of the scan, as a calibration table states them.
     """
@@ -60,6 +61,7 @@ class ScanRecord:
     floor: float | None
     sampling: Sampling
     forms: tuple[ShapeHypothesis, ...]
+    kinds: KindsOfFault
     band_hz: tuple[float, float]
     settings: CalibrationSettings
 
@@ -76,6 +78,14 @@ class ScanRecord:
     def native(self, time_s: float) -> int:
         """Return the sample of the log's own rate at a time, counted from the first conditioned one."""
         return round((time_s - float(self.time_s[0])) * self.sampling.rate_hz * self.sampling.factor)
+
+    def admits(self, form: ShapeHypothesis, onsets: IntArray) -> BoolArray:
+        """Return (n_onsets,) whether faults of a hypothesis may begin at onsets, conditioned samples."""
+        first_s, last_s = self.kinds.onsets_of(form.shape, form.output)
+        at_s = float(self.time_s[0]) + onsets / self.sampling.rate_hz
+        near_s = 0.5 / self.sampling.rate_hz
+        admitted: BoolArray = (at_s >= first_s - near_s) & (at_s <= last_s + near_s)
+        return admitted
 
     def without_fault(self, y: FloatArray, order: int) -> FitRows:
         """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""
@@ -122,8 +132,14 @@ class Likelihood:
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
 
 
-def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> ScanRecord:
+def prepare_record(
+    log: FlightLog, config: Config, report: Report = silent, *, entries: Sequence[Fault] = ()
+) -> ScanRecord:
     """Return the window of a log made ready for the scan; `report` is called with the fraction that is done.
+
+    Parameters
+    ----------
+    entries : of a dictionary, whose onsets are searched, on the axis of the log; without them every kind is.
 
     Raises
     ------
@@ -131,9 +147,16 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
     ConfigError : the frequencies asked for are too high for the rate asked for.
     """
     config = with_inputs_of(log, config)
+    part = log.window(config.window.from_s, config.window.to_s)
+    duration_s = part.n_samples / part.rate_hz
+    if entries:
+        kinds = kinds_of_entries(entries, config.outputs, duration_s)
+        asked = {"shapes": kinds.detected, "samples": None, "frequency_hz": kinds.band_hz, "ends": False}
+        config = config.model_copy(update={"start_time": config.start_time.model_copy(update=asked)})
+    else:
+        kinds = every_kind(config.start_time, len(config.outputs), duration_s)
     wanted = config.start_time
     # The rate is chosen for a step amid the window and the fastest oscillation asked for.
-    part = log.window(config.window.from_s, config.window.to_s)
     channel, onset_s = config.outputs[0], float(part.time_s[part.n_samples // 2])
     atoms = [Fault(shape="bias", channel=channel, onset_s=onset_s, name="a step")]
     if wanted.frequency_hz is not None and "sine" in wanted.shapes:
@@ -178,6 +201,7 @@ def prepare_record(log: FlightLog, config: Config, report: Report = silent) -> S
             response=window.response,
         ),
         forms=shape_hypotheses(wanted, len(config.outputs), n / rate_hz),
+        kinds=kinds,
         band_hz=(min(low, high), high),
         settings=CalibrationSettings(
             rate_hz=rate_hz,

@@ -6,12 +6,14 @@ through the same filter: it starts a few conditioned samples before its onset, w
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 
 from ..config import StartTime
+from ..decision import KINDS
 from ..faults import Fault, unit_signal
 from ..kernels import FloatArray
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
@@ -19,7 +21,7 @@ from ..kernels.low_pass import IDENTITY, Response
 from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.waveform import Waveform
 from ..report.text import instant
-from ..shapes import Shape
+from ..shapes import SHAPES, Shape
 
 # A conditioned sample, and the phase of one of the log's own samples before it, see `waveform`.
 SubsampleIndex = tuple[int, int]
@@ -28,6 +30,10 @@ SubsampleIndex = tuple[int, int]
 # from the nearer. One longer than a quarter of the window cannot be told from a drift.
 CONSTANTS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 LARGEST_SHARE = 0.25  # of the window
+# A lag or a ramp stands out in the scan as the step that it becomes: it is detected as one, and named afterwards.
+SCANNED_AS: Mapping[Shape, Shape] = {"lagged_bias": "bias", "ramp_hold": "bias"}
+# An oscillation of a stated frequency is sought this near to it: the search moves by less than a hundredth of it.
+SAME_FREQUENCY = (0.98, 1.02)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,14 +86,117 @@ class ShapeHypothesis:
 
 def shape_hypotheses(wanted: StartTime, n_outputs: int, duration_s: float) -> tuple[ShapeHypothesis, ...]:
     """Return every shape on every output; time constants and durations on a grid up to a quarter of the window."""
-    grid = tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
     return tuple(
         ShapeHypothesis(
             shape=shape, output=output, parameter=parameter, file=wanted.samples if shape == "samples" else None
         )
         for output in range(n_outputs)
         for shape in wanted.shapes
-        for parameter in (grid if shape in ("lagged_bias", "ramp_hold") else (None,))
+        for parameter in (constants_s(duration_s) if shape in SCANNED_AS else (None,))
+    )
+
+
+def constants_s(duration_s: float) -> tuple[float, ...]:
+    """Return the time constants and durations to try in a window of some length."""
+    return tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KindsOfFault:
+    """The kinds of fault that a search may name, on the outputs of an analysis.
+
+    A search detects steps, drifts and oscillations; what stands out is named by the likeliest of the kinds.
+
+    Attributes
+    ----------
+    detected : shapes that are scanned over all onsets.
+    rivals : hypotheses that compete for the name of what stands out, beside those that are scanned.
+    ranges_s : by shape and output, the onsets that it may have; names : what results call it. Others are named by their
+        onset, and may have any.
+    band_hz : of oscillations, None for that of the configuration.
+    only : whether no other shape is named than those of `ranges_s`.
+    """
+
+    detected: tuple[Shape, ...]
+    rivals: tuple[ShapeHypothesis, ...] = ()
+    ranges_s: Mapping[tuple[Shape, int], tuple[float, float]] = field(default_factory=dict)
+    names: Mapping[tuple[Shape, int], str] = field(default_factory=dict)
+    band_hz: tuple[float, float] | None = None
+    only: bool = False
+
+    def may_be(self, shape: Shape, output: int) -> bool:
+        """Say whether a fault of this shape on this output may be named."""
+        return not self.only or (shape, output) in self.ranges_s
+
+    def onsets_of(self, shape: Shape, output: int) -> tuple[float, float]:
+        """Return the earliest and the latest onset, s, of faults of a shape, and of those that it is scanned for."""
+        alike = [
+            span
+            for (other, own), span in self.ranges_s.items()
+            if own == output and shape in (other, SCANNED_AS.get(other))
+        ]
+        if not alike or not self.only:
+            return -np.inf, np.inf
+        return min(first for first, _ in alike), max(last for _, last in alike)
+
+
+def every_kind(wanted: StartTime, n_outputs: int, duration_s: float) -> KindsOfFault:
+    """Return the kinds of a search without a dictionary: what the configuration asks for.
+
+    Where it asks for every kind, a step may be a lag or a ramp, too, unless it ends.
+    """
+    asks_for_all = {SHAPES[shape].kind for shape in wanted.shapes} == set(KINDS) and "bias" in wanted.shapes
+    beside = tuple(SCANNED_AS) if asks_for_all and not wanted.ends else ()
+    return KindsOfFault(
+        detected=wanted.shapes,
+        rivals=tuple(
+            ShapeHypothesis(shape=shape, output=output, parameter=parameter)
+            for output in range(n_outputs)
+            for shape in beside
+            if shape not in wanted.shapes
+            for parameter in constants_s(duration_s)
+        ),
+    )
+
+
+def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_s: float) -> KindsOfFault:
+    """Return the kinds of entries of a dictionary without an onset; other sources tell faults of pressure lines.
+
+    Parameters
+    ----------
+    entries : on the axis of the log.
+    outputs : of the analysis, which has the channels of the entries.
+    """
+    detected: list[Shape] = []
+    rivals: list[ShapeHypothesis] = []
+    ranges_s: dict[tuple[Shape, int], tuple[float, float]] = {}
+    names: dict[tuple[Shape, int], str] = {}
+    bands: list[tuple[float, float] | None] = []
+    for entry in entries:
+        shape: Shape = "sine" if entry.shape == "pitot_water" else entry.shape
+        if not SHAPES[shape].is_scanned or entry.onset_range_s is None:
+            continue
+        key = (shape, outputs.index(entry.channel))
+        first, last = ranges_s.get(key, entry.onset_range_s)
+        ranges_s[key] = (min(first, entry.onset_range_s[0]), max(last, entry.onset_range_s[1]))
+        names.setdefault(key, entry.name or entry.shape)
+        detected.append(SCANNED_AS.get(shape, shape))
+        stated = entry.frequency_hz or entry.time_constant_s or entry.duration_s
+        if shape == "sine":
+            bands.append(None if stated is None else (SAME_FREQUENCY[0] * stated, SAME_FREQUENCY[1] * stated))
+            bands[-1] = entry.parameter_range or bands[-1]
+        elif shape in SCANNED_AS:
+            low, high = entry.parameter_range or (0.0, np.inf)
+            tried = (stated,) if stated else tuple(c for c in constants_s(duration_s) if low <= c <= high) or (low,)
+            rivals += [ShapeHypothesis(shape=shape, output=key[1], parameter=one) for one in tried]
+    known = [band for band in bands if band is not None]
+    return KindsOfFault(
+        detected=tuple(dict.fromkeys(detected)),
+        rivals=tuple(rivals),
+        ranges_s=ranges_s,
+        names=names,
+        band_hz=(min(low for low, _ in known), max(high for _, high in known)) if known and None not in bands else None,
+        only=True,
     )
 
 

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ..config import Config
-from ..decision import Candidate, decide, kind_of, summarise, verdicts_of
+from ..decision import Candidate, kind_of
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..kernels.lagged import compress
@@ -23,6 +23,7 @@ from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import sparse_varx
 from ..kernels.variable_projection import project_inputs
 from ..preprocessing.rank_one import decides_by_rule, solve, stage_of
+from ..preprocessing.tolerance import tolerances_of
 from .estimate import Estimate
 from .result import OnsetResult, assemble_result
 from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
@@ -128,11 +129,14 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         notes = [STAGE_NOTE.format(kind=stage.kind, zeros=zeros, n=len(peaks) * len(onsets))]
     if left:
         notes.append(f"the published method is for steps and ramps; left out: {left}")
-    result = assemble_result(record, curve, estimates, [None] * len(estimates), order=order, series_order=order)
+    tolerances = tolerances_of(log, record.window.log, config.outputs, config)
+    result = assemble_result(
+        record, curve, estimates, [None] * len(estimates), tolerances, order=order, series_order=order
+    )
     # The published method has no interval and no test, so it excludes nothing.
     candidates = []
     for shown in result.profiles:
-        own = next((one.estimate for one in result.faults if one.estimate.fault.shape == shown.shape), None)
+        own = next((one for one in result.faults if one.fault.shape == shown.shape), None)
         fault = fault_of(form_of[shown.shape], shown.channel, magnitude=1.0, onset_s=0.0)
         best = int(np.argmax(np.abs(shown.magnitude)))
         candidates.append(
@@ -147,13 +151,9 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
                 sd=None,
             )
         )
-    verdicts = verdicts_of(candidates)
     return replace(
         result,
-        decision=decide(verdicts, config.require),
-        verdicts=verdicts,
         candidates=tuple(candidates),
-        summary=summarise(verdicts, candidates),
         false_alarm=wanted.false_alarm,
         method="thesis",
         notes=tuple(notes),

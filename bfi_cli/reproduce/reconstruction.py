@@ -14,7 +14,7 @@ import numpy as np
 from ..aircraft.catalogue import CITATION
 from ..config import Config, merge
 from ..decision.calibration import save_tables
-from ..faults import unit_signal
+from ..faults import FaultEstimate, unit_signal
 from ..flightlog import FlightLog
 from ..identify import identify_faults
 from ..identify.dmae import DmaeSettings, dmae
@@ -24,7 +24,6 @@ from ..identify.risro import THRESHOLD, solve
 from ..kernels import FloatArray
 from ..kernels.lagged import lagged
 from ..onset import find_onset, table_of_windows
-from ..onset.result import OnsetFault
 from ..preprocessing.regression import build_regression
 from ..preprocessing.window import prepare_window
 from ..provenance import provenance
@@ -192,8 +191,8 @@ def by_scan(log: FlightLog, settings: Settings, *, shapes: Sequence[str]) -> Rec
         answer = find_onset(log, config)
     fault = np.zeros(log.n_samples)
     for one in answer.faults:
-        signal = unit_signal(one.estimate.fault, log.time_s, window_start_s=float(log.time_s[0]))
-        fault += one.estimate.magnitude * signal
+        signal = unit_signal(one.fault, log.time_s, window_start_s=float(log.time_s[0]))
+        fault += one.magnitude * signal
     left = float(answer.model.noise_sd["tas"]) ** 2 / float(np.var(log.channel("tas").values))
     return Reconstruction(
         label=label_of("scan"),
@@ -206,12 +205,12 @@ def by_scan(log: FlightLog, settings: Settings, *, shapes: Sequence[str]) -> Rec
     )
 
 
-def dated(one: OnsetFault) -> str:
+def dated(one: FaultEstimate) -> str:
     """Return a fault of a scan in words: "drift of 0.25 m/s^2 from 16 s (15.99 to 16.01 s)"."""
-    fault = one.estimate.fault
+    fault = one.fault
     shape = fault.shape if fault.frequency_hz is None else f"{fault.frequency_hz:.4g} Hz {fault.shape}"
-    size = f"{number(one.estimate.magnitude, digits=3)} {one.estimate.unit}".rstrip()
-    return f"{shape} of {size} from {fault.onset_s:.5g} s ({interval(one.onset_ci95)} s)"
+    size = f"{number(one.magnitude, digits=3)} {one.unit}".rstrip()
+    return f"{shape} of {size} from {fault.onset_s:.5g} s ({interval(one.onset_ci95 or one.ci95)} s)"
 
 
 @contextmanager

@@ -76,7 +76,7 @@ class _Case:
     @property
     def shapes(self) -> set[str]:
         """The shapes of the faults that the scan declares."""
-        return {one.estimate.fault.shape for one in self.scan.faults}
+        return {one.fault.shape for one in self.scan.faults}
 
 
 def thesis_5_13(settings: Settings) -> ReportContent:

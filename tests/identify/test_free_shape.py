@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import DictionaryError
@@ -14,7 +15,6 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import Channel, frozen_array
 from bfi_cli.identify import identify_faults
-from bfi_cli.identify.from_scan import identify_and_scan
 from bfi_cli.identify.report import identify_content
 from bfi_cli.identify.result import IdentifyResult
 
@@ -154,7 +154,7 @@ def test_the_injected_fault_is_the_course_that_begins_with_it() -> None:
 
 def test_the_scan_is_not_made_beside_a_course() -> None:
     log = flown(1, 2.0 * BUMP)
-    result = identify_and_scan(log, load_dictionary({"atoms": [FREE]}), CONFIG)
+    result = identify(log, load_dictionary({"atoms": [FREE]}), CONFIG)[0]
     assert result.scan.note == "not scanned beside a fault of unknown shape"
     assert result.decision == "fault"
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogError
@@ -14,7 +15,6 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import document, identify_faults
 from bfi_cli.identify.document import identify_document, identify_from_document
-from bfi_cli.identify.from_scan import identify_and_scan
 from bfi_cli.kernels.termination import Termination
 from bfi_cli.provenance import provenance
 
@@ -191,7 +191,7 @@ def test_an_entry_near_an_end_narrows_the_claim_and_does_not_void_it(flight):
     config = merge(Config(), {"conditioning.rate_hz": 10.0, "model.order": 4})
     entries = [{"name": f"at_{s}", "shape": "bias", "onset_s": s} for s in (10, 20, 0.3, 31.5)]
     few, all_ = (load_dictionary({"channel": "tas", "atoms": entries[:n]}) for n in (2, 4))
-    narrow, wide = (identify_and_scan(flight(1), one, config) for one in (few, all_))
+    narrow, wide = (identify(flight(1), one, config)[0] for one in (few, all_))
     assert narrow.verdicts["abrupt"] == wide.verdicts["abrupt"] == "no_fault"
     assert [one.state for one in wide.candidates[:4]] == ["excluded", "excluded", None, None]
     assert {one.note for one in wide.candidates[2:4]} == {"too near an end of the window"}

@@ -9,11 +9,11 @@ import pytest
 from made_logs import made_log
 
 from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
+from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.identify import identify_faults
-from bfi_cli.identify.from_scan import identify_and_scan
 from bfi_cli.preprocessing.advice import require_one_trim
 
 
@@ -73,7 +73,7 @@ def test_a_flight_of_many_trims_is_refused_with_the_windows_to_take(thesis):
     units = {"tas": "m/s", "cas": "m/s", "altitude": "m", "elevator": "rad"}
     log = made_log(time_s, units=units, tas=speed, cas=speed, altitude=altitude, elevator=moves)
     with pytest.raises(LogError, match=r"40 min long; windows to take: .* 2 phases \(cruise, descent\)") as caught:
-        identify_and_scan(log, thesis, Config())
+        identify(log, thesis, Config())[0]
     assert "\n" not in str(caught.value)
     cruise = log.window(700.0, 1400.0)
     require_one_trim(cruise, thesis.resolved(700.0), Config())  # long, but of one trim

@@ -17,10 +17,10 @@ from trials import sized, spread
 
 from bfi_cli.config import Config
 from bfi_cli.decision.calibration import CalibrationTable, save_tables
-from bfi_cli.faults import Fault
+from bfi_cli.faults import Fault, FaultEstimate
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.onset import OnsetFault, OnsetResult, find_onset, table_of_windows
+from bfi_cli.onset import OnsetResult, find_onset, table_of_windows
 from bfi_cli.provenance import provenance
 
 SEEDS = range(int(os.environ.get("ONSET_SEEDS", sized(100, 0.06))))
@@ -42,7 +42,7 @@ class Outcome:
     """What came out; statistics are the largest of each shape, thresholds theirs. `defect` is what went wrong."""
 
     trial: Trial
-    faults: tuple[OnsetFault, ...]
+    faults: tuple[FaultEstimate, ...]
     statistics: dict[str, float]
     thresholds: dict[str, float]
     order: int
@@ -51,10 +51,10 @@ class Outcome:
     @property
     def shape(self) -> str:
         """Of the strongest fault, "none" where nothing is declared."""
-        return self.first.estimate.fault.shape if self.faults else "none"
+        return self.first.fault.shape if self.faults else "none"
 
     @property
-    def first(self) -> OnsetFault:
+    def first(self) -> FaultEstimate:
         """The fault with the largest statistic."""
         return max(self.faults, key=lambda one: one.statistic)
 
@@ -62,7 +62,7 @@ class Outcome:
     def late_s(self) -> float:
         """Onset found less the true one."""
         assert self.trial.fault is not None
-        return float(self.first.estimate.fault.onset_s - self.trial.fault.onset_s)
+        return float(self.first.fault.onset_s - self.trial.fault.onset_s)
 
     @property
     def covered(self) -> bool:
@@ -79,9 +79,9 @@ def described(outcome: Outcome) -> str:
     if outcome.defect is not None:
         return f"seed {outcome.trial.seed}: {outcome.trial.fault} -> {outcome.defect}"
     found = [
-        f"{one.estimate.fault.shape} {one.estimate.magnitude:.3g} from {one.estimate.fault.onset_s:.2f} "
-        f"({one.onset_ci95[0]:.2f} to {one.onset_ci95[1]:.2f}) until {one.estimate.fault.offset_s} "
-        f"at {one.estimate.fault.frequency_hz} Hz, statistic {one.statistic:.0f}"
+        f"{one.fault.shape} {one.magnitude:.3g} from {one.fault.onset_s:.2f} "
+        f"({one.onset_ci95[0]:.2f} to {one.onset_ci95[1]:.2f}) until {one.fault.offset_s} "
+        f"at {one.fault.frequency_hz} Hz, statistic {one.statistic:.0f}"
         for one in outcome.faults
     ]
     shapes = {shape: f"{value:.0f} of {outcome.thresholds[shape]:.0f}" for shape, value in outcome.statistics.items()}

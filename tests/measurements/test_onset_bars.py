@@ -136,7 +136,7 @@ def test_oscillations_of_unknown_frequency_start_and_end(
     outcomes = run_all(trials, manoeuvred, config)
     declared = [one for one in outcomes if one.shape == "sine"]
     right = [one for one in declared if is_located(one)]
-    errors = [abs(abs(one.first.estimate.magnitude) / MAGNITUDE - 1.0) for one in declared]
+    errors = [abs(abs(one.first.magnitude) / MAGNITUDE - 1.0) for one in declared]
     shown(f"oscillation, {calibration} table", outcomes, wrong=[one for one in outcomes if one not in right])
     print(f"  declared {len(declared)}, of these located {len(right)}, magnitude off by {np.median(errors):.1%} median")
     print(f"  more than one fault declared: {sum(len(one.faults) > 1 for one in outcomes)}")
@@ -147,7 +147,7 @@ def test_oscillations_of_unknown_frequency_start_and_end(
 
 def is_located(outcome: Outcome) -> bool:
     """Say whether the frequency is within 0.02 Hz and the start within half a period."""
-    found, truth = outcome.first.estimate.fault, outcome.trial.fault
+    found, truth = outcome.first.fault, outcome.trial.fault
     assert truth is not None
     assert truth.frequency_hz is not None
     assert found.frequency_hz is not None

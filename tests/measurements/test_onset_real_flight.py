@@ -46,7 +46,7 @@ class Case:
     def found(self) -> bool:
         """A fault of the right shape is the strongest."""
         faults = self.result.faults
-        return bool(faults) and self.fault is not None and self.strongest.estimate.fault.shape == self.fault.shape
+        return bool(faults) and self.fault is not None and self.strongest.fault.shape == self.fault.shape
 
     @property
     def strongest(self):
@@ -128,7 +128,7 @@ def show(title: str, found: dict[str, list[Case]]) -> None:
 
 def errors(right: list[Case]) -> tuple[float, float]:
     """Return median onset error in s and median relative magnitude error."""
-    pairs = [(case.fault, case.strongest.estimate) for case in right]
+    pairs = [(case.fault, case.strongest) for case in right]
     onset = [abs(one.fault.onset_s - fault.onset_s) for fault, one in pairs]
     size = [abs(abs(one.magnitude) / fault.magnitude - 1.0) for fault, one in pairs]
     return float(np.median(onset)), float(np.median(size))

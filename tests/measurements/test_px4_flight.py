@@ -95,7 +95,7 @@ def test_a_bias_is_located_with_the_default_calibration(
         assert result.calibration.n_windows >= 20
         print(f"from {from_s:.4g} s: {result.decision}, {result.statistic:.3g} of {result.threshold:.3g}")
         best = max(result.faults, key=lambda fault: fault.statistic, default=None)
-        return None if best is None else best.estimate.fault.onset_s
+        return None if best is None else best.fault.onset_s
 
     for onset_s in ONSETS_S:
         fault = Fault(shape="bias", channel="tas", magnitude=MAGNITUDE, onset_s=onset_s)

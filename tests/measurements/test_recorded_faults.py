@@ -151,13 +151,13 @@ def test_start_time_with_the_other_flights_thresholds(
                 assert result.calibration.matches
                 count.n, count.wrong = count.n + 1, count.wrong + (placed is None and result.decision == "fault")
                 best = max(result.faults, key=lambda one: one.statistic, default=None)
-                if placed is None or best is None or best.estimate.fault.shape != placed.shape:
+                if placed is None or best is None or best.fault.shape != placed.shape:
                     continue
                 count.right += 1
-                count.covered += best.estimate.ci95[0] <= placed.magnitude <= best.estimate.ci95[1]
+                count.covered += best.ci95[0] <= placed.magnitude <= best.ci95[1]
                 count.onset_covered += best.onset_ci95[0] <= onset_s <= best.onset_ci95[1]
-                onsets.append(abs(best.estimate.fault.onset_s - onset_s))
-                sizes.append(abs(best.estimate.magnitude / placed.magnitude - 1.0))
+                onsets.append(abs(best.fault.onset_s - onset_s))
+                sizes.append(abs(best.magnitude / placed.magnitude - 1.0))
     for name, count in counts.items():
         print(", ".join(inputs), name, count)
     print(f"median onset error {np.median(onsets):.2f} s, median magnitude error {np.median(sizes):.1%}")

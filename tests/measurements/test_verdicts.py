@@ -18,12 +18,12 @@ from test_recorded_faults import DICTIONARY, FLIGHTS, LENGTH_S, windows, with_fa
 from trials import sized
 from verdict_trials import counts_of, cross_calibrated, draw, flight_log, interval, resumed, run, wrong_of
 
+from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.identify import identify_faults
-from bfi_cli.identify.from_scan import identify_and_scan, identify_from_scan
 from bfi_cli.onset import find_onset
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
@@ -88,7 +88,7 @@ def test_no_fault_is_reached(logs: tuple[FlightLog, FlightLog]) -> None:
     with_dictionary, by_scan = [], []
     for log in logs:
         for part in windows(log):
-            with_dictionary.append(identify_and_scan(part, DICTIONARY, CONFIG).decision)
+            with_dictionary.append(identify(part, DICTIONARY, CONFIG)[0].decision)
             by_scan.append(find_onset(part, CONFIG).decision)
     n = len(by_scan)
     print(f"with a dictionary {Counter(with_dictionary)}, by the scan {Counter(by_scan)}")
@@ -108,9 +108,9 @@ def test_a_large_drift_is_no_fault_in_no_command(logs: tuple[FlightLog, FlightLo
             steps = load_dictionary({"relative_to": "window", "atoms": [{"shape": "bias", "onset_s": 60}]})
             results = (
                 find_onset(faulty, config),
-                identify_from_scan(faulty, config)[0],
-                identify_and_scan(faulty, DICTIONARY, config),
-                identify_and_scan(faulty, steps, config),
+                identify(faulty, None, config)[0],
+                identify(faulty, DICTIONARY, config)[0],
+                identify(faulty, steps, config)[0],
             )
             print(inputs, start_s, [(one.decision, dict(one.verdicts)) for one in results])
             for one in results:

@@ -23,6 +23,7 @@ import numpy as np
 from scipy import signal, stats
 from threadpoolctl import threadpool_limits
 
+from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.decision import BUILD_UP_S, KINDS, decide, kind_of
 from bfi_cli.decision.calibration import save_tables
@@ -33,7 +34,6 @@ from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.recorder import with_seen_recorder
-from bfi_cli.identify.from_scan import identify_and_scan, identify_from_scan
 from bfi_cli.onset import find_onset, table_of_windows
 from bfi_cli.onset.scan_record import prepare_record
 from bfi_cli.preprocessing.tolerance import tolerance_of
@@ -237,11 +237,11 @@ def run(trial: Trial, tables: Path) -> dict[str, Any]:
     log = faulty_log(trial)
     with threadpool_limits(1):
         if trial.command == "identify":
-            result: Any = identify_and_scan(log, dictionary_of(trial.to_s - trial.from_s), config)
+            result: Any = identify(log, dictionary_of(trial.to_s - trial.from_s), config)[0]
         elif trial.command == "start-time":
             result = find_onset(log, config)
         else:
-            result = identify_from_scan(log, config)[0]
+            result = identify(log, None, config)[0]
     build_up = build_up_s(trial.fault)
     return {
         "number": trial.number,

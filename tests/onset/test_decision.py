@@ -85,7 +85,7 @@ def test_the_default_calibrates_on_the_log_where_no_table_fits(log: FlightLog):
     assert use.n_windows >= FEWEST_WINDOWS
     assert use.length_s == pytest.approx(LENGTH_S, rel=0.1)
     assert result.decision == "fault"
-    assert result.faults[0].estimate.fault.onset_s == pytest.approx(210.0, abs=0.5)
+    assert result.faults[0].fault.onset_s == pytest.approx(210.0, abs=0.5)
     assert result.p_value >= 1.0 / (use.n_windows + 1)
     note = next(note for note in result.notes if note.startswith("calibrated on"))
     assert f"{use.n_windows} overlapping windows of 20 s of the log itself, on both sides" in note

@@ -28,9 +28,9 @@ FAULTS = pytest.mark.parametrize("fault", [BIAS, DRIFT], ids=lambda fault: fault
 def test_without_noise_the_fault_is_found_as_it_is(flown, settings, fault):
     result = find_onset(flown(fault, noise=0.0), settings())
     (found,) = result.faults
-    assert (result.decision, found.estimate.fault.shape) == ("fault", fault.shape)
-    assert found.estimate.fault.onset_s == pytest.approx(fault.onset_s, abs=0.02)
-    assert found.estimate.magnitude == pytest.approx(fault.magnitude, rel=5e-3)
+    assert (result.decision, found.fault.shape) == ("fault", fault.shape)
+    assert found.fault.onset_s == pytest.approx(fault.onset_s, abs=0.02)
+    assert found.magnitude == pytest.approx(fault.magnitude, rel=5e-3)
 
 
 @FAULTS
@@ -39,15 +39,15 @@ def test_with_noise_the_interval_holds_the_onset(flown, settings, fault, seed):
     result = find_onset(flown(fault, seed=seed), settings("auto"))
     (found,) = result.faults
     low, high = found.onset_ci95
-    assert found.estimate.fault.shape == fault.shape
+    assert found.fault.shape == fault.shape
     assert low <= fault.onset_s <= high
     assert high - low < 0.5
-    assert found.estimate.fault.onset_s == pytest.approx(fault.onset_s, abs=0.1)
+    assert found.fault.onset_s == pytest.approx(fault.onset_s, abs=0.1)
 
 
 def test_an_onset_between_two_samples_of_the_analysis(flown, settings):
     result = find_onset(flown(replace(BIAS, onset_s=15.04)), settings())
-    assert result.faults[0].estimate.fault.onset_s == pytest.approx(15.04, abs=0.011)
+    assert result.faults[0].fault.onset_s == pytest.approx(15.04, abs=0.011)
     assert result.log.rate_hz == 10.0
 
 
@@ -58,12 +58,12 @@ def test_units_and_offset_of_the_output_change_nothing_but_the_magnitude(flown, 
     plain, other = (find_onset(one, settings()) for one in (log, changed))
     assert other.statistic == pytest.approx(plain.statistic, rel=1e-6)
     assert other.faults[0].onset_ci95 == plain.faults[0].onset_ci95
-    assert other.faults[0].estimate.magnitude == pytest.approx(-3.0 * plain.faults[0].estimate.magnitude, rel=1e-6)
+    assert other.faults[0].magnitude == pytest.approx(-3.0 * plain.faults[0].magnitude, rel=1e-6)
 
 
 def test_the_magnitude_of_a_large_fault_scales(flown, settings):
     small, large = (find_onset(flown(replace(BIAS, magnitude=z)), settings()).faults[0] for z in (1.0, 50.0))
-    assert large.estimate.magnitude - small.estimate.magnitude == pytest.approx(49.0, abs=0.1)
+    assert large.magnitude - small.magnitude == pytest.approx(49.0, abs=0.1)
 
 
 def test_no_fault(flown, settings):
@@ -78,26 +78,26 @@ def test_no_fault(flown, settings):
 def test_an_oscillation_of_unknown_frequency(flown, settings):
     result = find_onset(flown(SINE), settings(shapes=("bias", "sine"), frequency_hz=(0.3, 1.2)))
     (found,) = result.faults
-    assert found.estimate.fault.frequency_hz == pytest.approx(0.7, abs=0.005)
-    assert found.estimate.fault.onset_s == pytest.approx(10.0, abs=0.05)
-    assert found.estimate.magnitude == pytest.approx(0.5, rel=0.02)
+    assert found.fault.frequency_hz == pytest.approx(0.7, abs=0.005)
+    assert found.fault.onset_s == pytest.approx(10.0, abs=0.05)
+    assert found.magnitude == pytest.approx(0.5, rel=0.02)
 
 
 def test_an_oscillation_that_begins_with_another_phase(flown, settings):
     phased = replace(SINE, phase_rad=1.9)
     result = find_onset(flown(phased), settings(shapes=("bias", "sine"), frequency_hz=(0.3, 1.2)))
     (found,) = result.faults
-    assert found.estimate.fault.frequency_hz == pytest.approx(0.7, abs=0.002)
-    assert found.estimate.fault.phase_rad == pytest.approx(1.9, abs=0.05)
-    assert found.estimate.fault.onset_s == pytest.approx(10.0, abs=0.011)
-    assert found.estimate.magnitude == pytest.approx(0.5, rel=0.02)
+    assert found.fault.frequency_hz == pytest.approx(0.7, abs=0.002)
+    assert found.fault.phase_rad == pytest.approx(1.9, abs=0.05)
+    assert found.fault.onset_s == pytest.approx(10.0, abs=0.011)
+    assert found.magnitude == pytest.approx(0.5, rel=0.02)
 
 
 @pytest.mark.slow
 def test_a_bias_and_an_oscillation_of_another_phase_leave_nothing(flown, settings):
     phased = replace(SINE, phase_rad=-1.2, magnitude=2.0)
     result = find_onset(flown(BIAS, phased), settings(shapes=("bias", "sine"), frequency_hz=(0.3, 1.2)))
-    found = {one.estimate.fault.shape: one.estimate.magnitude for one in result.faults}
+    found = {one.fault.shape: one.magnitude for one in result.faults}
     assert len(result.faults) == 2
     assert abs(found["sine"]) == pytest.approx(2.0, rel=0.01)
     assert found["bias"] == pytest.approx(1.0, rel=0.02)
@@ -114,8 +114,8 @@ def test_a_fault_that_begins_with_the_manoeuvre_is_said_to(flown, settings, onse
 def test_a_step_near_an_end_of_the_record_keeps_its_size(flown, settings, onset_s):
     """The order chosen without the fault may not look that close to the ends; what it finds instead is not taken."""
     (found,) = find_onset(flown(replace(BIAS, onset_s=onset_s)), settings("auto")).faults
-    assert found.estimate.fault.onset_s == pytest.approx(onset_s, abs=0.02)
-    assert found.estimate.magnitude == pytest.approx(1.0, rel=0.03)
+    assert found.fault.onset_s == pytest.approx(onset_s, abs=0.02)
+    assert found.magnitude == pytest.approx(1.0, rel=0.03)
 
 
 @pytest.mark.slow
@@ -123,18 +123,18 @@ def test_a_step_near_an_end_of_the_record_keeps_its_size(flown, settings, onset_
 def test_a_drift_that_ends_is_found_though_the_filter_smears_its_end(flown, settings, slope, start_s, stop_s):
     fault = replace(DRIFT, magnitude=slope, onset_s=start_s, offset_s=stop_s)
     found = max(find_onset(flown(fault), settings("auto", ends=True)).faults, key=lambda one: one.statistic)
-    low, high = found.estimate.ci95
+    low, high = found.ci95
     assert low <= slope <= high
     assert high - low < 0.3 * abs(slope)
     assert found.onset_ci95[0] <= start_s <= found.onset_ci95[1]
-    assert found.estimate.fault.onset_s == pytest.approx(start_s, abs=0.3)
-    assert found.estimate.fault.offset_s == pytest.approx(stop_s, abs=0.03)
+    assert found.fault.onset_s == pytest.approx(start_s, abs=0.3)
+    assert found.fault.offset_s == pytest.approx(stop_s, abs=0.03)
 
 
 def test_two_faults(flown, settings):
     later = replace(BIAS, magnitude=-2.0, onset_s=24.0)
     result = find_onset(flown(BIAS, later), settings())
-    found = {round(one.estimate.fault.onset_s, 1): one.estimate.magnitude for one in result.faults}
+    found = {round(one.fault.onset_s, 1): one.magnitude for one in result.faults}
     assert found == {15.0: pytest.approx(1.0, abs=0.05), 24.0: pytest.approx(-2.0, abs=0.05)}
 
 
@@ -184,9 +184,9 @@ def test_a_shape_no_table_has(flown, settings):
 def test_start_and_end_between_two_samples_of_the_analysis(flown, settings):
     pulse = replace(BIAS, offset_s=20.04)
     (found,) = find_onset(flown(pulse), settings(shapes=("bias",), ends=True)).faults
-    assert found.estimate.fault.onset_s == pytest.approx(15.0, abs=0.011)
-    assert found.estimate.fault.offset_s == pytest.approx(20.04, abs=0.021)
-    assert found.estimate.magnitude == pytest.approx(1.0, abs=0.05)
+    assert found.fault.onset_s == pytest.approx(15.0, abs=0.011)
+    assert found.fault.offset_s == pytest.approx(20.04, abs=0.021)
+    assert found.magnitude == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.slow
@@ -200,10 +200,10 @@ def test_a_fault_is_found_on_the_output_that_has_it(flown):
     }
     result = find_onset(flown(aoa), Config.model_validate(written))
     strongest = result.faults[0]
-    assert strongest.estimate.fault.channel == "aoa"
-    assert strongest.estimate.fault.onset_s == pytest.approx(12.0, abs=0.011)
-    assert strongest.estimate.magnitude == pytest.approx(0.02, rel=0.05)
-    assert strongest.estimate.unit == "rad"
+    assert strongest.fault.channel == "aoa"
+    assert strongest.fault.onset_s == pytest.approx(12.0, abs=0.011)
+    assert strongest.magnitude == pytest.approx(0.02, rel=0.05)
+    assert strongest.unit == "rad"
 
 
 def test_frequencies_above_what_the_rate_resolves(flown, settings):

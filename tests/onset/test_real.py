@@ -49,9 +49,9 @@ def test_a_step_stands_out_of_the_past_of_its_own_flight(flight: FlightLog, sett
     assert result.calibration.n_windows > 40
     # So clear a step that no window of the past shows its like.
     assert result.p_value == pytest.approx(1.0 / (result.calibration.n_windows + 1))
-    assert found.estimate.fault.shape == "bias"
-    assert found.estimate.fault.onset_s == pytest.approx(ONSET_S, abs=0.5)
-    assert found.estimate.magnitude == pytest.approx(3.0, rel=0.1)
+    assert found.fault.shape == "bias"
+    assert found.fault.onset_s == pytest.approx(ONSET_S, abs=0.5)
+    assert found.magnitude == pytest.approx(3.0, rel=0.1)
 
 
 def test_without_a_fault_nothing_stands_out(flight: FlightLog, settings: Callable[..., Config]):

@@ -21,8 +21,8 @@ def config(**start_time: object) -> Config:
 def test_the_peak_of_the_magnitude_is_the_step(flown):
     result = find_onset(flown(Fault(shape="bias", magnitude=2.0, onset_s=15.0)), config(shapes=("bias", "sine")))
     (found,) = result.faults
-    assert found.estimate.fault.onset_s == pytest.approx(15.0, abs=0.21)
-    assert found.estimate.magnitude == pytest.approx(2.0, rel=0.1)
+    assert found.fault.onset_s == pytest.approx(15.0, abs=0.21)
+    assert found.magnitude == pytest.approx(2.0, rel=0.1)
     assert (result.method, result.p_value, result.threshold, result.calibration) == ("thesis", None, None, None)
     assert any("left out: sine" in note for note in result.notes)
     document = onset_document(result, provenance(log_sha256=""))["faults"][0]

@@ -1,0 +1,302 @@
+"""The analyses of a window: every source gives its evidence, and one conclusion is made of it.
+
+The sources are the entries of a dictionary at the onsets that they state, the search over all onsets for the kinds of
+fault whose onsets are not known, and what relations between channels, pressure lines, lift and inertia say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+
+from .config import Config, merge
+from .decision import KINDS, UNTESTED, Evidence, decide, verdicts_of
+from .diagnose.evidence import SHARE, physics_evidence
+from .dictionary import Dictionary, dead_sentences
+from .errors import DictionaryError
+from .faults import Fault, FaultEstimate
+from .filters import response_of
+from .flightlog import FlightLog, inject
+from .flightlog.injection import without_line_fault
+from .flightlog.recorder import recorder_filters
+from .identify.identify import Identification, concluded, identification
+from .identify.methods import METHODS
+from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
+from .kernels.progress import Progress, unseen
+from .onset import OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
+from .preprocessing.advice import require_one_trim
+from .preprocessing.window import with_inputs_of
+from .report.text import instant, quantity
+from .shapes import OF_LINES, SHAPES, Kind
+from .truth import Comparison, compare_by_onset
+
+# Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
+# Chosen without a tuning record; only the comparison with an injected truth depends on it.
+ONSET_SAMPLES = 1.5
+# Variance accounted for, %, beyond which the prediction errors at the log's own rate are round-off.
+EXPLAINED = 100.0 - 1e-9
+
+
+def start_time(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
+    """Say when a fault started, of which shape and how large, from all sources; see `bfi_cli.onset.find_onset`."""
+    config = with_inputs_of(log, config)
+    physics, scanning = _physics(log, config, progress)
+    result = find_onset(log, scanning, progress, beside=[physics])
+    return replace(result, false_alarm=config.start_time.false_alarm)
+
+
+def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Evidence, Config]:
+    """Return what physics says of the window, and the configuration of a search with its share of the level."""
+    if config.method != "ml":
+        return Evidence(source="physics"), config
+    physics = physics_evidence(log, config, progress)
+    if not physics.candidates and not physics.faults:
+        return physics, config
+    return physics, merge(config, {"start_time.false_alarm": (1.0 - SHARE) * config.start_time.false_alarm})
+
+
+def identify(
+    log: FlightLog, dictionary: Dictionary | None, config: Config, progress: Progress = unseen
+) -> tuple[IdentifyResult, Dictionary]:
+    """Identify faults in a window, and return the result with the dictionary of what was identified.
+
+    1. Identify the entries whose onsets are stated.
+    2. Search all onsets of the window less these faults: for the kinds of fault of the dictionary, without one for
+       all; beside entries that state their onsets for whatever they do not explain.
+    3. Conclude from the evidence of both.
+    4. Estimate again, jointly, where the search found faults.
+
+    Parameters
+    ----------
+    dictionary : None to search for every kind of fault.
+
+    Raises
+    ------
+    LogError, ConfigError, DictionaryError : see `bfi_cli.identify.identify_faults` and `bfi_cli.onset.find_onset`.
+    """
+    config = with_inputs_of(log, config)
+    part = log.window(config.window.from_s, config.window.to_s)
+    kinds = () if dictionary is None else _live_kinds(part, dictionary.searched, config)
+    if dictionary is None or (kinds and not dictionary.exact.atoms):
+        return _identify_kinds(log, dictionary, kinds, config, progress)
+    return _identify_entries(log, part, dictionary, kinds, config, progress), dictionary
+
+
+def _live_kinds(part: FlightLog, searched: Dictionary, config: Config) -> tuple[Fault, ...]:
+    """Return the kinds of fault of a dictionary that may begin in the window, on the axis of the log.
+
+    Raises
+    ------
+    DictionaryError : there are some, and none may.
+    """
+    start_s, stop_s = float(part.time_s[0]), float(part.time_s[-1])
+    kinds = searched.resolved(start_s)
+    live = []
+    for one in kinds:
+        first_s, last_s = one.onset_range_s or (start_s, stop_s)
+        if one.channel in config.outputs and first_s < stop_s and last_s > start_s:
+            live.append(one)
+    if kinds and not live:
+        one = kinds[0]
+        dead = dead_sentences([one], start_s, stop_s, outputs=config.outputs)
+        first_s, last_s = one.onset_range_s or (start_s, stop_s)
+        outside = (
+            f"'{one.name}' begins between {first_s:.6g} and {last_s:.6g} s, outside of the window "
+            f"({start_s:.6g} to {stop_s:.6g} s); move its onset_s"
+        )
+        raise DictionaryError(f"{searched.path}: no live atom: {(*dead, outside)[0]}")
+    return tuple(live)
+
+
+def _identify_kinds(
+    log: FlightLog,
+    dictionary: Dictionary | None,
+    kinds: Sequence[Fault],
+    config: Config,
+    progress: Progress,
+) -> tuple[IdentifyResult, Dictionary]:
+    """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
+    physics, scanning = _physics(log, config, progress)
+    searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=kinds)
+    sources = [searched.evidence, physics]
+    proposed = _as_dictionary(searched, dictionary)
+    if searched.faults:
+        found = identification(log, proposed, config, progress, given=config.method == "ml")
+    else:
+        nothing = config.selection.model_copy(update={"max_active": 0})
+        none = config.model_copy(update={"selection": nothing, "method": "ml"})
+        found = identification(log, proposed, none, progress)
+    result = concluded(log, config, replace(found, converged=True), sources)
+    said = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
+    if searched.faults:
+        said += f": {len(searched.faults)} found by the search over all onsets, and magnitudes estimated jointly there"
+    else:
+        percent = 100.0 * config.start_time.false_alarm
+        said += f": the search over all onsets finds no fault at a false-alarm rate of {percent:.3g} %"
+    told = (*searched.notes, *physics.notes)
+    notes = (said, *told, *(note for note in result.notes if note not in told))
+    result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
+    return _with_scan(result, searched, "it proposed the faults"), proposed
+
+
+def _as_dictionary(searched: OnsetResult, dictionary: Dictionary | None) -> Dictionary:
+    """Return the faults that a search declares; where there is none, every scanned shape at its best onset."""
+    atoms = [one.fault for one in searched.faults]
+    atoms = atoms or [
+        Fault(
+            shape=profile.shape,
+            channel=profile.channel,
+            onset_s=float(profile.onset_s[profile.statistic.argmax()]),
+            frequency_hz=profile.frequency_hz,
+            name=f"{profile.shape}_{instant(float(profile.onset_s[profile.statistic.argmax()]))}",
+        )
+        for profile in searched.profiles
+        if profile.shape != "samples"
+    ]
+    if len({atom.name for atom in atoms}) < len(atoms):
+        atoms = [replace(atom, name=f"{atom.name}_{i}") for i, atom in enumerate(atoms, 1)]
+    known = Dictionary(atoms=(), relative_to="log", sha256="", path="onset scan") if dictionary is None else dictionary
+    return replace(known, atoms=tuple(atoms), relative_to="log")
+
+
+def _truth_by_onset(result: IdentifyResult, searched: OnsetResult) -> AgainstTruth | None:
+    """Return the comparison with injected faults, by onset: no search finds the very signal that was injected."""
+    if result.truth is None:
+        return None
+    tolerance_s = ONSET_SAMPLES / result.log.rate_hz
+    comparison = compare_by_onset(result.faults, searched.truth or (), tolerance_s=tolerance_s)
+    return replace(result.truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
+
+
+def _identify_entries(
+    log: FlightLog,
+    part: FlightLog,
+    dictionary: Dictionary,
+    kinds: Sequence[Fault],
+    config: Config,
+    progress: Progress,
+) -> IdentifyResult:
+    """Identify entries that state their onsets, and search the window less these for what they do not explain."""
+    stated = dictionary.exact.resolved(float(part.time_s[0]))
+    require_one_trim(part, stated, config)
+    found = identification(log, dictionary.exact, config, progress)
+    if not found.converged:
+        return _with_scan(concluded(log, config, found), None, "not scanned: the solver did not converge")
+    exact = found.result.log.rate_hz == found.result.log.native_rate_hz and all(
+        vaf > EXPLAINED for vaf in found.result.vaf_output.values()
+    )
+    looked_for = {one.kind for one in found.result.candidates if one.state is not None}
+    searched: OnsetResult | str
+    if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.result.faults):
+        searched = "not scanned beside a fault of unknown shape"
+    elif (why_not := why_not_scanned(part, config, exact=exact)) is not None:
+        searched = why_not
+    else:
+        searched = scan_beside(
+            _corrected(part, found.result, config),
+            config,
+            stated,
+            progress,
+            kinds=kinds,
+            claims=[kind for kind in KINDS if kind not in looked_for or kinds],
+            as_measured=part if found.result.faults else None,
+        )
+    if isinstance(searched, str):
+        found = found if exact else _within_tolerance(found, None, config)
+        return _with_scan(concluded(log, config, found), None, searched)
+    found = _within_tolerance(found, searched, config)
+    physics, _ = _physics(log, config, progress)
+    sources = [found.evidence, _beside_entries(searched, looked_for), physics]
+    result = concluded(log, config, found, sources)
+    result = replace(result, notes=(*result.notes, *physics.notes))
+    if any(one.source != "dictionary" for one in result.faults):
+        result = _estimated_jointly(log, dictionary, result, config, progress)
+    declares = any(one.source == "scan" for one in result.faults)
+    result = _with_checked_onsets(result)
+    return _with_scan(result, searched, "it declares another fault" if declares else "it declares no other fault")
+
+
+def _within_tolerance(found: Identification, searched: OnsetResult | None, config: Config) -> Identification:
+    """Return an identification with the limits of the search for entries whose onsets are known to a tolerance only."""
+    if config.onset_tolerance_s == 0.0 or not METHODS[config.method].intervals:
+        return found
+    limits = [None] * len(found.result.candidates) if searched is None else searched.of_dictionary
+    covered_s = None if searched is None else searched.covered_s
+    candidates = tuple(
+        with_limit_of_scan(one, limit, covered_s) for one, limit in zip(found.result.candidates, limits, strict=True)
+    )
+    return replace(found, result=replace(found.result, candidates=candidates))
+
+
+def _beside_entries(searched: OnsetResult, looked_for: set[Kind]) -> Evidence:
+    """Return what a search says beside entries of a dictionary: faults, suspects, limits of kinds they lack."""
+    candidates = [
+        replace(one, name=f"{one.name} (scan)")
+        for one in searched.candidates
+        if one.kind not in looked_for or one.state in ("declared", "suspected")
+    ]
+    return Evidence(source="scan", faults=searched.faults, candidates=tuple(candidates), notes=searched.notes)
+
+
+def _estimated_jointly(
+    log: FlightLog, dictionary: Dictionary, result: IdentifyResult, config: Config, progress: Progress
+) -> IdentifyResult:
+    """Return the result with series, residuals and magnitudes of a model that has all declared faults."""
+    if config.method != "ml":
+        return result
+    atoms = tuple(replace(one.fault, name=one.name, magnitude=1.0) for one in result.faults)
+    joint = identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
+    sized = {one.name: one for one in joint.result.faults}
+
+    def again(one: FaultEstimate) -> FaultEstimate:
+        other = sized.get(one.name)
+        if other is None:
+            return one
+        return replace(one, **{key: getattr(other, key) for key in ("magnitude", "physical_value", "sd", "ci95")})
+
+    kept = ("model", "vaf_output", "outputs", "residuals")
+    return replace(
+        result,
+        faults=tuple(map(again, result.faults)),
+        **{key: getattr(joint.result, key) for key in kept},
+    )
+
+
+def _with_checked_onsets(result: IdentifyResult) -> IdentifyResult:
+    """Return the result with a note on the onsets of the entries that count, where others begin too near an end."""
+    untested = sum(one.state is None and one.note == UNTESTED for one in result.candidates)
+    counted = [one.onset_s for one in result.candidates if one.state is not None and one.onset_s is not None]
+    if not untested or not counted:
+        return result
+    begin = f"{untested} entries begin" if untested > 1 else "one entry begins"
+    note = f"claims hold for onsets from {instant(min(counted))} to {instant(max(counted))} s: {begin} {UNTESTED}"
+    return replace(result, notes=(*result.notes, note))
+
+
+def _corrected(part: FlightLog, result: IdentifyResult, config: Config) -> FlightLog:
+    """Return the window of a log less the faults that are declared in it."""
+    response = response_of(recorder_filters(part, config.recorder.edge_hz, config.recorder.kind)[0], part.rate_hz)
+    # A channel that is derived from others is made of them anew in the scan.
+    known = [one for one in result.faults if one.magnitude and one.fault.channel in part.channels]
+    of_lines = [one for one in known if one.fault.shape in OF_LINES]
+    faults = [replace(one.fault, magnitude=-one.magnitude) for one in known if one not in of_lines]
+    part = replace(inject(part, faults, response=response), truth=None) if faults else part
+    for one in of_lines:
+        part = without_line_fault(part, replace(one.fault, magnitude=one.magnitude), response)
+    return part
+
+
+def _with_scan(result: IdentifyResult, searched: OnsetResult | None, note: str) -> IdentifyResult:
+    """Return the result with what the search alone says of the window."""
+    if searched is None:
+        summary = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=note)
+        return replace(result, scan=summary, notes=(*result.notes, note))
+    verdicts = verdicts_of(searched.candidates)
+    said = tuple(_said(one) for one in searched.faults)
+    scan = ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=said, note=note)
+    return replace(result, scan=scan)
+
+
+def _said(one: FaultEstimate) -> str:
+    size, onset_s = quantity(one.magnitude, one.unit), instant(one.fault.onset_s)
+    return f"{SHAPES[one.fault.shape].label} of {size} on {one.fault.channel} from {onset_s} s"

@@ -1,0 +1,300 @@
+"""What physics says of one window of a log: relations between channels, pressure lines, lift and inertia.
+
+The evidence that `bfi identify` and `bfi start-time` weigh beside their own models, which slow faults hide from. It is
+the diagnosis of a window, without the scan for steps and oscillations, which these commands do themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from ..airdata import DEPENDS_ON, SENSORS
+from ..channels import STANDARD
+from ..config import Config, merge
+from ..decision import Candidate, Evidence, state_of
+from ..errors import LogError
+from ..faults import Fault, FaultEstimate, physical
+from ..flightlog import FlightLog
+from ..flightlog.phases import phases_of
+from ..kernels.normal import TWO_SIDED_95
+from ..kernels.progress import Progress, unseen
+from ..parity import RESIDUALS, Record, available, configuration_changes
+from ..parity.explain import course_for
+from ..parity.record import STATIC_LEAK, climbing, hypotheses
+from ..parity.scan import with_small
+from ..parity.windows import LENGTHS_S, clean_up_time
+from ..preprocessing.tolerance import tolerance_of
+from ..report.text import instant, quantity
+from ..shapes import SHAPES
+from ..units import per_second
+from .diagnose import events_of, lasting_faults
+from .flight import Flight, flight_of
+from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
+from .result import Event
+
+__all__ = ["physics_evidence"]
+
+FloatArray = NDArray[np.float64]
+
+SOURCE = "physics"
+# Beside airspeeds one of these is needed, or nothing but another airspeed bounds them.
+INDEPENDENT = frozenset({"altitude", "p_static", "altitude_rate", "pitch", "roll", "normal_acc", "longitudinal_acc"})
+POSITION = frozenset({"velocity_north", "velocity_east", "latitude", "longitude"})
+# Beside the window: what tells the angle of zero lift (five minutes of clean flight), how far calm air moves a pressure
+# line, and whether this flight is rougher than those of the tables (ten windows of two minutes).
+BESIDE_S = 600.0
+# Of the rate of false alarms of a window, what physics has: the other half is that of the window's own model.
+SHARE = 0.5
+# What each residual reads, and what it is called.
+_READS = {kind.name: kind.reads.union(*kind.needs) for kind in RESIDUALS}
+WORDS = {"lift": "lift", "climb": "the climb angle", "kinematics": "inertia", "ground_speed": "the ground speed"}
+
+
+def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen) -> Evidence:
+    """Return the slow faults of the outputs that physics declares in a window, and how large others could be.
+
+    1. The flight about the window: its phases, defects, held lines, and angle of zero lift.
+    2. Faults that sensors, lines, static relations, lift and inertia show, and the errors that they make on outputs.
+    3. By output the largest slow error that may hide, whichever of its sensors makes it.
+
+    Parameters
+    ----------
+    log : the whole log, of which `config.window` is the part analysed and `config.outputs` may be faulty.
+
+    Returns
+    -------
+    Empty where the log has no channels that physics could compare, and with a note where it cannot.
+    """
+    if log.channels.keys().isdisjoint(INDEPENDENT | POSITION):
+        return Evidence(source=SOURCE)
+    progress("physics", 0.0)
+    try:
+        flight = _flight_about(log, config)
+    except LogError as error:
+        return _silent(str(error).removeprefix(f"{log.path}: ").partition(";")[0])
+    if not any(flight.windows(length_s) for length_s in LENGTHS_S):
+        return _silent(f"no {min(LENGTHS_S):g} s of the window are in flight between take-off and approach")
+    with threadpool_limits(1):
+        drafts, static, slow = lasting_faults(flight, unseen)
+        flight = slow.flight
+        events = events_of(flight, drafts)
+        bounds = bounds_of(flight, slow.looks, static, events)
+    outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
+    tolerances = {name: config.tolerances.get(name) or _tolerance(flight, name) for name in outputs}
+    faults: list[FaultEstimate] = []
+    notes: list[str] = []
+    for event in events:
+        estimates = [one for name in outputs if (one := _estimate(event, name, flight, tolerances[name])) is not None]
+        if event.state == "declared" and event.beyond_tolerance is not False and estimates:
+            faults += estimates
+        else:
+            notes.append(_beside(event))
+    found = {name: _candidate(flight, bounds, name, tolerances[name], faults, events) for name in outputs}
+    unbounded = [name for name, candidate in found.items() if candidate is None]
+    if unbounded and any(one.state == "declared" for one in events):
+        notes.append(f"beside what it declares physics bounds no slow fault of {', '.join(unbounded)}")
+    else:
+        notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
+    candidates = [candidate for candidate in found.values() if candidate is not None]
+    progress("physics", 1.0)
+    return Evidence(source=SOURCE, faults=tuple(faults), candidates=tuple(candidates), notes=tuple(notes))
+
+
+def _silent(why: str) -> Evidence:
+    return Evidence(source=SOURCE, notes=(f"physics bounds no slow fault: {why}",))
+
+
+def _flight_about(log: FlightLog, config: Config) -> Flight:
+    """Return the flight about the window of a configuration, at the rate of false alarms that physics has in it.
+
+    Raises
+    ------
+    LogError : it is not in flight.
+    """
+    first, last = float(log.time_s[0]), float(log.time_s[-1])
+    from_s = first if config.window.from_s is None else config.window.from_s
+    to_s = last + 1.0 / log.rate_hz if config.window.to_s is None else config.window.to_s
+    about = log.window(max(from_s - BESIDE_S, first), to_s + BESIDE_S)
+    tolerances = {name: size for name, size in config.tolerances.items() if name in log.channels}
+    rate = SHARE * config.start_time.false_alarm
+    flight = flight_of(about, merge(config, {"tolerances": tolerances, "diagnose": {"false_alarm": rate}}))
+    # Flaps may move from the last descent on, which may end later.
+    phases = phases_of(log)
+    moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, flight.record))
+    return replace(flight, moved=moved, counted=flight.part_phases)
+
+
+def _tolerance(flight: Flight, channel: str) -> float:
+    return tolerance_of(flight.log, flight.log.window(flight.from_s, flight.to_s), channel)
+
+
+def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> FaultEstimate | None:
+    """Return a declared event as a fault of an output, None where it does not err, or by an unknown amount."""
+    if channel not in event.channels:
+        return None
+    effect = event.effect.get(channel)
+    course = course_for(event.shape, event.constant_s)
+    until_s = flight.to_s if event.offset_s is None else min(event.offset_s, flight.to_s)
+    if effect is not None and course is not None:
+        # What grows in the window that describes it grows on.
+        shown, reached = course(np.array([event.window_s[1], max(until_s, event.window_s[1])]) - event.onset_s)
+        effect *= float(reached / shown) if shown > 0.0 else 1.0
+    constant_s = event.constant_s or event.evidence.get("time_constant_s")
+    of_line = event.fault in SHAPES and (event.shape == "drift" or not SHAPES[event.fault].has_magnitude)
+    shape = event.fault if of_line else event.shape
+    if shape not in SHAPES or any(key.required and key.name not in _CONSTANTS for key in SHAPES[shape].keys):
+        return None
+    fault = Fault(
+        shape=shape,
+        channel=channel,
+        onset_s=event.onset_s,
+        offset_s=event.offset_s,
+        time_constant_s=constant_s if "time_constant_s" in _keys(shape) else None,
+        duration_s=event.constant_s if "duration_s" in _keys(shape) else None,
+    )
+    relative = np.nan if not event.magnitude or event.sd is None else event.sd / abs(event.magnitude)
+    if not SHAPES[shape].has_magnitude:
+        magnitude, relative = 1.0, np.nan
+    elif event.magnitude is not None and (of_line or event.fault == channel):
+        magnitude = event.magnitude
+    elif effect and course is not None:
+        magnitude = effect / float(course(np.array([max(until_s, event.window_s[1]) - event.onset_s]))[0])
+    else:
+        return None
+    sd = abs(magnitude) * relative
+    meant, unit = physical(fault, magnitude, STANDARD[channel].unit)
+    beyond = None
+    if effect is not None and np.isfinite(relative):
+        share, spread = abs(effect) / tolerance, TWO_SIDED_95 * relative
+        beyond = True if share * (1.0 - spread) > 1.0 else False if share * (1.0 + spread) <= 1.0 else None
+    return FaultEstimate(
+        name=event.fault if of_line else f"{event.shape} of {channel}",
+        fault=replace(fault, magnitude=magnitude),
+        magnitude=magnitude,
+        unit=event.unit if of_line or event.fault == channel else unit,
+        physical_value=meant,
+        physical_unit=unit,
+        sd=sd,
+        ci95=(magnitude - TWO_SIDED_95 * sd, magnitude + TWO_SIDED_95 * sd),
+        onset_ci95=event.onset_ci95,
+        statistic=event.statistic,
+        p_value=event.p_value,
+        effect=None if effect is None else abs(effect),
+        beyond_tolerance=beyond,
+        among=event.among,
+        source=SOURCE,
+    )
+
+
+_CONSTANTS = ("time_constant_s", "duration_s")
+
+
+def _keys(shape: str) -> set[str]:
+    return {key.name for key in SHAPES[shape].keys}
+
+
+def _beside(event: Event) -> str:
+    """Return the sentence on an event that is no declared fault of an output."""
+    size = "" if event.magnitude is None else f" of {quantity(event.magnitude, event.unit)}"
+    what = f"{event.fault}, {event.shape}{size} from {instant(event.onset_s)} s"
+    if event.state != "declared":
+        return f"physics suspects {what}: {event.note}"
+    small = ", within the tolerances" if event.beyond_tolerance is False else ""
+    return f"physics finds {what}{small}; errs: {', '.join(event.channels)}"
+
+
+def _candidate(
+    flight: Flight,
+    bounds: Sequence[Bounds],
+    channel: str,
+    tolerance: float,
+    faults: Sequence[FaultEstimate],
+    events: Sequence[Event],
+) -> Candidate | None:
+    """Return what became of slow faults of an output, None where nothing bounds them."""
+    own = next((one for one in faults if one.fault.channel == channel and SHAPES[one.fault.shape].kind == "slow"), None)
+    suspected = [one for one in events if one.state == "suspected" and channel in one.channels and one.kind == "slow"]
+    starts = np.arange(flight.from_s, flight.to_s - BIN_S + 1e-6, BIN_S)
+    errors = _hidden_errors(flight, bounds, channel, starts)
+    known = np.flatnonzero(np.isfinite(errors))
+    slope = effect = None
+    note = f"{suspected[0].fault}: {suspected[0].note}" if suspected else None
+    if own is not None:
+        effect = own.effect
+    elif known.size:
+        worst = known[0] + int(np.argmax(errors[known[0] : known[-1] + 1]))
+        if np.isfinite(errors[worst]):
+            effect = float(errors[worst])
+            slope = effect / (flight.to_s - float(starts[worst]))
+        last_s = float(starts[known[-1]]) + BIN_S
+        note = note or f"for onsets from {instant(starts[known[0]])} to {instant(last_s)} s"
+    elif not suspected:
+        return None
+    unit = STANDARD[channel].unit
+    is_slope = own is not None and own.fault.shape == "drift"
+    return Candidate(
+        name=f"slow fault of {channel} (physics)",
+        shape="drift",
+        channel=channel,
+        kind="slow",
+        state=state_of(declared=own is not None, suspected=bool(suspected), effect=effect, tolerance=tolerance),
+        magnitude=own.magnitude if own is not None and is_slope else None,
+        unit=per_second(unit),
+        sd=own.sd if own is not None and is_slope and np.isfinite(own.sd) else None,
+        excluded_above=slope,
+        effect=effect,
+        tolerance=tolerance,
+        channel_unit=unit,
+        note=note,
+    )
+
+
+def _hidden_errors(flight: Flight, bounds: Sequence[Bounds], channel: str, starts: FloatArray) -> FloatArray:
+    """Return (n_starts,) the largest error of an output at the window's end that may begin there unseen.
+
+    A fault of the channel alone is bounded by what bounds its error, and by relations to others, where these share no
+    sensor with it that nothing else bounds: of the pressure lines those of lift, climb and inertia count.
+    """
+    part = flight.record.between(flight.from_s, flight.to_s)
+    slopes = {(one.fault, one.bounds): hidden_slopes(one, starts) for one in bounds if one.shape == "drift"}
+    nothing = np.full(len(starts), np.inf)
+    own = slopes.get((channel, "error"), nothing)
+    if "temperature probe" not in SENSORS.get(channel, frozenset()):
+        own = np.minimum(own, slopes.get((channel, "disagreement"), nothing))
+    since_s = flight.to_s - starts
+    errors = own * since_s
+    for line, name in (("q_impact", PITOT_LINE), (STATIC_LEAK, STATIC_LEAK)):
+        grown, at_once = _reach(part, line, channel)
+        if grown or at_once:
+            errors = np.maximum(errors, slopes.get((name, "error"), nothing) * (grown * since_s + at_once))
+    return np.asarray(errors)
+
+
+def _reach(part: Record, fault: str, channel: str) -> tuple[float, float]:
+    """Return the largest error of a channel by a fault of a line of size 1, and by one that grows by 1 a second."""
+    hypothesis = next((one for one in hypotheses(part) if one.fault == fault), None)
+    if hypothesis is None or channel not in DEPENDS_ON or channel not in part.channels:
+        return 0.0, 0.0
+    turning = climbing(part, hypothesis.size) if fault == STATIC_LEAK and channel == "altitude_rate" else part
+
+    def moved(other: Record) -> float:
+        change = np.abs(other.channels[channel] - part.channels[channel])
+        return float(np.nanmax(change)) / hypothesis.size if np.isfinite(change).any() else 0.0
+
+    return moved(with_small(part, hypothesis)), moved(turning)
+
+
+def _what_would_help(flight: Flight, channel: str, unbounded: Sequence[str]) -> str:
+    """Return which channels would bound slow faults of an output, those of the relation that lacks the fewest."""
+    _, lacking = available(flight.record.channels)
+    useful = {name: lacks for name, lacks in lacking.items() if channel in _READS[name]}
+    if not useful:
+        return f"physics bounds no slow fault of {channel} in this window"
+    name = min(useful, key=lambda one: useful[one].count(","))
+    alike = ", ".join(one for one in unbounded if one in _READS[name])
+    return f"record {useful[name].replace(', ', ' and ')}: {WORDS[name]} would bound slow faults of {alike}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..config import Config
@@ -15,6 +17,7 @@ from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_o
 from ..shapes import ADDITIVE
 from .comparison import advised, compare, own_channel, sentences
 from .entries import AuditWindow, entries, reasons_of, remarks_of, span_of, unit_of, unknown_channels
+from .kinds import audit_of_search, nothing_stated, searched_on_log, with_kinds
 from .result import Audit, fastest_hz
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
@@ -26,7 +29,7 @@ MOST_ATOMS, MOST_VALUES = 1000, 20_000_000
 
 
 def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: float | None = None) -> Audit:
-    """Audit a dictionary by its definitions and the signals they give.
+    """Audit a dictionary by its definitions and the signals that entries with stated onsets give.
 
     Parameters
     ----------
@@ -39,6 +42,16 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     DictionaryError : no fault shows in the window, or a sample file cannot be used.
     ConfigError : the window is empty, or its end is given twice.
     """
+    stated = dictionary.exact
+    audit = _audit_signals(stated, config, duration_s) if stated.atoms else nothing_stated(dictionary, config)
+    if stated.atoms == dictionary.atoms:
+        return audit
+    kinds = dictionary.searched.atoms
+    audit = replace(audit, notes=(*unknown_channels(kinds), *audit.notes))
+    return with_kinds(audit, dictionary, {one.channel: unit_of(one.channel) for one in kinds})
+
+
+def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | None) -> Audit:
     span, why = _window(dictionary, config, duration_s)
     faults = dictionary.resolved(span.start_s)
     names = tuple(fault.name or fault.shape for fault in faults)
@@ -117,7 +130,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     """Audit a dictionary on a log.
 
     The predictor is estimated without fault terms, of the order with the best criterion. The minimal detectable
-    magnitudes are those of `identify` where it declares nothing.
+    magnitudes are those of `identify` where it declares nothing, of kinds of fault those of its search over all onsets.
 
     Parameters
     ----------
@@ -131,6 +144,23 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
     config, clean = with_inputs_of(log, config), without_injected_faults(log)
+    stated = dictionary.exact
+    if stated.atoms == dictionary.atoms:
+        return _audit_entries(log, clean, stated, config)
+    searched, reasons = searched_on_log(clean, dictionary, config)
+    if stated.atoms:
+        audit = _audit_entries(log, clean, stated, config)
+    elif searched is not None:
+        audit = audit_of_search(searched, dictionary)
+    else:
+        raise DictionaryError(f"{dictionary.path}: no live atom: {reasons[0]}")
+    units = {one.channel: unit_of(one.channel) for one in dictionary.searched.atoms}
+    units |= {name: channel.unit for name, channel in clean.channels.items()}
+    return with_kinds(audit, dictionary, units, reasons, searched)
+
+
+def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, config: Config) -> Audit:
+    """Return the audit of entries that state their onsets; `clean` is the log without faults."""
     window = prepare_window(clean, dictionary, config)
     fitted = fit_fault_free(window, config)
     given, faults, names, live = window.signals, window.faults, window.names, list(window.live)

@@ -67,6 +67,8 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
     atoms = []
     for atom in audit.atoms:
         entry = {**fault_to_dict(atom.fault), **{key: getattr(atom, key) for key in (*ATOM_KEYS, *MORE_KEYS)}}
+        if atom.fault.onset_range_s is not None:
+            entry["onset_range_s"] = atom.fault.onset_range_s
         if atom.minimal_physical is not None:
             entry["minimal_physical"] = dict(zip(("value", "unit"), atom.minimal_physical, strict=True))
         atoms.append(entry)
@@ -149,7 +151,7 @@ def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
     span = f"{window['start_s']:.4g} to {window['stop_s']:.4g} s"
     facts = [("Dictionary", f"{document['path']}, times from the start of the {document['relative_to']}")]
     if model is None:
-        facts.append(("Window", f"{span}, {window['why']}"))
+        facts.append(("Window", f"{span}, {window['why']}" if window["n_samples"] else window["why"]))
     else:
         own = {atom["channel"]: atom["channel_unit"] for atom in document["atoms"]}
         noise = ", ".join(f"{name} {noise_level(name, sd, units, own)}" for name, sd in model["noise_sd"].items())
@@ -180,10 +182,9 @@ def _list_atoms(document: Plain, units: Units) -> Table:
     place = {atom["name"]: j for j, atom in enumerate(atoms, 1)}
     rows = []
     for j, atom in enumerate(atoms, 1):
-        until = "" if atom["offset_s"] is None else f" to {atom['offset_s']:.6g}"
-        row = [str(j), shortened(atom["name"], NAME_LETTERS), f"{atom['onset_s']:.6g}{until}"]
+        row = [str(j), shortened(atom["name"], NAME_LETTERS), _times(atom)]
         if channels:
-            row.append(shortened(atom["channel"], CHANNEL_LETTERS))
+            row.append(shortened(atom["channel"] or "-", CHANNEL_LETTERS))
         if on_log:
             row.append("" if not atom["live"] else _limit(atom, units) or "-")
         else:
@@ -194,6 +195,18 @@ def _list_atoms(document: Plain, units: Units) -> Table:
         rows.append((*row, alike if atom["live"] else "left out"))
     heads = ("", "name", "time [s]", *(["channel"] if channels else []), "min. detectable" if on_log else "shape")
     return Table(name="atoms", title="Faults", heads=(*heads, "most like"), rows=tuple(rows))
+
+
+def _times(atom: Plain) -> str:
+    """Return when a fault begins and ends, "12 to 20"; of a kind of fault when it may begin, "from 5", "any"."""
+    if atom["onset_s"] is not None:
+        return f"{atom['onset_s']:.6g}" + ("" if atom["offset_s"] is None else f" to {atom['offset_s']:.6g}")
+    first, last = atom["onset_range_s"]
+    if first is None and last is None:
+        return "any"
+    if first is None or last is None:
+        return f"until {last:.6g}" if first is None else f"from {first:.6g}"
+    return f"any in {first:.6g} to {last:.6g}"
 
 
 def _limit(atom: Plain, units: Units) -> str | None:
@@ -216,7 +229,8 @@ def _list_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -
             (f"{value:.3f}", shortened(a, 30), shortened(b, 30)) for a, b, value in pairs(names, matrix)[:MOST_PAIRS]
         )
         return Table(name="coherence", title=f"Highest c{title}", heads=("coherence", "of", "and"), rows=rows)
-    numbers = [str(j) for j, atom in enumerate(document["atoms"], 1) if atom["live"]]
+    place = {atom["name"]: str(j) for j, atom in enumerate(document["atoms"], 1)}
+    numbers = [place[name] for name in names]
     rows = tuple(
         (
             numbers[j],

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis import identify
 from ..decision import KINDS, State, kind_of
 from ..errors import BfiError
 from ..faults import Decision, Fault, FaultEstimate
@@ -210,14 +211,33 @@ class _Answer:
 
 
 def _whole_answer(log: FlightLog, setting: Setting) -> _Answer:
-    result = identify_faults(log, setting.dictionary, setting.config)
+    dictionary, called = setting.dictionary, dict[str, str]()
+    if dictionary.exact.atoms == dictionary.atoms:
+        result = identify_faults(log, dictionary, setting.config)
+    else:
+        result, _ = identify(log, dictionary, setting.config)
+        called = _kinds_of(result.faults, dictionary.searched.resolved(result.log.start_s))
+    faults = [replace(one, name=called.get(one.name, one.name)) for one in result.faults]
     return _Answer(
         decision=result.decision,
-        estimate={fault.name: fault.magnitude for fault in result.faults},
+        estimate={fault.name: fault.magnitude for fault in faults},
         verdicts=result.verdicts,
-        states={one.name: one.state for one in result.candidates},
-        faults=result.faults,
+        states={one.name.removesuffix(" (scan)"): one.state for one in result.candidates},
+        faults=faults,
     )
+
+
+def _kinds_of(faults: Sequence[FaultEstimate], kinds: Sequence[Fault]) -> dict[str, str]:
+    """Return the name of the kind that each fault is one of, by its own name; a second of a kind keeps its own."""
+    called: dict[str, str] = {}
+    for one in faults:
+        for kind in kinds:
+            first_s, last_s = kind.onset_range_s or (one.fault.onset_s, one.fault.onset_s)
+            alike = (kind.shape, kind.channel) == (one.fault.shape, one.fault.channel)
+            if alike and first_s <= one.fault.onset_s <= last_s and _name(kind) not in called.values():
+                called[one.name] = _name(kind)
+                break
+    return called
 
 
 def _shared_answer(setting: Setting, truth: Mapping[str, float]) -> _Answer | None:

@@ -189,6 +189,21 @@ def test_kinds_of_a_dictionary_begin_at_any_time_and_are_the_right_answers(sweep
         assert late.onset_range_s is None
 
 
+def test_a_fault_is_scored_by_its_kind(sweep: Callable[..., Sweep], written: Callable[[str], Path]) -> None:
+    path = written(
+        "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\nnoise: {tas: 0.05}\n"
+        "active: 0\ninject: {shape: bias, magnitude: 3}\n"
+        "identify: {model: {order: 4}, conditioning: {rate_hz: none}, start_time: {calibration: gaussian}}\n"
+    )
+    (path.parent / "dictionary.yaml").write_text("atoms: [{name: step, shape: bias}, {name: slope, shape: drift}]\n")
+    (row,) = rows_of(load_sweep(path, trials=1))
+    assert (row.error, row.truth, row.isolated) == (None, {"step": 3.0}, True)
+    assert row.states == {"step": "declared"}
+    assert (row.intervals, row.covered) == (1, 1)
+    assert row.onset_error_s is not None
+    assert abs(row.onset_error_s["step"]) <= 0.2
+
+
 def test_a_trial_whose_onset_is_drawn_depends_on_nothing_but_itself(sweep: Callable[..., Sweep]) -> None:
     made = sweep("{shape: bias, magnitude: 2}", trials=2)
     rows, sent = rows_of(made), pickle.loads(pickle.dumps(list(made.trials())))

@@ -19,7 +19,7 @@ from ..report.text import change, noise_level, number, with_unit
 from ..serialization import to_plain
 from ..shapes import SHAPES
 from .comparison import pairs
-from .result import Audit, Signatures
+from .result import Audit
 
 Plain = Mapping[str, Any]
 
@@ -62,7 +62,11 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
 
     `series` holds what is drawn of the first signatures.
     """
-    signatures = audit.signatures
+    signatures, series = audit.signatures, None
+    if signatures is not None:
+        drawn = zip(signatures.names[:MAX_SIGNATURES], signatures.values.T, strict=False)
+        kept = [(name, values, thinned(values, max_points=MAX_POINTS)) for name, values in drawn]
+        series = [{"name": name, "time_s": signatures.time_s[at], "values": values[at]} for name, values, at in kept]
     window = {key: getattr(audit, key) for key in ("rate_hz", "n_samples", "start_s", "stop_s")}
     atoms = []
     for atom in audit.atoms:
@@ -93,7 +97,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
                 "of": "raw signals" if audit.model is None else "filtered signatures",
                 "matrix": signatures.coherence,
             },
-            "series": None if signatures is None else _thin(signatures),
+            "series": series,
             "notes": audit.all_notes,
             "provenance": provenance,
         }
@@ -101,20 +105,17 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
     return plain
 
 
-def _thin(signatures: Signatures) -> list[dict[str, Any]]:
-    drawn = []
-    for name, values in zip(signatures.names[:MAX_SIGNATURES], signatures.values.T, strict=False):
-        kept = thinned(values, max_points=MAX_POINTS)
-        drawn.append({"name": name, "time_s": signatures.time_s[kept], "values": values[kept]})
-    return drawn
-
-
 def audit_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi dictionary` holds, in `units`; its CSV files are in SI."""
     atoms, coherence = document["atoms"], document["coherence"]
     live = [atom for atom in atoms if atom["live"]]
     tables, drawings = [_list_atoms(document, units)], []
-    data = {"atoms.csv": {column: [_cell(atom, column) for atom in atoms] for column in ATOM_COLUMNS}}
+    sizes = [atom["minimal_physical"] or {"value": None, "unit": None} for atom in atoms]
+    flat = [
+        {**atom, "minimal_physical": size["value"], "physical_unit": size["unit"]}
+        for atom, size in zip(atoms, sizes, strict=True)
+    ]
+    data = {"atoms.csv": {column: [atom[column] for atom in flat] for column in ATOM_COLUMNS}}
     if coherence is not None:
         names, matrix = coherence["atoms"], np.array(coherence["matrix"], dtype=np.float64)
         columns = zip(names, coherence["matrix"], strict=True)  # the matrix is symmetric
@@ -166,14 +167,6 @@ def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
         told = "infinite" if condition is None else number(condition, digits=3)
         facts.append(("Independent", f"{document['rank']} {document['coherence']['of']}, condition number {told}"))
     return tuple(facts)
-
-
-def _cell(atom: Plain, column: str) -> Any:
-    """Return the value of a column of atoms.csv."""
-    physical = atom["minimal_physical"] or {"value": None, "unit": None}
-    if column in ("minimal_physical", "physical_unit"):
-        return physical["value" if column == "minimal_physical" else "unit"]
-    return atom[column]
 
 
 def _list_atoms(document: Plain, units: Units) -> Table:

@@ -12,7 +12,7 @@ from ..provenance import Provenance
 from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
 from ..report.text import counted, number
 from ..serialization import to_plain
-from .summary import QUANTILES, Summary
+from .summary import DECISIONS, QUANTILES, Summary
 
 Plain = Mapping[str, Any]
 
@@ -74,6 +74,14 @@ def montecarlo_content(document: Plain) -> ReportContent:
         **axis, y_label="isolated exactly [%]", y_limits=(-3.0, 103.0), curves=tuple(_side_by_side(curves, _rates))
     )
     errors = tuple(one for one in _side_by_side(curves, _errors) if one.x.size)
+    rows, decisions = [], []
+    for one in scenarios:
+        shares = [_percent(one[f"{key}_rate"]) for key in ("isolation", "false_alarm", "missed_detection")]
+        error = number((one["magnitude_error"] or {}).get("p50"), digits=2)
+        rows.append((one["name"], shares[0], str(one["trials"]), *shares[1:], _percent(one["coverage"]), error))
+        shares = [_percent(one["decisions"][key]) for key in DECISIONS]
+        wrong = one["wrong_no_fault_rate"]
+        decisions.append((one["name"], *shares, str(wrong["of"]), _percent(wrong)))
     return ReportContent(
         category="Monte Carlo sweep",
         title=str(document["provenance"]["command"]),
@@ -81,12 +89,12 @@ def montecarlo_content(document: Plain) -> ReportContent:
         verdict=f"{counted(trials, 'trial')} of {counted(len(scenarios), 'scenario')}; "
         "rates in % with their 95 % Wilson intervals.",
         tables=(
-            Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(map(_row, scenarios))),
+            Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(rows)),
             Table(
                 name="decisions",
                 title="Decisions, and no fault said of the kind of a fault that is beyond the tolerance",
                 heads=DECISION_HEADS,
-                rows=tuple(map(_decision_row, scenarios)),
+                rows=tuple(decisions),
             ),
         ),
         drawings=(
@@ -98,23 +106,6 @@ def montecarlo_content(document: Plain) -> ReportContent:
             ),
         ),
         notes=tuple(document["notes"]),
-    )
-
-
-def _row(scenario: Plain) -> tuple[str, ...]:
-    shares = [_percent(scenario[key]) for key in ("isolation_rate", "false_alarm_rate", "missed_detection_rate")]
-    error = number((scenario["magnitude_error"] or {}).get("p50"), digits=2)
-    trials = str(scenario["trials"])
-    return (scenario["name"], shares[0], trials, *shares[1:], _percent(scenario["coverage"]), error)
-
-
-def _decision_row(scenario: Plain) -> tuple[str, ...]:
-    wrong = scenario["wrong_no_fault_rate"]
-    return (
-        scenario["name"],
-        *(_percent(scenario["decisions"][one]) for one in ("fault", "no_fault", "inconclusive")),
-        str(wrong["of"]),
-        _percent(wrong),
     )
 
 

@@ -114,13 +114,13 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
         axes=axes,
         trials=len(rows),
         failed=len(rows) - len(analysed),
-        isolation_rate=_proportion(row.isolated for row in rows),
-        false_alarm_rate=_proportion(row.false_alarms for row in analysed),
-        missed_detection_rate=_proportion(row.missed for row in faulty),
+        isolation_rate=_share(row.isolated for row in rows),
+        false_alarm_rate=_share(row.false_alarms for row in analysed),
+        missed_detection_rate=_share(row.missed for row in faulty),
         decisions=_shares(row.decision for row in analysed),
         verdicts={kind: _shares(getattr(row, kind) for row in analysed) for kind in KINDS},
-        wrong_no_fault_rate=_proportion(row.wrong_no_fault for row in analysed if row.beyond_tolerance),
-        coverage=_counted(sum(row.covered or 0 for row in analysed), sum(row.intervals or 0 for row in analysed)),
+        wrong_no_fault_rate=_share(row.wrong_no_fault for row in analysed if row.beyond_tolerance),
+        coverage=proportion(sum(row.covered or 0 for row in analysed), sum(row.intervals or 0 for row in analysed)),
         magnitude_error={key: rounded(float(np.quantile(errors, q)), 6) for key, q in QUANTILES.items()}
         if errors
         else None,
@@ -132,13 +132,14 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
 
 def _shares(answers: Iterable[str | None]) -> dict[Decision, Proportion]:
     given = list(answers)
-    return {decision: _counted(given.count(decision), len(given)) for decision in DECISIONS}
+    return {decision: proportion(given.count(decision), len(given)) for decision in DECISIONS}
 
 
-def _proportion(hits: Iterable[object]) -> Proportion:
+def _share(hits: Iterable[object]) -> Proportion:
     flags = [bool(hit) for hit in hits]
-    return _counted(sum(flags), len(flags))
+    return proportion(sum(flags), len(flags))
 
 
-def _counted(count: int, of: int) -> Proportion:
+def proportion(count: int, of: int) -> Proportion:
+    """Return so many of so many with their interval."""
     return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))

@@ -73,13 +73,13 @@ def with_unit(text: str, unit: str) -> str:
     return text if text == "-" or unit == "1" else f"{text} {unit}".rstrip()
 
 
-def interval(ci95: Sequence[float], *, joint: str = " to ", extra: int = 0) -> str:
+def interval(ci95: Sequence[float], *, extra: int = 0) -> str:
     """Return "low to high", both rounded to the first digit of the half width; "-" where it is unknown."""
     low, high = ci95
     if not (math.isfinite(low) and math.isfinite(high)):
         return "-"
     spread = 0.5 * abs(high - low)
-    return joint.join(number(value, spread=spread, extra=extra) for value in (low, high))
+    return " to ".join(number(value, spread=spread, extra=extra) for value in (low, high))
 
 
 def axis_label(name: str, unit: str) -> str:

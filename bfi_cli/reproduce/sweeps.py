@@ -14,9 +14,9 @@ import numpy as np
 
 from ..config import merge
 from ..flightlog import write_log
-from ..montecarlo import check_records, load_sweep, run_sweep, summarise, wilson
+from ..montecarlo import check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.definition import RecordedLog
-from ..montecarlo.summary import Proportion, ScenarioSummary
+from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
 from ..report.content import Curve, Drawing, Panel, ReportContent, Span, curve
 from ..report.text import number
 from .page import FOLDER, Page, drawing, fill, joined, load, report_content, table
@@ -145,7 +145,7 @@ def percent(share: Proportion) -> str:
 def pooled(cells: Sequence[Cell]) -> Proportion:
     """Return how many of all trials of several cells are isolated."""
     count, of = (sum(getattr(cell.summary.isolation_rate, key) for cell in cells) for key in ("count", "of"))
-    return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))
+    return proportion(count, of)
 
 
 def rate_curve(label: str, x: Sequence[float], shares: Sequence[Proportion]) -> Curve:

@@ -37,7 +37,7 @@ FLOORS = (
     ("flightlog", "config"),
     ("aircraft", "decision.calibration"),
     ("preprocessing",),
-    ("detect", "fir", "monitor", "onset", "parity"),
+    ("detect", "monitor", "onset", "parity"),
     ("audit", "diagnosability", "identify"),
     ("engine",),
     ("diagnose",),

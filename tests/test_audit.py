@@ -1,5 +1,6 @@
 """The audit of a dictionary: what it must be equal to, what it must not depend on, and what it says of bad entries."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from bfi_cli.audit import audit_dictionary, audit_on_log
+from bfi_cli.aircraft import MODELS, flight_of
+from bfi_cli.audit import audit_content, audit_dictionary, audit_document, audit_on_log
 from bfi_cli.audit.entries import AuditWindow, oddities, same_definition, span_of
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
@@ -18,11 +20,14 @@ from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.identify import identify_faults
-from bfi_cli.preprocessing.window import prepare_window
+from bfi_cli.onset import search_onsets
+from bfi_cli.preprocessing.window import prepare_window, with_inputs_of
+from bfi_cli.provenance import provenance
+from bfi_cli.serialization import to_json
 
 ROOT = Path(__file__).parent.parent
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"
-WHOLE = {"shape": "sine", "frequency_hz": 0.5, "name": "whole"}
+WHOLE = {"shape": "sine", "frequency_hz": 0.5, "name": "whole", "onset_s": 0}
 EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
 ORDER_4 = merge(EXACT, {"model.order": 4})
 
@@ -69,7 +74,7 @@ def test_coherence_is_symmetric_with_a_unit_diagonal(on_clean):
     coherence = on_clean.signatures.coherence
     np.testing.assert_array_equal(coherence, coherence.T)
     np.testing.assert_array_equal(np.diag(coherence), 1.0)
-    for n, entry in enumerate(on_clean.live):
+    for n, entry in enumerate(entry for entry in on_clean.atoms if entry.live):
         assert entry.coherence == np.max(np.delete(coherence[n], n))
 
 
@@ -189,7 +194,7 @@ def test_entries_left_out_are_named_with_what_to_do(clean):
         {"shape": "sine", "frequency_hz": 0.2, "phase_rad": 0.5, "onset_s": 5, "name": "sine"},
         {"shape": "cosine", "frequency_hz": 0.2, "phase_rad": 0.5 - np.pi / 2, "onset_s": 5, "name": "same signal"},
         {"shape": "bias", "onset_s": 500, "name": "late"},
-        {"shape": "bias", "name": "always"},
+        {"shape": "bias", "name": "always", "onset_s": 0},
         {"shape": "bias", "onset_s": 10, "channel": "aoa", "name": "elsewhere"},
     )
     found = audit_on_log(clean, entries, ORDER_4)
@@ -222,10 +227,10 @@ def test_many_neighbours_are_counted_and_their_combination_is_named():
 
 def test_the_signals_compared_without_a_log_are_those_defined():
     found = audit_dictionary(load_dictionary(THESIS), Config(), duration_s=30.0)
-    for n, entry in enumerate(found.live):
+    for n, entry in enumerate(entry for entry in found.atoms if entry.live):
         expected = unit_signal(entry.fault, found.signatures.time_s, window_start_s=0.0)
         np.testing.assert_array_equal(found.signatures.values[:, n], expected)
-    assert (found.fastest_hz, found.rate_needed_hz, found.signatures.rank) == (2.25, 9.0, 7)
+    assert (found.fastest_hz, found.signatures.rank) == (2.25, 7)
     assert found.model is None
     assert all(entry.minimal_detectable is None for entry in found.atoms)
 
@@ -260,7 +265,7 @@ def test_a_window_stated_on_the_command_line_is_kept():
 def test_too_many_signals_are_listed_and_not_compared():
     found = audit_dictionary(load_dictionary(THESIS), Config(), duration_s=1e9)
     assert found.signatures is None
-    assert len(found.live) == 7
+    assert sum(entry.live for entry in found.atoms) == 7
     assert any("too many signals to compare" in note for note in found.notes)
 
 
@@ -305,3 +310,49 @@ def test_a_window_that_cannot_be_is_refused(window, duration_s, error, sentence)
     with pytest.raises(error) as refusal:
         audit_dictionary(late, merge(Config(), window), duration_s=duration_s)
     assert sentence in str(refusal.value)
+
+
+KINDS = [
+    {"name": "step", "shape": "bias"},
+    {"name": "slope", "shape": "drift", "onset_s": {"from": 5, "to": 20}},
+    {"name": "oscillation", "shape": "sine"},
+]
+EXACT_ATOMS = [{"name": "at_12", "shape": "bias", "onset_s": 12}, {"name": "at_20", "shape": "bias", "onset_s": 20}]
+
+
+def test_kinds_of_fault_leave_the_audit_of_the_others_as_it_is():
+    mixed = audit_dictionary(dictionary(*KINDS[:2], *EXACT_ATOMS, *KINDS[2:]), Config())
+    alone = audit_dictionary(dictionary(*EXACT_ATOMS), Config())
+    assert [entry.name for entry in mixed.atoms] == ["step", "slope", "at_12", "at_20", "oscillation"]
+    assert mixed.atoms[2:4] == alone.atoms
+    assert all(entry.live and entry.coherence is None for entry in mixed.atoms if entry.fault.onset_range_s)
+    np.testing.assert_array_equal(mixed.signatures.coherence, alone.signatures.coherence)
+    times = {row[1]: row[2] for row in audit_content(audit_document(mixed, provenance(log_sha256=""))).tables[0].rows}
+    assert times == {"step": "any", "slope": "any in 5 to 20", "at_12": "12", "at_20": "20", "oscillation": "any"}
+
+
+def test_a_dictionary_of_kinds_has_an_audit_too():
+    found = audit_dictionary(dictionary(*KINDS), Config())
+    assert ([entry.live for entry in found.atoms], found.signatures) == ([True] * 3, None)
+    document = json.loads(to_json(audit_document(found, provenance(log_sha256=""))))
+    assert [atom["onset_s"] for atom in document["atoms"]] == [None] * 3
+    assert [atom["onset_range_s"] for atom in document["atoms"]] == [[None, None], [5.0, 20.0], [None, None]]
+    assert audit_content(document).verdict == "3 faults, 3 of them can be looked for"
+
+
+def test_the_limits_of_kinds_on_a_log_are_those_of_the_search():
+    changes = {"model.order": 4, "conditioning.rate_hz": "none", "start_time.calibration": "gaussian"}
+    config = merge(Config(), changes)
+    rng = np.random.default_rng(0)
+    log = flight_of(MODELS["citation"], "3211", rng=rng, duration_s=30.0, rate_hz=10.0, noise_sd={"tas": 0.05})
+    kinds = dictionary(*KINDS[:2], {"name": "late", "shape": "bias", "onset_s": {"from": 50, "to": 90}})
+    found = audit_on_log(log, kinds, config)
+    searched = search_onsets(log, with_inputs_of(log, config), kinds=kinds.resolved(0.0)[:2])
+    expected = {one.name: one.minimal_detectable_scan for one in searched.candidates}
+    assert {entry.name: entry.minimal_detectable for entry in found.atoms} == {**expected, "late": None}
+    assert expected["step"] > 0.0
+    assert [entry.live for entry in found.atoms] == [True, True, False]
+    assert "begins between 50 and 90 s, outside of the window (0 to 29.9 s)" in found.atoms[2].note
+    assert audit_content(audit_document(found, provenance(log_sha256=""))).drawings[-1].name == "limits"
+    with pytest.raises(DictionaryError, match="no live atom: 'late' begins between 50 and 90 s"):
+        audit_on_log(log, dictionary({"name": "late", "shape": "bias", "onset_s": {"from": 50, "to": 90}}), config)

@@ -10,18 +10,18 @@ from __future__ import annotations
 from .catalogue import MODELS, find_model
 from .jsbsim_model import PREFIX, STICK
 from .model import Discretisation, FlightPlan, Flown, LinearModel, NonlinearModel, discretise, response
-from .simulate import MANOEUVRES, Dryden, deviations, dryden_gusts, manoeuvre, simulate, time_axis, with_gusts
+from .simulate import (
+    MANOEUVRES,
+    Dryden,
+    deviations,
+    dryden_gusts,
+    flight_of,
+    manoeuvre,
+    simulate,
+    time_axis,
+    with_gusts,
+)
 
 __all__ = ["MANOEUVRES", "MODELS", "PREFIX", "STICK", "Discretisation", "Dryden", "FlightPlan", "Flown", "LinearModel"]
-__all__ += [
-    "NonlinearModel",
-    "deviations",
-    "discretise",
-    "dryden_gusts",
-    "find_model",
-    "manoeuvre",
-    "response",
-    "simulate",
-    "time_axis",
-    "with_gusts",
-]
+__all__ += ["NonlinearModel", "deviations", "discretise", "dryden_gusts", "find_model", "flight_of", "manoeuvre"]
+__all__ += ["response", "simulate", "time_axis", "with_gusts"]

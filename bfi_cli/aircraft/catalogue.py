@@ -16,8 +16,6 @@ from .f16 import CRUISE, F16, fly
 from .jsbsim_model import PREFIX, jsbsim_model
 from .model import FlightPlan, LinearModel, NonlinearModel
 
-__all__ = ["B747", "CITATION", "CITATION_SHORT_PERIOD", "ELEVATORS", "ENGINES", "MODELS", "find_model"]
-
 # Cessna Citation II at 100 m/s and 5000 m: equation 5-4 of the thesis, states tas, aoa, pitch, pitch rate.
 CITATION = LinearModel(
     name="citation",

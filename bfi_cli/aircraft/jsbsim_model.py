@@ -8,17 +8,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import HIGHEST
 from ..errors import ConfigError
 from ..jsbsim import CONTROLS, OUTPUTS, run
+from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from .model import FlightPlan, Flown, NonlinearModel
-
-__all__ = ["PREFIX", "STICK", "jsbsim_model"]
-
-FloatArray = NDArray[np.float64]
 
 PREFIX = "jsbsim:"
 ALTITUDE_M = 1500.0  # where light aircraft fly and jets can

@@ -7,24 +7,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..kernels.progress import Report
 
-__all__ = [
-    "Discretisation",
-    "FlightPlan",
-    "Flown",
-    "LinearModel",
-    "NonlinearModel",
-    "discretise",
-    "propagate",
-    "response",
-]
-
-FloatArray = NDArray[np.float64]
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Discretisation = Literal["zoh", "bilinear", "euler"]
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..channels import STANDARD
@@ -16,9 +15,6 @@ from ..validation import Number, Positive, Rules, Text, validate
 from ..yaml12 import load_yaml
 from .model import LinearModel
 
-__all__ = ["ModelDocument", "load_model"]
-
-FloatArray = NDArray[np.float64]
 Names = Annotated[tuple[Text, ...], Field(min_length=1)]
 Matrix = Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
 

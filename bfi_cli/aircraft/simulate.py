@@ -6,27 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, frozen_array
+from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
-
-__all__ = [
-    "GUSTS",
-    "MANOEUVRES",
-    "Dryden",
-    "deviations",
-    "dryden_gusts",
-    "manoeuvre",
-    "simulate",
-    "time_axis",
-    "with_gusts",
-]
-
-FloatArray = NDArray[np.float64]
 
 MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
 # Rules of thumb: below the stall of the wing, and sin(pitch) within 2 % of pitch.
@@ -343,3 +329,35 @@ def _fly_linear(
     )
     u_0, y_0 = ([model.trim.get(name, 0.0) for name in names] for names in (model.inputs, model.outputs))
     return Flown(inputs=u + np.array(u_0), outputs=y + np.array(y_0), notes=notes)
+
+
+def flight_of(
+    model: LinearModel | NonlinearModel,
+    name: str,
+    *,
+    rng: np.random.Generator,
+    duration_s: float = 31.72,
+    rate_hz: float = 100.0,
+    amplitude_rad: float = 0.035,
+    start_s: float = 0.2,
+    step_s: float = 1.0,
+    turbulence_m_s: float = 0.0,
+    discretisation: Discretisation = "zoh",
+    noise_sd: Mapping[str, float] | None = None,
+) -> FlightLog:
+    """Return the log of a manoeuvre by its name, see `time_axis`, `manoeuvre` and `simulate`, in gusts of an intensity.
+
+    Raises
+    ------
+    ConfigError : no such manoeuvre or output, or a number that is out of range.
+    """
+    time_s = time_axis(duration_s=duration_s, rate_hz=rate_hz)
+    return simulate(
+        model,
+        manoeuvre(name, time_s, amplitude_rad=amplitude_rad, start_s=start_s, step_s=step_s),
+        rng=rng,
+        rate_hz=rate_hz,
+        discretisation=discretisation,
+        turbulence=Dryden(sigma_m_s=turbulence_m_s) if turbulence_m_s else None,
+        noise_sd=noise_sd,
+    )

@@ -8,12 +8,5 @@ from .audit import audit_dictionary, audit_on_log
 from .report import audit_content, audit_document
 from .result import Audit, AuditedAtom, Signatures
 
-__all__ = [
-    "Audit",
-    "AuditedAtom",
-    "Signatures",
-    "audit_content",
-    "audit_dictionary",
-    "audit_document",
-    "audit_on_log",
-]
+__all__ = ["Audit", "AuditedAtom", "Signatures", "audit_content", "audit_dictionary", "audit_document"]
+__all__ += ["audit_on_log"]

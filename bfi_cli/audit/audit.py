@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config
 from ..dictionary import Dictionary, dead_reason, no_signal, signals
@@ -12,28 +13,12 @@ from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.magnitudes import fault_free_limits
-from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
 from ..shapes import ADDITIVE
 from .comparison import advised, compare, own_channel, sentences
-from .entries import (
-    AuditWindow,
-    Limits,
-    Listing,
-    entries,
-    fastest_hz,
-    largest_order,
-    reasons_of,
-    remarks_of,
-    span_of,
-    unit_of,
-    unknown_channels,
-)
-from .result import Audit
-
-__all__ = ["audit_dictionary", "audit_on_log"]
-
-FloatArray = NDArray[np.float64]
+from .entries import AuditWindow, entries, reasons_of, remarks_of, span_of, unit_of, unknown_channels
+from .kinds import audit_of_search, nothing_stated, searched_on_log, with_kinds
+from .result import Audit, fastest_hz
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
 # every shape; 100 Hz, that of a common recorder, as long as all signals together have two million values.
@@ -44,7 +29,7 @@ MOST_ATOMS, MOST_VALUES = 1000, 20_000_000
 
 
 def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: float | None = None) -> Audit:
-    """Audit a dictionary by its definitions and the signals they give.
+    """Audit a dictionary by its definitions and the signals that entries with stated onsets give.
 
     Parameters
     ----------
@@ -57,12 +42,22 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     DictionaryError : no fault shows in the window, or a sample file cannot be used.
     ConfigError : the window is empty, or its end is given twice.
     """
+    stated = dictionary.exact
+    audit = _audit_signals(stated, config, duration_s) if stated.atoms else nothing_stated(dictionary, config)
+    if stated.atoms == dictionary.atoms:
+        return audit
+    kinds = dictionary.searched.atoms
+    audit = replace(audit, notes=(*unknown_channels(kinds), *audit.notes))
+    return with_kinds(audit, dictionary, {one.channel: unit_of(one.channel) for one in kinds})
+
+
+def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | None) -> Audit:
     span, why = _window(dictionary, config, duration_s)
     faults = dictionary.resolved(span.start_s)
     names = tuple(fault.name or fault.shape for fault in faults)
-    fastest, length_s = fastest_hz(faults), span.stop_s - span.start_s
+    length_s = span.stop_s - span.start_s
     affordable_hz = min(FINE_HZ, FINE_VALUES / (length_s * len(faults)))
-    rate_hz = span.rate_hz or max(SAMPLES / length_s, DRAWN_PER_CYCLE * (fastest or 0.0), affordable_hz)
+    rate_hz = span.rate_hz or max(SAMPLES / length_s, DRAWN_PER_CYCLE * (fastest_hz(faults) or 0.0), affordable_hz)
     n_samples = max(2, round(length_s * rate_hz))
     few = len(faults) <= MOST_ATOMS and n_samples * len(faults) <= MOST_VALUES
     time_s = span.start_s + np.arange(n_samples if few else 0) / rate_hz
@@ -80,13 +75,8 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     if not live:
         raise DictionaryError(f"{dictionary.path}: no live atom: {reasons[min(reasons)]}")
     seen = None if values is None else values[:, list(live)]
-    listing = Listing(
-        faults=faults,
-        names=names,
-        units=tuple(unit_of(fault.channel) for fault in faults),
-        reasons=reasons,
-        remarks=remarks_of(live, span, seen, largest_model=largest_order(config), n_outputs=len(channels)),
-    )
+    order = config.model.order if isinstance(config.model.order, int) else max(config.model.orders)
+    remarks = remarks_of(live, span, seen, largest_model=order, n_outputs=len(channels))
     signatures = None
     warnings = [
         f"{len(faults)} faults over this window are too many signals to compare; "
@@ -108,9 +98,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
         log_path=None,
         native_rate_hz=None,
         model=None,
-        fastest_hz=fastest,
-        rate_needed_hz=None if fastest is None else SAMPLES_PER_CYCLE * fastest,
-        atoms=entries(listing, signatures, None),
+        atoms=entries(faults, names, [unit_of(one.channel) for one in faults], reasons, remarks, signatures),
         signatures=signatures,
         notes=(*unknown_channels(faults), *warnings),
     )
@@ -142,7 +130,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     """Audit a dictionary on a log.
 
     The predictor is estimated without fault terms, of the order with the best criterion. The minimal detectable
-    magnitudes are those of `identify` where it declares nothing.
+    magnitudes are those of `identify` where it declares nothing, of kinds of fault those of its search over all onsets.
 
     Parameters
     ----------
@@ -156,6 +144,23 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
     config, clean = with_inputs_of(log, config), without_injected_faults(log)
+    stated = dictionary.exact
+    if stated.atoms == dictionary.atoms:
+        return _audit_entries(log, clean, stated, config)
+    searched, reasons = searched_on_log(clean, dictionary, config)
+    if stated.atoms:
+        audit = _audit_entries(log, clean, stated, config)
+    elif searched is not None:
+        audit = audit_of_search(searched, dictionary)
+    else:
+        raise DictionaryError(f"{dictionary.path}: no live atom: {reasons[0]}")
+    units = {one.channel: unit_of(one.channel) for one in dictionary.searched.atoms}
+    units |= {name: channel.unit for name, channel in clean.channels.items()}
+    return with_kinds(audit, dictionary, units, reasons, searched)
+
+
+def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, config: Config) -> Audit:
+    """Return the audit of entries that state their onsets; `clean` is the log without faults."""
     window = prepare_window(clean, dictionary, config)
     fitted = fit_fault_free(window, config)
     given, faults, names, live = window.signals, window.faults, window.names, list(window.live)
@@ -167,28 +172,20 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
         rate_hz=given.rate_hz,
         lags=first,
     )
-    listing = Listing(
-        faults=faults,
-        names=names,
-        units=tuple(channels[f.channel].unit if f.channel in channels else unit_of(f.channel) for f in faults),
-        reasons=reasons_of(faults, names, advised(window.reasons, own_channel(theta))),
-        remarks=remarks_of(
-            {j: faults[j] for j in live},
-            span,
-            own_channel(theta[first:, :, live]),
-            largest_model=max(fitted.regression.orders),
-            n_outputs=len(window.outputs),
-        ),
+    reasons = reasons_of(faults, names, advised(window.reasons, own_channel(theta)))
+    remarks = remarks_of(
+        {j: faults[j] for j in live},
+        span,
+        own_channel(theta[first:, :, live]),
+        largest_model=max(fitted.regression.orders),
+        n_outputs=len(window.outputs),
     )
-    theta = theta[:, :, live]
-    left = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1))
-    raw_norm = fitted.unfolded.raw_norm
+    units = [channels[one.channel].unit if one.channel in channels else unit_of(one.channel) for one in faults]
+    left, before = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1)), fitted.unfolded.raw_norm
+    visible = left / np.where(before > 0.0, before, 1.0)
     detectable, exactly = fault_free_limits(window, config)
-    limits = Limits(
-        minimal_detectable=np.where(np.isfinite(detectable), detectable, np.nan),
-        peak=np.max(np.abs(theta), axis=(0, 1)),
-        visible=left / np.where(raw_norm > 0.0, raw_norm, 1.0),
-    )
+    peak = np.max(np.abs(theta[:, :, live]), axis=(0, 1))
+    limits = list(zip(detectable.tolist(), peak.tolist(), visible.tolist(), strict=True))
     seen = np.isfinite(exactly)
     signatures, alike = compare(
         [names[j] for j in live],
@@ -196,7 +193,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
         own_channel(fitted.unfolded.signatures * fitted.regression.unit[:, None]) * seen,
         whiten(fitted.unfolded.signatures, fitted.fit.sigma) * seen,
     )
-    fastest, summary = fastest_hz(faults), window.summary
+    summary = window.summary
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
@@ -208,9 +205,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
         log_path=summary.path,
         native_rate_hz=summary.native_rate_hz,
         model=fitted.model,
-        fastest_hz=fastest,
-        rate_needed_hz=None if fastest is None else SAMPLES_PER_CYCLE * fastest,
-        atoms=entries(listing, signatures, limits),
+        atoms=entries(faults, names, units, reasons, remarks, signatures, limits),
         signatures=signatures,
         notes=(*sentences(signatures, alike), *about_the_log(log, window, fitted)),
     )

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..kernels.coherence import Dependence, dependence, homogeneous_order, mutual_coherence
 from .result import Signatures
-
-__all__ = ["absorbed", "advised", "compare", "most_like", "own_channel", "pairs", "sentences"]
-
-FloatArray = NDArray[np.float64]
 
 # At this coherence the standard deviation of either magnitude is 1/sqrt(1 - 0.99^2) = 7 times that of the fault alone.
 NEARLY_ALIKE = 0.99

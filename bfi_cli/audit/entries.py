@@ -6,32 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import STANDARD
-from ..config import Config
 from ..faults import Fault, did_you_mean, magnitude_unit, physical
+from ..kernels import FloatArray
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from .comparison import absorbed, most_like
 from .result import AuditedAtom, Signatures
-
-__all__ = [
-    "AuditWindow",
-    "Limits",
-    "Listing",
-    "entries",
-    "fastest_hz",
-    "largest_order",
-    "oddities",
-    "reasons_of",
-    "remarks_of",
-    "same_definition",
-    "span_of",
-    "unit_of",
-    "unknown_channels",
-]
-
-FloatArray = NDArray[np.float64]
 
 # A window shows three cycles of an oscillation and five time constants of a lagged bias (0.7 % short of its end), with
 # 10 s of margin, the order of a longitudinal manoeuvre; less than half a cycle is monotonic or nearly so.
@@ -53,11 +34,6 @@ def same_definition(faults: Sequence[Fault]) -> dict[int, int]:
     first: dict[Fault, int] = {}
     places = [first.setdefault(replace(fault, name=None, magnitude=1.0), j) for j, fault in enumerate(faults)]
     return {j: i for j, i in enumerate(places) if i != j}
-
-
-def fastest_hz(faults: Sequence[Fault]) -> float | None:
-    """Return the highest frequency among the faults, None where none oscillates."""
-    return max((fault.frequency_hz for fault in faults if fault.frequency_hz is not None), default=None)
 
 
 def span_of(faults: Sequence[Fault], from_s: float | None, *, from_zero: bool) -> AuditWindow:
@@ -119,52 +95,11 @@ def unit_of(channel: str) -> str:
     return STANDARD[channel].unit if channel in STANDARD else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Listing:
-    """All entries and what is known of each.
-
-    Attributes
-    ----------
-    faults, names, units : (n_atoms,) with the unit of each fault's channel.
-    reasons : why an entry is left out; remarks : what is odd about one that is live; by index.
-    """
-
-    faults: tuple[Fault, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    reasons: Mapping[int, str]
-    remarks: Mapping[int, Sequence[str]]
-
-    @property
-    def live(self) -> tuple[int, ...]:
-        return tuple(j for j in range(len(self.faults)) if j not in self.reasons)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Limits:
-    """Of the live atoms on a log, (n_live,): what can be detected (NaN where nothing is seen) and what is visible.
-
-    Attributes
-    ----------
-    minimal_detectable : magnitudes; peak : the most each moves its output at magnitude 1.
-    visible : see `AuditedAtom`.
-    """
-
-    minimal_detectable: FloatArray
-    peak: FloatArray
-    visible: FloatArray
-
-
 def reasons_of(faults: Sequence[Fault], names: Sequence[str], reasons: Mapping[int, str]) -> dict[int, str]:
     """Return the reasons, those of an entry whose twin by definition is live in words of the definition."""
     twins = {j: i for j, i in same_definition(faults).items() if j in reasons and i not in reasons}
     worded = {j: f"'{names[j]}' is defined as '{names[i]}' is; drop one of them" for j, i in twins.items()}
     return {**reasons, **worded}
-
-
-def largest_order(config: Config) -> int:
-    """Return the largest order an analysis with this configuration tries."""
-    return config.model.order if isinstance(config.model.order, int) else max(config.model.orders)
 
 
 def remarks_of(
@@ -198,20 +133,33 @@ def remarks_of(
     return remarks
 
 
-def entries(listing: Listing, signatures: Signatures | None, limits: Limits | None) -> tuple[AuditedAtom, ...]:
-    """Return one entry per fault of the dictionary, in its order."""
-    place = {j: n for n, j in enumerate(listing.live)}
+def entries(
+    faults: Sequence[Fault],
+    names: Sequence[str],
+    units: Sequence[str],
+    reasons: Mapping[int, str],
+    remarks: Mapping[int, Sequence[str]],
+    signatures: Signatures | None,
+    limits: Sequence[tuple[float, float, float]] | None = None,
+) -> tuple[AuditedAtom, ...]:
+    """Return one entry per fault of the dictionary, in its order.
+
+    Parameters
+    ----------
+    faults, names, units : (n_atoms,) with the unit of each fault's channel.
+    reasons : why an entry is left out; remarks : what is odd about one that is live; by index.
+    signatures : of the live ones.
+    limits : on a log, of each live one: the minimal detectable magnitude, NaN where nothing is seen, the most a
+        magnitude of 1 moves its output, and `AuditedAtom.visible`.
+    """
+    place = {j: n for n, j in enumerate(j for j in range(len(faults)) if j not in reasons)}
     atoms = []
-    for j, (fault, name, unit) in enumerate(zip(listing.faults, listing.names, listing.units, strict=True)):
+    for j, (fault, name, unit) in enumerate(zip(faults, names, units, strict=True)):
         n = place.get(j)
-        said = [listing.reasons[j]] if n is None else listing.remarks.get(j, ())
+        said = [reasons[j]] if n is None else remarks.get(j, ())
         other, coherence = (None, None) if signatures is None or n is None else most_like(signatures, n)
-        z = peak = visible = None
-        if limits is not None and n is not None:
-            visible = float(limits.visible[n])
-            if np.isfinite(limits.minimal_detectable[n]):
-                z = float(limits.minimal_detectable[n])
-                peak = z * float(limits.peak[n])
+        least, most, visible = (np.nan, np.nan, None) if limits is None or n is None else limits[n]
+        z = float(least) if np.isfinite(least) else None
         atoms.append(
             AuditedAtom(
                 name=name,
@@ -222,7 +170,7 @@ def entries(listing: Listing, signatures: Signatures | None, limits: Limits | No
                 channel_unit=unit,
                 minimal_detectable=z,
                 minimal_physical=None if z is None else physical(fault, z, unit),
-                minimal_peak=peak,
+                minimal_peak=None if z is None else z * float(most),
                 visible=visible,
                 most_coherent_with=other,
                 coherence=coherence,

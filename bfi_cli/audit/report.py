@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..display_units import SI, Units
 from ..faults import fault_to_dict
+from ..kernels import FloatArray
+from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, thinned
@@ -18,11 +19,8 @@ from ..report.text import change, noise_level, number, with_unit
 from ..serialization import to_plain
 from ..shapes import SHAPES
 from .comparison import pairs
-from .result import Audit, Signatures
+from .result import Audit
 
-__all__ = ["AUDIT_SCHEMA", "DRAWINGS", "TABLES", "audit_content", "audit_document"]
-
-FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
 AUDIT_SCHEMA = 1
@@ -64,11 +62,17 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
 
     `series` holds what is drawn of the first signatures.
     """
-    signatures = audit.signatures
+    signatures, series = audit.signatures, None
+    if signatures is not None:
+        drawn = zip(signatures.names[:MAX_SIGNATURES], signatures.values.T, strict=False)
+        kept = [(name, values, thinned(values, max_points=MAX_POINTS)) for name, values in drawn]
+        series = [{"name": name, "time_s": signatures.time_s[at], "values": values[at]} for name, values, at in kept]
     window = {key: getattr(audit, key) for key in ("rate_hz", "n_samples", "start_s", "stop_s")}
     atoms = []
     for atom in audit.atoms:
         entry = {**fault_to_dict(atom.fault), **{key: getattr(atom, key) for key in (*ATOM_KEYS, *MORE_KEYS)}}
+        if atom.fault.onset_range_s is not None:
+            entry["onset_range_s"] = atom.fault.onset_range_s
         if atom.minimal_physical is not None:
             entry["minimal_physical"] = dict(zip(("value", "unit"), atom.minimal_physical, strict=True))
         atoms.append(entry)
@@ -82,7 +86,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
             "window": {**window, "why": audit.why},
             "model": None if audit.model is None else {key: getattr(audit.model, key) for key in MODEL_KEYS},
             "fastest_hz": audit.fastest_hz,
-            "rate_needed_hz": audit.rate_needed_hz,
+            "rate_needed_hz": None if audit.fastest_hz is None else SAMPLES_PER_CYCLE * audit.fastest_hz,
             "atoms": atoms,
             "rank": None if signatures is None else signatures.rank,
             "condition_number": None if signatures is None else signatures.condition_number,
@@ -93,7 +97,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
                 "of": "raw signals" if audit.model is None else "filtered signatures",
                 "matrix": signatures.coherence,
             },
-            "series": None if signatures is None else _thin(signatures),
+            "series": series,
             "notes": audit.all_notes,
             "provenance": provenance,
         }
@@ -101,20 +105,17 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
     return plain
 
 
-def _thin(signatures: Signatures) -> list[dict[str, Any]]:
-    drawn = []
-    for name, values in zip(signatures.names[:MAX_SIGNATURES], signatures.values.T, strict=False):
-        kept = thinned(values, max_points=MAX_POINTS)
-        drawn.append({"name": name, "time_s": signatures.time_s[kept], "values": values[kept]})
-    return drawn
-
-
 def audit_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi dictionary` holds, in `units`; its CSV files are in SI."""
     atoms, coherence = document["atoms"], document["coherence"]
     live = [atom for atom in atoms if atom["live"]]
     tables, drawings = [_list_atoms(document, units)], []
-    data = {"atoms.csv": {column: [_cell(atom, column) for atom in atoms] for column in ATOM_COLUMNS}}
+    sizes = [atom["minimal_physical"] or {"value": None, "unit": None} for atom in atoms]
+    flat = [
+        {**atom, "minimal_physical": size["value"], "physical_unit": size["unit"]}
+        for atom, size in zip(atoms, sizes, strict=True)
+    ]
+    data = {"atoms.csv": {column: [atom[column] for atom in flat] for column in ATOM_COLUMNS}}
     if coherence is not None:
         names, matrix = coherence["atoms"], np.array(coherence["matrix"], dtype=np.float64)
         columns = zip(names, coherence["matrix"], strict=True)  # the matrix is symmetric
@@ -151,7 +152,7 @@ def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
     span = f"{window['start_s']:.4g} to {window['stop_s']:.4g} s"
     facts = [("Dictionary", f"{document['path']}, times from the start of the {document['relative_to']}")]
     if model is None:
-        facts.append(("Window", f"{span}, {window['why']}"))
+        facts.append(("Window", f"{span}, {window['why']}" if window["n_samples"] else window["why"]))
     else:
         own = {atom["channel"]: atom["channel_unit"] for atom in document["atoms"]}
         noise = ", ".join(f"{name} {noise_level(name, sd, units, own)}" for name, sd in model["noise_sd"].items())
@@ -168,22 +169,13 @@ def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
     return tuple(facts)
 
 
-def _cell(atom: Plain, column: str) -> Any:
-    """Return the value of a column of atoms.csv."""
-    physical = atom["minimal_physical"] or {"value": None, "unit": None}
-    if column in ("minimal_physical", "physical_unit"):
-        return physical["value" if column == "minimal_physical" else "unit"]
-    return atom[column]
-
-
 def _list_atoms(document: Plain, units: Units) -> Table:
     atoms, on_log = document["atoms"], document["model"] is not None
     channels = len({atom["channel"] for atom in atoms}) > 1
     place = {atom["name"]: j for j, atom in enumerate(atoms, 1)}
     rows = []
     for j, atom in enumerate(atoms, 1):
-        until = "" if atom["offset_s"] is None else f" to {atom['offset_s']:.6g}"
-        row = [str(j), shortened(atom["name"], NAME_LETTERS), f"{atom['onset_s']:.6g}{until}"]
+        row = [str(j), shortened(atom["name"], NAME_LETTERS), _times(atom)]
         if channels:
             row.append(shortened(atom["channel"] or "-", CHANNEL_LETTERS))
         if on_log:
@@ -196,6 +188,18 @@ def _list_atoms(document: Plain, units: Units) -> Table:
         rows.append((*row, alike if atom["live"] else "left out"))
     heads = ("", "name", "time [s]", *(["channel"] if channels else []), "min. detectable" if on_log else "shape")
     return Table(name="atoms", title="Faults", heads=(*heads, "most like"), rows=tuple(rows))
+
+
+def _times(atom: Plain) -> str:
+    """Return when a fault begins and ends, "12 to 20"; of a kind of fault when it may begin, "from 5", "any"."""
+    if atom["onset_s"] is not None:
+        return f"{atom['onset_s']:.6g}" + ("" if atom["offset_s"] is None else f" to {atom['offset_s']:.6g}")
+    first, last = atom["onset_range_s"]
+    if first is None and last is None:
+        return "any"
+    if first is None or last is None:
+        return f"until {last:.6g}" if first is None else f"from {first:.6g}"
+    return f"any in {first:.6g} to {last:.6g}"
 
 
 def _limit(atom: Plain, units: Units) -> str | None:
@@ -218,7 +222,8 @@ def _list_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -
             (f"{value:.3f}", shortened(a, 30), shortened(b, 30)) for a, b, value in pairs(names, matrix)[:MOST_PAIRS]
         )
         return Table(name="coherence", title=f"Highest c{title}", heads=("coherence", "of", "and"), rows=rows)
-    numbers = [str(j) for j, atom in enumerate(document["atoms"], 1) if atom["live"]]
+    place = {atom["name"]: str(j) for j, atom in enumerate(document["atoms"], 1)}
+    numbers = [place[name] for name in names]
     rows = tuple(
         (
             numbers[j],

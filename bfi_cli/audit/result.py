@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..faults import Fault
+from ..kernels import FloatArray
 from ..preprocessing.summary import ModelSummary
-
-__all__ = ["Audit", "AuditedAtom", "Signatures"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +70,6 @@ class Audit:
     path : of the dictionary; relative_to : what its times count from.
     start_s, stop_s, rate_hz, n_samples : of the signals compared; why : how window and rate came about.
     log_path, native_rate_hz, model : None without a log; the model is the one without fault terms.
-    fastest_hz : the highest frequency of the dictionary; rate_needed_hz : four samples of its cycle.
     signatures : None where there are too many to compare.
     notes : on the dictionary as a whole and on the log; those on single atoms are with them.
     """
@@ -90,18 +84,21 @@ class Audit:
     log_path: str | None
     native_rate_hz: float | None
     model: ModelSummary | None
-    fastest_hz: float | None
-    rate_needed_hz: float | None
     atoms: tuple[AuditedAtom, ...]
     signatures: Signatures | None
     notes: tuple[str, ...]
 
     @property
-    def live(self) -> tuple[AuditedAtom, ...]:
-        """The atoms that can be looked for, in the order of `signatures`."""
-        return tuple(atom for atom in self.atoms if atom.live)
+    def fastest_hz(self) -> float | None:
+        """The highest frequency of the dictionary, None where nothing oscillates."""
+        return fastest_hz(one.fault for one in self.atoms)
 
     @property
     def all_notes(self) -> tuple[str, ...]:
         """The notes on single atoms, then the others."""
         return (*(atom.note for atom in self.atoms if atom.note is not None), *self.notes)
+
+
+def fastest_hz(faults: Iterable[Fault]) -> float | None:
+    """Return the highest frequency among the faults, None where none oscillates."""
+    return max((fault.frequency_hz for fault in faults if fault.frequency_hz is not None), default=None)

@@ -52,21 +52,18 @@ def command(log: str | None, config_path: str | None, **options: Any) -> None:
     if options["out"] is not None:
         names = content_names(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
         check_folder(options["out"], names, inputs=inputs, force=options["force"])
-    magnitudes, log_sha256 = diagnosability.magnitudes_of(config), ""
+    log_sha256 = ""
     with threadpool_limits(1):
         if log is not None:
             flight = log_of(log, config)
             config, notes = settled(flight, config)
             dictionary = config.load_dictionary(allow_outside=options["allow_outside"]) or dictionary
-            result = diagnosability.assess(flight, dictionary, config, magnitudes=magnitudes)
+            result = diagnosability.assess(flight, dictionary, config)
             result = replace(result, notes=(*notes, *result.notes))
             log_sha256 = flight.sha256
         else:
-            flights = diagnosability.flights_of(config)
             with progress("records", wanted=options["progress"]) as report:
-                result = diagnosability.assess_manoeuvres(
-                    flights, dictionary, config, magnitudes=magnitudes, report=report
-                )
+                result = diagnosability.assess_manoeuvres(dictionary, config, report=report)
     origin = provenance(
         log_sha256=log_sha256, config_sha256=config.sha256, dictionary_sha256=dictionary.sha256, seed=config.seed
     )

@@ -10,10 +10,11 @@ import numpy as np
 from ..channels import LARGEST_ERROR
 from ..decision import Candidate
 from ..display_units import SI, Units
+from ..printable import shortened
 from ..provenance import Provenance
 from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
-from ..report.text import change, instant, interval, number, shortened, with_unit
+from ..report.text import change, instant, interval, number, with_unit
 from ..serialization import from_plain, to_plain
 from .result import DetectResult
 

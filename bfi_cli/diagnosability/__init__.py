@@ -4,18 +4,9 @@
 magnitudes, `assess` makes the result of a log, and `manoeuvres` simulates flights of a model to compare manoeuvres.
 """
 
-from .assess import DiagnosabilityResult, Magnitudes, assess, magnitudes_of
-from .manoeuvres import ModelFlights, assess_manoeuvres, flights_of
+from .assess import DiagnosabilityResult, assess
+from .manoeuvres import assess_manoeuvres, flown
 from .report import diagnosability_content, diagnosability_document
 
-__all__ = [
-    "DiagnosabilityResult",
-    "Magnitudes",
-    "ModelFlights",
-    "assess",
-    "assess_manoeuvres",
-    "diagnosability_content",
-    "diagnosability_document",
-    "flights_of",
-    "magnitudes_of",
-]
+__all__ = ["DiagnosabilityResult", "assess", "assess_manoeuvres", "diagnosability_content", "diagnosability_document"]
+__all__ += ["flown"]

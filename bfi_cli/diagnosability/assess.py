@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..config import Config
+from ..config.document import Diagnosability
 from ..dictionary import Dictionary
 from ..errors import ConfigError
 from ..faults import did_you_mean, meaning
@@ -113,62 +114,27 @@ class DiagnosabilityResult:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Magnitudes:
-    """Root mean square of the magnitude at which each fault is assessed.
+def magnitudes_of(names: Sequence[str], limits: FloatArray, stated: Diagnosability) -> FloatArray:
+    """Return (n_atoms,) root mean squares of the magnitudes at which faults are assessed.
 
-    Attributes
+    They are not finite where they are multiples of a limit that is not.
+
+    Parameters
     ----------
-    common : of every fault that is not named.
-    named : by name of the entry.
-    in_limits : whether they are multiples of each fault's minimal detectable magnitude; else in the magnitude's unit.
+    names : of the entries; limits : (n_atoms,) their minimal detectable magnitudes.
 
     Raises
     ------
-    ConfigError : a magnitude is not a positive number.
+    ConfigError : one is stated for a name that is none of the dictionary's.
     """
-
-    common: float = 1.0
-    named: Mapping[str, float] = field(default_factory=dict)
-    in_limits: bool = False
-
-    def __post_init__(self) -> None:
-        for value in (self.common, *self.named.values()):
-            if not (np.isfinite(value) and value > 0.0):
-                raise ConfigError(
-                    f"--magnitude: must be positive, got {value:g}; it is a root mean square, sign included"
-                )
-
-    def of_atoms(self, names: Sequence[str], limits: FloatArray) -> FloatArray:
-        """Return (n_atoms,) magnitudes; not finite where they are multiples of a limit that is not.
-
-        Parameters
-        ----------
-        names : of the entries; limits : (n_atoms,) their minimal detectable magnitudes.
-
-        Raises
-        ------
-        ConfigError : a name is none of the dictionary's.
-        """
-        for name in self.named:
-            if name not in names:
-                raise ConfigError(f"--magnitude: no entry of the dictionary, got '{name}'{did_you_mean(name, names)}")
-        values = np.array([self.named.get(name, self.common) for name in names])
-        return values * limits if self.in_limits else values
+    for name in stated.magnitudes:
+        if name not in names:
+            raise ConfigError(f"--magnitude: no entry of the dictionary, got '{name}'{did_you_mean(name, names)}")
+    values = np.array([stated.magnitudes.get(name, stated.magnitude) for name in names])
+    return values * limits if stated.at_limit else values
 
 
-UNIT = Magnitudes()
-
-
-def magnitudes_of(config: Config) -> Magnitudes:
-    """Return the magnitudes a configuration states."""
-    stated = config.diagnosability
-    return Magnitudes(common=stated.magnitude, named=stated.magnitudes, in_limits=stated.at_limit)
-
-
-def assess(
-    log: FlightLog, dictionary: Dictionary, config: Config, *, magnitudes: Magnitudes = UNIT
-) -> DiagnosabilityResult:
+def assess(log: FlightLog, dictionary: Dictionary, config: Config) -> DiagnosabilityResult:
     """Say how well each fault of a dictionary could be seen in a log, and told from the others.
 
     The predictor is that of the log without fault terms: only what the predictor does not explain of a fault counts.
@@ -177,8 +143,7 @@ def assess(
     ----------
     log : in SI units, see `bfi_cli.flightlog.read_log`; faults injected into it are taken out, others are in the way.
     dictionary : see `bfi_cli.dictionary.load_dictionary`.
-    config : see `bfi_cli.config.Config`.
-    magnitudes : of the faults.
+    config : see `bfi_cli.config.Config`; its section `diagnosability` has the magnitudes of the faults.
 
     Raises
     ------
@@ -187,8 +152,9 @@ def assess(
     ConfigError : a magnitude is given for a fault that the dictionary does not have.
     """
     records = [signatures(log, dictionary, config)]
-    values = magnitudes.of_atoms(records[0].names, minimal_detectable(records))
-    return result_of(records, values, dictionary=dictionary.path, in_limits=magnitudes.in_limits)
+    stated = config.diagnosability
+    values = magnitudes_of(records[0].names, minimal_detectable(records), stated)
+    return result_of(records, values, dictionary=dictionary.path, in_limits=stated.at_limit)
 
 
 def result_of(

@@ -10,13 +10,12 @@ import numpy as np
 
 from ..display_units import SI, Units
 from ..kernels import FloatArray
+from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve
-from ..report.text import noise_level, number, quantity, shortened
+from ..report.text import noise_level, number, quantity
 from ..serialization import to_plain
 from .assess import DiagnosabilityResult
-
-__all__ = ["diagnosability_content", "diagnosability_document"]
 
 Plain = Mapping[str, Any]
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..channels import STANDARD
 from ..config import Config
 from ..dictionary import Dictionary
+from ..errors import DictionaryError
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
@@ -76,8 +77,13 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
     LogError, ExcitationError : the log cannot be used.
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
+    stated, n_kinds = dictionary.exact, len(dictionary.searched.atoms)
+    if n_kinds and not stated.atoms:
+        raise DictionaryError(
+            f"{dictionary.path}: no entry states its onset, and a signature is that of a fault at an onset; add onset_s"
+        )
     config, clean = with_inputs_of(log, config), without_injected_faults(log)
-    window = prepare_window(clean, dictionary, config)
+    window = prepare_window(clean, stated, config)
     fitted = fit_fault_free(window, config)
     fit, regression = fitted.fit, fitted.regression
     n, live = len(window.faults), list(window.live)
@@ -118,7 +124,10 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
         errors=fitted.error,
         traces=traces,
         outputs=outputs,
-        notes=tuple(about_the_log(log, window, fitted)),
+        notes=(
+            *about_the_log(log, window, fitted),
+            *([f"left out, as they state no onset: {n_kinds} entries of the dictionary"] if n_kinds else []),
+        ),
     )
 
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from ..units import FOOT, POUND, G
 
-__all__ = ["CONTROLS", "FLOWN", "RECORDED", "Recorded"]
-
 # The file of a flight's folder that says which part of it is flown.
 FLOWN = "flown.txt"
 

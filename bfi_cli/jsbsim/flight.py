@@ -18,17 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import first_line
+from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from ..units import FOOT
 from .channels import CONTROLS, FLOWN, RECORDED
 from .pilot import Pilot
-
-__all__ = ["FlightError", "aircraft_names", "cruise_airspeed", "fly", "main", "trimmed"]
-
-FloatArray = NDArray[np.float64]
 
 # True airspeeds, m/s, at which level flight is sought where none is asked for: from a light aircraft's to a jet's.
 SPEEDS = (20.0, 30.0, 45.0, 65.0, 90.0, 120.0, 160.0, 200.0, 240.0)

@@ -14,15 +14,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ConfigError
+from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from .channels import FLOWN
-
-__all__ = ["run"]
-
-FloatArray = NDArray[np.float64]
 
 PACKAGE_FOLDER = Path(__file__).resolve().parents[2]
 

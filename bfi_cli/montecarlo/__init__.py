@@ -9,17 +9,5 @@ from .scenarios import Sweep, load_sweep
 from .summary import Summary, summarise, wilson
 from .trial import run_trial
 
-__all__ = [
-    "Journal",
-    "Summary",
-    "Sweep",
-    "check_records",
-    "digest_of",
-    "load_sweep",
-    "montecarlo_content",
-    "run_sweep",
-    "run_trial",
-    "summarise",
-    "summary_document",
-    "wilson",
-]
+__all__ = ["Journal", "Summary", "Sweep", "check_records", "digest_of", "load_sweep", "montecarlo_content"]
+__all__ += ["run_sweep", "run_trial", "summarise", "summary_document", "wilson"]

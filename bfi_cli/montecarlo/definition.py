@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,12 +11,11 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from ..aircraft import MANOEUVRES, MODELS
 from ..config import Config, DictionarySource, Natural
+from ..dictionary.document import Interval, NumberOrInterval
 from ..errors import DictionaryError
 from ..faults import Fault, did_you_mean, fault_from_dict
 from ..shapes import SHAPES
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema
-
-__all__ = ["FlownModel", "InjectedFault", "RecordedLog", "SweepRules", "json_schema"]
 
 
 def _listed(value: object) -> object:
@@ -124,7 +124,8 @@ class InjectedFault(Rules):
     channel: Text | None = None
     """The faulty channel; default tas. A fault of a pressure line has none."""
     magnitude: Number | None = None
-    onset_s: Number = 0.0
+    onset_s: NumberOrInterval | None = None
+    """When it begins, s, or {from, to}: drawn between them in every trial; default from 10 to 90 % of the window."""
     offset_s: Number | None = None
     """When it recovers; default never."""
     onset_spread_s: NotNegative = 0.0
@@ -147,14 +148,19 @@ class InjectedFault(Rules):
         return self
 
     def fault(self) -> Fault:
-        """Return the fault, times as stated.
+        """Return the fault, times as stated; one whose onset is drawn has the `onset_range_s` that it is drawn from.
 
         Raises
         ------
         DictionaryError : it is none.
         """
-        given = self.model_dump(exclude={"right", "onset_spread_s"}, exclude_none=True)
-        return fault_from_dict(given)
+        given = self.model_dump(exclude={"right", "onset_s", "onset_spread_s"}, exclude_none=True)
+        if self.onset_s is not None and not isinstance(self.onset_s, Interval):
+            return fault_from_dict({**given, "onset_s": self.onset_s})
+        for key in ("offset_s", "onset_spread_s"):
+            if getattr(self, key):
+                raise DictionaryError(f"{key}: goes with an onset that is stated; give onset_s, or leave {key} out")
+        return replace(fault_from_dict(given), onset_range_s=(self.onset_s or Interval()).ends())
 
 
 FaultOrNone = Annotated[

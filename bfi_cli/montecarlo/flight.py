@@ -7,25 +7,24 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
+from ..aircraft import find_model, flight_of
+from ..errors import ConfigError
 from ..faults import Fault
 from ..filters import recorded_signal, response_of
 from ..flightlog import FlightLog, read_log
 from ..flightlog.injection import added_by
 from ..flightlog.record import frozen_array
 from ..flightlog.recorder import recorder_filters
+from ..kernels import FloatArray
 from ..shapes import OF_LINES, SHAPES
 from .definition import FlownModel, RecordedLog
 from .scenarios import Setting
 
-__all__ = ["faults_of", "faulty", "is_shared", "largest_errors", "record_of"]
-
-FloatArray = NDArray[np.float64]
-
 # Records that a worker keeps: a sweep's trials go through its records in turn.
 KEPT_RECORDS = 32
+# Parts of the window between which a fault begins that may begin at any time: nearer to its ends none can be told.
+ANY_TIME = (0.1, 0.9)
 
 
 def is_shared(setting: Setting) -> bool:
@@ -91,32 +90,92 @@ def largest_errors(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, 
 
 
 def faults_of(
-    log: FlightLog, setting: Setting, truth: Mapping[str, float], moved_s: float
+    log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np.random.Generator
 ) -> tuple[list[Fault], Fault | None]:
     """Return the drawn faults with their magnitudes, and the injected one, times on the log's axis.
 
     Parameters
     ----------
     truth : magnitude by name of the entries drawn.
-    moved_s : by how much the injected fault begins later than stated.
+    rng : of the onsets that are not stated; the injected fault's comes first.
     """
-    start_s = _start_s(log, setting)
+    span_s = _window_s(log, setting)
+    fault = _injected(setting, span_s[0])
+    if setting.injected is not None and fault is not None and fault.onset_range_s is None:
+        later = setting.injected.onset_spread_s * float(rng.uniform(-1.0, 1.0))
+        fault = _injected(setting, span_s[0], later)
+    fault = None if fault is None else _begun(fault, span_s, rng)
     drawn = [
-        replace(atom, magnitude=truth[atom.name or atom.shape])
-        for atom in setting.dictionary.resolved(start_s)
+        replace(_begun(atom, span_s, rng), magnitude=truth[atom.name or atom.shape])
+        for atom in setting.dictionary.resolved(span_s[0])
         if (atom.name or atom.shape) in truth
     ]
+    return drawn, fault
+
+
+def _injected(setting: Setting, start_s: float, later_s: float = 0.0) -> Fault | None:
+    """Return the injected fault, times on the log's axis, so much later than stated."""
     if setting.injected is None:
-        return drawn, None
+        return None
     fault = setting.injected.fault()
-    later = moved_s + (start_s if setting.dictionary.relative_to == "window" else 0.0)
-    offset_s = None if fault.offset_s is None else fault.offset_s + later
-    return drawn, replace(fault, onset_s=fault.onset_s + later, offset_s=offset_s)
+    later = later_s + (start_s if setting.dictionary.relative_to == "window" else 0.0)
+    return replace(
+        fault,
+        onset_s=fault.onset_s + later,
+        offset_s=None if fault.offset_s is None else fault.offset_s + later,
+        onset_range_s=fault.onset_range_s and (fault.onset_range_s[0] + later, fault.onset_range_s[1] + later),
+    )
 
 
-def _start_s(log: FlightLog, setting: Setting) -> float:
+def _begun(fault: Fault, span_s: tuple[float, float], rng: np.random.Generator) -> Fault:
+    """Return a fault with an onset, drawn where it states none."""
+    if fault.onset_range_s is None:
+        return fault
+    onset_s = drawn_onset(*onsets_within(fault.onset_range_s, *span_s), rng)
+    return replace(fault, onset_s=onset_s, onset_range_s=None, parameter_range=None)
+
+
+def drawn_onset(from_s: float, to_s: float, rng: np.random.Generator) -> float:
+    """Return an onset between two times, each as likely as any other."""
+    return float(rng.uniform(from_s, to_s))
+
+
+def onsets_within(onsets_s: tuple[float, float], start_s: float, stop_s: float) -> tuple[float, float]:
+    """Return between which times a fault begins, where an end is infinite from 10 %, or to 90 %, of a window."""
+    ends = [start_s + part * (stop_s - start_s) for part in ANY_TIME]
+    first, last = (one if np.isfinite(one) else end for one, end in zip(onsets_s, ends, strict=True))
+    return first, last
+
+
+def check_onsets(log: FlightLog, setting: Setting, *, drawing: bool, where: str) -> None:
+    """Refuse a fault whose onset is drawn where the record has no time for it.
+
+    Parameters
+    ----------
+    drawing : whether faults of the dictionary are added too.
+
+    Raises
+    ------
+    ConfigError : it could begin outside the window.
+    """
+    start_s, stop_s = _window_s(log, setting)
+    fault = _injected(setting, start_s)
+    entries = setting.dictionary.resolved(start_s) if drawing else ()
+    for key, one in (("inject", fault), *(("dictionary", atom) for atom in entries)):
+        if one is None or one.onset_range_s is None:
+            continue
+        first, last = onsets_within(one.onset_range_s, start_s, stop_s)
+        if not start_s <= first < last <= stop_s:
+            raise ConfigError(
+                f"{where}: {key}: onset_s: '{one.name or one.shape}' would begin at {first:g} to {last:g} s, and the "
+                f"window of {log.path} is {start_s:g} to {stop_s:g} s; move from or to"
+            )
+
+
+def _window_s(log: FlightLog, setting: Setting) -> tuple[float, float]:
     window = setting.config.window
-    return float(log.window(window.from_s, window.to_s).time_s[0])
+    time_s = log.window(window.from_s, window.to_s).time_s
+    return float(time_s[0]), float(time_s[-1])
 
 
 def _changes(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, FloatArray]:
@@ -128,7 +187,7 @@ def _changes(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, FloatA
     channel = log.channel(fault.channel).name
     if SHAPES[fault.shape].acts_on == "reading":
         return dict(added_by(log, replace(fault, channel=channel), response))
-    signal = recorded_signal(fault, log.time_s, response, window_start_s=_start_s(log, setting))
+    signal = recorded_signal(fault, log.time_s, response, window_start_s=_window_s(log, setting)[0])
     return {channel: fault.magnitude * signal}
 
 
@@ -143,15 +202,5 @@ def _shared(source: FlownModel | RecordedLog, names: tuple[tuple[tuple[str, str]
 
 
 def _flown(source: FlownModel, rng: np.random.Generator) -> FlightLog:
-    time_s = time_axis(duration_s=source.duration_s, rate_hz=source.rate_hz)
-    deflection = manoeuvre(
-        source.manoeuvre, time_s, amplitude_rad=source.amplitude_rad, start_s=source.start_s, step_s=source.step_s
-    )
-    return simulate(
-        find_model(source.model),
-        deflection,
-        rng=rng,
-        rate_hz=source.rate_hz,
-        discretisation=source.discretisation,
-        turbulence=Dryden(sigma_m_s=source.turbulence_m_s) if source.turbulence_m_s else None,
-    )
+    given = source.model_dump(exclude={"model", "manoeuvre"})
+    return flight_of(find_model(source.model), source.manoeuvre, rng=rng, **given)

@@ -12,9 +12,7 @@ from ..provenance import Provenance
 from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
 from ..report.text import counted, number
 from ..serialization import to_plain
-from .summary import Summary
-
-__all__ = ["DRAWINGS", "TABLES", "montecarlo_content", "summary_document"]
+from .summary import DECISIONS, QUANTILES, Summary
 
 Plain = Mapping[str, Any]
 
@@ -28,7 +26,6 @@ MOST_CURVES = 6
 SPREAD = 0.6
 # What is drawn of an error of 0 on a logarithmic axis: round-off.
 FLOOR = 1e-16
-QUANTILES = ("p05", "p25", "p50", "p75", "p95", "max")
 ISOLATION_CAPTION = (
     "Share of the trials whose declared faults are exactly those added, against the number of faults in the record, "
     "with 95 % Wilson intervals. Curves are drawn side by side around the whole number."
@@ -50,16 +47,10 @@ def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -
         "kind": "montecarlo",
         "schema": MONTECARLO_SCHEMA,
         "digest": digest,
-        "scenarios": [_flat(to_plain(scenario)) for scenario in summary.scenarios],
+        "scenarios": to_plain(summary.scenarios),
         "notes": list(summary.notes),
         "provenance": to_plain(provenance),
     }
-
-
-def _flat(scenario: dict[str, Any]) -> dict[str, Any]:
-    rates = ("isolation", "false_alarm", "missed_detection", "wrong_no_fault")
-    named = {f"{key}_rate" if key in rates else key: value for key, value in scenario.items()}
-    return {**named, "magnitude_error": named["magnitude_error"] or None}
 
 
 def montecarlo_content(document: Plain) -> ReportContent:
@@ -83,6 +74,14 @@ def montecarlo_content(document: Plain) -> ReportContent:
         **axis, y_label="isolated exactly [%]", y_limits=(-3.0, 103.0), curves=tuple(_side_by_side(curves, _rates))
     )
     errors = tuple(one for one in _side_by_side(curves, _errors) if one.x.size)
+    rows, decisions = [], []
+    for one in scenarios:
+        shares = [_percent(one[f"{key}_rate"]) for key in ("isolation", "false_alarm", "missed_detection")]
+        error = number((one["magnitude_error"] or {}).get("p50"), digits=2)
+        rows.append((one["name"], shares[0], str(one["trials"]), *shares[1:], _percent(one["coverage"]), error))
+        shares = [_percent(one["decisions"][key]) for key in DECISIONS]
+        wrong = one["wrong_no_fault_rate"]
+        decisions.append((one["name"], *shares, str(wrong["of"]), _percent(wrong)))
     return ReportContent(
         category="Monte Carlo sweep",
         title=str(document["provenance"]["command"]),
@@ -90,12 +89,12 @@ def montecarlo_content(document: Plain) -> ReportContent:
         verdict=f"{counted(trials, 'trial')} of {counted(len(scenarios), 'scenario')}; "
         "rates in % with their 95 % Wilson intervals.",
         tables=(
-            Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(map(_row, scenarios))),
+            Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(rows)),
             Table(
                 name="decisions",
                 title="Decisions, and no fault said of the kind of a fault that is beyond the tolerance",
                 heads=DECISION_HEADS,
-                rows=tuple(map(_decision_row, scenarios)),
+                rows=tuple(decisions),
             ),
         ),
         drawings=(
@@ -107,23 +106,6 @@ def montecarlo_content(document: Plain) -> ReportContent:
             ),
         ),
         notes=tuple(document["notes"]),
-    )
-
-
-def _row(scenario: Plain) -> tuple[str, ...]:
-    shares = [_percent(scenario[key]) for key in ("isolation_rate", "false_alarm_rate", "missed_detection_rate")]
-    error = number((scenario["magnitude_error"] or {}).get("p50"), digits=2)
-    trials = str(scenario["trials"])
-    return (scenario["name"], shares[0], trials, *shares[1:], _percent(scenario["coverage"]), error)
-
-
-def _decision_row(scenario: Plain) -> tuple[str, ...]:
-    wrong = scenario["wrong_no_fault_rate"]
-    return (
-        scenario["name"],
-        *(_percent(scenario["decisions"][one]) for one in ("fault", "no_fault", "inconclusive")),
-        str(wrong["of"]),
-        _percent(wrong),
     )
 
 

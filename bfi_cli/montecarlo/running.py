@@ -25,11 +25,9 @@ from ..errors import LogError, SweepError
 from ..files import MARK, replace_files
 from ..flightlog.derived import with_derived
 from ..serialization import csv_lines, to_csv
-from .flight import record_of
+from .flight import check_onsets, record_of
 from .scenarios import Sweep
 from .trial import COLUMNS, Row, row_from_cells, run_trial
-
-__all__ = ["TIMING_COLUMNS", "Journal", "check_records", "digest_of", "run_sweep", "timing_cells"]
 
 Report = Callable[[int], None]
 
@@ -173,7 +171,7 @@ def check_records(sweep: Sweep) -> dict[str, str]:
 
     Raises
     ------
-    LogError, ConfigError : a record cannot be used, or lacks a channel that the sweep needs.
+    LogError, ConfigError : a record cannot be used, lacks a channel that the sweep needs, or has no time for a fault.
     """
     digests: dict[str, str] = {}
     for setting in dict.fromkeys(scenario.setting for scenario in sweep.scenarios):
@@ -185,6 +183,8 @@ def check_records(sweep: Sweep) -> dict[str, str]:
         for name, _ in setting.noise:
             if name not in log.channels:
                 raise LogError(f"{sweep.path}: noise: no channel '{name}'; {log.path} has: {', '.join(log.channels)}")
+        drawing = any(one.n_active for one in sweep.scenarios if one.setting == setting)
+        check_onsets(log, setting, drawing=drawing, where=sweep.path)
         if log.sha256:
             digests[log.path] = log.sha256
     return digests

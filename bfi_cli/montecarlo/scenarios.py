@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,28 @@ from ..dictionary import Dictionary, load_dictionary
 from ..errors import ConfigError
 from ..faults import Fault, did_you_mean
 from ..printable import printable
-from ..shapes import SHAPES
+from ..shapes import PARAMETERS, SHAPES
 from ..truth import is_same_fault
 from ..validation import validate
 from ..yaml12 import load_yaml, read_text
 from .definition import FlownModel, InjectedFault, RecordedLog, SweepRules
 
-__all__ = ["Scenario", "Setting", "Sweep", "Trial", "load_sweep", "size_of"]
+
+def is_one_of(fault: Fault, entry: Fault) -> bool:
+    """Say whether an entry of a dictionary is the right answer to a fault: that fault, or the kind of it.
+
+    Onsets that are not stated agree where both could be the same; a kind without a frequency, time constant or duration
+    has any.
+    """
+    ends = [one.onset_range_s or (one.onset_s, one.onset_s) for one in (fault, entry)]
+    if max(low for low, _ in ends) > min(high for _, high in ends):
+        return False
+    if entry.onset_range_s is not None:
+        stated = {key: getattr(fault, key) for key in PARAMETERS if getattr(entry, key) is None}
+        entry = replace(entry, offset_s=fault.offset_s, **stated)
+    return is_same_fault(
+        replace(entry, onset_s=0.0, onset_range_s=None), replace(fault, onset_s=0.0, onset_range_s=None)
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +69,7 @@ class Setting:
         if self.injected.right is not None:
             return self.injected.right
         fault = self.injected.fault()
-        return tuple(atom.name or atom.shape for atom in self.dictionary.atoms if is_same_fault(atom, fault))
+        return tuple(atom.name or atom.shape for atom in self.dictionary.atoms if is_one_of(fault, atom))
 
     @property
     def injected_name(self) -> str:
@@ -171,6 +186,13 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
                 f"{where}: active: more than the {len(dictionary.atoms)} faults of {dictionary.path}, "
                 f"got {max(rules.active)}; lower it"
             )
+        for atom in dictionary.atoms if max(rules.active) else ():
+            for key in SHAPES[atom.shape].keys:
+                if key.required and getattr(atom, key.name) is None:
+                    raise ConfigError(
+                        f"{where}: active: a fault that is drawn needs a {key.name}, and {dictionary.path} states none "
+                        f"of '{atom.name or atom.shape}'; add it there, or make active 0"
+                    )
     axes: dict[str, Sequence[tuple[str, Any]]] = {
         "record": _labelled([record.label for record in rules.record], rules.record),
         "dictionary": _labelled([Path(d.path).stem for d in dictionaries], list(enumerate(dictionaries))),

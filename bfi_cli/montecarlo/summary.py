@@ -16,10 +16,8 @@ from ..shapes import Kind
 from .scenarios import Sweep
 from .trial import Row, rounded
 
-__all__ = ["Proportion", "ScenarioSummary", "Summary", "summarise", "wilson"]
-
-# The 97.5 % quantile of the normal distribution.
 DECISIONS: tuple[Decision, ...] = get_args(Decision)
+# Those of a box and its whiskers, and the largest.
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
 
 
@@ -41,14 +39,14 @@ class ScenarioSummary:
     ----------
     axes : what it is, value by axis.
     trials, failed : how many, and how many gave an error instead of an answer.
-    isolation : trials whose declared faults are those added; a failed trial isolates nothing.
-    false_alarm : trials with an answer that declare a fault which was not added.
-    missed_detection : trials with an answer and faults that do not declare one of them.
+    isolation_rate : trials whose declared faults are those added; a failed trial isolates nothing.
+    false_alarm_rate : trials with an answer that declare a fault which was not added.
+    missed_detection_rate : trials with an answer and faults that do not declare one of them.
     decisions : trials with an answer by their decision; verdicts : by their verdict on each kind of fault.
-    wrong_no_fault : trials with an answer and a fault whose largest error in the window exceeds the channel's
+    wrong_no_fault_rate : trials with an answer and a fault whose largest error in the window exceeds the channel's
         tolerance, in which the verdict that covers such a fault is no_fault.
     coverage : 95 % intervals of rightly declared faults that hold the truth.
-    magnitude_error : quantiles over trials with an answer and faults, relative; empty where there are none.
+    magnitude_error : quantiles over trials with an answer and faults, relative; None where there are none.
     onset_error_s : median size of the errors of the onsets of rightly declared faults.
     seconds : median time of a trial.
     """
@@ -57,14 +55,14 @@ class ScenarioSummary:
     axes: Mapping[str, Any]
     trials: int
     failed: int
-    isolation: Proportion
-    false_alarm: Proportion
-    missed_detection: Proportion
+    isolation_rate: Proportion
+    false_alarm_rate: Proportion
+    missed_detection_rate: Proportion
     decisions: Mapping[Decision, Proportion]
     verdicts: Mapping[Kind, Mapping[Decision, Proportion]]
-    wrong_no_fault: Proportion
+    wrong_no_fault_rate: Proportion
     coverage: Proportion
-    magnitude_error: Mapping[str, float]
+    magnitude_error: Mapping[str, float] | None
     detection_delay_s: float | None
     onset_error_s: float | None
     seconds: float | None
@@ -116,14 +114,16 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
         axes=axes,
         trials=len(rows),
         failed=len(rows) - len(analysed),
-        isolation=_proportion(row.isolated for row in rows),
-        false_alarm=_proportion(row.false_alarms for row in analysed),
-        missed_detection=_proportion(row.missed for row in faulty),
+        isolation_rate=_share(row.isolated for row in rows),
+        false_alarm_rate=_share(row.false_alarms for row in analysed),
+        missed_detection_rate=_share(row.missed for row in faulty),
         decisions=_shares(row.decision for row in analysed),
         verdicts={kind: _shares(getattr(row, kind) for row in analysed) for kind in KINDS},
-        wrong_no_fault=_proportion(row.wrong_no_fault for row in analysed if row.beyond_tolerance),
-        coverage=_counted(sum(row.covered or 0 for row in analysed), sum(row.intervals or 0 for row in analysed)),
-        magnitude_error={key: rounded(float(np.quantile(errors, q)), 6) for key, q in QUANTILES.items() if errors},
+        wrong_no_fault_rate=_share(row.wrong_no_fault for row in analysed if row.beyond_tolerance),
+        coverage=proportion(sum(row.covered or 0 for row in analysed), sum(row.intervals or 0 for row in analysed)),
+        magnitude_error={key: rounded(float(np.quantile(errors, q)), 6) for key, q in QUANTILES.items()}
+        if errors
+        else None,
         detection_delay_s=float(np.median(delays)) if delays else None,
         onset_error_s=float(np.median(onsets)) if onsets else None,
         seconds=float(np.median([seconds for _, seconds in done])) if done else None,
@@ -132,13 +132,14 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
 
 def _shares(answers: Iterable[str | None]) -> dict[Decision, Proportion]:
     given = list(answers)
-    return {decision: _counted(given.count(decision), len(given)) for decision in DECISIONS}
+    return {decision: proportion(given.count(decision), len(given)) for decision in DECISIONS}
 
 
-def _proportion(hits: Iterable[object]) -> Proportion:
+def _share(hits: Iterable[object]) -> Proportion:
     flags = [bool(hit) for hit in hits]
-    return _counted(sum(flags), len(flags))
+    return proportion(sum(flags), len(flags))
 
 
-def _counted(count: int, of: int) -> Proportion:
+def proportion(count: int, of: int) -> Proportion:
+    """Return so many of so many with their interval."""
     return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))

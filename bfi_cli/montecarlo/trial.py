@@ -14,14 +14,16 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..analysis import identify
 from ..decision import KINDS, State, kind_of
 from ..errors import BfiError
-from ..faults import Decision, Fault
+from ..faults import Decision, Fault, FaultEstimate
+from ..flightlog import FlightLog
 from ..identify import identify_faults
 from ..identify.methods import METHODS
 from ..identify.risro import declared
+from ..kernels import FloatArray
 from ..kernels.termination import Termination
 from ..preprocessing.rank_one import decides_by_rule, solve
 from ..preprocessing.regression import RegressionData
@@ -32,20 +34,6 @@ from ..shapes import ADDITIVE, Kind
 from ..truth import compare_faults
 from .flight import faults_of, faulty, is_shared, largest_errors, record_of
 from .scenarios import Setting, Trial, size_of
-
-__all__ = [
-    "COLUMNS",
-    "Row",
-    "SharedRecord",
-    "declared_magnitudes",
-    "draw",
-    "rounded",
-    "row_from_cells",
-    "run_trial",
-    "shared_record",
-]
-
-FloatArray = NDArray[np.float64]
 
 # Factors that a worker keeps, of as many settings: a sweep's trials go through its settings in turn.
 KEPT_FACTORS = 16
@@ -135,13 +123,11 @@ def run_trial(trial: Trial) -> Row:
     """Return the row of a trial; it depends on the trial alone. A trial that fails is a row that says why."""
     faults, gusts, noise, onsets = np.random.default_rng(trial.seed).spawn(4)
     truth, injected = draw(trial, faults), trial.scenario.setting.injected
-    moved_s = 0.0
     if injected is not None:
-        moved_s = injected.onset_spread_s * float(onsets.uniform(-1.0, 1.0))
         truth[trial.scenario.setting.injected_name] = size_of(injected.fault())
     row = Row(scenario=trial.scenario.name, trial=trial.number, seed=trial.seed, truth=truth)
     try:
-        return _identify(row, trial, (gusts, noise), moved_s)
+        return _identify(row, trial, (gusts, noise, onsets))
     except BfiError as error:
         why = str(error)
     except Exception as error:
@@ -158,49 +144,28 @@ def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
     return {_name(atoms[j]): size_of(replace(atoms[j], magnitude=float(z))) for j, z in zip(active, sizes, strict=True)}
 
 
-def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator], moved_s: float) -> Row:
-    """Return the row with the answer; where a shared record gives none, the whole one says if the data could tell.
-
-    Parameters
-    ----------
-    moved_s : by how much later than stated the injected fault begins.
-    """
+def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) -> Row:
+    """Return the row with the answer beside the truth; the streams are of gusts, noise and onsets."""
     setting, truth = trial.scenario.setting, row.truth
     record = record_of(setting, streams[0])
-    drawn, injected = faults_of(record, setting, truth, moved_s)
+    drawn, injected = faults_of(record, setting, truth, streams[2])
     own, right = setting.injected_name, setting.right
-    called = {_name(fault): fault for fault in drawn} | ({} if injected is None else {own: injected})
-    log = faulty(record, setting, list(called.values()), streams[1])
-    decision: Decision = "fault"
-    estimate: dict[str, float] = {}
-    verdicts: Mapping[Kind, Decision] = {}
-    states: dict[str, State | None] = {}
-    hits = onset_errors = None
+    added = {_name(fault): fault for fault in drawn} | ({} if injected is None else {own: injected})
+    log = faulty(record, setting, list(added.values()), streams[1])
+    # Where a shared record gives no answer, the whole one says if the data could tell.
+    answer = _shared_answer(setting, truth) or _whole_answer(log, setting)
     # The entry that is taken for the injected fault: of the right ones the first declared.
-    entry = right[0] if right else None
-    shared = shared_record(setting)
-    if shared is not None:
-        z = declared_magnitudes(shared, np.array([truth.get(name, 0.0) for name in shared.names]), setting)
-        if z is not None:
-            estimate = {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
-    if estimate:
-        kinds = {kind_of(atom, declared=True) for atom in setting.dictionary.atoms if _name(atom) in estimate}
-        # A method without intervals excludes nothing.
-        verdicts = {kind: "fault" if kind in kinds else "inconclusive" for kind in KINDS}
-        states = {name: "declared" if name in estimate else "not_seen" for name in truth}
-    else:
-        result = identify_faults(log, setting.dictionary, setting.config)
-        decision, estimate = result.decision, {fault.name: fault.magnitude for fault in result.faults}
-        verdicts = result.verdicts
-        states = {one.name: one.state for one in result.candidates}
-        entry = next((name for name in right if name in estimate), entry)
-        names = {name: own if name == entry else name for name in estimate}
-        estimate = {names[name]: z for name, z in estimate.items()}
-        told = {names[one.name]: one for one in result.faults if names[one.name] in called}
-        onset_errors = {name: rounded(one.fault.onset_s - called[name].onset_s) for name, one in told.items()}
+    entry = next((name for name in right if name in answer.estimate), right[0] if right else None)
+    called = {name: own if name == entry else name for name in answer.estimate}
+    estimate = {called[name]: z for name, z in answer.estimate.items()}
+    hits = onset_errors = None
+    if answer.faults is not None:
+        told = {called[one.name]: one.fault for one in answer.faults if called[one.name] in added}
+        onset_errors = {name: rounded(one.onset_s - added[name].onset_s) for name, one in told.items()}
         if METHODS[setting.config.method].intervals:
-            alike = {name: one for name, one in told.items() if one.fault.shape == called[name].shape}
-            hits = [one.ci95[0] <= truth[name] <= one.ci95[1] for name, one in alike.items()]
+            ends = {called[one.name]: one.ci95 for one in answer.faults}
+            alike = [name for name, one in told.items() if one.shape == added[name].shape]
+            hits = [ends[name][0] <= truth[name] <= ends[name][1] for name in alike]
     outside = () if injected is None or right else (own,)
     comparison = compare_faults(estimate, {k: z for k, z in truth.items() if k not in outside}, unknown=outside)
     error = comparison.magnitude_error
@@ -210,25 +175,20 @@ def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator], mo
     window = setting.config.window
     tolerances = tolerances_of(log, log.window(window.from_s, window.to_s), setting.config.outputs, setting.config)
     beyond = {
-        name: fault
-        for name, fault in called.items()
-        if any(
-            largest > tolerances.get(channel, np.inf)
-            for channel, largest in largest_errors(record, setting, fault).items()
-        )
+        name: kind_of(fault, declared=False)
+        for name, fault in added.items()
+        if any(size > tolerances.get(at, np.inf) for at, size in largest_errors(record, setting, fault).items())
     }
     return replace(
         row,
         estimate={name: rounded(z) for name, z in estimate.items()},
-        decision=decision,
-        abrupt=verdicts["abrupt"],
-        oscillating=verdicts["oscillating"],
-        slow=verdicts["slow"],
-        states={name: states.get((entry or name) if name == own else name) for name in truth},
+        decision=answer.decision,
+        abrupt=answer.verdicts["abrupt"],
+        oscillating=answer.verdicts["oscillating"],
+        slow=answer.verdicts["slow"],
+        states={name: answer.states.get((entry or name) if name == own else name) for name in truth},
         beyond_tolerance=tuple(beyond),
-        wrong_no_fault=tuple(
-            name for name, fault in beyond.items() if verdicts[kind_of(fault, declared=False)] == "no_fault"
-        ),
+        wrong_no_fault=tuple(name for name, kind in beyond.items() if answer.verdicts[kind] == "no_fault"),
         isolated=comparison.isolated,
         false_alarms=comparison.false_alarms,
         missed=comparison.missed,
@@ -236,6 +196,66 @@ def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator], mo
         intervals=None if hits is None else len(hits),
         covered=None if hits is None else sum(hits),
         onset_error_s=onset_errors,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Answer:
+    """What an analysis says, by entry of the dictionary; `faults` are None where it has no onsets and intervals."""
+
+    decision: Decision
+    estimate: Mapping[str, float]
+    verdicts: Mapping[Kind, Decision]
+    states: Mapping[str, State | None]
+    faults: Sequence[FaultEstimate] | None = None
+
+
+def _whole_answer(log: FlightLog, setting: Setting) -> _Answer:
+    dictionary, called = setting.dictionary, dict[str, str]()
+    if dictionary.exact.atoms == dictionary.atoms:
+        result = identify_faults(log, dictionary, setting.config)
+    else:
+        result, _ = identify(log, dictionary, setting.config)
+        called = _kinds_of(result.faults, dictionary.searched.resolved(result.log.start_s))
+    faults = [replace(one, name=called.get(one.name, one.name)) for one in result.faults]
+    return _Answer(
+        decision=result.decision,
+        estimate={fault.name: fault.magnitude for fault in faults},
+        verdicts=result.verdicts,
+        states={one.name.removesuffix(" (scan)"): one.state for one in result.candidates},
+        faults=faults,
+    )
+
+
+def _kinds_of(faults: Sequence[FaultEstimate], kinds: Sequence[Fault]) -> dict[str, str]:
+    """Return the name of the kind that each fault is one of, by its own name; a second of a kind keeps its own."""
+    called: dict[str, str] = {}
+    for one in faults:
+        for kind in kinds:
+            first_s, last_s = kind.onset_range_s or (one.fault.onset_s, one.fault.onset_s)
+            alike = (kind.shape, kind.channel) == (one.fault.shape, one.fault.channel)
+            if alike and first_s <= one.fault.onset_s <= last_s and _name(kind) not in called.values():
+                called[one.name] = _name(kind)
+                break
+    return called
+
+
+def _shared_answer(setting: Setting, truth: Mapping[str, float]) -> _Answer | None:
+    """Return the answer that a shared record gives; None where there is no such record, or nothing is declared."""
+    shared = shared_record(setting)
+    if shared is None:
+        return None
+    z = declared_magnitudes(shared, np.array([truth.get(name, 0.0) for name in shared.names]), setting)
+    if z is None or not z.any():
+        return None
+    estimate = {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
+    kinds = {kind_of(atom, declared=True) for atom in setting.dictionary.atoms if _name(atom) in estimate}
+    return _Answer(
+        decision="fault",
+        estimate=estimate,
+        # A method without intervals excludes nothing.
+        verdicts={kind: "fault" if kind in kinds else "inconclusive" for kind in KINDS},
+        states={name: "declared" if name in estimate else "not_seen" for name in truth},
     )
 
 
@@ -265,7 +285,9 @@ def shared_record(setting: Setting) -> SharedRecord | None:
     asked = published and config.conditioning.rate_hz == "none" and config.model.order != "auto"
     silent = all(sd == 0.0 for _, sd in setting.noise)
     # A fault that depends on what the log shows is not one column of the factor in the clean and in the faulty record.
-    added = setting.injected is None and all(atom.shape in ADDITIVE for atom in setting.dictionary.atoms)
+    added = setting.injected is None and all(
+        atom.shape in ADDITIVE and atom.onset_range_s is None for atom in setting.dictionary.atoms
+    )
     if not (asked and silent and added and is_shared(setting) and len(config.outputs) == 1):
         return None
     try:

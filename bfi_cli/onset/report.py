@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ..decision import Candidate
 from ..display_units import SI, Units
 from ..faults import fault_from_dict, fault_to_dict, physical
+from ..printable import shortened
 from ..provenance import Provenance
 from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
-from ..report.text import HEADINGS, change, instant, interval, number, quantity, shortened, with_unit
+from ..report.text import HEADINGS, change, instant, interval, number, quantity, with_unit
 from ..serialization import from_plain, to_plain
 from ..shapes import SHAPES
 from .result import OnsetResult

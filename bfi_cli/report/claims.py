@@ -14,9 +14,6 @@ from ..shapes import Kind
 from .content import Curve, Drawing, Panel, Span, Style, Table, curve
 from .text import change, number, quantity, with_unit
 
-__all__ = ["CANDIDATE_COLUMNS", "CANDIDATE_HEADS", "candidate_tables", "hidden_drawing", "shown_meaning"]
-__all__ += ["shown_summary", "verdict_sentence"]
-
 CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")
 CANDIDATE_COLUMNS = (
     *("name", "shape", "channel", "kind", "state", "magnitude", "unit", "sd", "minimal_detectable"),

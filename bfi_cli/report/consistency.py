@@ -9,8 +9,6 @@ from typing import Any, get_args
 from ..decision import KINDS
 from ..faults import Decision
 
-__all__ = ["contradiction_of"]
-
 Plain = Mapping[str, Any]
 DECISIONS = get_args(Decision)
 # Lists of what was found, by the kind of document.

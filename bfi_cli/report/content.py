@@ -13,9 +13,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Block", "Curve", "Drawing", "HeatMap", "Lane", "Panel", "ReportContent", "Shade", "Span", "Table"]
-__all__ += ["curve", "thinned"]
-
 FloatArray = NDArray[np.float64]
 # Lists or arrays of a CSV file by column.
 Columns = Mapping[str, Any]

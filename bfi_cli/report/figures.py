@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from .content import Block, Curve, Drawing, HeatMap, Panel, Shade
 
-__all__ = ["LOOKS", "draw"]
-
 # Inches of a page of A4, of a panel and of a line of a key; of a cell of a map; letters that find room in them.
 WIDTH_IN, PANEL_IN, LINE_IN = 6.9, 2.1, 0.16
 CELL_IN, MAP_LABELS_IN, TALLEST_MAP_IN = 0.28, 0.9, 6.0

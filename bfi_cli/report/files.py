@@ -14,8 +14,6 @@ from ..provenance import Provenance
 from ..serialization import to_csv, to_json
 from .content import Drawing, ReportContent
 
-__all__ = ["content_files", "content_names"]
-
 # What x and y are stands beside them as `name [unit]`, since every panel has its own.
 DRAWING_COLUMNS = ("panel", "curve", "x_is", "x", "y_is", "y", "low", "high")
 

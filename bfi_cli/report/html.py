@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
-__all__ = ["page_environment", "render_content", "resource"]
-
 # A cell up to so many letters stays on one line.
 ONE_LINE_LETTERS = 18
 

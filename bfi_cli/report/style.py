@@ -17,23 +17,6 @@ from ..printable import shortened
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "BLACK",
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "ORANGE",
-    "SHADES",
-    "SKY",
-    "VERMILLION",
-    "Look",
-    "fix_places",
-    "plain",
-    "styled",
-    "to_png",
-    "to_svg",
-]
-
 BLACK, GREY = "#000000", "#8c8c8c"
 BLUE, SKY, GREEN, ORANGE, VERMILLION = "#0072b2", "#56b4e9", "#009e73", "#e69f00", "#d55e00"
 

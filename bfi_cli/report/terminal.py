@@ -11,8 +11,6 @@ from .content import ReportContent
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["MAX_NOTES", "MAX_ROWS", "print_content"]
-
 MAX_ROWS, MAX_NOTES = 60, 20  # what a screen holds without much scrolling; the report has all
 # Columns of a table that a narrow terminal keeps: what fails, where and when come first.
 KEPT = 3

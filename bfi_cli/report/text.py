@@ -9,9 +9,6 @@ from ..channels import STANDARD
 from ..display_units import Shown, Units
 from ..printable import shortened
 
-__all__ = ["HEADINGS", "axis_label", "change", "counted", "instant", "interval", "noise_level", "number"]
-__all__ += ["quantity", "shortened", "with_unit"]
-
 # What a report says over a decision.
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
 # From here on two digits would be written with an exponent.
@@ -76,13 +73,13 @@ def with_unit(text: str, unit: str) -> str:
     return text if text == "-" or unit == "1" else f"{text} {unit}".rstrip()
 
 
-def interval(ci95: Sequence[float], *, joint: str = " to ", extra: int = 0) -> str:
+def interval(ci95: Sequence[float], *, extra: int = 0) -> str:
     """Return "low to high", both rounded to the first digit of the half width; "-" where it is unknown."""
     low, high = ci95
     if not (math.isfinite(low) and math.isfinite(high)):
         return "-"
     spread = 0.5 * abs(high - low)
-    return joint.join(number(value, spread=spread, extra=extra) for value in (low, high))
+    return " to ".join(number(value, spread=spread, extra=extra) for value in (low, high))
 
 
 def axis_label(name: str, unit: str) -> str:

@@ -13,8 +13,6 @@ from .figures import LOOKS
 from .html import page_environment, resource
 from .style import SHADES
 
-__all__ = ["render_zoom"]
-
 # Height of a panel of relative height 1, pixels.
 PANEL_PIXELS = 240
 # Of a number on the page: finer than any sensor, and a third of the letters of all digits.

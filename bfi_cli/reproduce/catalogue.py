@@ -12,67 +12,23 @@ from ..faults import did_you_mean, shown
 from ..provenance import Provenance
 from ..report.content import ReportContent, Table
 from ..serialization import from_plain, mapping, member, to_plain
+from .page import load
 from .record import Settings
-
-__all__ = ["ABSENT", "REPRODUCTIONS", "Entry", "find", "list_content", "reproduce_content", "reproduce_document", "run"]
-__all__ += ["summary_content"]
 
 REPRODUCE_SCHEMA = 1
 
 
 class Entry(NamedTuple):
-    """A reproduction: what it shows, and the function of a module of this package that makes it.
-
-    Names that share a computation share the function; its content then shows all of their figures.
-    """
+    """A reproduction: what it shows, and the function of a module of this package that makes it."""
 
     title: str
     module: str
     function: str
 
 
-REPRODUCTIONS = {
-    "fir": Entry("Thesis, chapter 3: blind identification of an FIR system", "fir", "fir"),
-    "thesis-5-1": Entry("Thesis, figure 5-1: elevator and airspeed", "thesis_data", "thesis_5_1"),
-    "thesis-5-2": Entry("Thesis, figure 5-2: the fault dictionary", "thesis_data", "thesis_5_2"),
-    "thesis-5-3": Entry("Thesis, figure 5-3: magnitude error, 1 to 7 faults", "sweeps", "thesis_monte_carlo"),
-    "thesis-5-4": Entry("Thesis, figure 5-4: isolation, 1 to 7 faults", "sweeps", "thesis_monte_carlo"),
-    "thesis-5-5": Entry("Thesis, figure 5-5: a fast sinusoid, beside DMAE", "thesis_cases", "thesis_5_5"),
-    "thesis-5-6": Entry("Thesis, figure 5-6: a slow sinusoid, beside DMAE", "thesis_cases", "thesis_5_6"),
-    "thesis-5-7": Entry("Thesis, figure 5-7: a bias with a perturbation", "thesis_cases", "thesis_5_7"),
-    "thesis-5-8": Entry("Thesis, figure 5-8: the perturbation grows", "thesis_cases", "thesis_5_8"),
-    "thesis-5-9": Entry("Thesis, figure 5-9: the order grows", "thesis_cases", "thesis_5_9"),
-    "thesis-5-10": Entry("Thesis, figure 5-10: the perturbed bias at order 45", "thesis_cases", "thesis_5_10"),
-    "thesis-5-11": Entry("Thesis, figure 5-11: a sinusoid shifted in time", "thesis_cases", "thesis_5_11"),
-    "thesis-5-12": Entry("Thesis, figure 5-12: a drift shifted in time", "thesis_cases", "thesis_5_12"),
-    "thesis-5-13": Entry("Thesis, figure 5-13: a bias of unknown start", "thesis_onset", "thesis_5_13"),
-    "thesis-5-14": Entry("Thesis, figure 5-14: the start of a bias", "thesis_onset", "thesis_5_14"),
-    "thesis-5-15": Entry("Thesis, figure 5-15: the start of a drift", "thesis_onset", "thesis_5_15"),
-    "thesis-5-16": Entry("Thesis, figure 5-16: the wrong shape", "thesis_onset", "thesis_5_16"),
-    "thesis-A-1": Entry("Thesis, figure A-1: magnitude error without sparsity stage", "sweeps", "thesis_a"),
-    "thesis-A-2": Entry("Thesis, figure A-2: magnitude error with sparsity stage", "sweeps", "thesis_a"),
-    "thesis-A-3": Entry("Thesis, figure A-3: isolation without sparsity stage", "sweeps", "thesis_a"),
-    "thesis-A-4": Entry("Thesis, figure A-4: isolation with sparsity stage", "sweeps", "thesis_a"),
-    "isolation-noise": Entry("Isolation against noise, the thesis's rule and ours", "sweeps", "isolation_noise"),
-    "sparsity": Entry("Does sparsity help? Rules that choose the faults", "sparsity", "sparsity"),
-    "thesis-table-2-1": Entry("Thesis, table 2-1: pitot faults as signals", "thesis_data", "thesis_table_2_1"),
-    "thesis-table-5-1": Entry("Thesis, table 5-1: flight data", "thesis_data", "thesis_5_1"),
-    "thesis-table-5-2": Entry("Thesis, table 5-2: the fault dictionary", "thesis_data", "thesis_5_2"),
-    "f16-table1": Entry("F-16 diagnosability, table I: initial state", "f16_table2", "f16_table2"),
-    "f16-table2": Entry("F-16 diagnosability, table II", "f16_table2", "f16_table2"),
-    "f16-1": Entry("F-16 diagnosability, figure 1: residuals", "f16_table2", "f16_table2"),
-    "f16-2": Entry("F-16 diagnosability, figure 2: bandwidths", "f16_table2", "f16_table2"),
-    "f16-3": Entry("F-16 diagnosability, figure 3: densities", "f16_table2", "f16_table2"),
-    "hankel-b747": Entry("Hankel null space, Boeing 747, figure 1", "hankel_b747", "hankel_b747"),
-}
-
-
+REPRODUCTIONS = {name: Entry(*entry) for name, entry in load("catalogue")["pages"].items()}
 # Figures and tables of the papers that have no page, and why.
-ABSENT = {
-    "thesis-2-1": "a drawing of a pitot tube with nothing to compute",
-    "thesis-2-2": "a block diagram of DMAE with nothing to compute",
-    "thesis-table-B-1": "a list of the thesis's MATLAB files",
-}
+ABSENT: Mapping[str, str] = load("catalogue")["absent"]
 
 
 def find(name: str) -> str:

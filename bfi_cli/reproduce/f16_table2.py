@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 
 from ..aircraft.f16 import STATES, Inversion, Observation, observe
 from ..errors import ConfigError
+from ..kernels import FloatArray
 from ..kernels.density import Density, gaussian_density, kernel_density, log_density
 from ..kernels.divergence import jensen_shannon_montecarlo, jensen_shannon_quadrature
 from ..report.content import Drawing, Panel, ReportContent, Span, curve
@@ -25,10 +26,6 @@ from ..yaml12 import load_yaml
 from .page import Page, drawing, fill, load, report_content, table
 from .record import Settings
 
-__all__ = ["BANDWIDTHS", "TABLE_2", "Case", "F16Options", "Indices", "Residuals", "f16_table2", "fault_deg_s"]
-__all__ += ["fly_cases", "indices", "montecarlo", "options_from"]
-
-FloatArray = NDArray[np.float64]
 NotNegative = Annotated[Number, Field(ge=0)]
 WHERE = "f16-table2"  # what messages about an option name
 # The experiment of the paper (eq. 26): s and degrees of the manoeuvre, and what its gyros get.

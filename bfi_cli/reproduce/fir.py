@@ -1,34 +1,33 @@
-"""Blind identification of an FIR system (thesis chapter 3): the product b z^T by RISRO and by the nuclear norm."""
+"""Blind identification of an FIR system: its impulse response and its input from its output alone (thesis chapter 3).
+
+The output is y(k) = sum_i b_i u(k-i), i = 1..n_taps, and the unknown input u(k) = theta(k) z lies in a dictionary of
+known signals. Only the product b z^T can be told from the data (b and z up to a factor), and it is a matrix of rank 1:
+RISRO keeps it one, the nuclear norm asks for small singular values instead and pays with shrunken values.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..dictionary import signals
-from ..engine import in_order
-from ..fir import identify_fir
+from ..errors import ConfigError, DictionaryError
+from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
+from ..kernels.nuclear_norm import largest_penalty, nuclear_least_squares
+from ..kernels.risro import risro
+from ..kernels.termination import Termination
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number
 from .page import drawing, joined, load, report_content, table
-from .record import Settings, thesis_dictionary, thesis_record
-
-__all__ = ["METHODS", "TAPS", "Problem", "bound", "error", "fir", "output", "run", "slow_and_white"]
-
-FloatArray = NDArray[np.float64]
+from .record import Settings, thesis_dictionary, thesis_record, trials_of
 
 # A filter and three faults, by their number in the dictionary, that nothing singles out.
 TAPS = np.array([1.0, 0.5, -0.3])
 SIZES = {1: 4.0, 2: 2.0, 6: 1.0}
-METHODS: Mapping[str, Mapping[str, Any]] = {
-    "RISRO": {"method": "risro"},
-    "nuclear norm, penalty 0.001": {"method": "nuclear", "penalty": 1e-3},
-    "nuclear norm, penalty 1e-06": {"method": "nuclear", "penalty": 1e-6},
-}
+METHODS = {"RISRO": None, "nuclear norm, penalty 0.001": 1e-3, "nuclear norm, penalty 1e-06": 1e-6}  # penalties
 RISRO, NUCLEAR, WEAK = METHODS
 N_SAMPLES, N_ATOMS, MOST_CYCLES = 1000, 7, 5  # of a random dictionary
 # Over the output.
@@ -36,7 +35,113 @@ NOISES, QUICK_NOISES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), (1e-4, 1e-2)
 SHARES, QUICK_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), (1.0, 0.03, 0.001)  # of white noise in a dictionary
 TRIALS, QUICK_TRIALS = 100, 3  # of each noise
 SWEEP_NOISE = 1e-2  # over the output, in the sweep over condition numbers
+EPS = float(np.finfo(float).eps)
+SAME = 1e-12  # two atoms are one where the cosine between them differs from 1 by less than round-off of their samples
 LEAST = 1e-17  # what a log axis shows of an error of zero
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FirResult:
+    """An impulse response and an input.
+
+    Attributes
+    ----------
+    product : (n_taps, n_atoms) b z^T, of rank 1.
+    taps : (n_taps,) b, of unit norm and with its largest entry positive.
+    magnitudes : (n_atoms,) z, so that product = taps magnitudes^T.
+    rank_one_share : largest singular value of the matrix found over their sum; 1 where the method keeps rank 1.
+    shrinkage : how much of its size the product has lost, as a fraction: product / (1 - shrinkage) fits the output
+        best; 0 for RISRO.
+    misfit, vaf : 2-norm of y minus its reconstruction, and 100 (1 - misfit^2 / ||y||^2), over the rows used.
+    condition_number : of the lagged dictionary, columns scaled to unit norm; infinite where it lacks rank.
+    termination : why no more steps were made.
+    """
+
+    product: FloatArray
+    taps: FloatArray
+    magnitudes: FloatArray
+    rank_one_share: float
+    shrinkage: float
+    misfit: float
+    vaf: float
+    condition_number: float
+    termination: Termination
+
+
+def identify_fir(y: FloatArray, theta: FloatArray, *, n_taps: int, penalty: float | None = None) -> FirResult:
+    """Identify an FIR system and its input from its output (equations 3-1 to 3-16 of the thesis).
+
+    Parameters
+    ----------
+    y : (n_samples,) output.
+    theta : (n_samples, n_atoms) dictionary of the input.
+    n_taps : length of the impulse response; the first `n_taps` samples only serve as past.
+    penalty : of the nuclear norm, over the smallest one that gives zero, whose best approximation of rank 1 is
+        returned; atoms count by their root mean square. None for RISRO, which keeps rank 1.
+
+    Raises
+    ------
+    ConfigError : too few samples.
+    DictionaryError : an atom is zero in the window, or equals another up to a factor.
+    """
+    most = (len(y) - theta.shape[1] + 1) // 2
+    if not 1 <= n_taps <= most:
+        raise ConfigError(
+            f"fir: n_taps: {theta.shape[1]} atoms and {len(y)} samples allow 1 to {most} taps, got {n_taps}; "
+            "take fewer taps or more samples"
+        )
+    scale = _atom_scales(theta[:-1])
+    # Row k of the covariates holds theta(k-1) to theta(k-n_taps) (T, equation 3-7). By QR the problem has as few rows
+    # as it has columns, and one.
+    past = np.lib.stride_tricks.sliding_window_view(theta[:-1] / scale, n_taps, axis=0)
+    flat = np.ascontiguousarray(past[:, :, ::-1].transpose(0, 2, 1)).reshape(len(y) - n_taps, -1)
+    R = np.asarray(np.linalg.qr(np.column_stack([flat, y[n_taps:]]), mode="r"), dtype=np.float64)
+    A, target = R[:, :-1].reshape(-1, n_taps, theta.shape[1]), R[:, -1]
+    if penalty is None:
+        solution = risro(A, target, rank=1)
+        X, termination = solution.factors.X, solution.termination
+    else:
+        weight = penalty * (largest_penalty(A, target) or 1.0)
+        relaxed = nuclear_least_squares(A, target, penalty=weight)
+        X, termination = relaxed.X, relaxed.termination
+    # The nearest matrix of rank 1.
+    U, values, Vt = np.linalg.svd(X, full_matrices=False)
+    X, total = values[0] * np.outer(U[:, 0], Vt[0]), float(values.sum())
+    fitted = np.tensordot(A, X)
+    misfit, power, agreement = float(np.linalg.norm(target - fitted)), target @ target, fitted @ target
+    product = X / scale
+    taps = np.linalg.svd(product, full_matrices=False)[0][:, 0]
+    taps = np.asarray(taps * np.sign(taps[np.argmax(np.abs(taps))]))
+    return FirResult(
+        product=frozen_array(product),
+        taps=frozen_array(taps),
+        magnitudes=frozen_array(product.T @ taps),
+        rank_one_share=float(values[0]) / total if total else 1.0,
+        shrinkage=float(1.0 - fitted @ fitted / agreement) if agreement > 0.0 else 0.0,
+        misfit=misfit,
+        vaf=float(100.0 * (1.0 - misfit**2 / (power or 1.0))),
+        condition_number=_condition(A),
+        termination=termination,
+    )
+
+
+def _atom_scales(theta: FloatArray) -> FloatArray:
+    """Return (n_atoms,) root mean squares, all atoms being alive and different."""
+    scale = np.sqrt(np.mean(theta**2, axis=0))
+    for j in np.flatnonzero(scale == 0.0):
+        raise DictionaryError(f"fir: theta[:, {j}] is zero in the whole window; leave it out")
+    cosine = np.triu((theta / scale).T @ (theta / scale) / len(theta), 1)
+    for i, j in np.argwhere(np.abs(cosine) > 1.0 - SAME):
+        raise DictionaryError(f"fir: theta[:, {j}] equals theta[:, {i}] up to a factor; leave one out")
+    return np.asarray(scale)
+
+
+def _condition(A: FloatArray) -> float:
+    flat = A.reshape(len(A), -1)
+    if len(flat) < flat.shape[1]:
+        return float("inf")
+    values = np.linalg.svd(flat / (np.linalg.norm(flat, axis=0) + EPS), compute_uv=False)
+    return float(values[0] / values[-1]) if values[-1] > EPS * flat.shape[1] * values[0] else float("inf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,7 +186,7 @@ def run(trial: tuple[Problem, tuple[int, ...]]) -> list[float]:
     clean = output(theta, z)
     sd = problem.noise * float(np.std(clean))
     y = clean + sd * rng.standard_normal(len(clean))
-    solutions = [identify_fir(y, theta, n_taps=len(TAPS), **how) for how in METHODS.values()]
+    solutions = [identify_fir(y, theta, n_taps=len(TAPS), penalty=one) for one in METHODS.values()]
     return [*(error(one.product, z) for one in solutions), bound(theta, z, sd), solutions[0].condition_number]
 
 
@@ -127,20 +232,14 @@ def slow_and_white(white: float, rng: np.random.Generator) -> FloatArray:
 
 
 def fir(settings: Settings) -> ReportContent:
-    """Return the example of chapter 3 on the thesis's dictionary, with sweeps over condition number and noise.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    """
+    """Return the example of chapter 3 on the thesis's dictionary, with sweeps over condition number and noise."""
     page, time_s = load("fir"), thesis_record(settings).time_s
     start_s = float(time_s[0])
     theta = signals(thesis_dictionary().resolved(start_s), time_s, ["tas"], window_start_s=start_s)[:, 0]
     z = z_of(theta.shape[1])
     truth = np.outer(TAPS, z)
-    solutions = {
-        label: identify_fir(output(theta, z), theta, n_taps=len(TAPS), **how) for label, how in METHODS.items()
-    }
+    y = output(theta, z)
+    solutions = {label: identify_fir(y, theta, n_taps=len(TAPS), penalty=one) for label, one in METHODS.items()}
     ours = {label: error(one.product, z) for label, one in solutions.items()}
     # The product summed over the taps, which the output tells, and what differs between taps, which it hardly does.
     rows, parts = [], {}
@@ -196,13 +295,8 @@ def _sweeps(theta: FloatArray, settings: Settings) -> tuple[list[_Point], list[_
     problems = [Problem(theta=None, white=share, noise=sd) for sd in (0.0, SWEEP_NOISE) for share in shares]
     problems += [Problem(theta=theta, white=0.0, noise=sd) for sd in noises]
     n_trials, n_shares = settings.trials_or(TRIALS, QUICK_TRIALS), len(shares)
-    trials = [(problem, (settings.seed, i, k)) for i, problem in enumerate(problems) for k in range(n_trials)]
-    done: list[list[float]] = []
-    for outcome, _ in in_order(run, trials, workers=settings.workers):
-        done.append(outcome)
-        settings.report(len(done), len(trials))
     points = []
-    for problem, outcomes in zip(problems, np.array(done).reshape(len(problems), n_trials, -1), strict=True):
+    for problem, outcomes in zip(problems, trials_of(run, problems, n_trials, settings), strict=True):
         bounds, condition = np.median(outcomes[:, -2:], axis=0).tolist()
         x = condition if problem.theta is None else problem.noise
         points.append(_Point(x=x, errors=outcomes[:, :-2], bound=bounds))

@@ -6,19 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft.catalogue import B747, ELEVATORS, ENGINES
 from ..aircraft.model import LinearModel, response
+from ..kernels import FloatArray
 from ..kernels.nullspace import Criteria, criteria
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number
 from .page import drawing, load, report_content, table
 from .record import Settings
 
-__all__ = ["COUPLED", "DIAGONAL", "FAILURES", "KINDS", "N_SAMPLES", "ONSET", "WIDTH", "Case", "blamed", "fly"]
-
-FloatArray = NDArray[np.float64]
 Failure = tuple[int, tuple[str, ...]]
 
 # The paper's experiment: samples, columns of its matrices, and the sensors that fail at which sample.

@@ -10,8 +10,6 @@ from typing import Any
 from ..report.content import Drawing, Panel, ReportContent, Style, Table
 from ..yaml12 import load_yaml
 
-__all__ = ["FOLDER", "Page", "drawing", "fill", "joined", "load", "percent", "report_content", "table"]
-
 FOLDER = Path(__file__).parent
 Page = Mapping[str, Any]
 
@@ -21,7 +19,8 @@ def load(name: str) -> Page:
     """Return a YAML file of this package, read once.
 
     A page of it has a title, a heading (or `headings` by what came out), a verdict, `facts`, `rows` of (quantity,
-    published, ours), `captions` and `tables` by name, and `notes`. `{names}` in it are filled by `report_content`.
+    published, ours), `captions` and `tables` by name, and `notes`; a `sentence` and `record_rows` are those of every
+    record, {Record} its name at the start of a sentence. `{names}` in it are filled by `report_content`.
     """
     loaded: Page = load_yaml(FOLDER / f"{name}.yaml")
     return loaded
@@ -38,6 +37,7 @@ def report_content(
     *,
     heading: object = (),
     rows: Iterable[Sequence[str]] = (),
+    records: Sequence[Mapping[str, object]] = (),
     tables: Sequence[Table] = (),
     drawings: Sequence[Drawing] = (),
     before: Sequence[str] = (),
@@ -53,11 +53,18 @@ def report_content(
     heading : whether what the page's true heading says holds, for every record, those without noise first; a key of
         its `headings`; nothing where it has one `heading`.
     rows : of the comparison, after those of the page.
+    records : values of what is said of each record: of its `record_rows` of the comparison, and of the `sentence` that
+        the page's verdict joins; `record` is what it is called.
     before, notes : notes before and after those of the page.
     who : the methods on the page, of which `who` in thesis.yaml says what they are.
     facts : after those of the page.
     """
     methods = [fill(load("thesis")["shared"]["who"][name]) for name in who]
+    for one in records:
+        rows = (*rows, *fill(page["record_rows"], **one))
+    if "sentence" in page:
+        capital = ({**one, "Record": f"{str(one['record'])[:1].upper()}{str(one['record'])[1:]}"} for one in records)
+        values = {**values, "verdict": " ".join(fill(page["sentence"], **one) for one in capital)}
     compared = (*fill(page.get("rows", ()), **values), *map(tuple, rows))
     comparison = Table(
         name="comparison", title="Printed and computed", heads=("quantity", "printed", "computed here"), rows=compared

@@ -10,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft.catalogue import CITATION
 from ..config import Config, merge
@@ -22,6 +21,7 @@ from ..identify.dmae import DmaeSettings, dmae
 from ..identify.identify import NOT_CONVERGED
 from ..identify.result import IdentifyResult
 from ..identify.risro import THRESHOLD, solve
+from ..kernels import FloatArray
 from ..kernels.lagged import lagged
 from ..onset import find_onset, table_of_windows
 from ..preprocessing.regression import build_regression
@@ -30,21 +30,6 @@ from ..provenance import provenance
 from ..report.text import interval, number
 from .page import load
 from .record import NOISE_M_S, Settings, thesis_dictionary, thesis_record, true_fault, with_noise
-
-__all__ = [
-    "COPIES",
-    "PROGRAM",
-    "READINGS",
-    "Reconstruction",
-    "above",
-    "by_dmae",
-    "by_program",
-    "by_readings",
-    "by_scan",
-]
-__all__ += ["dated", "declared", "label_of", "method_config", "scanning", "shipped", "vaf"]
-
-FloatArray = NDArray[np.float64]
 
 # Methods by the names of their settings in methods.yaml; `who` in thesis.yaml has their labels and says what each is.
 # The readings solve the thesis's problem at the log's own rate: the first four as its algorithm 3 is printed and as its
@@ -237,7 +222,7 @@ def scanning(settings: Settings, shapes: Sequence[str]) -> Iterator[Config]:
     `bfi calibrate` does.
     """
     config = merge(Config(), {"conditioning.rate_hz": 10.0, "start_time.shapes": list(shapes)})
-    if shipped(settings) or "sine" in shapes:
+    if shipped(settings, shapes):
         yield config
         return
     with TemporaryDirectory() as folder:
@@ -246,9 +231,10 @@ def scanning(settings: Settings, shapes: Sequence[str]) -> Iterator[Config]:
         yield merge(config, {"start_time.calibration": str(path)})
 
 
-def shipped(settings: Settings) -> tuple[str, ...]:
-    """Return the note that the shipped threshold is taken for biases and drifts, none where it is counted anew."""
-    return (load("thesis")["shared"]["shipped"],) if settings.quick or settings.log is not None else ()
+def shipped(settings: Settings, shapes: Sequence[str]) -> tuple[str, ...]:
+    """Return the note that the shipped threshold is taken, none where it is counted anew."""
+    taken = settings.quick or settings.log is not None or "sine" in shapes
+    return (load("thesis")["shared"]["shipped"],) if taken else ()
 
 
 @lru_cache(maxsize=4)

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..aircraft import find_model, manoeuvre, simulate, time_axis
+from ..aircraft import find_model, flight_of
 from ..dictionary import SHIPPED, Dictionary, load_dictionary
+from ..engine import in_order
 from ..errors import LogError
 from ..faults import Fault
 from ..flightlog import FlightLog, inject
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..report.content import Panel, Span, curve
 from .page import load
-
-__all__ = ["NOISE_M_S", "Settings", "airspeed_panel", "fault_starts", "records_of", "stand_in", "thesis_dictionary"]
-__all__ += ["thesis_record", "true_fault", "with_fault", "with_noise"]
-
-FloatArray = NDArray[np.float64]
 
 # White noise added to the airspeed where a page shows what noise changes; the thesis does not state that of its record.
 NOISE_M_S = 0.01
@@ -54,6 +51,22 @@ class Settings:
         return self.trials if self.trials is not None else quick if self.quick else published
 
 
+def trials_of(run: Callable[[Any], Any], points: Sequence[object], n_trials: int, settings: Settings) -> FloatArray:
+    """Return what `run` gives of trials of every point, (n_points, n_trials, ...).
+
+    Parameters
+    ----------
+    run : a function of a module, of (point, seed); the seed, (settings.seed, point, trial), is all that is random.
+    """
+    trials = [(point, (settings.seed, i, k)) for i, point in enumerate(points) for k in range(n_trials)]
+    done = []
+    for outcome, _ in in_order(run, trials, workers=settings.workers):
+        done.append(outcome)
+        settings.report(len(done), len(trials))
+    outcomes = np.array(done)
+    return outcomes.reshape(len(points), n_trials, *outcomes.shape[1:])
+
+
 def thesis_record(settings: Settings) -> FlightLog:
     """Return the log of the settings, or without one 3172 samples at 100 Hz of the linear Citation, free of noise.
 
@@ -63,8 +76,7 @@ def thesis_record(settings: Settings) -> FlightLog:
     """
     log = settings.log
     if log is None:
-        time_s = time_axis(duration_s=31.72, rate_hz=100.0)
-        return simulate(find_model("citation"), manoeuvre("3211", time_s), rng=np.random.default_rng(0), rate_hz=100.0)
+        return flight_of(find_model("citation"), "3211", rng=np.random.default_rng(0))
     if log.truth is not None and log.truth.faults:
         raise LogError(
             f"{log.path}: --log: a reproduction adds its own faults, got a log with {len(log.truth.faults)} injected; "

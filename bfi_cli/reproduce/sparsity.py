@@ -9,34 +9,30 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import product
 from time import process_time
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..aircraft import find_model, manoeuvre, simulate, time_axis
+from ..aircraft import find_model, flight_of
 from ..config import STRONG_EVIDENCE, Config, merge
 from ..dictionary import Dictionary
-from ..engine import in_order
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..identify.risro import THRESHOLD
 from ..identify.supports import proposals_of, stage_runs
+from ..kernels import FloatArray
 from ..kernels.model_selection import Penalty, Proposal, refine_supports, search_orders
 from ..kernels.risro_varx import risro_varx
 from ..kernels.sparsity import SparseStage
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes
-from ..montecarlo import wilson
+from ..montecarlo.summary import proportion
 from ..preprocessing.regression import RegressionData, build_regression
 from ..preprocessing.window import prepare_window
 from ..report.content import Panel, ReportContent, curve
 from .page import drawing, fill, joined, load, report_content, table
-from .record import Settings, thesis_dictionary, thesis_record, with_fault, with_noise
+from .record import Settings, thesis_dictionary, thesis_record, trials_of, with_fault, with_noise
+from .sweeps import percent, rate_curve
 
-__all__ = ["RULES", "Point", "Problem", "lasso_supports", "problem_of", "run", "sparsity"]
-
-FloatArray = NDArray[np.float64]
 Support = tuple[int, ...]
 
 # At 100 Hz lags remember so little that white noise becomes a drift; order 6 is among those that identify tries.
@@ -48,6 +44,7 @@ SIZES, QUICK_SIZES = (10, 20, 40, 80), (20,)  # numbers of steps
 STEP_NOISES = (0.2, 0.5)  # m/s, on the steps
 TRIALS, QUICK_TRIALS = 100, 2
 MOST_ACTIVE, LARGEST = 3, 10  # active faults, and their integer magnitudes
+PUBLISHED = SparseStage(kind="exp-l0", alpha=1.0, r=10.0, p0=1.0, updates=1)
 BESIDE = 1.03  # how far points of the next rule stand aside, so that they do not hide each other
 
 
@@ -75,9 +72,8 @@ def _clean(n_atoms: int) -> tuple[FlightLog, Dictionary]:
     """Return the fault-free record and the dictionary of a number of atoms."""
     if n_atoms == THESIS_ATOMS:
         return thesis_record(Settings()), thesis_dictionary()
-    time_s = time_axis(duration_s=STEPS_S, rate_hz=RATE_HZ)
-    command = manoeuvre("3211", time_s)
-    log = simulate(find_model("citation"), command, rng=np.random.default_rng(0), rate_hz=RATE_HZ)
+    rng = np.random.default_rng(0)
+    log = flight_of(find_model("citation"), "3211", rng=rng, duration_s=STEPS_S, rate_hz=RATE_HZ)
     starts = np.linspace(4.0, STEPS_S - 4.0, n_atoms)
     atoms = [Fault(shape="bias", channel="tas", onset_s=round(float(one), 1), name=f"step_{one:.1f}") for one in starts]
     return log, replace(thesis_dictionary(), atoms=tuple(atoms))
@@ -115,10 +111,6 @@ def _in_deviations(of: Problem) -> tuple[Fit, FloatArray]:
     whole = risro_varx(of.regression.data)
     fit = fit_magnitudes(of.projected, range(len(whole.z)), whole.z, max_iterations=1)
     return fit, np.abs(fit.z) / np.sqrt(np.diag(np.linalg.pinv(fit.information)))
-
-
-def _price(of: Problem) -> float:
-    return of.penalty.per_parameter + of.penalty.per_atom
 
 
 def _cheapest(of: Problem, proposals: Sequence[Proposal]) -> Support:
@@ -187,30 +179,17 @@ def lasso_supports(X: FloatArray, y: FloatArray, *, most: int) -> list[Support]:
     return supports
 
 
-def _by_stage(of: Problem) -> Support:
-    """Return the best support that the exponential stage visits from its two starts, as method risro does."""
-    return _cheapest(of, proposals_of(stage_runs(of.regression, of.penalty, orders=[ORDER])))
-
-
-def _published(of: Problem) -> Support:
-    stage = SparseStage(kind="exp-l0", alpha=1.0, r=10.0, p0=1.0, updates=1)
-    return _by_rule(of, risro_varx(of.regression.data, sparse=stage, as_published=True).z)
-
-
-def _search(of: Problem) -> Support:
-    return search_orders([of.projected], range(of.penalty.n_candidates), of.penalty)[0].best.fit.atoms
-
-
 # What is compared, by the names of `rules` in sparsity.yaml.
 RULES: Mapping[str, Callable[[Problem], Support]] = {
     "rule": lambda of: _by_rule(of, risro_varx(of.regression.data).z),
-    "published": _published,
+    "published": lambda of: _by_rule(of, risro_varx(of.regression.data, sparse=PUBLISHED, as_published=True).z),
     "three": lambda of: _above(_in_deviations(of)[1], 3.0),
-    "price": lambda of: _above(_in_deviations(of)[1], float(np.sqrt(_price(of)))),
+    "price": lambda of: _above(_in_deviations(of)[1], float(np.sqrt(of.penalty.per_parameter + of.penalty.per_atom))),
     "lasso": lambda of: _by_lasso(of, adaptive=False),
     "adaptive": lambda of: _by_lasso(of, adaptive=True),
-    "stage": _by_stage,
-    "search": _search,
+    # The exponential stage from its two starts, as method risro does.
+    "stage": lambda of: _cheapest(of, proposals_of(stage_runs(of.regression, of.penalty, orders=[ORDER]))),
+    "search": lambda of: search_orders([of.projected], range(of.penalty.n_candidates), of.penalty)[0].best.fit.atoms,
 }
 
 
@@ -235,40 +214,31 @@ def sparsity(settings: Settings) -> ReportContent:
     without = [Point(THESIS_ATOMS, QUICK_NOISES[0], False), Point(sizes[-1], STEP_NOISES[0], False)]
     points = [*on_thesis, *(point for each in on_steps.values() for point in each), *without]
     n_trials = settings.trials_or(TRIALS, QUICK_TRIALS)
-    trials = [(point, (settings.seed, i, k)) for (i, point), k in product(enumerate(points), range(n_trials))]
-    done: list[list[tuple[bool, float]]] = []
-    for outcome, _ in in_order(run, trials, workers=settings.workers):
-        done.append(outcome)
-        settings.report(len(done), len(trials))
-    every = np.array(done).reshape(len(points), n_trials, len(names), 2)
+    every = trials_of(run, points, n_trials, settings)
     counts, ms = every[..., 0].sum(axis=1).astype(int), 1e3 * np.median(every[..., 1], axis=1)
-    ends = 100.0 * np.array([[wilson(int(count), n_trials) for count in row] for row in counts])
-    shares = [
-        {
-            name: f"{100.0 * count / n_trials:.0f} % ({low:.0f} to {high:.0f})"
-            for name, count, (low, high) in zip(names, row, interval, strict=True)
-        }
-        for row, interval in zip(counts, ends, strict=True)
-    ]
+    rates = [[proportion(int(count), n_trials) for count in row] for row in counts]
+    shares = [dict(zip(names, map(percent, row), strict=True)) for row in rates]
     drawings = []
-    for y_label, name in (("isolated [%]", "sparsity"), ("time [ms]", "sparsity_time")):
-        panels = []
+    for y_label, name, y_limits in (
+        ("isolated [%]", "sparsity", (-3.0, 103.0)),
+        ("time [ms]", "sparsity_time", (1.0, 1e3)),
+    ):
+        timed, panels = name == "sparsity_time", []
         for title, x_label, of in (
             ("atoms of the thesis", "noise [m/s]", on_thesis),
             *((f"steps, noise {noise:g} m/s", "atoms [-]", each) for noise, each in on_steps.items()),
         ):
             at = [points.index(point) for point in of]
             x = np.array([point.noise if of is on_thesis else point.n_atoms for point in of])
-            for group in (names[: len(names) // 2], names[len(names) // 2 :]):
+            for first in (0, len(names) // 2):
                 curves = []
-                for i, rule in enumerate(group):
-                    j = names.index(rule)
-                    beside, share, (low, high) = x * BESIDE**i, 100.0 * counts[at, j] / n_trials, ends[at, j].T
-                    if y_label == "time [ms]":
-                        curves.append(curve(labels[rule], beside, ms[at, j], style=joined(x, "line")))
-                    else:
-                        style = joined(x, "bars")
-                        curves.append(curve(labels[rule], beside, share, style=style, low=low, high=high))
+                for i, j in enumerate(range(first, first + len(names) // 2)):
+                    label, beside = labels[names[j]], x * BESIDE**i
+                    curves.append(
+                        curve(label, beside, ms[at, j], style=joined(x, "line"))
+                        if timed
+                        else rate_curve(label, beside.tolist(), [rates[k][j] for k in at])
+                    )
                 panels.append(
                     Panel(
                         title=title,
@@ -276,8 +246,8 @@ def sparsity(settings: Settings) -> ReportContent:
                         y_label=y_label,
                         curves=tuple(curves),
                         log_x=of is on_thesis,
-                        log_y=name == "sparsity_time",
-                        y_limits=(1.0, 1e3) if name == "sparsity_time" else (-3.0, 103.0),
+                        log_y=timed,
+                        y_limits=y_limits,
                     )
                 )
         drawings.append(drawing(page, name, panels, across=2))

@@ -14,16 +14,14 @@ import numpy as np
 
 from ..config import merge
 from ..flightlog import write_log
-from ..montecarlo import check_records, load_sweep, run_sweep, summarise, wilson
+from ..montecarlo import check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.definition import RecordedLog
-from ..montecarlo.summary import Proportion, ScenarioSummary
+from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
 from ..report.content import Curve, Drawing, Panel, ReportContent, Span, curve
 from ..report.text import number
 from .page import FOLDER, Page, drawing, fill, joined, load, report_content, table
 from .reconstruction import label_of
 from .record import Settings, stand_in, thesis_record
-
-__all__ = ["Cell", "Swept", "Thin", "isolation_noise", "swept", "thesis_a", "thesis_monte_carlo"]
 
 LEAST_ERROR = 1e-16  # what a log axis shows of an error of zero
 NEARLY_ALL = 0.99  # of the trials isolated: as published, where no miss and no false alarm is seen in 100 trials
@@ -146,8 +144,8 @@ def percent(share: Proportion) -> str:
 
 def pooled(cells: Sequence[Cell]) -> Proportion:
     """Return how many of all trials of several cells are isolated."""
-    count, of = (sum(getattr(cell.summary.isolation, key) for cell in cells) for key in ("count", "of"))
-    return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))
+    count, of = (sum(getattr(cell.summary.isolation_rate, key) for cell in cells) for key in ("count", "of"))
+    return proportion(count, of)
 
 
 def rate_curve(label: str, x: Sequence[float], shares: Sequence[Proportion]) -> Curve:
@@ -164,12 +162,7 @@ def rate_curve(label: str, x: Sequence[float], shares: Sequence[Proportion]) -> 
 
 
 def thesis_monte_carlo(settings: Settings) -> ReportContent:
-    """Return figures 5-3 and 5-4: magnitude error and isolation against the number of active faults.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    """
+    """Return figures 5-3 and 5-4: magnitude error and isolation against the number of active faults."""
     page = load("thesis")["5-3"]
     result = swept("thesis", settings, compare=page["methods"], quick=QUICK)
     # As published, no miss and no false alarm is seen.
@@ -182,20 +175,15 @@ def thesis_monte_carlo(settings: Settings) -> ReportContent:
 
 
 def thesis_a(settings: Settings) -> ReportContent:
-    """Return figures A-1 to A-4: the same with and without the sparsity stage, and as the published listing runs.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    """
+    """Return figures A-1 to A-4: the same with and without the sparsity stage, and as the published listing runs."""
     page = load("thesis")["A"]
     result = swept("thesis", settings, compare=page["methods"], quick=QUICK)
     # The stage changes nothing where rates without it lie in the intervals of those with it, at every point.
     alike = [
         all(
-            one.summary.isolation.rate is not None and low <= one.summary.isolation.rate <= high
+            one.summary.isolation_rate.rate is not None and low <= one.summary.isolation_rate.rate <= high
             for one, other in zip(result.of("rank_only", noise), result.of("sparse", noise), strict=True)
-            for low, high in [other.summary.isolation.ci95 or (math.nan, math.nan)]
+            for low, high in [other.summary.isolation_rate.ci95 or (math.nan, math.nan)]
         )
         for noise in result.noises
     ]
@@ -218,7 +206,7 @@ def _errors(page: Page, name: str, result: Swept, methods: Sequence[str]) -> Dra
         for label, cells, at in _beside(result, methods, noise):
             means.append(curve(label, at, np.maximum([one.mean_error for one in cells], LEAST_ERROR), style="points"))
             low, middle, high = (
-                np.maximum([one.summary.magnitude_error.get(key, math.nan) for one in cells], LEAST_ERROR)
+                np.maximum([(one.summary.magnitude_error or {}).get(key, math.nan) for one in cells], LEAST_ERROR)
                 for key in ("p25", "p50", "p75")
             )
             medians.append(curve(label, at, middle, style="points", low=low, high=high))
@@ -243,7 +231,7 @@ def _isolation(page: Page, name: str, result: Swept, methods: Sequence[str]) -> 
             x_label="active faults [-]",
             y_label="isolated [%]",
             curves=tuple(
-                rate_curve(label, at, [cell.summary.isolation for cell in cells])
+                rate_curve(label, at, [cell.summary.isolation_rate for cell in cells])
                 for label, cells, at in _beside(result, methods, noise)
             ),
             y_limits=(-3.0, 103.0),
@@ -270,7 +258,7 @@ def _sweep_page(
         for method, of in cells.items():
             said = {"label": label_of(method), "noise": words, "few": of[0].active, "many": of[-1].active}
             errors = [number(cell.mean_error, digits=2) for cell in (of[0], of[-1])]
-            shares = " ".join(f"{100.0 * (cell.summary.isolation.rate or 0.0):.0f}" for cell in of)
+            shares = " ".join(f"{100.0 * (cell.summary.isolation_rate.rate or 0.0):.0f}" for cell in of)
             for what, computed in (("error", " and ".join(errors)), ("isolation", f"{shares} %")):
                 rows.append((fill(page["quantities"][what], **said), page["printed"][what].get(method, "-"), computed))
         isolated = ", ".join(f"{label_of(method)} {percent(pooled(of))}" for method, of in cells.items())
@@ -278,9 +266,9 @@ def _sweep_page(
     body = []
     for cell in result.cells:
         one = cell.summary
-        rates = [percent(share) for share in (one.isolation, one.false_alarm, one.missed_detection)]
+        rates = [percent(share) for share in (one.isolation_rate, one.false_alarm_rate, one.missed_detection_rate)]
         bare = [text.replace(" % ", " ").replace(" to ", "-") for text in rates]
-        errors = [number(value, digits=2) for value in (cell.mean_error, one.magnitude_error.get("p50"))]
+        errors = [number(value, digits=2) for value in (cell.mean_error, (one.magnitude_error or {}).get("p50"))]
         body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
     active = sorted({cell.active for cell in result.cells})
     return report_content(
@@ -303,12 +291,7 @@ def _sweep_page(
 
 
 def isolation_noise(settings: Settings) -> ReportContent:
-    """Return the curves of isolation against noise for 1, 2 and 4 active faults, the thesis's rule and ours.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    """
+    """Return the curves of isolation against noise for 1, 2 and 4 active faults, the thesis's rule and ours."""
     page = load("isolation_noise")
     methods = page["methods"]
     result = swept("isolation_noise", settings, compare=methods, quick=QUICK_NOISE)

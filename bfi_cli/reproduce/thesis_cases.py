@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +18,7 @@ from ..flightlog import FlightLog
 from ..identify.dmae import DmaeSettings
 from ..report.content import Curve, Panel, ReportContent, Style, Table, curve
 from ..report.text import number
-from ..shapes import Shape
-from .page import Page, drawing, fill, joined, load, percent, report_content, table
+from .page import drawing, joined, load, percent, report_content, table
 from .reconstruction import (
     PROGRAM,
     READINGS,
@@ -32,23 +33,7 @@ from .reconstruction import (
 )
 from .record import Settings, airspeed_panel, fault_starts, records_of, stand_in, thesis_record, true_fault, with_fault
 
-__all__ = ["BEST", "KAPPA", "KAPPAS", "LOW", "ORDERS", "magnitude_error", "perturbed", "thesis_5_5", "thesis_5_6"]
-__all__ += ["thesis_5_7", "thesis_5_8", "thesis_5_9", "thesis_5_10", "thesis_5_11", "thesis_5_12"]
-
 Views = Mapping[str, Reconstruction]
-Told = Mapping[str, Mapping[str, object]]
-
-# Q and R as the thesis prints them for each figure; 5-12 prints none and takes those of 5-11.
-SINUSOIDS = DmaeSettings(process_variance=0.4e-5, measurement_variance=0.01)
-PERTURBED = DmaeSettings(process_variance=0.24e-4, measurement_variance=0.005)
-SHIFTED = DmaeSettings(process_variance=0.4e-6, measurement_variance=1e-3)
-FAULT_VARIANCES = (3e-4, 0.05)  # (m/s)^2 per sample: with these DMAE has the published VAF of airspeed, and of fault
-SETTLED_S = 1.5  # after the start of the slow sinusoid, when DMAE's fault has come to its level
-
-FAST = Fault(shape="sine", name="sine_1.15", magnitude=5.0, frequency_hz=1.15, onset_s=6.35, phase_reference="window")
-SLOW = Fault(shape="sine", name="sine_0.35", magnitude=4.0, frequency_hz=0.35, onset_s=5.29, phase_reference="window")
-LATE_SINE = Fault(shape="sine", magnitude=1.0, frequency_hz=1.15, onset_s=15.86, phase_reference="window")
-LATE_DRIFT = Fault(shape="drift", magnitude=1.0, slope=0.23, onset_s=15.86)
 
 # Sizes of the perturbation, of figure 5-8.
 KAPPAS = tuple(np.round(np.arange(0.0, 0.501, 0.05), 2).tolist())
@@ -62,61 +47,8 @@ LISTING_SHARE = 0.01  # of the norm of all magnitudes: what the listing of the s
 VAF_LIMITS = (-105.0, 105.0)  # of an axis, %: minus 100 is an error as large as twice the power of the signal
 
 
-def thesis_5_5(settings: Settings) -> ReportContent:
-    """Return figure 5-5: a sinusoid of 1.15 Hz, a fault of the dictionary that DMAE follows too.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
-    log = with_fault(thesis_record(settings), FAST)
-    return _reconstructed(
-        "5-5",
-        log,
-        settings,
-        order=LOW,
-        filters=SINUSOIDS,
-        holds=lambda views: min(views[one].vaf_fault for one in ("sparse", "dmae")) > 50.0,
-        others=_with_fault_noise(log, settings),
-    )
-
-
-def thesis_5_6(settings: Settings) -> ReportContent:
-    """Return figure 5-6: a sinusoid of 0.35 Hz, which DMAE detects and mistakes for a bias.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
-    log = with_fault(thesis_record(settings), SLOW)
-
-    def level(views: Views) -> tuple[float, float]:
-        dmae = views["dmae"]
-        afterwards = dmae.fault[dmae.time_s > fault_starts(log)[0].low + SETTLED_S]
-        return float(np.mean(afterwards)), float(np.std(afterwards))
-
-    return _reconstructed(
-        "5-6",
-        log,
-        settings,
-        order=LOW,
-        filters=SINUSOIDS,
-        holds=lambda views: level(views)[1] < 0.1 * abs(level(views)[0]),
-        values=lambda views: {"level": number(level(views)[0], digits=3), "wander": number(level(views)[1], digits=2)},
-        others=_with_fault_noise(log, settings),
-    )
-
-
 def thesis_5_7(settings: Settings) -> ReportContent:
-    """Return figure 5-7: a bias of 4 m/s with a perturbation that the dictionary lacks (kappa = 0.2).
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
+    """Return figure 5-7: a bias of 4 m/s with a perturbation that the dictionary lacks (kappa = 0.2)."""
     page, log = load("thesis")["5-7"], thesis_record(settings)
     faulty = perturbed(log, KAPPA)
     seen = {label: _solved(one, LOW) for label, one in records_of(faulty, settings).items()}
@@ -128,7 +60,7 @@ def thesis_5_7(settings: Settings) -> ReportContent:
     return report_content(
         page,
         {"log": log, "declared": "; ".join(f"{label}: {views['risro'].declared}" for label, views in seen.items())},
-        rows=_rows(page, seen),
+        records=[{"record": label, **views} for label, views in seen.items()],
         tables=_method_tables(seen),
         drawings=[drawing(page, "thesis_5_7", panels)],
         notes=stand_in(settings),
@@ -137,13 +69,7 @@ def thesis_5_7(settings: Settings) -> ReportContent:
 
 
 def thesis_5_8(settings: Settings) -> ReportContent:
-    """Return figure 5-8: the perturbation's size kappa from 0 to 0.5 at order 4.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
+    """Return figure 5-8: the perturbation's size kappa from 0 to 0.5 at order 4."""
     page, clean = load("thesis")["5-8"], thesis_record(settings)
     kappas = QUICK_KAPPAS if settings.quick else KAPPAS
     swept: dict[str, list[Views]] = {}
@@ -151,7 +77,7 @@ def thesis_5_8(settings: Settings) -> ReportContent:
         for label, log in records_of(perturbed(clean, kappa), settings).items():
             swept.setdefault(label, []).append(_solved(log, LOW))
         settings.report(done, len(kappas))
-    names, last = (*READINGS, *PROGRAM), {label: each[-1] for label, each in swept.items()}
+    names = (*READINGS, *PROGRAM)
     rows = [
         (label, f"{kappa:g}", *(percent(views[name].vaf_fault) for name in names))
         for label, each in swept.items()
@@ -179,20 +105,17 @@ def thesis_5_8(settings: Settings) -> ReportContent:
         {
             "log": clean,
             "kappas": f"{len(kappas)}: {', '.join(f'{kappa:g}' for kappa in kappas)}",
-            "verdict": " ".join(_sentences(page, last, kappa=kappas[-1])),
         },
-        heading=[views["sparse"].vaf_fault < 50.0 for views in last.values()],
-        rows=[
-            row
+        heading=[each[-1]["sparse"].vaf_fault < 50.0 for each in swept.values()],
+        records=[
+            {
+                **each[-1],
+                "record": label,
+                "kappa": kappas[-1],
+                "least": min(views["sparse"].vaf_output for views in each),
+                "kept": min(views["default"].vaf_fault for views in each),
+            }
             for label, each in swept.items()
-            for row in fill(
-                page["record_rows"],
-                record=label,
-                high=kappas[-1],
-                least=min(views["sparse"].vaf_output for views in each),
-                kept=min(views["default"].vaf_fault for views in each),
-                **last[label],
-            )
         ],
         tables=[table(page, "kappa", rows, **{name: label_of(name) for name in names})],
         drawings=[drawing(page, "thesis_5_8", panels, across=len(swept))],
@@ -202,13 +125,7 @@ def thesis_5_8(settings: Settings) -> ReportContent:
 
 
 def thesis_5_9(settings: Settings) -> ReportContent:
-    """Return figure 5-9: orders 3 to 80 at kappa = 0.2, each solved on its own rows.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
+    """Return figure 5-9: orders 3 to 80 at kappa = 0.2, each solved on its own rows."""
     page, clean = load("thesis")["5-9"], thesis_record(settings)
     records = records_of(perturbed(clean, KAPPA), settings)
     whole = QUICK_ORDERS if settings.quick else ORDERS
@@ -276,7 +193,6 @@ def thesis_5_9(settings: Settings) -> ReportContent:
             "orders": {label: _listed(each) for label, each in orders.items()},
             "solved": "; ".join(f"{label}: {_listed(each)}" for label, each in orders.items()),
             "best": {name: f"{order} ({views[name].vaf_fault:.1f} %)" for name, (order, views) in best.items()},
-            "verdict": " ".join(_sentences(page, {label: {**at_best[label], **program[label]} for label in records})),
             "drift": {name: number(one.magnitudes["drift_7.93"], digits=3) for name, one in at_best[first].items()},
             "single": {name: ", ".join(each) or "none" for name, each in single.items()},
             "last": orders[first][-1],
@@ -284,87 +200,23 @@ def thesis_5_9(settings: Settings) -> ReportContent:
             "fifth": swept[first][orders[first].index(5)],
         },
         heading=[best["sparse"][0] == BEST and best["sparse"][1]["sparse"].vaf_fault > 50.0],
-        rows=[
-            row
-            for label in records
-            for row in fill(
-                page["record_rows"],
-                record=label,
-                faults={
+        records=[
+            {
+                **at_best[label],
+                **program[label],
+                "record": label,
+                "faults": {
                     name: f"{count(one)}: {', '.join(above(one.magnitudes, LISTING_SHARE)) or 'none'}"
                     for name, one in at_best[label].items()
                 },
-                **at_best[label],
-                **program[label],
-            )
+            }
+            for label in records
         ],
         tables=[table(page, "orders", rows)],
         drawings=[drawing(page, "thesis_5_9", panels, across=len(records))],
         before=page["simulated"] if settings.log is None else (),
         notes=stand_in(settings),
         who=(*READINGS, *PROGRAM),
-    )
-
-
-def thesis_5_10(settings: Settings) -> ReportContent:
-    """Return figure 5-10: the perturbed bias reconstructed at order 45, beside DMAE.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
-    return _reconstructed(
-        "5-10",
-        perturbed(thesis_record(settings), KAPPA),
-        settings,
-        order=BEST,
-        filters=PERTURBED,
-        holds=lambda views: views["sparse"].vaf_fault > 50.0,
-        values=lambda views: {
-            "drift": {name: number(views[name].magnitudes.get("drift_7.93", 0.0), digits=4) for name in views}
-        },
-    )
-
-
-def thesis_5_11(settings: Settings) -> ReportContent:
-    """Return figure 5-11: a sinusoid that starts 9.5 s after the dictionary's; harmless for DMAE.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
-    page = load("thesis")["5-11"]
-    return _reconstructed(
-        "5-11",
-        with_fault(thesis_record(settings), LATE_SINE),
-        settings,
-        order=LOW,
-        filters=SHIFTED,
-        holds=lambda views: views["dmae"].vaf_fault > 50.0,
-        scanned=() if settings.quick else ("bias", "drift", "sine"),
-        notes=(page["quick"] if settings.quick else load("thesis")["shared"]["shipped"],),
-    )
-
-
-def thesis_5_12(settings: Settings) -> ReportContent:
-    """Return figure 5-12: a drift that starts later than the dictionary's, order 45: not detected.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
-    return _reconstructed(
-        "5-12",
-        with_fault(thesis_record(settings), LATE_DRIFT),
-        settings,
-        order=BEST,
-        filters=SHIFTED,
-        holds=lambda views: views["sparse"].vaf_fault < 50.0,
-        scanned=("bias", "drift"),
-        notes=shipped(settings),
     )
 
 
@@ -387,26 +239,8 @@ def magnitude_error(log: FlightLog, one: Reconstruction) -> float:
     return float(np.linalg.norm(off) / np.linalg.norm(list(true.values())))
 
 
-def _with_fault_noise(log: FlightLog, settings: Settings) -> Sequence[Reconstruction]:
-    """Return DMAE with process noise of the fault, which a quick run leaves out."""
-    tuned = {f"DMAE, fault noise {size:g} (m/s)^2": replace(SINUSOIDS, fault_variance=size) for size in FAULT_VARIANCES}
-    return () if settings.quick else tuple(by_dmae(log, one, settings, label=label) for label, one in tuned.items())
-
-
 def _solved(log: FlightLog, order: int) -> dict[str, Reconstruction]:
     return by_readings(log, order) | {name: by_program(log, name) for name in PROGRAM}
-
-
-def _sentences(page: Page, seen: Told, **values: object) -> list[str]:
-    """Return the page's sentence about a record, for every record."""
-    return [
-        fill(page["sentence"], record=f"{label[:1].upper()}{label[1:]}", **values, **v) for label, v in seen.items()
-    ]
-
-
-def _rows(page: Page, seen: Told) -> list[Sequence[str]]:
-    """Return the page's rows of the comparison that every record has."""
-    return [row for label, views in seen.items() for row in fill(page["record_rows"], record=label, **views)]
 
 
 def _listed(orders: Sequence[int]) -> str:
@@ -427,36 +261,41 @@ def _method_tables(seen: Mapping[str, Views], others: Sequence[Reconstruction] =
     return tables
 
 
-def _reconstructed(
-    figure: str,
-    faulty: FlightLog,
-    settings: Settings,
-    *,
-    order: int,
-    filters: DmaeSettings,
-    holds: Callable[[Views], bool],
-    values: Callable[[Views], Mapping[str, object]] = lambda _: {},
-    scanned: Sequence[Shape] = (),
-    others: Sequence[Reconstruction] = (),
-    notes: Sequence[str] = (),
-) -> ReportContent:
+def _reconstructed(figure: str, settings: Settings) -> ReportContent:
     """Return the page of a faulty log: every method, with and without noise where the log is simulated.
 
-    Parameters
-    ----------
-    order : of the readings of algorithm 3.
-    holds : whether what the thesis says of the figure holds for the methods.
-    values : further values of the page's text about a record.
-    scanned : shapes for which the scan over all starts is made too.
-    others : reconstructions of the first record that are only tabulated.
+    The page says which fault it is (the perturbed bias where it names none), the order of the readings of algorithm 3,
+    the settings of DMAE, and the shapes for which the scan over all starts is made too. DMAE with process noise of the
+    fault, which a quick run leaves out, is only tabulated.
     """
     page, shared, name = load("thesis")[figure], load("thesis")["shared"], f"thesis_{figure.replace('-', '_')}"
+    clean = thesis_record(settings)
+    faulty = with_fault(clean, Fault(**page["fault"])) if "fault" in page else perturbed(clean, KAPPA)
+    filters, drift = DmaeSettings(**page["dmae"]), "drift_7.93"
+    shapes = () if settings.quick and "quick" in page else page.get("scan", ())
+    others = [] if settings.quick else [replace(filters, fault_variance=one) for one in page.get("fault_variances", ())]
     seen: dict[str, Views] = {}
+    told: list[dict[str, Any]] = []
     records = records_of(faulty, settings)
     for done, (label, log) in enumerate(records.items(), start=1):
-        scan = {"scan": by_scan(log, settings, shapes=scanned)} if scanned else {}
-        seen[label] = {**_solved(log, order), "dmae": by_dmae(log, filters, settings), **scan}
+        follower = by_dmae(log, filters, settings)
+        scan = {"scan": by_scan(log, settings, shapes=shapes)} if shapes else {}
+        views: Views = {**_solved(log, page["order"]), "dmae": follower, **scan}
+        afterwards = follower.fault[follower.time_s > fault_starts(log)[0].low + page.get("settled_s", 0.0)]
+        seen[label] = views
+        told.append(
+            {
+                **views,
+                "record": label,
+                "level": float(np.mean(afterwards)),
+                "wander": float(np.std(afterwards)),
+                "drift": {key: number(one.magnitudes.get(drift, 0.0), digits=4) for key, one in views.items()},
+            }
+        )
         settings.report(done, len(records))
+    tabulated = [
+        by_dmae(faulty, one, settings, label=f"DMAE, fault noise {one.fault_variance:g} (m/s)^2") for one in others
+    ]
     drawings = []
     for i, (label, log) in enumerate(records.items()):
         true, spans, views = true_fault(log), fault_starts(log)[:1], seen[label]
@@ -478,18 +317,32 @@ def _reconstructed(
                 )
             )
         drawings.append(drawing(page, name if i == 0 else f"{name}_noise", panels, caption=name, record=label))
-    told = {label: {**views, **values(views)} for label, views in seen.items()}
     return report_content(
         page,
-        {"log": faulty, "verdict": " ".join(_sentences(page, told))},
-        heading=[holds(views) for views in seen.values()],
-        rows=_rows(page, told),
-        tables=_method_tables(seen, others),
+        {"log": faulty},
+        heading=[HOLDS[figure](one) for one in told],
+        records=told,
+        tables=_method_tables(seen, tabulated),
         drawings=drawings,
         before=page.get("simulated", ()) if settings.log is None else (),
-        notes=(*notes, *(() if settings.log is None else (shared["dmae_model"],)), *stand_in(settings)),
+        notes=(
+            *(shipped(settings, shapes) if shapes else page.get("quick", ())),
+            *(() if settings.log is None else (shared["dmae_model"],)),
+            *stand_in(settings),
+        ),
         who=tuple(next(iter(seen.values()))),
     )
+
+
+# What the thesis says of a figure, by what is told of a record.
+HOLDS: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
+    "5-5": lambda of: min(of[one].vaf_fault for one in ("sparse", "dmae")) > 50.0,
+    "5-6": lambda of: bool(of["wander"] < 0.1 * abs(of["level"])),
+    "5-10": lambda of: bool(of["sparse"].vaf_fault > 50.0),
+    "5-11": lambda of: bool(of["dmae"].vaf_fault > 50.0),
+    "5-12": lambda of: bool(of["sparse"].vaf_fault < 50.0),
+}
+thesis_5_5, thesis_5_6, thesis_5_10, thesis_5_11, thesis_5_12 = (partial(_reconstructed, figure) for figure in HOLDS)
 
 
 def _curves(views: Views, names: Sequence[str], what: str) -> tuple[Curve, ...]:

@@ -24,16 +24,9 @@ from .record import (
     with_noise,
 )
 
-__all__ = ["thesis_5_1", "thesis_5_2", "thesis_table_2_1"]
-
 
 def thesis_5_1(settings: Settings) -> ReportContent:
-    """Return figure 5-1: the control input and the airspeed.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    """
+    """Return figure 5-1: the control input and the airspeed."""
     page, log, given = load("thesis")["5-1"], thesis_record(settings), settings.log is not None
     answer = identify_faults(log, thesis_dictionary(), Config())
     values = {name: log.channel(name).values for name in ("elevator", "tas")}
@@ -57,12 +50,7 @@ def thesis_5_1(settings: Settings) -> ReportContent:
 
 
 def thesis_5_2(settings: Settings) -> ReportContent:
-    """Return figure 5-2: the signals of the dictionary, with the smallest magnitude of each that could be found.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    """
+    """Return figure 5-2: the signals of the dictionary, with the smallest magnitude of each that could be found."""
     page, log, dictionary = load("thesis")["5-2"], thesis_record(settings), thesis_dictionary()
     answer = identify_faults(with_noise(log, NOISE_M_S, seed=settings.seed), dictionary, Config())
     smallest = {one.name: quantity(one.minimal_detectable, one.unit) for one in answer.candidates}
@@ -85,13 +73,7 @@ def thesis_5_2(settings: Settings) -> ReportContent:
 
 
 def thesis_table_2_1(settings: Settings) -> ReportContent:
-    """Return table 2-1: what blocks a pitot probe and the signal that stands for it, drawn on the record's airspeed.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before a fault.
-    """
+    """Return table 2-1: what blocks a pitot probe and the signal that stands for it, drawn on the record's airspeed."""
     page, log = load("thesis")["2-1"], thesis_record(settings)
     rows, panels = [], []
     for blockage, printed, spec in page["faults"]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import STRONG_EVIDENCE
 from ..faults import Fault, unit_signal
 from ..flightlog import FlightLog
 from ..identify.risro import solve
+from ..kernels import FloatArray
 from ..kernels.lagged import Compressed, compress
 from ..kernels.model_selection import Penalty, Proposal, refine_supports
 from ..kernels.risro_varx import risro_varx, sparse_varx
@@ -36,10 +37,6 @@ from .record import (
     with_fault,
 )
 from .thesis_cases import LOW
-
-__all__ = ["thesis_5_13", "thesis_5_14", "thesis_5_15", "thesis_5_16"]
-
-FloatArray = NDArray[np.float64]
 
 BIAS = Fault(shape="bias", magnitude=5.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=5.0, slope=0.05, onset_s=16.0)
@@ -83,13 +80,7 @@ class _Case:
 
 
 def thesis_5_13(settings: Settings) -> ReportContent:
-    """Return figure 5-13: a bias of 5 m/s from 15 s, whose start is to be found.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
+    """Return figure 5-13: a bias of 5 m/s from 15 s, whose start is to be found."""
     page, log = load("thesis")["5-13"], thesis_record(settings)
     faulty = with_fault(log, BIAS)
     spans, scans = fault_starts(faulty), {}
@@ -107,37 +98,15 @@ def thesis_5_13(settings: Settings) -> ReportContent:
         page,
         {"log": log, "onset_s": spans[0].low, "declared": "; ".join(f"{label}: {one}" for label, one in told.items())},
         heading=[bool(scan.faults) for scan in scans.values()],
-        rows=[fill(page["scan_row"], label=label, declared=one) for label, one in told.items()],
+        records=[{"record": label, "declared": one} for label, one in told.items()],
         drawings=[drawing(page, "thesis_5_13", panels)],
         notes=(*_about_the_scan(settings)[:1], *stand_in(settings)),
         who=("scan",),
     )
 
 
-def thesis_5_14(settings: Settings) -> ReportContent:
-    """Return figure 5-14: the start of a bias of 5 m/s at 15 s.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
-    return _right_shape(settings, BIAS, "5-14", size="bias of 5 m/s")
-
-
-def thesis_5_15(settings: Settings) -> ReportContent:
-    """Return figure 5-15: the start of a drift of 0.25 m/s^2 at 16 s.
-
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the fault.
-    """
-    return _right_shape(settings, DRIFT, "5-15", size="drift of 5 x 0.05 t")
-
-
-def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) -> ReportContent:
-    """Return the page of a fault that is looked for with signals of its own shape."""
+def _right_shape(fault: Fault, figure: str, size: str, settings: Settings) -> ReportContent:
+    """Return the page of a fault whose start is looked for with signals of its own shape."""
     page = {**load("thesis")["5-14"], **load("thesis")[figure]}
     cases = _cases(settings, fault, fault.shape)
     first = cases[0]
@@ -158,9 +127,9 @@ def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) ->
     known = {"figure": figure, "shape": fault.shape, "onset_s": fault.onset_s}
     return report_content(
         page,
-        {**known, "size": size, "true_s": spans[0].low, "first": first, "verdict": _verdict(page, cases)},
+        {**known, "size": size, "true_s": spans[0].low, "first": first},
         heading=[len(one.scan.faults) == 1 and one.shapes == {fault.shape} for one in cases],
-        rows=[row for one in cases for row in fill(page["case_rows"], **{**known, **_told(one)})],
+        records=[{**known, **_told(one)} for one in cases],
         tables=[_peaks(cases), _statistics(cases)],
         drawings=[drawing(page, f"thesis_{figure.replace('-', '_')}", panels)],
         before=page["simulated"] if settings.log is None else (),
@@ -169,14 +138,12 @@ def _right_shape(settings: Settings, fault: Fault, figure: str, *, size: str) ->
     )
 
 
-def thesis_5_16(settings: Settings) -> ReportContent:
-    """Return figure 5-16: a bias looked for with drifts, a drift looked for with biases.
+thesis_5_14 = partial(_right_shape, BIAS, "5-14", "bias of 5 m/s")
+thesis_5_15 = partial(_right_shape, DRIFT, "5-15", "drift of 5 x 0.05 t")
 
-    Raises
-    ------
-    LogError : the log of the settings cannot be used.
-    DictionaryError : it ends before the faults.
-    """
+
+def thesis_5_16(settings: Settings) -> ReportContent:
+    """Return figure 5-16: a bias looked for with drifts, a drift looked for with biases."""
     page = load("thesis")["5-16"]
     cases = {
         "bias": _cases(settings, BIAS, "drift", step=0, of=2),
@@ -196,13 +163,12 @@ def thesis_5_16(settings: Settings) -> ReportContent:
     ]
     return report_content(
         page,
-        {"first": every[0], "verdict": " ".join(_verdict(page, group, fault=fault) for fault, group in cases.items())},
+        {"first": every[0]},
         heading=right,
-        rows=[
-            row
+        records=[
+            {"fault": fault, "published": page["published"][fault], **_told(one)}
             for fault, group in cases.items()
             for one in group
-            for row in fill(page["case_rows"], fault=fault, published=page["published"][fault], **_told(one))
         ],
         tables=[_peaks(every), _statistics(every)],
         drawings=drawings,
@@ -263,17 +229,7 @@ def _by_stage(data: Compressed) -> float:
 
 def _told(one: _Case) -> dict[str, object]:
     peaks = {name: one.peak(name) for name in METHODS}
-    return {
-        "label": one.label,
-        "record": one.label.capitalize(),
-        "shape": one.shape,
-        "declared": one.declared,
-        "peaks": peaks,
-    }
-
-
-def _verdict(page: Mapping[str, str], cases: Sequence[_Case], **known: object) -> str:
-    return " ".join(fill(page["sentence"], **known, **_told(one)) for one in cases)
+    return {"record": one.label, "shape": one.shape, "declared": one.declared, "peaks": peaks}
 
 
 def _about_the_scan(settings: Settings) -> tuple[str, ...]:
@@ -282,7 +238,7 @@ def _about_the_scan(settings: Settings) -> tuple[str, ...]:
     counted = fill(page["counted"], copies=COPIES, noise=NOISE_M_S)
     whole = (page["whole"],) if settings.log is None else ()
     quick = (page["quick"],) if settings.quick else ()
-    return (*(shipped(settings) or (counted,)), *whole, *quick, *stand_in(settings))
+    return (*(shipped(settings, SHAPES) or (counted,)), *whole, *quick, *stand_in(settings))
 
 
 def _peaks(cases: Sequence[_Case]) -> Table:

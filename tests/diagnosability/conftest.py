@@ -10,7 +10,7 @@ import pytest
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
-from bfi_cli.diagnosability import DiagnosabilityResult, ModelFlights, assess, assess_manoeuvres
+from bfi_cli.diagnosability import DiagnosabilityResult, assess, assess_manoeuvres
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.flightlog import FlightLog
 
@@ -53,5 +53,6 @@ def progress() -> list[tuple[int, int]]:
 @pytest.fixture(scope="session")
 def compared(thesis: Dictionary, progress: list[tuple[int, int]]) -> DiagnosabilityResult:
     """Three manoeuvres, one of them useless, two draws of 0.02 m/s of noise."""
-    flights = ModelFlights(model="citation", manoeuvres=("none", "doublet", "3211"), noise_sd={"tas": 0.02}, draws=2)
-    return assess_manoeuvres(flights, thesis, Config(), report=lambda done, total: progress.append((done, total)))
+    stated = {"model": "citation", "manoeuvres": ["none", "doublet", "3211"], "noise": {"tas": 0.02}, "draws": 2}
+    config = merge(Config(), {f"diagnosability.{key}": value for key, value in stated.items()})
+    return assess_manoeuvres(thesis, config, report=lambda done, total: progress.append((done, total)))

@@ -9,7 +9,7 @@ import pytest
 
 from bfi_cli.audit import audit_on_log
 from bfi_cli.config import Config, merge
-from bfi_cli.diagnosability import Magnitudes, assess
+from bfi_cli.diagnosability import assess
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError
 from bfi_cli.flightlog import inject
@@ -24,6 +24,9 @@ def dictionary(*atoms: dict[str, object]):
     return load_dictionary({"relative_to": "window", "channel": "tas", "atoms": list(atoms)}, where="d.yaml")
 
 
+AT_LIMIT = {"diagnosability.at_limit": True}
+
+
 def column(result, key: str) -> np.ndarray:
     return np.array([getattr(atom, key) for atom in result.atoms], dtype=float)
 
@@ -35,7 +38,7 @@ def test_orders_faults_of_unit_magnitude_as_their_minimal_detectable_magnitudes_
 
 
 def test_at_their_limits_all_faults_are_alike(flight, thesis, at_unit):
-    result = assess(flight, thesis, EXACT, magnitudes=Magnitudes(in_limits=True))
+    result = assess(flight, thesis, merge(EXACT, AT_LIMIT))
     np.testing.assert_allclose(column(result, "magnitude"), column(at_unit, "minimal_detectable"), rtol=1e-12)
     expected = np.interp(result.limit_deviations, result.deviations, result.bits)
     np.testing.assert_allclose(column(result, "divergence_bits"), expected, atol=2e-3)
@@ -62,7 +65,7 @@ def test_apart_is_less_than_seen(at_unit):
 
 @pytest.mark.parametrize("key", ["divergence_bits", "sample_bits", "apart_bits"])
 def test_larger_faults_tell_more(flight, thesis, at_unit, key):
-    larger = assess(flight, thesis, EXACT, magnitudes=Magnitudes(common=3.0))
+    larger = assess(flight, thesis, merge(EXACT, {"diagnosability.magnitude": 3.0}))
     assert (column(larger, key) > column(at_unit, key)).all()
 
 
@@ -73,7 +76,7 @@ def test_less_noise_tells_more(fly, thesis, at_unit):
 
 def test_faults_that_start_nearly_together_are_hard_to_tell_apart(flight):
     atoms = [{"name": f"at_{onset}", "shape": "bias", "onset_s": onset} for onset in (12.0, 12.01, 20.0)]
-    result = assess(flight, dictionary(*atoms), QUICK, magnitudes=Magnitudes(common=0.1))
+    result = assess(flight, dictionary(*atoms), merge(QUICK, {"diagnosability.magnitude": 0.1}))
     first, second, third = result.atoms
     assert (first.most_like, second.most_like) == ("at_12.01", "at_12.0")
     assert first.apart_bits < 0.5 * first.divergence_bits
@@ -119,7 +122,7 @@ def test_what_the_model_explains_away_tells_nothing(flight, tmp_path):
     assert (hidden.live, hidden.divergence_bits, hidden.minimal_detectable) == (True, 0.0, None)
     assert any(note.startswith("the inputs and lags of the model explain all of 'course'") for note in result.notes)
     assert result.between[0, 1] == result.atoms[1].divergence_bits
-    at_limit = assess(flight, both, QUICK, magnitudes=Magnitudes(in_limits=True))
+    at_limit = assess(flight, both, merge(QUICK, AT_LIMIT))
     assert (at_limit.atoms[0].magnitude, at_limit.atoms[0].divergence_bits) == (None, None)
 
 
@@ -132,7 +135,11 @@ def test_without_noise_everything_is_told_and_the_notes_say_why(fly, thesis):
 def test_faults_of_several_outputs(fly):
     shared = {"shape": "bias", "onset_s": 12.0}
     both = dictionary({"name": "tas", **shared}, {"name": "aoa", "channel": "aoa", **shared})
-    result = assess(fly(tas=0.02, aoa=0.001), both, BOTH, magnitudes=Magnitudes(common=0.1, named={"aoa": 0.01}))
+    result = assess(
+        fly(tas=0.02, aoa=0.001),
+        both,
+        merge(BOTH, {"diagnosability.magnitude": 0.1, "diagnosability.magnitudes": {"aoa": 0.01}}),
+    )
     assert [(atom.channel, atom.unit, atom.magnitude) for atom in result.atoms] == [
         ("tas", "m/s", 0.1),
         ("aoa", "rad", 0.01),
@@ -147,15 +154,14 @@ def test_the_unit_of_a_channel_does_not_matter(flight, thesis, at_unit):
     result = assess(
         replace(flight, channels={**flight.channels, "tas": small}),
         thesis,
-        Config(),
-        magnitudes=Magnitudes(common=1e-3),
+        merge(Config(), {"diagnosability.magnitude": 1e-3}),
     )
     np.testing.assert_allclose(column(result, "divergence_bits"), column(at_unit, "divergence_bits"), atol=1e-6)
     np.testing.assert_allclose(column(result, "sample_bits"), column(at_unit, "sample_bits"), atol=1e-6)
 
 
 def test_what_is_hard_is_said(flight, thesis):
-    result = assess(flight, thesis, EXACT, magnitudes=Magnitudes(common=0.01))
+    result = assess(flight, thesis, merge(EXACT, {"diagnosability.magnitude": 0.01}))
     assert any(note.startswith("'drift_7.93' of 0.0023 m/s^2 can hardly be seen") for note in result.notes)
 
 
@@ -163,17 +169,17 @@ def test_what_is_hard_is_said(flight, thesis):
     ("sizes", "message"),
     [
         (
-            {"named": {"bias_13": 1.0}},
+            {"diagnosability.magnitudes": {"bias_13": 1.0}},
             "no entry of the dictionary, got 'bias_13'; did you mean 'bias_13.8'",
         ),
-        ({"common": 0.0}, "--magnitude: must be positive, got 0"),
-        ({"named": {"bias_13.8": -2.0}}, "--magnitude: must be positive, got -2"),
-        ({"common": float("nan")}, "--magnitude: must be positive, got nan"),
+        ({"diagnosability.magnitude": 0.0}, "diagnosability.magnitude: must be greater than 0, got 0"),
+        ({"diagnosability.magnitudes": {"bias_13.8": -2.0}}, "must be greater than 0, got -2"),
+        ({"diagnosability.magnitude": float("nan")}, "must be a finite number, got nan"),
     ],
 )
 def test_magnitudes_that_cannot_be(flight, thesis, sizes, message):
     with pytest.raises(ConfigError, match=message):
-        assess(flight, thesis, EXACT, magnitudes=Magnitudes(**sizes))
+        assess(flight, thesis, merge(EXACT, sizes))
 
 
 def test_a_flight_without_a_manoeuvre_cannot_be_used(flight, thesis):

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bfi_cli.config import Config
-from bfi_cli.diagnosability import ModelFlights, assess_manoeuvres
+from bfi_cli.config import Config, merge
+from bfi_cli.diagnosability import assess_manoeuvres
 
 ROOT = Path(__file__).parents[2]
 BIAS = ROOT / "data" / "citation_bias.h5"
@@ -33,10 +33,9 @@ def test_a_model(bfi, thesis):
     outcome = bfi("diagnosability", *FLOWN, *words, "--amplitude", 0.05, "--magnitude", "bias_13.8=2", "--json")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
-    flights = ModelFlights(
-        model="citation", manoeuvres=("doublet",), noise_sd={"tas": 0.05}, amplitude_rad=0.05, draws=1, seed=3
-    )
-    (expected,) = assess_manoeuvres(flights, thesis, Config()).manoeuvres
+    stated = {"model": "citation", "manoeuvres": ["doublet"], "noise": {"tas": 0.05}, "amplitude_rad": 0.05, "draws": 1}
+    config = merge(Config(), {"seed": 3, **{f"diagnosability.{key}": value for key, value in stated.items()}})
+    (expected,) = assess_manoeuvres(thesis, config).manoeuvres
     best, unusable = document["manoeuvres"]
     assert (document["best"], document["in_limits"], unusable["bits"]) == ("doublet", True, None)
     assert best["minimal_detectable"] == pytest.approx(expected.minimal_detectable, rel=1e-12)

@@ -11,7 +11,7 @@ from scipy import stats
 from trials import CONFIGS, Trial, run_all, sized
 
 from bfi_cli.config import Config, merge
-from bfi_cli.diagnosability import DiagnosabilityResult, Magnitudes, ModelFlights, assess, assess_manoeuvres
+from bfi_cli.diagnosability import DiagnosabilityResult, assess, assess_manoeuvres, flown
 from bfi_cli.dictionary import load_dictionary
 
 pytestmark = pytest.mark.slow
@@ -28,8 +28,9 @@ RANKED, NEAR_THE_LIMIT = 0.8, 0.7
 EXACT = merge(Config(), {"onset_tolerance_s": 0.0})
 
 
-def citation(noise: float, *, manoeuvre: str = "3211", draws: int = 5) -> ModelFlights:
-    return ModelFlights(model="citation", manoeuvres=(manoeuvre,), noise_sd={"tas": noise}, draws=draws)
+def citation(noise: float, *, manoeuvre: str = "3211", **stated: object) -> Config:
+    given = {"model": "citation", "manoeuvres": [manoeuvre], "noise": {"tas": noise}, **stated}
+    return merge(Config(), {f"diagnosability.{key}": value for key, value in given.items()})
 
 
 def column(result: DiagnosabilityResult, key: str) -> list[float]:
@@ -44,7 +45,7 @@ def rank(first: Sequence[float], second: Sequence[float]) -> float:
 
 def isolated(noise: float, magnitudes: Sequence[Sequence[float]], manoeuvre: str = "3211") -> np.ndarray:
     """Return the share of trials that find each fault and nothing else, at each row of magnitudes of either sign."""
-    clean = citation(0.0, manoeuvre=manoeuvre).record(manoeuvre, 0)
+    clean = flown(citation(0.0, manoeuvre=manoeuvre), manoeuvre, 0)
     trials = [
         Trial(int(1000 * j + seed), noise, {name: float((-1) ** seed * sizes[j])})
         for sizes in magnitudes
@@ -60,8 +61,8 @@ def test_faults_of_unit_magnitude_are_ranked_as_their_minimal_detectable_magnitu
     """Beside it the divergence of single samples, the paper's index, which forgets when they were taken."""
     for noise in NOISES:
         flights = citation(noise, manoeuvre=manoeuvre)
-        each = [assess(flights.record(manoeuvre, draw), DICTIONARY, EXACT) for draw in range(3)]
-        each.append(assess_manoeuvres(flights, DICTIONARY, Config()))
+        each = [assess(flown(flights, manoeuvre, draw), DICTIONARY, EXACT) for draw in range(3)]
+        each.append(assess_manoeuvres(DICTIONARY, flights))
         limits = [[-limit for limit in column(result, "minimal_detectable")] for result in each]
         window, sample = (
             [rank(column(result, key), limit) for result, limit in zip(each, limits, strict=True)]
@@ -75,11 +76,7 @@ def test_faults_of_unit_magnitude_are_ranked_as_their_minimal_detectable_magnitu
     "noise", [pytest.param(0.01, marks=pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")), 0.03]
 )
 def test_near_the_limit_bits_rank_as_the_measured_isolation_rate(noise: float) -> None:
-    flights = citation(noise)
-    results = [
-        assess_manoeuvres(flights, DICTIONARY, Config(), magnitudes=Magnitudes(common=factor, in_limits=True))
-        for factor in FACTORS
-    ]
+    results = [assess_manoeuvres(DICTIONARY, citation(noise, magnitude=factor, at_limit=True)) for factor in FACTORS]
     rates = isolated(noise, [column(result, "magnitude") for result in results])
     for factor, row in zip(FACTORS, rates, strict=True):
         print(f"\nnoise {noise}, {factor} x limit: isolated {dict(zip(NAMES, np.round(row, 2).tolist(), strict=True))}")
@@ -94,11 +91,10 @@ def test_near_the_limit_bits_rank_as_the_measured_isolation_rate(noise: float) -
 def test_faults_of_one_magnitude_near_their_limits_are_ranked_as_their_isolation_rate() -> None:
     """A magnitude between the limits of the seven: some are found always, some never."""
     noise = 0.03
-    flights = citation(noise)
-    at_unit = column(assess_manoeuvres(flights, DICTIONARY, Config()), "minimal_detectable")
+    at_unit = column(assess_manoeuvres(DICTIONARY, citation(noise)), "minimal_detectable")
     bits, rates = [], []
     for magnitude in np.exp(np.quantile(np.log(at_unit), [0.2, 0.7])):
-        result = assess_manoeuvres(flights, DICTIONARY, Config(), magnitudes=Magnitudes(common=float(magnitude)))
+        result = assess_manoeuvres(DICTIONARY, citation(noise, magnitude=float(magnitude)))
         row = isolated(noise, [[float(magnitude)] * len(NAMES)])[0]
         print(f"\nmagnitude {magnitude:.3g}: bits {np.round(column(result, 'divergence_bits'), 3)}, isolated {row}")
         bits.append(column(result, "divergence_bits"))

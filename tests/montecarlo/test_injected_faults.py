@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 from bfi_cli.errors import ConfigError
 from bfi_cli.flightlog import inject
-from bfi_cli.montecarlo import Sweep, load_sweep, run_trial, summarise
+from bfi_cli.montecarlo import Sweep, check_records, load_sweep, run_trial, summarise
 from bfi_cli.montecarlo.flight import faults_of, faulty, largest_errors, record_of
 from bfi_cli.montecarlo.trial import Row, draw, row_from_cells
 
@@ -58,7 +59,7 @@ def test_the_record_is_what_bfi_inject_makes_of_it(sweep: Callable[..., Sweep], 
     setting = sweep(f"{{{FAULTS[shape]}}}").scenarios[0].setting
     record = record_of(setting, np.random.default_rng(0))
     quiet = replace(setting, noise=())
-    _, fault = faults_of(record, quiet, {}, 0.0)
+    _, fault = faults_of(record, quiet, {}, np.random.default_rng(0))
     assert fault is not None
     made, injected = faulty(record, quiet, [fault], np.random.default_rng(0)), inject(record, [fault])
     assert injected.truth is not None
@@ -89,7 +90,7 @@ def test_a_fault_of_the_dictionary_is_scored_by_its_entry_and_in_its_unit(sweep:
     assert row_from_cells(row.cells()) == row
     (summary,) = summarise(made, [(row, 1.0)]).scenarios
     assert summary.onset_error_s == abs(row.onset_error_s["icing"])
-    assert summary.isolation.count == 1
+    assert summary.isolation_rate.count == 1
 
 
 def test_one_beyond_the_dictionary_is_missed_unless_an_entry_is_called_right(sweep: Callable[..., Sweep]) -> None:
@@ -134,6 +135,97 @@ def test_a_whole_fault_is_drawn_whole(written: Callable[[str], Path]) -> None:
     assert drawn(load_sweep(path, trials=1)) == [{"leak": 1.0}]
 
 
+def onsets(made: Sweep) -> list[float]:
+    """Return when the injected fault of every trial begins."""
+    drawn = []
+    for trial in made.trials():
+        setting, (_, gusts, _, rng) = trial.scenario.setting, np.random.default_rng(trial.seed).spawn(4)
+        _, fault = faults_of(record_of(setting, gusts), setting, {}, rng)
+        assert fault is not None
+        assert fault.onset_range_s is None
+        drawn.append(fault.onset_s)
+    return drawn
+
+
+@pytest.mark.parametrize(
+    ("onset", "low", "high"),
+    [("onset_s: {from: 5, to: 20}, ", 5.0, 20.0), ("onset_s: {from: 5}, ", 5.0, 26.91), ("", 2.99, 26.91)],
+)
+def test_an_onset_that_is_not_stated_is_drawn_uniformly(
+    sweep: Callable[..., Sweep], onset: str, low: float, high: float
+) -> None:
+    n = 200
+    times = np.sort(onsets(sweep(f"{{{onset}shape: bias, magnitude: 2}}", trials=n)))
+    assert low <= times[0] < times[-1] <= high
+    off = np.abs((times - low) / (high - low) - (np.arange(n) + 0.5) / n).max()
+    assert off + 0.5 / n < 1.63 / np.sqrt(n)  # Kolmogorov's bound at 1 %
+    assert onsets(sweep(f"{{{onset}shape: bias, magnitude: 2}}", trials=3)) == onsets(
+        sweep(f"{{{onset}shape: scale, magnitude: 0.1}}", trials=3)
+    )
+
+
+def test_a_stated_onset_moves_by_its_spread_and_by_what_it_always_did(sweep: Callable[..., Sweep]) -> None:
+    made = sweep(f"{{{FAULTS['bias']}, onset_spread_s: 0.5}}", trials=5)
+    spreads = [float(np.random.default_rng(one.seed).spawn(4)[3].uniform(-1.0, 1.0)) for one in made.trials()]
+    assert onsets(made) == [10.0 + 0.5 * one for one in spreads]
+    assert onsets(sweep(f"{{{FAULTS['bias']}}}", trials=2)) == [10.0, 10.0]
+
+
+def test_kinds_of_a_dictionary_begin_at_any_time_and_are_the_right_answers(sweep: Callable[..., Sweep]) -> None:
+    made = sweep("{shape: bias, magnitude: 2, onset_s: {from: 5, to: 9}}", active="1", trials=8)
+    entries = "{name: kind, shape: bias}, {name: late, shape: bias, onset_s: {from: 12, to: 25}}"
+    path = Path(made.path).parent / "dictionary.yaml"
+    path.write_text(f"relative_to: window\natoms: [{entries}, {{name: at_6, shape: bias, onset_s: 6}}]\n")
+    made = load_sweep(made.path, trials=8)
+    assert made.scenarios[0].setting.right == ("kind", "at_6")
+    for trial in made.trials():
+        streams = np.random.default_rng(trial.seed).spawn(4)
+        truth = draw(trial, streams[0])
+        assert list(truth) == ["late"]
+        setting = trial.scenario.setting
+        (late,), fault = faults_of(record_of(setting, streams[1]), setting, truth, streams[3])
+        assert fault is not None
+        assert 5.0 <= fault.onset_s <= 9.0 < 12.0 <= late.onset_s <= 25.0
+        assert late.onset_range_s is None
+
+
+def test_a_fault_is_scored_by_its_kind(sweep: Callable[..., Sweep], written: Callable[[str], Path]) -> None:
+    path = written(
+        "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\nnoise: {tas: 0.05}\n"
+        "active: 0\ninject: {shape: bias, magnitude: 3}\n"
+        "identify: {model: {order: 4}, conditioning: {rate_hz: none}, start_time: {calibration: gaussian}}\n"
+    )
+    (path.parent / "dictionary.yaml").write_text("atoms: [{name: step, shape: bias}, {name: slope, shape: drift}]\n")
+    (row,) = rows_of(load_sweep(path, trials=1))
+    assert (row.error, row.truth, row.isolated) == (None, {"step": 3.0}, True)
+    assert row.states == {"step": "declared"}
+    assert (row.intervals, row.covered) == (1, 1)
+    assert row.onset_error_s is not None
+    assert abs(row.onset_error_s["step"]) <= 0.2
+
+
+def test_a_trial_whose_onset_is_drawn_depends_on_nothing_but_itself(sweep: Callable[..., Sweep]) -> None:
+    made = sweep("{shape: bias, magnitude: 2}", trials=2)
+    rows, sent = rows_of(made), pickle.loads(pickle.dumps(list(made.trials())))
+    assert [run_trial(trial) for trial in reversed(sent)] == rows[::-1]
+    assert [row.error for row in rows] == [None] * 2
+
+
+@pytest.mark.parametrize(
+    ("written_as", "message"),
+    [
+        ("{shape: bias, onset_s: {from: 20, to: 100}}", "inject: onset_s: 'bias' would begin at 20 to 100 s, and the"),
+        ("{shape: bias, onset_s: {from: 28}}", "inject: onset_s: 'bias' would begin at 28 to 26.91 s, and the window"),
+        ("{shape: bias, onset_s: {from: -1, to: 20}}", "inject: onset_s: 'bias' would begin at -1 to 20 s, and the"),
+    ],
+)
+def test_an_interval_outside_of_the_record_is_refused(
+    sweep: Callable[..., Sweep], written_as: str, message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        check_records(sweep(written_as))
+
+
 @pytest.mark.slow
 @pytest.mark.realdata
 def test_icing_of_a_recorded_flight_is_named_and_its_interval_covers(
@@ -175,6 +267,19 @@ def test_icing_of_a_recorded_flight_is_named_and_its_interval_covers(
         ("{shape: scale, name: step}", "0", "inject[0].name: is another entry of "),
         (f"{{{FAULTS['bias']}}}", "3", "active: more than the 2 faults of "),
         ("{shape: bias, onset_spread_s: -1}", "0", "inject[0].onset_spread_s: "),
+        (
+            "{shape: bias, onset_s: {from: 9, to: 5}}",
+            "0",
+            "inject[0].onset_s: to must be after from (9), got 5; swap them",
+        ),
+        ("{shape: bias, onset_s: {form: 9, to: 5}}", "0", "inject[0].onset_s.form: "),
+        ("{shape: bias, onset_s: soon}", "0", "inject[0].onset_s: must be a number, got 'soon'"),
+        (
+            "{shape: bias, onset_s: {from: 5}, offset_s: 9}",
+            "0",
+            "inject[0]: offset_s: goes with an onset that is stated",
+        ),
+        ("{shape: bias, onset_spread_s: 1}", "0", "inject[0]: onset_spread_s: goes with an onset that is stated"),
     ],
 )
 def test_what_cannot_be_meant_is_said_in_a_line(

@@ -52,7 +52,7 @@ def test_a_fault_within_the_tolerance_is_no_wrong_no_fault(sweep: Callable[..., 
     small = {**MISSED, "beyond_tolerance": (), "wrong_no_fault": ()}
     answer = {"estimate": {}, "decision": "no_fault", "isolated": False, "false_alarms": (), "missed": ("bias",)}
     (scenario,) = summarise(whole, [(row(0, **answer, **small), 0.1)]).scenarios
-    wrong = scenario.wrong_no_fault
+    wrong = scenario.wrong_no_fault_rate
     assert (wrong.count, wrong.of, wrong.rate, wrong.ci95) == (0, 0, None, None)
 
 
@@ -77,11 +77,11 @@ def test_what_is_counted_of_what(sweep: Callable[..., Sweep]):
     ]
     summary = summarise(whole, [(one, 0.1 * (n + 1)) for n, one in enumerate(rows)])
     (scenario,) = summary.scenarios
-    shares = (scenario.isolation, scenario.false_alarm, scenario.missed_detection, scenario.coverage)
+    shares = (scenario.isolation_rate, scenario.false_alarm_rate, scenario.missed_detection_rate, scenario.coverage)
     assert [(share.count, share.of) for share in shares] == [(1, 4), (1, 3), (1, 3), (1, 2)]
     assert (scenario.trials, scenario.failed) == (4, 1)
-    assert (scenario.wrong_no_fault.count, scenario.wrong_no_fault.of) == (1, 3)
-    assert scenario.wrong_no_fault.ci95 == wilson(1, 3)
+    assert (scenario.wrong_no_fault_rate.count, scenario.wrong_no_fault_rate.of) == (1, 3)
+    assert scenario.wrong_no_fault_rate.ci95 == wilson(1, 3)
     assert {key: (one.count, one.of) for key, one in scenario.decisions.items()} == {
         "fault": (2, 3),
         "no_fault": (1, 3),

@@ -172,6 +172,6 @@ def test_absent_and_unknown_stay_apart(provenance):
     absent = Candidate(
         **{**dict.fromkeys(f.name for f in fields(Candidate)), "name": "a", "channel": "tas", "unit": ""}
     )
-    absent = replace(absent, shape="bias", kind="abrupt", channel_unit="")
+    absent = replace(absent, shape="bias", kind="abrupt", channel_unit="", onsets_checked=())
     read, _ = identify_from_document(identify_document(replace(made, candidates=(absent,)), provenance))
     assert read.candidates[0].magnitude is None

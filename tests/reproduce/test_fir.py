@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bfi_cli.fir import identify_fir
 from bfi_cli.report.content import ReportContent
-from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, bound, error, output, run, slow_and_white, z_of
+from bfi_cli.reproduce.fir import METHODS, TAPS, Problem, bound, error, identify_fir, output, run, slow_and_white, z_of
 
 
 def outcomes(white: float, noise: float, n: int) -> list[tuple[float, ...]]:
@@ -66,7 +65,7 @@ def test_the_nuclear_norm_keeps_the_sum_of_the_taps_and_loses_their_differences(
 def test_both_methods_agree_where_the_lags_differ():
     theta = slow_and_white(1.0, np.random.default_rng(2))
     z = z_of(theta.shape[1])
-    found = identify_fir(output(theta, z), theta, n_taps=3, method="nuclear", penalty=1e-6)
+    found = identify_fir(output(theta, z), theta, n_taps=3, penalty=1e-6)
     assert error(found.product, z) < 1e-4
 
 

@@ -24,7 +24,7 @@ PAGES = {name: page for name, page in pages() if name != "shared"}
 
 
 def rows(page: Any) -> list[Any]:
-    single = [text for key, text in page.items() if key.endswith("row")]
+    single = [page["row"]] if "row" in page else []
     return [*single, *(row for key, text in page.items() if key == "rows" or key.endswith("_rows") for row in text)]
 
 

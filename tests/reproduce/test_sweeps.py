@@ -64,7 +64,7 @@ def test_a_log_of_the_user_goes_the_way_of_the_simulated_record():
     assert [given.words(noise) for noise in given.noises] == ["as recorded", "0.0001 m/s of noise added"]
     for one, other in zip(ours.cells, given.cells, strict=True):
         assert (one.method, one.noise, one.active) == (other.method, other.noise, other.active)
-        assert one.summary.isolation == other.summary.isolation
+        assert one.summary.isolation_rate == other.summary.isolation_rate
         if one.noise:
             assert one.summary.magnitude_error == pytest.approx(other.summary.magnitude_error, rel=1e-4)
 
@@ -139,4 +139,4 @@ def test_two_workers_give_the_same_numbers():
     )
     for here, there in zip(one.cells, two.cells, strict=True):
         assert here.summary.magnitude_error == there.summary.magnitude_error
-        assert here.summary.isolation == there.summary.isolation
+        assert here.summary.isolation_rate == there.summary.isolation_rate

@@ -14,12 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...flightlog.record import frozen_array
+from ...kernels import FloatArray
 from ...yaml12 import load_yaml
 
-__all__ = ["AIRFRAME", "BOOK_AIRFRAME", "CONTROLS", "FOOT", "POUND", "SLUG_FT2", "STATES", "SURFACE_LIMITS", "Airframe"]
-__all__ += ["Grid", "Tables", "interpolate", "tables"]
-
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 STATES = (

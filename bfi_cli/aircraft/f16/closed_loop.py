@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...kernels import FloatArray
 from .airframe import (
     ALTITUDE,
     AOA,
@@ -34,10 +34,6 @@ from .airframe import (
 )
 from .loads import NORMAL_PER_ELEVATOR, SIDE_PER_CONTROL, Body, Conditions, commanded_power, conditions_at
 from .motion import derivatives, rate_derivatives, translation
-
-__all__ = ["Flights", "Inversion", "Observation", "inverted_controls", "inverted_kinematics", "observe"]
-
-FloatArray = NDArray[np.float64]
 
 LEAST_THRUST_N = 1.0  # keeps the nozzle's angle finite where the engine gives none
 BEFORE_THE_END = 1.0 - 1e-6  # a fault or a command that jumps at the end of a step belongs to the next one

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...kernels import FloatArray
 from .airframe import (
     AIRFRAME,
     ALTITUDE,
@@ -30,11 +30,6 @@ from .airframe import (
     interpolate,
     tables,
 )
-
-__all__ = ["AOA_RANGE", "NORMAL_PER_ELEVATOR", "SIDE_PER_CONTROL", "Body", "Conditions", "air_density"]
-__all__ += ["commanded_power", "conditions_at", "mach_number", "power_rate", "thrust"]
-
-FloatArray = NDArray[np.float64]
 
 AOA_RANGE = (-10.0, 45.0)  # degrees, the ends of the tables
 # The book's linear parts of the coefficients, per rad of control or sideslip.

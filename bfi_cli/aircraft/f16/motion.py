@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import ConfigError
+from ...kernels import FloatArray
 from ...kernels.progress import Report, silent
 from ..model import Flown, NonlinearModel
 from .airframe import (
@@ -35,10 +35,6 @@ from .airframe import (
     Airframe,
 )
 from .loads import AOA_RANGE, Body, Conditions, commanded_power, conditions_at, power_rate
-
-__all__ = ["CRUISE", "F16", "SteadyFlight", "Trim", "derivatives", "fly", "rate_derivatives", "translation", "trim"]
-
-FloatArray = NDArray[np.float64]
 
 UNKNOWN_STATES = (AOA, SIDESLIP, ROLL, PITCH)
 UNKNOWN_CONTROLS = slice(ELEVATOR, THROTTLE + 1)

@@ -23,7 +23,7 @@ from .airspeed import (
     total_temperature,
     true_airspeed,
 )
-from .atmosphere import HIGHEST, LOWEST, PRESSURES, altitude_of, isa_temperature, pressure_at
+from .atmosphere import HIGHEST, LOWEST, PRESSURES, SEA_LEVEL_PRESSURE, altitude_of, isa_temperature, pressure_at
 from .domain import FloatArray
 
 __all__ = [
@@ -170,7 +170,8 @@ def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
         tas = np.where(wrong, np.nan, tas)
         q_impact = impact_pressure_of_mach(mach_of_tas(tas, tat) if tat is not None else tas / sound, p_static)
     made_of["q_impact"] = (source,)
-    wrong = q_impact > SONIC_RATIO * p_static
+    # Below the level of the sea it is the calibrated airspeed that reaches the speed of sound first.
+    wrong = q_impact > SONIC_RATIO * np.minimum(p_static, SEA_LEVEL_PRESSURE)
     if np.any(wrong):
         left_out.append(Impossible(where=wrong, channel=source, why=f"with the static pressure, {subsonic}"))
         q_impact = np.where(wrong, np.nan, q_impact)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..kernels.progress import Report, silent
 from ..parity.relation_course import with_course
 from ..parity.sampled import unit_of
-from ..parity.static_relations import RelationSeries, StaticRelations, find_static
+from ..parity.static_relations import Series, StaticRelations, find_static
 from ..parity.windows import Window, flight_stretches, overlaps
 from .events import Draft, clusters, join
 from .flight import Flight
@@ -16,7 +16,6 @@ from .flight import Flight
 __all__ = ["StaticWindows", "drafts_of_relations", "find_relations", "intact_channels"]
 
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
-Series = tuple[tuple[RelationSeries, ...], tuple[str, ...]]  # of the whole log, and what was not compared
 
 # Windows of two minutes in a row in which a drift is described: a longer one tells a slow onset better, and holds more
 # of what a healthy relation follows.
@@ -89,7 +88,6 @@ def intact_channels(static: StaticWindows, window: Window) -> dict[str, bool]:
     found: dict[str, bool] = {}
     for where, answer in static:
         for relation in answer.relations if overlaps(window, [where]) else ():
-            whole = relation.statistic < relation.threshold or relation.effect < relation.least_effect
             for name in relation.channels:
-                found[name] = found.get(name, True) and whole
+                found[name] = found.get(name, True) and not relation.changes
     return found

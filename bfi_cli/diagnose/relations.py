@@ -13,8 +13,6 @@ from ..parity.windows import Window, flight_stretches, overlaps
 from .events import Draft, clusters, join
 from .flight import Flight
 
-__all__ = ["StaticWindows", "drafts_of_relations", "find_relations", "intact_channels"]
-
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
 
 # Windows of two minutes in a row in which a drift is described: a longer one tells a slow onset better, and holds more
@@ -85,9 +83,6 @@ def _from_the_start(flight: Flight, series: Series, joined: Draft, first: Draft)
 
 def intact_channels(static: StaticWindows, window: Window) -> dict[str, bool]:
     """Return by channel whether every static relation that it stands in is intact over a window."""
-    found: dict[str, bool] = {}
-    for where, answer in static:
-        for relation in answer.relations if overlaps(window, [where]) else ():
-            for name in relation.channels:
-                found[name] = found.get(name, True) and not relation.changes
-    return found
+    beside = [relation for where, answer in static if overlaps(window, [where]) for relation in answer.relations]
+    broken = {name for relation in beside if relation.changes for name in relation.channels}
+    return {name: name not in broken for relation in beside for name in relation.channels}

@@ -9,8 +9,6 @@ from ..preprocessing.tolerance import tolerance_of
 from .flight import Flight
 from .result import Event
 
-__all__ = ["events_of_defects", "notes_on_defects"]
-
 # Shown beside them.
 AROUND_S = 30.0
 
@@ -31,8 +29,8 @@ def _in_part(flight: Flight) -> list[Defect]:
 
 def _event(flight: Flight, one: Defect) -> Event:
     tolerance = flight.tolerances.get(one.channel) or tolerance_of(flight.log, flight.log, one.channel)
-    last_s = one.times_s[-1] + one.durations_s[-1]
-    beside_s = max(one.times_s[0] - one.hidden[0][0], 1.0 / flight.log.rate_hz)
+    onset_s, last_s = one.times_s[0], one.times_s[-1] + one.durations_s[-1]
+    beside_s = max(onset_s - one.hidden[0][0], 1.0 / flight.log.rate_hz)
     return Event(
         fault=one.channel,
         among=(one.channel,),
@@ -48,11 +46,11 @@ def _event(flight: Flight, one: Defect) -> Event:
         sd=None,
         ci95=None,
         effect={one.channel: one.largest},
-        onset_s=one.times_s[0],
-        onset_ci95=(one.times_s[0] - beside_s, one.times_s[0] + beside_s),
+        onset_s=onset_s,
+        onset_ci95=(onset_s - beside_s, onset_s + beside_s),
         offset_s=last_s,
         seen_until_s=last_s,
-        window_s=(max(one.times_s[0] - AROUND_S, flight.from_s), min(last_s + AROUND_S, flight.to_s)),
+        window_s=(max(onset_s - AROUND_S, flight.from_s), min(last_s + AROUND_S, flight.to_s)),
         statistic=one.statistic,
         threshold=1.0,
         p_value=None,

@@ -47,19 +47,12 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     time_s, effect = part.time_s, part.effects[finding.fault]
     if len(time_s) <= part.nuisances.shape[1] + 1:
         return finding
-    columns: dict[Candidate, FloatArray] = {}
-    statistic, magnitude, sd = (np.empty(0) for _ in range(3))
+    told: dict[Candidate, tuple[float, float, float]] = {}  # statistic, magnitude and its standard deviation
 
     def look(candidates: list[Candidate]) -> None:
-        nonlocal statistic, magnitude, sd
-        new = [one for one in dict.fromkeys(candidates) if one not in columns]
-        if not new:
-            return
-        for one in new:
-            columns[one] = effect * _averaged(one, time_s)
-        scan = part.scan(np.column_stack([columns[one] for one in new]))
-        statistic, magnitude = np.append(statistic, scan.statistic), np.append(magnitude, scan.amplitude)
-        sd = np.append(sd, scan.sd)
+        if new := [one for one in dict.fromkeys(candidates) if one not in told]:
+            scan = part.scan(np.column_stack([effect * _averaged(one, time_s) for one in new]))
+            told.update(zip(new, zip(scan.statistic, scan.amplitude, scan.sd, strict=True), strict=True))
 
     first_s, last_s = from_s + MARGIN_S, to_s - MARGIN_S
 
@@ -77,15 +70,11 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
         every_s = np.arange(first_s, to_s, COARSE_S if family == "ramp_hold" else FINER_S[0]).tolist()
         look(around(family, every_s, every_s))
         for step_s in FINER_S:
-            names = list(columns)
-            _, constant, onset_s = names[
-                max((k for k, one in enumerate(names) if one[0] == family), key=statistic.item)
-            ]
+            _, constant, onset_s = max((one for one in told if one[0] == family), key=lambda one: told[one][0])
             about = step_s * np.arange(-SPREAD, SPREAD + 1)
             look(around(family, (onset_s + about).tolist(), (onset_s + (constant or 0.0) + about).tolist()))
-    names = list(columns)
-    prices = np.array([PRICE if shape == "ramp_hold" else 0.0 for shape, _, _ in names])
-    best = int(np.argmax(statistic - prices))
+    names, (statistic, magnitude, sd) = list(told), np.array([*told.values()]).T
+    best = int(np.argmax(statistic - [PRICE if shape == "ramp_hold" else 0.0 for shape, _, _ in names]))
     shape, constant, onset_s = names[best]
     same = np.array([one[0] == shape for one in names]) & np.isfinite(sd)
     if not same[best]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..flightlog.defects import Defect, sentence_of_defect
@@ -11,11 +13,33 @@ from .result import Event
 
 # Shown beside them.
 AROUND_S = 30.0
+# After a held line, when a jump back is its end and no fault of its own.
+AFTER_HOLD_S = 20.0
 
 
 def events_of_defects(flight: Flight) -> tuple[Event, ...]:
-    """Return an event for each channel and kind of short defect in the part that is diagnosed."""
-    return tuple(_event(flight, one) for one in _in_part(flight))
+    """Return an event for each channel and kind of short defect in the part that is diagnosed.
+
+    What begins while a pressure line is held, or where it lets go, is no defect of the channels that follow from it.
+    """
+    found = []
+    for one in _in_part(flight):
+        lines = [line for line in flight.held.findings if one.channel in line.channels and not line.doubt]
+        held = [(line.onset_ci95[0], np.inf if line.offset_s is None else line.offset_s) for line in lines]
+        own = [
+            k
+            for k, time_s in enumerate(one.times_s)
+            if not any(first_s <= time_s <= last_s + AFTER_HOLD_S for first_s, last_s in held)
+        ]
+        if own:
+            kept = replace(
+                one,
+                times_s=tuple(one.times_s[k] for k in own),
+                durations_s=tuple(one.durations_s[k] for k in own),
+                hidden=tuple(one.hidden[k] for k in own),
+            )
+            found.append(_event(flight, kept))
+    return tuple(found)
 
 
 def notes_on_defects(flight: Flight) -> list[str]:

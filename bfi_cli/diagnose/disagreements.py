@@ -49,8 +49,6 @@ def _draft(flight: Flight, one: Disagreement, among: tuple[str, ...], channels: 
         channels=channels,
         stage="sensors",
         shape="bias" if among[0] in STANDARD else among[0],
-        magnitude=None,
-        sd=None,
         unit=STANDARD[one.channel].unit if among[0] in STANDARD else "",
         onset_s=one.from_s,
         # What falls slowly has begun before it says "ground".

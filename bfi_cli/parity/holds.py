@@ -29,7 +29,6 @@ from .lines import (
     Stretches,
     channels_after,
     edge_of,
-    line_finding,
     lines_of,
     stretches_of,
     touching_runs,
@@ -74,18 +73,12 @@ class LineReport:
     Attributes
     ----------
     pressure : "p_total" or "p_static"; made_of : the channels that it was taken from.
-    limit_pa : standard deviation about a line, Pa, below which a stretch is still: from the steps of the record and the
-        noise of the transducer, the median over the window. NaN where there is no flight in it.
-    calm_pa : the same of the calmest twentieth of the log's moving stretches (for the static pressure, in level
-        flight); None where the log has too few.
     watched_s : time within stretches that moved; unwatched : in flight, between gaps too short for a stretch.
     untold : (from_s, to_s, why) of stretches that are still, but not told from calm air.
     """
 
     pressure: str
     made_of: tuple[str, ...]
-    limit_pa: float
-    calm_pa: float | None
     watched_s: float
     unwatched: tuple[tuple[float, float], ...]
     untold: tuple[tuple[float, float, str], ...]
@@ -243,10 +236,13 @@ def _holds_of(
         # Seen backwards in time the pressure leaves the line at the onset, or later where it moves slowly: at most so
         # much as it took to leave such a band in the flight before.
         latest_s = left_s + _passage_s(lines, line, onset) + lines.step_s
-        hold = line_finding(
-            log,
-            line.pressure,
-            FAULT[line.pressure],
+        fault = FAULT[line.pressure]
+        hold = Finding(
+            fault=fault,
+            among=(fault,),
+            channels=channels_after(log, line.pressure),
+            stage="holds",
+            shape=fault,
             onset_s=left_s,
             onset_ci95=(left_s - SMEARED_S - lines.step_s, latest_s),
             offset_s=end_s,
@@ -260,8 +256,6 @@ def _holds_of(
     report = LineReport(
         pressure=line.pressure,
         made_of=line.made_of,
-        limit_pa=float(np.median(own.limit[own.inside])) if own.inside.any() else np.nan,
-        calm_pa=calm,
         watched_s=float(np.count_nonzero(_covered(lines, watched, own.n)) * lines.step_s),
         unwatched=_stretches(lines, flies & ~_covered(lines, own.inside, own.n)),
         untold=tuple(untold),
@@ -293,7 +287,7 @@ def doubt_of(
     first, best, last = run
     sd, limit, static = float(own.sd[best]), float(own.limit[best]), line.pressure == "p_static"
     coarse = _altitude_step_m(lines, best) > COARSE_M
-    coarse_airspeed = not static and _airspeed_step_sd(lines, best) > COARSE_PA
+    coarse_airspeed = not static and _airspeed_step_sd(lines, line, best) > COARSE_PA
     if coarse_airspeed or (static and coarse):
         # The other still stretches are calm flight within a step as well as holds.
         stretches = np.arange(len(own.sd))
@@ -324,20 +318,16 @@ def _altitude_step_m(lines: Lines, at: int) -> float:
     return 0.0 if static is None else float(METRES * np.sqrt(12.0) * static.step_sd[at] / static.values[at])
 
 
-def _airspeed_step_sd(lines: Lines, at: int) -> float:
+def _airspeed_step_sd(lines: Lines, total: PressureLine, at: int) -> float:
     """Return what the steps of airspeed and temperature make of the total pressure in a block, Pa."""
-    static, total = lines.of("p_static"), lines.of("p_total")
+    static = lines.of("p_static")
     assert static is not None
-    assert total is not None
     return float(np.sqrt(max(total.step_sd[at] ** 2 - static.step_sd[at] ** 2, 0.0)))
 
 
 def _covered(lines: Lines, marked: BoolArray, n: int) -> BoolArray:
     """Return the blocks that lie within marked stretches of n blocks."""
-    edges = np.zeros(len(lines.time_s) + 1)
-    np.add.at(edges, np.flatnonzero(marked), 1.0)
-    np.add.at(edges, np.minimum(np.flatnonzero(marked) + n, len(lines.time_s)), -1.0)
-    return np.asarray(np.cumsum(edges)[:-1] > 0.5)
+    return np.convolve(marked, np.ones(n)) > 0.5 if marked.size else np.zeros(len(lines.time_s), dtype=bool)
 
 
 def _calm(lines: Lines, line: PressureLine, own: Stretches, still: BoolArray) -> float | None:

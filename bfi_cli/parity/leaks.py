@@ -16,8 +16,8 @@ from .lines import (
     STOPPED_AT,
     Lines,
     PressureLine,
+    channels_after,
     edge_of,
-    line_finding,
     stretches_of,
     touching_runs,
 )
@@ -128,10 +128,12 @@ def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> li
             continue
         # The line that is held goes on to the last of the stretches that touch.
         last = next(last for _, last in held if last >= first)
-        leak = line_finding(
-            log,
-            "p_static",
-            "static_leak",
+        leak = Finding(
+            fault="static_leak",
+            among=("static_leak",),
+            channels=channels_after(log, "p_static"),
+            stage="holds",
+            shape="static_leak",
             onset_s=float(t[one.onset]),
             onset_ci95=(one.from_s - SMEARED_S, one.to_s + SMEARED_S),
             offset_s=lines.offset_s(edge_of(lines, line, last + own.n // 2, 1), to_s),
@@ -196,10 +198,12 @@ def pitot_leaks(
         gained, gone = float(static.values[first] - static.values[at]), float(q[at] - q[first])
         of_port = gained > LARGEST_SHARE_OF_TOTAL * gone > 0.0
         line, fault = ("p_static", "static_leak") if of_port else ("p_total", "pitot_leak")
-        finding = line_finding(
-            log,
-            line,
-            fault,
+        finding = Finding(
+            fault=fault,
+            among=(fault,),
+            channels=channels_after(log, line),
+            stage="holds",
+            shape=fault,
             onset_s=onset_s,
             onset_ci95=onset_ci95,
             offset_s=lines.offset_s(last, to_s),

@@ -6,7 +6,6 @@ A trapped pressure is a line in time but for the noise of its transducer and the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from ..flightlog import FlightLog
 from ..flightlog.holds import find_hold
 from ..flightlog.signs import runs_of
 from ..kernels.stillness import noise_of_second_differences, sd_about_lines
-from .finding import Finding
 from .sampled import Blocks, airborne, quanta_of
 
 FloatArray = NDArray[np.float64]
@@ -247,24 +245,4 @@ def channels_after(log: FlightLog, pressure: str) -> tuple[str, ...]:
         name
         for name in log.channels
         if pressure in DEPENDS_ON.get(name, ()) and not (name == "sat" and "tat" not in log.channels)
-    )
-
-
-def line_finding(log: FlightLog, pressure: str, fault: str, **told: Any) -> Finding:
-    """Return the finding of a fault of a line, which has no size, with the channels that follow from the line.
-
-    Parameters
-    ----------
-    told : onset, end, statistic, threshold, evidence and doubt, as `Finding` has them.
-    """
-    return Finding(
-        fault=fault,
-        among=(fault,),
-        channels=channels_after(log, pressure),
-        stage="holds",
-        shape=fault,
-        magnitude=None,
-        sd=None,
-        unit="",
-        **told,
     )

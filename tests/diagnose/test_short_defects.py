@@ -18,7 +18,7 @@ from bfi_cli.diagnose.short_defects import events_of_defects, notes_on_defects
 from bfi_cli.flightlog import FlightLog, write_log
 from bfi_cli.flightlog.defects import Defect
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity.lines import line_finding
+from bfi_cli.parity import Finding
 
 AT_S = (420.0, 505.0)
 SPIKES_S = (300.0, 400.2, 500.0)
@@ -101,16 +101,17 @@ def test_info_names_them(folder: Path, bfi: Callable):
 @pytest.mark.parametrize(("doubt", "left"), [("", (300.0, 500.0)), ("the aircraft may have landed", SPIKES_S)])
 def test_where_a_held_line_lets_go_its_channels_have_no_defect(doubt: str, left: tuple[float, ...]):
     """A port that is freed in a climb makes a spike of the rate of climb; only a certain hold explains it."""
-    hold = line_finding(
-        made_flight(seconds=30.0),
-        "p_static",
-        "static_blocked",
+    hold = Finding(
+        fault="static_blocked",
+        among=("static_blocked",),
+        channels=("altitude", "altitude_rate"),
+        stage="holds",
+        shape="static_blocked",
         onset_s=340.0,
         onset_ci95=(338.0, 341.0),
         offset_s=400.0,
         statistic=2.0,
         threshold=1.0,
-        evidence={},
         doubt=doubt,
     )
     spikes = Defect(

@@ -69,12 +69,12 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
     scan = flight.scan(event.window_s)
     if hypothesis is None or scan is None or event.window_s[1] - event.onset_s < FEWEST_S:
         return None
-    smooth = _smoother(without_fault(part, fault, named), scan, hypothesis)
-    if smooth is None:
-        return None
     try:
-        course = smooth(onset_s=event.onset_s, at_s=part.time_s)
-    except ValueError:
+        smooth = _smoother(without_fault(part, fault, named), scan, hypothesis)
+        course = None if smooth is None else smooth(onset_s=event.onset_s, at_s=part.time_s)
+    except ValueError:  # the residuals do not tell it, or the fault leaves the air that their equations hold for
+        return None
+    if course is None:
         return None
     sign = -1.0 if event.fault == "pitot_icing" else 1.0
     sides = np.sort(np.stack([sign * (named + course.low), sign * (named + course.high)]), axis=0)

@@ -52,12 +52,12 @@ def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:
     A ramp that still grows where the window ends may stop later: the window goes on while it does.
     """
     one = draft.finding
-    shown = [relation for relation in series[0] if relation.declares and one.fault in relation.effects]
-    relation = max(shown, key=lambda relation: one.evidence.get(relation.name, 0.0))
+    shown = [told for told in series[0] if told.relation.declares and one.fault in told.effects]
+    best = max(shown, key=lambda told: one.evidence.get(told.relation.name, 0.0))
     (first_s, last_s), length_s = draft.window, draft.window[1] - draft.window[0]
     _, end_s = _stretch(flight, draft.window)
     while True:
-        told = with_course(relation, one, (first_s, last_s), unit_of(flight.log, one.fault))
+        told = with_course(best, one, (first_s, last_s), unit_of(flight.log, one.fault))
         if told.shape != "drift" or last_s >= min(end_s, first_s + LONGEST * length_s):
             return replace(draft, finding=told, window=(first_s, last_s), until_s=max(draft.until_s, last_s))
         last_s = min(last_s + 0.5 * length_s, end_s)

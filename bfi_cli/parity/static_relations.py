@@ -31,7 +31,7 @@ from ..channels import STANDARD, match_name
 from ..flightlog import FlightLog
 from ..kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ..shapes import SHAPES
-from .finding import CHI_SQUARE, Finding, Limit
+from .finding import CHI_SQUARE, Bound, Finding, Limit
 from .sampled import Blocks, airborne, quanta_of, unit_of
 
 FloatArray = NDArray[np.float64]
@@ -121,6 +121,11 @@ class Relation:
         *most, last = self.others
         return f"{channel} against that of {', '.join(most)}{' and ' if most else ''}{last}"
 
+    def bounds(self, channel: str) -> Bound:
+        """Return what it bounds of a channel: the error, or, where others come from one of its sensors, less."""
+        others = frozenset[str]().union(*(_sensors(name) for name in self.needs if name != channel))
+        return "disagreement" if _sensors(channel) & others else "error"
+
     def of(self, values: Values) -> FloatArray:
         """Return the relation, in `unit`."""
         return np.asarray(self.scale * (values[self.channel] - self.value(values)))
@@ -208,14 +213,19 @@ def _quantity(channel: str) -> str:
     return channel if match is None else match.name
 
 
+def _sensors(channel: str) -> frozenset[str]:
+    """Return the sensors of a channel; a second one of a quantity may have those of the first."""
+    quantity = _quantity(channel)
+    return SENSORS.get(quantity, frozenset({quantity}))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RelationSeries:
     """A relation through a log, in flight, once a second.
 
     Attributes
     ----------
-    name, words, unit : of the relation; `declares` is false where it only tells channels apart.
-    time_s : (n,) seconds, values : (n,) in `unit`.
+    time_s : (n,) seconds, values : (n,) in the unit of the relation.
     nuisances : (n, 5) constant, Mach, altitude, and their rates: what a healthy relation may follow.
     sizes : (5,) standard deviations of the coefficients, infinite for the constant.
     effects : by channel, (n,) what one unit of its error adds to the relation.
@@ -223,10 +233,7 @@ class RelationSeries:
     resting_step : what the steps of all channels that mostly rest within one make of it together.
     """
 
-    name: str
-    words: str
-    unit: str
-    declares: bool
+    relation: Relation
     time_s: FloatArray
     values: FloatArray
     nuisances: FloatArray
@@ -355,13 +362,13 @@ class _Scanned:
     def answer(self) -> RelationAnswer:
         best = self.best
         return RelationAnswer(
-            name=self.series.name,
+            name=self.series.relation.name,
             channels=tuple(self.effects),
             statistic=float(self.scan.statistic[best]),
             threshold=THRESHOLD,
             effect=abs(float(self.scan.amplitude[best] * self.reach[best])),
             least_effect=float(self.least[best] * self.reach[best]),
-            declares=self.series.declares,
+            declares=self.series.relation.declares,
         )
 
 
@@ -401,10 +408,7 @@ def relation_series(log: FlightLog) -> Series:
         )
         series.append(
             RelationSeries(
-                name=one.name,
-                words=one.words,
-                unit=one.unit,
-                declares=one.declares,
+                relation=one,
                 time_s=time_s,
                 values=made,
                 nuisances=follows[kept],
@@ -472,7 +476,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     for part in (one.between(from_s, to_s) for one in every):
         n = len(part.time_s)
         if n < FEWEST_BLOCKS or not onsets_s.size:
-            said.append(f"{part.words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
+            said.append(f"{part.relation.words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
             continue
         scan = part.scan(np.hstack(steps_and_ramps(part.time_s, onsets_s)), declared_at=THRESHOLD)
         effects = {name: float(np.nanmedian(effect)) for name, effect in part.effects.items()}
@@ -528,7 +532,7 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
         statistic=float(scan.statistic[best]),
         threshold=THRESHOLD,
         effect={fault: float(abs(magnitude) * reach[best])},
-        evidence={one.series.name: float(one.scan.statistic[best]) for one in scanned},
+        evidence={one.series.relation.name: float(one.scan.statistic[best]) for one in scanned},
     )
 
 
@@ -542,14 +546,13 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
     n = onsets_s.size
     half = max(1, n // 2)  # a drift that begins late in the window may be of nearly any size
     for one in scanned:
-        if not one.series.declares:
+        if not one.series.relation.declares:
             continue
         for shape, every, counted in (("bias", slice(0, n), n), ("drift", slice(n, 2 * n), half)):
             sizes, reach = one.hidden[every], one.reach[every]
             if not np.isfinite(sizes[:counted]).all():
                 continue
             for channel, effect in one.effects.items():
-                others = frozenset[str]().union(*(_sensors(name) for name in one.effects.keys() - {channel}))
                 # Of a drift that begins later a window holds too little.
                 last = n if shape == "bias" else max(half, int(np.searchsorted(onsets_s, onsets_s[-1] - LATE_S)) + 1)
                 limit = Limit(
@@ -561,15 +564,9 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
                     effect=float((sizes * reach)[:counted].max()) / abs(effect),
                     onsets_s=tuple(onsets_s[:last].tolist()),
                     sizes=tuple((sizes[:last] / abs(effect)).tolist()),
-                    bounds="disagreement" if _sensors(channel) & others else "error",
+                    bounds=one.series.relation.bounds(channel),
                 )
                 known = least.get((channel, shape))
                 if known is None or limit.effect < known.effect:
                     least[channel, shape] = limit
     return tuple(least.values())
-
-
-def _sensors(channel: str) -> frozenset[str]:
-    """Return the sensors of a channel; a second one of a quantity may have those of the first."""
-    quantity = _quantity(channel)
-    return SENSORS.get(quantity, frozenset({quantity}))

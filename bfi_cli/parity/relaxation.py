@@ -6,7 +6,7 @@ as it did before, and of a cabin's c, which stays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,14 +41,14 @@ ALIKE = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
-    """One that was found.
+    """The exponential that fits best from an onset.
 
     Attributes
     ----------
     onset : index of the block; from_s, to_s : its interval, 95 %.
     time_constant_s : of the exponential.
-    change : of the pressure, Pa; level : to which it goes, Pa.
-    jump : of its rate, Pa/s; of a shorter time constant than the rate can be told in, the change over that time.
+    change : of the pressure, Pa; level : to which it goes, Pa; rate : of the pressure before, Pa/s.
+    loss : mean square of what is left, over that of the change, in n_blocks.
     """
 
     onset: int
@@ -56,8 +56,15 @@ class Relaxation:
     to_s: float
     time_constant_s: float
     change: float
-    jump: float
     level: float
+    rate: float
+    loss: float
+    n_blocks: int
+
+    @property
+    def jump(self) -> float:
+        """Of the rate, Pa/s; of a shorter time constant than the rate can be told in, the change over that time."""
+        return self.change / max(self.time_constant_s, AROUND_S)
 
 
 def relaxations(
@@ -92,22 +99,6 @@ def relaxations(
     return sorted(found, key=lambda one: one.onset)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Fit:
-    """The exponential that fits best from one onset: its loss, relative to the change, and the blocks it was fitted to.
-
-    rate : of the pressure before, Pa/s.
-    """
-
-    onset: int
-    loss: float
-    n_blocks: int
-    time_constant_s: float
-    change: float
-    level: float
-    rate: float
-
-
 def _best(
     time_s: FloatArray, pressure: FloatArray, onsets: NDArray[np.intp], before: int, least_jump: FloatArray
 ) -> Relaxation | None:
@@ -119,23 +110,15 @@ def _best(
     if not fits:
         return None
     best = min(fits, key=lambda one: one.loss)
-    jump = best.change / max(best.time_constant_s, AROUND_S)
-    if best.loss > LARGEST_MISFIT**2 or abs(jump) < max(least_jump[best.onset], MORE_THAN_STOPPED * abs(best.rate)):
+    least = max(least_jump[best.onset], MORE_THAN_STOPPED * abs(best.rate))
+    if best.loss > LARGEST_MISFIT**2 or abs(best.jump) < least:
         return None
     near = as_good(np.array([one.loss for one in fits]), best.n_blocks, ALIKE)
     step_s = float(time_s[best.onset] - time_s[best.onset - 1])
-    return Relaxation(
-        onset=best.onset,
-        from_s=float(time_s[fits[near[0]].onset]) - step_s,
-        to_s=float(time_s[fits[near[-1]].onset]) + step_s,
-        time_constant_s=best.time_constant_s,
-        change=best.change,
-        jump=jump,
-        level=best.level,
-    )
+    return replace(best, from_s=fits[near[0]].from_s - step_s, to_s=fits[near[-1]].to_s + step_s)
 
 
-def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int) -> _Fit | None:
+def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int) -> Relaxation | None:
     """Return the best of the exponentials from an onset, None where samples for it are missing."""
     earlier = slice(onset - before, onset + 1)
     if not np.isfinite(pressure[earlier]).all():
@@ -157,14 +140,16 @@ def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int) -
         level = float(gone @ rest / (gone @ gone))
         change = level - start
         fits.append(
-            _Fit(
+            Relaxation(
                 onset=onset,
-                loss=float(np.mean((rest - gone * level) ** 2)) / max(change**2, np.finfo(float).tiny),
-                n_blocks=len(at),
+                from_s=float(time_s[onset]),
+                to_s=float(time_s[onset]),
                 time_constant_s=constant_s,
                 change=change,
                 level=level,
                 rate=rate,
+                loss=float(np.mean((rest - gone * level) ** 2)) / max(change**2, np.finfo(float).tiny),
+                n_blocks=len(at),
             )
         )
     return min(fits, key=lambda one: one.loss, default=None)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import climb_angle, static_temperature
+from ..airdata import air_data_of, climb_angle
 from ..flightlog import FlightLog
 from ..flightlog.holds import find_quantum
 from ..flightlog.phases import Phase
@@ -109,7 +109,7 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     # Of a probe without a speed what it shows is taken for the air's: the speed's own steps then hide some.
     sat = channels["sat"] if "sat" in channels else channels["tat"]
     if "sat" not in channels and "mach" in channels:
-        sat = static_temperature(sat, np.maximum(channels["mach"], 0.0))
+        sat = air_data_of({name: channels[name] for name in ("altitude", "mach", "tat")}).sat
     speed = 340.0 * channels["mach"] if "mach" in channels else channels["tas"]
     flies = within(record.time_s, flight_stretches(phases))
     warmer, higher, faster = (

@@ -35,7 +35,7 @@ from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
-from .short_defects import events_of_defects, notes_on_defects
+from .short_defects import AFTER_HOLD_S, events_of_defects, notes_on_defects
 from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import sentence_of, verdicts_of
@@ -44,8 +44,7 @@ __all__ = ["diagnose_flight", "events_of", "lasting_faults"]
 
 FloatArray = NDArray[np.float64]
 
-# Shown beside a held line; after it, when a jump back is its end and no fault of its own.
-AROUND_HOLD_S, AFTER_HOLD_S = 60.0, 20.0
+AROUND_HOLD_S = 60.0  # shown beside a held line
 # Drawn over the flight, where recorded.
 SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
 

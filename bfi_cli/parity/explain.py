@@ -159,9 +159,11 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     best = max(nearest.values())
     least = best - FITTED_WITHIN * max(CLOSE, CLOSE_SHARE * best)
     contenders = [one for one, ratio in nearest.items() if ratio >= least]
-    fits = [_best_course(scan, record, one, looks[one]) for one in contenders if one.fault not in ruled_out]
-    if not fits:
-        fits = [_best_course(scan, record, one, looks[one]) for one in contenders]
+    # Where none of those that may be is a candidate after all, those that are ruled out are, then the others.
+    for group in ([one for one in contenders if one.fault not in ruled_out], contenders, list(looks)):
+        fits = [_best_course(scan, record, one, looks[one]) for one in group]
+        if any(np.isfinite(fit.ratio) for fit in fits):
+            break
     fits.sort(key=lambda fit: -fit.ratio)
     close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), LEAST_SHARE * max(fits[0].ratio, 0.0))
     likeliest = max(_with_odds(fit) for fit in fits)
@@ -274,6 +276,8 @@ def fit_course(
 ) -> Fit:
     """Return a fault of one course, fitted by Gauss-Newton steps at the onsets about `near_s`.
 
+    One that leaves what the equations of air data hold for has ratios of minus infinity.
+
     Parameters
     ----------
     near_s : s on the log's axis; None for the onset that a linear look finds the best.
@@ -296,14 +300,19 @@ def fit_course(
     k, magnitude = 0, 0.0
     for step in range(STEPS):
         amount = magnitude * courses[:, k]
-        clean = without_fault(record, hypothesis.fault, amount) if step else record
-        shown, power, left = (np.zeros((len(scan.kinds), len(onsets_s))) for _ in range(3))
         # A loss of the pressure that is taken out divides by what is left of it: its slope is steeper by as much.
         left_over = 1.0 + amount if hypothesis.fault == "q_impact" else np.ones(len(amount))
-        signatures = fault_signatures(scan, clean, hypothesis, courses / left_over[:, None])
-        for j, (kind, seen) in enumerate(zip(scan.kinds, scan.known, strict=True)):
-            residual, signature = scan.residuals[j], signatures[j]
-            values = residual_values(clean, record, scan.constants, kind)[seen]
+        try:
+            clean = without_fault(record, hypothesis.fault, amount) if step else record
+            signatures = fault_signatures(scan, clean, hypothesis, courses / left_over[:, None])
+            corrected_values = [residual_values(clean, record, scan.constants, kind) for kind in scan.kinds]
+        except ValueError:
+            # Without such a fault the record would leave the air that the equations hold for: it is no candidate.
+            ratios, magnitudes = np.full(len(onsets_s), -np.inf), np.zeros(len(onsets_s))
+            break
+        shown, power, left = (np.zeros((len(scan.kinds), len(onsets_s))) for _ in range(3))
+        for j, seen in enumerate(scan.known):
+            residual, signature, values = scan.residuals[j], signatures[j], corrected_values[j][seen]
             # A correction that takes all lift or airspeed away explains nothing by it.
             y = residual.whitened(np.where(np.isfinite(values), values, recorded[j]))
             if signature is None:

@@ -47,7 +47,7 @@ def test_a_healthy_window_has_no_fault_and_a_limit_for_each_output(healthy: Evid
         assert one.state == ("excluded" if one.effect <= one.tolerance else "not_seen")
         # The error at the window's end by a slope from an onset that the note counts.
         since_s = one.effect / one.excluded_above
-        assert 0.0 < since_s <= WINDOW[1] - WINDOW[0]
+        assert 0.0 < since_s <= WINDOW[1] - WINDOW[0] + 1e-6
 
 
 def test_an_airspeed_is_bounded_no_better_than_the_line_that_it_comes_from(journey: FlightLog, healthy: Evidence):

@@ -29,7 +29,7 @@ from .disagreements import drafts_of_disagreements
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
-from .limits import bounds_of, limits_of
+from .limits import bounds_of, limit_courses, limits_of
 from .looks import Scanned, rate_of
 from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
@@ -132,6 +132,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         corrected=corrected_channels(flight.record, events),
         units={name: STANDARD[name].unit for name in shown},
         strips=_strips(slow.looks, static),
+        limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
     )

@@ -18,9 +18,10 @@ from ..parity.windows import Window, flight_stretches, overlaps, within
 from .flight import Flight
 from .looks import Scanned
 from .relations import StaticWindows
-from .result import Event, FlightLimit, Look
+from .result import Event, FlightLimit, LimitCourse, Look
 
-__all__ = ["AIRSPEEDS", "PITOT_LINE", "Bounds", "Hidden", "bounds_of", "hidden_slopes", "limits_of"]
+__all__ = ["AIRSPEEDS", "PITOT_LINE", "Bounds", "Hidden", "bounds_of", "hidden_slopes", "limit_courses"]
+__all__ += ["limits_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -170,6 +171,26 @@ def hidden_slopes(one: Bounds, starts: FloatArray) -> FloatArray:
         return np.full(len(starts), np.inf)
     sizes, spreads, _, _ = _of_windows(one.windows, starts, one.shape)
     return np.asarray(sizes[np.arange(len(starts)), np.argmin(spreads, axis=1)])
+
+
+def limit_courses(flight: Flight, bounds: Sequence[Bounds]) -> tuple[LimitCourse, ...]:
+    """Return the limits over time of drifts of every airspeed, and of icing, that the scan of the flight bounds."""
+    starts, found = _stretches(flight), []
+    for one in bounds:
+        if one.shape != "drift" or one.bounds != "error" or one.fault not in (*AIRSPEEDS, PITOT_LINE):
+            continue
+        sizes, spreads, _, inside = _of_windows(one.windows, starts, one.shape)
+        best = np.argmin(np.where(inside, spreads, np.inf), axis=1)
+        slopes = np.where(inside, sizes, np.nan)[np.arange(len(starts)), best]
+        known = np.sort(slopes[np.isfinite(slopes)])
+        if known.size:
+            mostly, worst = known[[int(np.ceil(MOSTLY * len(known))) - 1, -1]].tolist()
+            middle_s = starts + 0.5 * BIN_S
+            course = LimitCourse(
+                fault=one.fault, unit=one.unit, time_s=middle_s, excluded_above=slopes, mostly=mostly, worst=worst
+            )
+            found.append(course)
+    return tuple(found)
 
 
 def _rows(flight: Flight, one: Bounds) -> list[FlightLimit]:

@@ -13,7 +13,16 @@ from bfi_cli.config import Config
 from bfi_cli.decision import KINDS, decide
 from bfi_cli.diagnose import DiagnoseResult, FlightLimit, diagnose_flight
 from bfi_cli.diagnose.flight import Flight, flight_of
-from bfi_cli.diagnose.limits import BIN_S, EXCEEDED_BY, Bounds, Hidden, bounds_of, hidden_slopes, limits_of
+from bfi_cli.diagnose.limits import (
+    BIN_S,
+    EXCEEDED_BY,
+    Bounds,
+    Hidden,
+    bounds_of,
+    hidden_slopes,
+    limit_courses,
+    limits_of,
+)
 from bfi_cli.diagnose.looks import Scanned, look_at, rate_of, scan_flight
 from bfi_cli.diagnose.unwatched import Unwatched, flown_of, left_of, unwatched_by_lines, unwatched_by_steps
 from bfi_cli.diagnose.verdict import sentence_of, verdicts_of
@@ -141,6 +150,20 @@ def test_an_error_as_large_as_the_airspeed_is_any_size(flight: Flight):
         worst, _ = limits_of(flight, [bounds([span(240.0, 700.0, size)], shape="bias", unit="m/s")])
         assert (worst.effect is not None, worst.excluded_above is not None) == (known, known)
     assert not worst.within_tolerance
+
+
+def test_limits_over_the_flight_end_at_the_worst_and_are_mostly_below_the_other(flight: Flight):
+    windows = [span(240.0 + 60.0 * k, 360.0 + 60.0 * k, 0.01 * (k + 1)) for k in range(5)]
+    kinds = [bounds(windows), bounds(windows, fault="aoa"), bounds(windows, bounds="disagreement")]
+    (one,) = limit_courses(flight, kinds)
+    known = np.isfinite(one.excluded_above)
+    assert (one.fault, one.unit, one.worst) == ("tas", "m/s^2", pytest.approx(0.05))
+    assert np.mean(one.excluded_above[known] <= one.mostly) >= 0.95
+    # Of two windows the more precise counts; from 340 s on none but the second holds an onset.
+    np.testing.assert_allclose(np.interp([285.0, 345.0], one.time_s, one.excluded_above), [0.01, 0.02])
+    # Nothing bounds what begins after the last onset of the last window.
+    assert one.time_s[known][-1] < 580.0 <= one.time_s[~known][0]
+    assert limit_courses(flight, []) == ()
 
 
 # The scan

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ..airdata import DEPENDS_ON, SENSORS, air_data_of, isa_temperature
+from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..channels import STANDARD
 from ..config import Config, merge
 from ..decision import Candidate, Evidence, state_of
@@ -279,7 +279,7 @@ def _of_probe(part: Record, channel: str) -> float:
     if channel != "tas" or not ("altitude" in part.channels and {"tat", "sat"} & part.channels.keys()):
         return np.inf
     height = part.channels["altitude"]
-    sat = air_data_of(part.channels).sat
+    sat = part.air.sat
     warmth, speed = sat - isa_temperature(height), part.channels["tas"] / sat
     if not (np.isfinite(warmth).any() and np.isfinite(speed).any()):
         return np.inf

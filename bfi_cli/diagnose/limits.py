@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import air_data_of
 from ..channels import LARGEST_ERROR, STANDARD
 from ..parity import Bound, Threshold
 from ..parity.lines import METRES
@@ -323,7 +322,7 @@ def _drift_of(flight: Flight, fault: str, window: Window) -> tuple[Bounds, float
         scale = 0.5 * _speed(flight, window, channel)
     elif fault == STATIC_LEAK:
         channel = "altitude"
-        scale = METRES / float(np.nanmedian(air_data_of(flight.record.between(*window).channels).p_static))
+        scale = METRES / float(np.nanmedian(flight.record.between(*window).air.p_static))
     unit = UNITS.get(fault) or STANDARD[fault].unit
     kind = Bounds(fault=name, shape="drift", channel=channel, unit=PER_SECOND[unit], bounds="error", windows=())
     return kind, scale

@@ -12,7 +12,6 @@ from ..airdata import (
     IMPACT_SOURCES,
     STATIC_SOURCES,
     G,
-    air_data_of,
     climb_angle,
     constant_wind,
     isa_temperature,
@@ -81,7 +80,7 @@ def _random_walk(sd: float) -> Callable[[FloatArray], FloatArray]:
 
 def _lift(record: Record, constants: Constants) -> FloatArray:
     channels = record.channels
-    impact, force = air_data_of(channels).q_impact, channels["normal_acc"] + G
+    impact, force = record.air.q_impact, channels["normal_acc"] + G
     angle = channels["aoa"] - constants.zero_lift
     known = (impact > 0.0) & (force > 0.0) & (angle > 0.0)
     logarithm = np.log(
@@ -103,7 +102,7 @@ def geometric_climb_rate(record: Record) -> FloatArray:
     channels = record.channels
     if not ({"tat", "sat"} & channels.keys() and "altitude" in channels and channels.keys() & set(IMPACT_SOURCES)):
         return channels["altitude_rate"]
-    warmth = air_data_of(channels).sat / isa_temperature(channels["altitude"])
+    warmth = record.air.sat / isa_temperature(channels["altitude"])
     return np.asarray(channels["altitude_rate"] * warmth)
 
 
@@ -162,7 +161,7 @@ def _wind_columns(record: Record, constants: Constants) -> tuple[FloatArray, Flo
 # 1/s, of the wind over altitude: 10 m/s in 1000 m are common outside of the lowest layers.
 SHEAR_SD = 0.01
 AIR = (STATIC_SOURCES, IMPACT_SOURCES)
-# What `air_data_of` makes pressures and temperature of.
+# What pressures and temperature are made of.
 AIR_DATA = frozenset((*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"))
 # How the dispersion grows with the length of a window, on the same flights.
 DISPERSION_GROWTH = 0.3

@@ -31,12 +31,11 @@ from ..parity.windows import LENGTHS_S, clean_up_time
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..units import per_second
+from .deviations import growth, surely_beyond
 from .diagnose import events_of, lasting_faults
 from .flight import Flight, flight_of
 from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
 from .result import Event
-
-__all__ = ["physics_evidence"]
 
 FloatArray = NDArray[np.float64]
 
@@ -136,12 +135,10 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
     if channel not in event.channels:
         return None
     effect = event.effect.get(channel)
-    course = course_for(event.shape, event.constant_s)
-    until_s = flight.to_s if event.offset_s is None else min(event.offset_s, flight.to_s)
-    if effect is not None and course is not None:
-        # What grows in the window that describes it grows on.
-        shown, reached = course(np.array([event.window_s[1], max(until_s, event.window_s[1])]) - event.onset_s)
-        effect *= float(reached / shown) if shown > 0.0 else 1.0
+    shown_s = event.window_s[1] - event.onset_s
+    until_s = (flight.to_s if event.offset_s is None else min(event.offset_s, flight.to_s)) - event.onset_s
+    if effect is not None:
+        effect *= growth(event.shape, event.constant_s, shown_s=shown_s, until_s=until_s)
     constant_s = event.constant_s or event.evidence.get("time_constant_s")
     of_line = event.fault in SHAPES and (event.shape == "drift" or not SHAPES[event.fault].has_magnitude)
     shape = event.fault if of_line else event.shape
@@ -160,16 +157,12 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
         magnitude, relative = 1.0, np.nan
     elif event.magnitude is not None and (of_line or event.fault == channel):
         magnitude = event.magnitude
-    elif effect and course is not None:
-        magnitude = effect / float(course(np.array([max(until_s, event.window_s[1]) - event.onset_s]))[0])
+    elif effect and (course := course_for(event.shape, event.constant_s)) is not None:
+        magnitude = effect / float(course(np.array([max(until_s, shown_s)]))[0])
     else:
         return None
     sd = abs(magnitude) * relative
     meant, unit = physical(fault, magnitude, STANDARD[channel].unit)
-    beyond = None
-    if effect is not None and np.isfinite(relative):
-        share, spread = abs(effect) / tolerance, TWO_SIDED_95 * relative
-        beyond = True if share * (1.0 - spread) > 1.0 else False if share * (1.0 + spread) <= 1.0 else None
     return FaultEstimate(
         name=event.fault if of_line else f"{event.shape} of {channel}",
         fault=replace(fault, magnitude=magnitude),
@@ -183,7 +176,9 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
         statistic=event.statistic,
         p_value=event.p_value,
         effect=None if effect is None else abs(effect),
-        beyond_tolerance=beyond,
+        beyond_tolerance=None
+        if effect is None or np.isnan(relative)
+        else surely_beyond(abs(effect) / tolerance, relative),
         among=event.among,
         source=SOURCE,
     )

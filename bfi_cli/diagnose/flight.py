@@ -38,8 +38,6 @@ from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
 from .conventions import without, without_other_conventions
 from .glances import INPUTS
 
-__all__ = ["Flight", "LastingFault", "flight_of"]
-
 FloatArray = NDArray[np.float64]
 
 # Beside a held line, where the filters of the recorder and the leak itself still act.

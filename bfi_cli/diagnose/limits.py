@@ -19,9 +19,6 @@ from .looks import Scanned
 from .relations import StaticWindows
 from .result import Event, FlightLimit, LimitCourse, Look
 
-__all__ = ["AIRSPEEDS", "PITOT_LINE", "Bounds", "Hidden", "bounds_of", "hidden_slopes", "limit_courses"]
-__all__ += ["limits_of"]
-
 FloatArray = NDArray[np.float64]
 
 AIRSPEEDS = ("tas", "cas", "ias", "mach")

@@ -21,8 +21,6 @@ from ..parity.windows import Window, windows_in
 from .flight import Flight
 from .result import Look
 
-__all__ = ["Scanned", "look_at", "rate_of", "scale_of", "scan_flight"]
-
 FloatArray = NDArray[np.float64]
 
 # Where a flight shows mostly more than the tables, its thresholds rise. Fewer windows of this length do not say so: a

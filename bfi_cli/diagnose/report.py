@@ -18,8 +18,6 @@ from ..report.text import change, instant, number, with_unit
 from ..serialization import to_plain
 from .result import DiagnoseResult
 
-__all__ = ["SCHEMA", "diagnose_content", "diagnose_document"]
-
 SCHEMA = 2
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}

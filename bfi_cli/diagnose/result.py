@@ -15,8 +15,6 @@ from ..parity.finding import Bound, Stage
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 
-__all__ = ["Course", "DiagnoseResult", "Event", "FlightLimit", "LimitCourse", "Look", "Strip"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from ..kernels.likelihood_ratio import likelihood_ratio
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
 from .scan import FIRST_ONSET_S, WindowScan, fault_signatures, residual_values
 
-__all__ = ["COURSES", "Fit", "corrected", "course_for", "effects", "explain"]
-
 FloatArray = NDArray[np.float64]
 Course = Callable[[FloatArray], FloatArray]
 

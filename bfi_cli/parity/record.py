@@ -27,18 +27,6 @@ from ..airdata import (
 )
 from ..flightlog import FlightLog
 
-__all__ = [
-    "STATIC_LEAK",
-    "USED",
-    "Hypothesis",
-    "Record",
-    "climbing",
-    "hypotheses",
-    "record_of",
-    "with_fault",
-    "without_fault",
-]
-
 FloatArray = NDArray[np.float64]
 
 STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them

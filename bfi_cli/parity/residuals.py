@@ -19,9 +19,6 @@ from ..airdata import (
 )
 from .record import KINEMATICS, Record
 
-__all__ = ["RESIDUALS", "Constants", "ResidualKind", "available", "constants_of", "geometric_climb_rate"]
-__all__ += ["weights_of"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -13,9 +13,6 @@ from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, li
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
 
-__all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window", "with_lasting"]
-__all__ += ["without_lasting"]
-
 FloatArray = NDArray[np.float64]
 
 # A ramp whose onset lies between two of these loses 0.6 % of its statistic at most; `explain` goes on in whole seconds.

@@ -123,7 +123,7 @@ def _flight_about(log: FlightLog, config: Config) -> Flight:
     about = log.window(max(from_s - BESIDE_S, first), to_s + BESIDE_S)
     tolerances = {name: size for name, size in config.tolerances.items() if name in log.channels}
     rate = SHARE * config.start_time.false_alarm
-    flight = flight_of(about, merge(config, {"tolerances": tolerances, "diagnose": {"false_alarm": rate}}))
+    flight = flight_of(about, merge(config, {"tolerances": tolerances, "diagnose.false_alarm": rate}))
     # Flaps may move from the last descent on, which may end later.
     phases = phases_of(log)
     moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, flight.record))
@@ -260,7 +260,7 @@ def _hidden_errors(flight: Flight, bounds: Sequence[Bounds], channel: str, start
     since_s = flight.to_s - starts
     related = slopes.get((channel, "disagreement"), nothing) * since_s
     if "temperature probe" in SENSORS.get(channel, frozenset()):
-        related = np.maximum(related, _of_probe(part, channel))
+        related = np.maximum(related, error_of_probe(part, channel))
     errors = np.minimum(slopes.get((channel, "error"), nothing) * since_s, related)
     for line, name in (("q_impact", PITOT_LINE), (STATIC_LEAK, STATIC_LEAK)):
         grown, at_once = _reach(part, line, channel)
@@ -269,7 +269,7 @@ def _hidden_errors(flight: Flight, bounds: Sequence[Bounds], channel: str, start
     return np.asarray(errors)
 
 
-def _of_probe(part: Record, channel: str) -> float:
+def error_of_probe(part: Record, channel: str) -> float:
     """Return the largest error of the true airspeed by a temperature probe that drifts within a window."""
     if channel != "tas" or not ("altitude" in part.channels and {"tat", "sat"} & part.channels.keys()):
         return np.inf

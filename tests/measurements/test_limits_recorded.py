@@ -7,21 +7,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bars import not_above
+from bars import not_above, not_below
 from test_recorded_faults import FLIGHTS
 from whole_flight_trials import recorder
 
 from bfi_cli.config import Config
 from bfi_cli.diagnose import diagnose_flight
+from bfi_cli.diagnose.evidence import physics_evidence
 from bfi_cli.diagnose.flight import Flight, flight_of
 from bfi_cli.diagnose.limits import Hidden, bounds_of
 from bfi_cli.diagnose.looks import look_at, scan_flight
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.injection import inject
+from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.parity import LENGTHS_S
 from bfi_cli.parity.record import record_of
+from bfi_cli.parity.windows import windows_in
 
 pytestmark = pytest.mark.realdata
 
@@ -88,3 +91,24 @@ def hidden_in(flight: Flight, window: tuple[float, float], fault: str) -> tuple[
     looks = list(look_at(scan_flight(flight, [window]), flight.tables, rates=rates, suspicions=rates, scale=1.0))
     found = [one.windows[0] for one in bounds_of(flight, looks, (), ()) if one.fault == fault]
     return (found[0] if found else None), any(one.statistic > threshold.level for one, threshold, _ in looks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_of_windows_of_four_minutes_physics_leaves_two_and_a_half_tolerances_in_most(flights: Path, name: str):
+    """Of an airspeed and of the vane, without a fault: the largest error that may hide at the window's end."""
+    log, left = read_log(flights / name), {"tas": list[float](), "cas": list[float](), "aoa": list[float]()}
+    declared = 0
+    for from_s, to_s in windows_in(phases_of(log), 240.0, step_s=240.0):
+        values = {"window": {"from_s": from_s, "to_s": to_s}, "outputs": tuple(left)}
+        found = physics_evidence(log, Config.model_validate(values))
+        declared += bool(found.faults)
+        for channel, shares in left.items():
+            one = next((one for one in found.candidates if one.channel == channel and one.effect is not None), None)
+            shares.append(np.inf if one is None else one.effect / one.tolerance)
+    for channel, shares in left.items():
+        low, middle, most, high = np.quantile(shares, (0.2, 0.5, 0.8, 0.95), method="inverted_cdf")
+        print(f"{name}, {channel}: {low:.2f}, {middle:.2f}, {most:.2f}, {high:.2f} of the tolerance", end=" ")
+        print(f"in 20, 50, 80 and 95 % of {len(shares)} windows")
+        assert not_below(float(np.mean(np.array(shares) <= 2.5)), 0.6, len(shares))
+    assert not_above(declared / len(shares), 0.01, len(shares))

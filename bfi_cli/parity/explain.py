@@ -11,17 +11,11 @@ from numpy.typing import NDArray
 from ..kernels.likelihood_ratio import likelihood_ratio
 from ..kernels.normal import CHI_SQUARE_95
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
-from .scan import FIRST_ONSET_S, LAST_ONSET_S, WindowScan, fault_signatures, residual_values
-
-__all__ = ["COURSES", "Fit", "corrected", "course_for", "effects", "explain"]
+from .scan import FIRST_ONSET_S, WindowScan, fault_signatures, residual_values
 
 FloatArray = NDArray[np.float64]
 Course = Callable[[FloatArray], FloatArray]
 
-# Standard deviation of what healthy windows of 120 s show of a ramp in each residual, in those of its noise model, and
-# how it grows with the length: gusts, turns and changes of trim are no stationary noise. Root mean squares over 190
-# windows of 60 to 240 s of two flights of a Cessna Citation, which agree within a fifth (docs/theory.md, 15.7).
-DISPERSION, DISPERSION_GROWTH = {"lift": 1.9, "climb": 2.1, "kinematics": 1.3, "ground_speed": 2.8}, 0.3
 # Twice a log-likelihood ratio, so dispersed, by which a fault may explain a window worse and still be the one: so much,
 # or that share of the best; but none that explains less than half. Tried on those flights with a drift of the airspeed
 # where nothing but `tas` tells it: it keeps the truth in 95 % of the sets; 10 makes half of them sets of three.
@@ -204,16 +198,6 @@ def effects(record: Record, fit: Fit) -> dict[str, float]:
     return found
 
 
-def _weights(scan: WindowScan) -> FloatArray:
-    """Return by residual what a log-likelihood is worth of what its noise model says."""
-    growth = (_length_s(scan) / 120.0) ** DISPERSION_GROWTH
-    return np.array([(growth * DISPERSION[kind.name]) ** -2.0 for kind in scan.kinds])
-
-
-def _length_s(scan: WindowScan) -> float:
-    return FIRST_ONSET_S + float(scan.onsets_s[-1] - scan.onsets_s[0]) + LAST_ONSET_S
-
-
 Look = tuple[float, float, tuple[str, float | None]]  # ratio, onset in s, course
 
 
@@ -224,7 +208,7 @@ def _linear_looks(
     since_s = record.time_s[:, None] - scan.onsets_s[None, :]
     every = np.hstack([_course(*one)(since_s) for one in courses])
     small = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, every))
-    ratios = (_weights(scan) @ small.parts).reshape(len(courses), -1)
+    ratios = (scan.weights @ small.parts).reshape(len(courses), -1)
     best = np.argmax(ratios, axis=1)
     return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), one) for k, one in enumerate(courses)]
 
@@ -250,7 +234,7 @@ def _with_best_constant(scan: WindowScan, record: Record, fit: Fit) -> Fit:
         return fit
     best, besides = fit, []
     for ratio in (step**sign for step in FINER for sign in (1.0, -1.0)):
-        while FIRST_ONSET_S / 10.0 <= (constant := ratio * (best.constant_s or 0.0)) <= _length_s(scan):
+        while FIRST_ONSET_S / 10.0 <= (constant := ratio * (best.constant_s or 0.0)) <= scan.length_s:
             tried = fit_course(scan, record, fit.fault, fit.shape, constant, near_s=best.onset_s)
             besides.append(min(tried, best, key=lambda one: one.ratio).alike)
             if tried.ratio <= best.ratio:
@@ -285,9 +269,9 @@ def fit_course(
     if near_s is None:
         ((_, near_s, _),) = _linear_looks(scan, record, hypothesis, [(shape, constant)])
     first, last = float(scan.onsets_s[0]), float(scan.onsets_s[-1])
-    weights = _weights(scan)
+    weights = scan.weights
     # Whole seconds from there, also where the window ends the stretch.
-    reach_s = np.floor(REFINED * _length_s(scan))
+    reach_s = np.floor(REFINED * scan.length_s)
     before_s, after_s = min(reach_s, np.floor(near_s - first)), min(reach_s, np.floor(last - near_s))
     onsets_s = near_s + np.arange(-before_s, after_s + 1.0)
     courses = _course(shape, constant)(record.time_s[:, None] - onsets_s[None, :])

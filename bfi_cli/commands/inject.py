@@ -8,30 +8,28 @@ from typing import Any
 import click
 
 from ..errors import LogError
-from .options import channel_options, json_option, log_argument, out_option, units_of, units_option
+from .options import CHANNELS, log_argument, with_options
 from .output import write_and_show
-
-__all__ = ["command"]
 
 
 @click.command("inject")
-@log_argument
-@click.option("--fault", "specs", metavar="SPEC", multiple=True, required=True, help="What to add; repeatable.")
-@click.option(
-    "--through-recorder/--no-through-recorder",
-    default=None,
-    help="Pass the faults through the low-pass filters that the log went through.  [default: where these are known]",
+@with_options(
+    log_argument,
+    click.option("--fault", "specs", metavar="SPEC", multiple=True, required=True, help="What to add; repeatable."),
+    click.option(
+        "--through-recorder/--no-through-recorder",
+        default=None,
+        help="Pass the faults through the low-pass filters that the log went through.  "
+        "[default: where these are known]",
+    ),
+    *("out_file", "force", *CHANNELS, "units", "as_json"),
 )
-@out_option
-@channel_options
-@units_option
-@json_option
 def command(
     *,
     log: str,
     specs: tuple[str, ...],
     through_recorder: bool | None,
-    out: Path,
+    out_file: Path,
     force: bool,
     as_json: bool,
     units: str | None,
@@ -48,7 +46,7 @@ def command(
     from ..kernels.low_pass import IDENTITY
 
     faults = [parse_spec(spec) for spec in specs]
-    check_files([out], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
+    check_files([out_file], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
     clean = read_log(log, **source)
     faults = [parse_spec(spec, unit_of=lambda name: clean.channel(name).unit) for spec in specs]
     if through_recorder and not clean.filters:
@@ -57,4 +55,4 @@ def command(
             "state it in the file's attribute filters, or leave the option out"
         )
     faulty = inject(clean, faults, response=IDENTITY if through_recorder is False else None)
-    write_and_show(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json, units=units_of(units))
+    write_and_show(faulty, out_file, kind="inject", log_sha256=clean.sha256, as_json=as_json, units=units)

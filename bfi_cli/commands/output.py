@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..display_units import IN_FILES, Units
+from ..display_units import IN_FILES, UNITS, Units
 from ..errors import ConfigError
 from ..printable import printable
 from .progress import stages
@@ -26,10 +26,32 @@ if TYPE_CHECKING:
 
     ContentIn = Callable[[Units], ReportContent]
 
-__all__ = ["emit", "note", "show", "show_lines", "write", "write_and_show"]
-
 # Columns of a pipe or a file, where COLUMNS does not say otherwise: what the widest of the tables needs.
 PIPE_COLUMNS = 120
+
+
+def check_out(
+    options: Mapping[str, Any],
+    inputs: Sequence[str],
+    drawings: Sequence[str] = (),
+    tables: Sequence[str] = (),
+    *,
+    stored: str = "result.json",
+    zoom: bool = False,
+) -> None:
+    """Check that the files of an answer may be written to the folder of --out, if it is given.
+
+    Parameters
+    ----------
+    options, inputs : see `emit`; stored : see `write`.
+    drawings, tables : names of the figures and tables; zoom : whether a page to zoom is among the files.
+    """
+    from ..files import check_folder
+    from ..report.files import content_names
+
+    if options["out"] is not None:
+        names = content_names(drawings, tables, stored=stored, zoom=zoom)
+        check_folder(options["out"], names, inputs=inputs, force=options["force"])
 
 
 def emit(
@@ -37,21 +59,21 @@ def emit(
     document: Mapping[str, Any],
     options: Mapping[str, Any],
     *,
-    units: Units,
     origin: Provenance,
     inputs: Sequence[str],
+    units: str = "si",
 ) -> None:
     """Write the files of an answer to the folder of --out, if given, and print the answer.
 
     Parameters
     ----------
     content_in, document : the same answer, as a report shows it in the units given to it, and as JSON.
-    units : of what is printed and drawn; CSV files are in SI.
     options : of the command: `out`, `force`, `as_json`, and where it has them `series` and `progress`.
     origin : its provenance.
     inputs : the files that the command reads.
+    units : name of those in which it is printed and drawn; CSV files are in SI.
     """
-    content = content_in(units)
+    content = content_in(UNITS[units])
     plain = content if options["out"] is None else content_in(IN_FILES)
     write(content, document, options, plain=plain, origin=origin, inputs=inputs)
     show(document, content, as_json=options["as_json"], series=options.get("series", False))
@@ -156,7 +178,7 @@ def write_and_show(
     *,
     kind: str,
     as_json: bool,
-    units: Units,
+    units: str | None = None,
     log_sha256: str = "",
     seed: int = 0,
 ) -> None:
@@ -164,6 +186,7 @@ def write_and_show(
 
     Parameters
     ----------
+    units : name of those that are shown, None for SI.
     log_sha256 : of the log it was made from, "" where there was none.
     seed : of the random steps.
     """
@@ -174,4 +197,4 @@ def write_and_show(
     write_log(log, out)
     log = replace(log, path=str(out))
     document = log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)
-    show_lines(document, log_lines(log, units), as_json=as_json)
+    show_lines(document, log_lines(log, UNITS[units or "si"]), as_json=as_json)

@@ -11,24 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..display_units import IN_FILES
+from ..display_units import IN_FILES, UNITS
 from ..errors import ConfigError
 from ..provenance import Provenance
 from ..report.consistency import contradiction_of
 from ..serialization import from_plain, member
-from .options import force_option, series_option, units_of, units_option
+from .options import with_options
 from .output import note, show
 
 if TYPE_CHECKING:
     from ..display_units import Units
     from ..report.content import ReportContent
 
-__all__ = ["command"]
-
 GIVE = "give the result.json of a command's --out, or what its --json --series printed"
 # Module and function that make the content of each kind of document, and the schema they know.
 KINDS = {
-    "calibration": ("calibration", "calibration_content", 1),
+    "calibration": ("decision.calibration", "calibration_content", 1),
     "convert": ("flightlog.report", "log_content", 1),
     "detect": ("detect", "detect_content", 2),
     "diagnosability": ("diagnosability", "diagnosability_content", 1),
@@ -55,16 +53,14 @@ WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder of the files  [default: the folder of RESULT.json]"
 )
-@units_option
-@force_option
-@series_option
+@with_options("units", "force", "as_json", "series")
 def command(result: Path, out: Path | None, *, units: str | None, force: bool, as_json: bool, series: bool) -> None:
     """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin), in any units.
 
     With --json, and without --out, nothing is drawn: the document goes to stdout.
     """
     document, where = _read(result), str(result)
-    content = _content(document, where, units_of(units))
+    content = _content(document, where, UNITS[units or "si"])
     origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
     if out is not None or not as_json:
         _draw(document, (content, _content(document, where, IN_FILES)), origin, out, result, force=force)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.nullspace import criteria
+from ..kernels.progress import Report, silent
 from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerances_of
@@ -44,9 +45,7 @@ UNSTATED = "neither the file nor its channels tell whether the recorder low-pass
 SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
 
 
-def detect_faults(
-    log: FlightLog, config: Config, *, report: Callable[[int, int], None] = lambda _done, _total: None
-) -> DetectResult:
+def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) -> DetectResult:
     """Say which channel of a log fails, and when, without a model and without a dictionary.
 
     Parameters
@@ -54,7 +53,7 @@ def detect_faults(
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     config : see `bfi_cli.config.Config`; `detect` holds what is special to the detection. Where inputs and outputs are
         not given, they are the controls and accelerations, and the flight data, that the log has.
-    report : called with the number of channels declared so far, and that of all.
+    report : receives the part of the channels that are declared so far.
 
     Raises
     ------
@@ -234,9 +233,7 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResul
     return result, limits
 
 
-def _parity_result(
-    prepared: PreparedRecord, config: Config, report: Callable[[int, int], None]
-) -> tuple[DetectResult, StepLimits | None]:
+def _parity_result(prepared: PreparedRecord, config: Config, report: Report) -> tuple[DetectResult, StepLimits | None]:
     """Return what the parity residuals say at the rate of the analysis, and its limits, None where it has none.
 
     The calibration is that of the first pass.

@@ -6,7 +6,7 @@ declared whose failure explains most of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from ..kernels import FloatArray
 from ..kernels.exponential_tail import block_maxima, fit_tail, white_excess, white_level
 from ..kernels.lagged import lagged
 from ..kernels.parity import Drops, largest_drops, past_basis
+from ..kernels.progress import Report, silent
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
 from ..kernels.running_weights import running_weights
 from ..kernels.step_height import StepHeight, step_height
@@ -301,7 +302,7 @@ class Failure:
 
 
 def detect_sequentially(
-    path: str, samples: DecimatedRecord, *, false_alarm: float, report: Callable[[int, int], None]
+    path: str, samples: DecimatedRecord, *, false_alarm: float, report: Report = silent
 ) -> tuple[list[Failure], list[MonitoringPass]]:
     """Monitor all channels until one fails, then the others from there on, until none fails any more.
 
@@ -314,7 +315,7 @@ def detect_sequentially(
     failures: list[Failure] = []
     passes: list[MonitoringPass] = []
     while channels:
-        report(len(passes), samples.y.shape[1])
+        report(len(passes) / samples.y.shape[1])
         model = fit_predictor(path, samples, channels)
         patch = round(PATCH_S * samples.rate_hz)
         weights = running_weights(model.errors.residual, patch)

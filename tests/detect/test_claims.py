@@ -39,7 +39,7 @@ def watched(growth: float = 1.0, sizes: tuple[float, float] = (1.0, 1.0)) -> tup
     """Return the record, each channel times a size, and the one pass over it, in which nothing fails."""
     samples = recorded(3, growth)
     samples = replace(samples, y=samples.y * np.array(sizes))
-    failures, (first, *_) = detect_sequentially("made", samples, false_alarm=0.01, report=lambda _done, _total: None)
+    failures, (first, *_) = detect_sequentially("made", samples, false_alarm=0.01)
     assert not failures
     return samples, first
 

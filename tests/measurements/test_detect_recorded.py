@@ -80,9 +80,7 @@ def windows(log: FlightLog) -> Iterator[FlightLog]:
 def healthy(part: FlightLog, flight: str, config: Config) -> Healthy:
     prepared = prepare_record(part, config)
     samples = decimate_record(prepared, prepared.choice.factor)
-    failures, (first, *_) = detect_sequentially(
-        part.path, samples, false_alarm=config.detect.false_alarm, report=lambda _done, _total: None
-    )
+    failures, (first, *_) = detect_sequentially(part.path, samples, false_alarm=config.detect.false_alarm)
     at = first.model.n_healthy - first.model.errors.start
     ratios = first.drops.deviate[at:] / (first.threshold.level / first.threshold.gusts)
     time_s = samples.time_s[first.model.samples[first.model.n_healthy :]]

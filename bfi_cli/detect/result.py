@@ -33,8 +33,8 @@ class Alarm:
     statistic: float
     threshold: float
     size: float | None
-    ci95: tuple[float, float] | None
     unit: str
+    ci95: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -141,7 +141,7 @@ class ChannelSeries:
     unit: str
     measured: FloatArray
     statistic: FloatArray
-    threshold: float | None
+    threshold: float
     watched_until_s: float | None
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from .options import Command, config_of, with_options
+from .options import CHANNELS, OPTIONS, Command, config_of, with_options
 from .output import check_out, emit, note
 from .progress import stages
 
@@ -77,6 +78,11 @@ class Asked:
     inputs: tuple[str, ...]
     progress: Progress
     notes: tuple[str, ...] = ()
+
+    @property
+    def has_log(self) -> bool:
+        """Whether a log is given; an empty name is one of no file."""
+        return self.options.get("log") is not None
 
     def check_out(self, drawings: Sequence[str], tables: Sequence[str], *, zoom: bool = False) -> None:
         """Check, before long work, that the files of the answer may be written to --out."""
@@ -182,14 +188,7 @@ def log_of(path: str, config: Config) -> FlightLog:
 
 def source_of(config: Config) -> dict[str, Any]:
     """Return what the configuration says of how a file is read, for `bfi_cli.flightlog.read_log`."""
-    return {
-        "group": config.group,
-        "channel_map": dict(config.channels),
-        "unit_map": dict(config.units),
-        "sample_rate_hz": config.sample_rate_hz,
-        "fill_s": config.fill_s,
-        "boot": config.boot,
-    }
+    return {name: attrgetter(str(OPTIONS[name].key))(config) for name in CHANNELS}
 
 
 def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:

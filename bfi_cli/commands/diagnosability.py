@@ -37,7 +37,7 @@ def command(asked: Asked) -> Answer:
         raise ConfigError("--dictionary: no dictionary given; name one, such as airdata or a YAML file")
     asked.check_out(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
     with threadpool_limits(1):
-        if asked.log:
+        if asked.has_log:
             flight, asked = asked.read()
             dictionary, log_sha256 = asked.dictionary or dictionary, flight.sha256
             result = asked.noted(diagnosability.assess(flight, dictionary, asked.config, magnitudes=magnitudes))
@@ -59,11 +59,11 @@ def command(asked: Asked) -> Answer:
 
 def _check_flight(asked: Asked) -> None:
     """Check that either a log or the flight of a model is asked for."""
-    if not asked.log and asked.config.diagnosability.model is None:
+    if not asked.has_log and asked.config.diagnosability.model is None:
         raise click.UsageError("needs a LOG or a --model, got nothing; give one of the two")
-    if asked.log and asked.options["flown_model"] is not None:
+    if asked.has_log and asked.options["flown_model"] is not None:
         raise click.UsageError("needs a LOG or a --model, got both; give one of the two")
-    for name in FLIGHT if asked.log else ():
+    for name in FLIGHT if asked.has_log else ():
         if asked.options[name] not in (None, (), {}):
             flag = OPTIONS[name].flags[0]
             raise click.UsageError(f"{flag} is about the flight of a model; give --model in place of the log")

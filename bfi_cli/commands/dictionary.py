@@ -39,7 +39,7 @@ def command(asked: Asked) -> Answer:
     dictionary, log_sha256 = asked.dictionary, ""
     assert dictionary is not None
     asked.check_out(DRAWINGS, TABLES)
-    if asked.log:
+    if asked.has_log:
         from threadpoolctl import threadpool_limits
 
         flight, asked = asked.read()

@@ -73,10 +73,14 @@ def emit(
     inputs : the files that the command reads.
     units : name of those in which it is printed and drawn; CSV files are in SI.
     """
+    series = options.get("series", False)
+    if options["out"] is None and options["as_json"]:
+        _print_json(document, series=series)
+        return
     content = content_in(UNITS[units])
     plain = content if options["out"] is None else content_in(IN_FILES)
     write(content, document, options, plain=plain, origin=origin, inputs=inputs)
-    show(document, content, as_json=options["as_json"], series=options.get("series", False))
+    show(document, content, as_json=options["as_json"], series=series)
 
 
 def write(

@@ -9,7 +9,7 @@ import click
 
 from ..errors import BfiError, ConfigError
 from .options import CHANNELS, OPTIONS, with_options
-from .output import check_out, emit, note
+from .output import check_out, emit, write
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -80,8 +80,6 @@ def _every(
     settings: Settings, origin: Provenance, options: dict[str, Any], inputs: tuple[str, ...]
 ) -> tuple[ReportContent, int]:
     """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
-    from ..files import replace_files
-    from ..report.files import content_files
     from ..reproduce.catalogue import REPRODUCTIONS, reproduce_document, run, summary_content
 
     shared: dict[tuple[str, str], ReportContent | BfiError] = {}
@@ -97,8 +95,7 @@ def _every(
         one = shared[place]
         made.append((name, one))
         if options["out"] is not None and not isinstance(one, BfiError):
-            files, folder = content_files(one, reproduce_document(name, one, origin), origin), options["out"] / name
-            replace_files(files, folder, inputs=inputs, force=options["force"])
-            note(f"wrote {folder / 'report.html'}")
+            there = {**options, "out": options["out"] / name}
+            write(one, reproduce_document(name, one, origin), there, origin=origin, inputs=inputs)
     codes = [one.exit_code for _, one in made if isinstance(one, BfiError)]
     return summary_content(made), max(codes, default=0)

@@ -25,7 +25,7 @@ from ..kernels.step_height import StepHeight, step_height
 from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from .predictor import Predictor, fit_predictor
 from .preparation import UNSTATED_HZ, DecimatedRecord, PreparedRecord, decimate_record
-from .result import Alarm, Calibration, Detection, ParityModel, StepLimits
+from .result import Alarm, Calibration, Detection, StepLimits
 
 # A step is sought among the onsets of the last rows, or of the last second if that is more: a failure that shows later
 # is detected as a step with a later onset.
@@ -118,14 +118,7 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
             scale=dict(zip(outputs, threshold.scale.tolist(), strict=True)),
             block_maxima=frozen_array(threshold.maxima),
         ),
-        model=ParityModel(
-            lags=model.lags,
-            rank=model.rank,
-            n_stacked=model.lags * len(outputs),
-            forgetting=model.forgetting,
-            n_fitted=model.n_healthy,
-            noise_sd=dict(zip(outputs, model.unit.tolist(), strict=True)),
-        ),
+        model=model.summary,
         notes=tuple(notes),
     )
 

@@ -14,6 +14,7 @@ from ..kernels.lagged import lagged
 from ..kernels.parity import past_basis
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
 from .preparation import DecimatedRecord
+from .result import ParityModel
 
 # Lags tried: short pasts whole, long ones by the components that move more than EDGE times the noise. Candidates only:
 # the healthy time decides between them (docs/theory.md, 11.2).
@@ -41,7 +42,7 @@ class Predictor:
     ----------
     samples : (n_rows,) the sample each row predicts; rows of the healthy and of the watched time.
     n_healthy : rows of the healthy time; those from `errors.start` on are predicted, not fitted.
-    lags, rank, forgetting : samples of the past, directions of it, weight of a row relative to the next.
+    summary : samples of the past, directions of it, weight of a row relative to the next, prediction errors.
     basis : (at least lags * n_outputs, r) maps the stacked past to the last r regressors.
     unit : (n_outputs,) standard deviation of the noise, the unit of the errors.
     X, Y : (n_rows, n_regressors) and (n_rows, n_outputs), the regression.
@@ -49,9 +50,7 @@ class Predictor:
 
     samples: NDArray[np.intp]
     n_healthy: int
-    lags: int
-    rank: int
-    forgetting: float
+    summary: ParityModel
     basis: FloatArray
     unit: FloatArray
     errors: RecursiveResiduals
@@ -130,9 +129,14 @@ def fit_predictor(samples: DecimatedRecord, channels: Sequence[int]) -> Predicto
     return Predictor(
         samples=rows.first + np.flatnonzero(kept),
         n_healthy=data.n_healthy - rows.first,
-        lags=lags,
-        rank=rank,
-        forgetting=forgetting,
+        summary=ParityModel(
+            lags=lags,
+            rank=rank,
+            n_stacked=lags * len(channels),
+            forgetting=forgetting,
+            n_fitted=data.n_healthy - rows.first,
+            noise_sd={samples.outputs[k]: float(unit) for k, unit in zip(channels, data.unit, strict=True)},
+        ),
         basis=rows.basis,
         unit=data.unit,
         errors=recursive_residuals(X, Y, start=data.half - rows.first, forgetting=forgetting, prior=rows.prior),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -21,13 +20,10 @@ from .output import write_and_show
     click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Low-pass filter and resample to this rate."),
     *(*CHANNELS, "from_s", "to_s", "units", "as_json"),
 )
-def command(
-    *, log: str, out_file: Path, force: bool, rate_hz: float | None, as_json: bool, units: str | None, **source: Any
-) -> None:
+def command(*, log: str, rate_hz: float | None, from_s: float | None, to_s: float | None, **options: Any) -> None:
     """Write a log as HDF5 or CSV, under standard names and in SI units, resampled with --rate."""
-    check_files([out_file], inputs=[log], force=force)
-    from_s, to_s = source.pop("from_s"), source.pop("to_s")
+    check_files([options["out_file"]], inputs=[log], force=options["force"])
     first_s, last_s = with_reach(rate_hz, from_s, to_s)
-    flight = read_log(log, from_s=first_s, to_s=last_s, **source)
+    flight = read_log(log, from_s=first_s, to_s=last_s, **{name: options[name] for name in CHANNELS})
     flight = flight.window(from_s, to_s) if rate_hz is None else resample(flight, rate_hz, from_s=from_s, to_s=to_s)
-    write_and_show(flight, out_file, kind="convert", log_sha256=flight.sha256, as_json=as_json, units=units)
+    write_and_show(flight, options, kind="convert", log_sha256=flight.sha256)

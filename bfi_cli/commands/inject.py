@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -24,17 +23,7 @@ from .output import write_and_show
     ),
     *("out_file", "force", *CHANNELS, "units", "as_json"),
 )
-def command(
-    *,
-    log: str,
-    specs: tuple[str, ...],
-    through_recorder: bool | None,
-    out_file: Path,
-    force: bool,
-    as_json: bool,
-    units: str | None,
-    **source: Any,
-) -> None:
+def command(*, log: str, specs: tuple[str, ...], through_recorder: bool | None, **options: Any) -> None:
     """Add faults to LOG and store the truth beside them; faults it already carries stay.
 
     SPEC is a shape and its keys, times in the log's own seconds: bias,channel=tas,magnitude=4,onset_s=13.8. A fault of
@@ -46,8 +35,9 @@ def command(
     from ..kernels.low_pass import IDENTITY
 
     faults = [parse_spec(spec) for spec in specs]
-    check_files([out_file], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
-    clean = read_log(log, **source)
+    inputs = [log, *(fault.file for fault in faults if fault.file)]
+    check_files([options["out_file"]], inputs=inputs, force=options["force"])
+    clean = read_log(log, **{name: options[name] for name in CHANNELS})
     faults = [parse_spec(spec, unit_of=lambda name: clean.channel(name).unit) for spec in specs]
     if through_recorder and not clean.filters:
         raise LogError(
@@ -55,4 +45,4 @@ def command(
             "state it in the file's attribute filters, or leave the option out"
         )
     faulty = inject(clean, faults, response=IDENTITY if through_recorder is False else None)
-    write_and_show(faulty, out_file, kind="inject", log_sha256=clean.sha256, as_json=as_json, units=units)
+    write_and_show(faulty, options, kind="inject", log_sha256=clean.sha256)

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -177,20 +176,13 @@ def _print(text: str) -> None:
 
 
 def write_and_show(
-    log: FlightLog,
-    out: Path,
-    *,
-    kind: str,
-    as_json: bool,
-    units: str | None = None,
-    log_sha256: str = "",
-    seed: int = 0,
+    log: FlightLog, options: Mapping[str, Any], *, kind: str, log_sha256: str = "", seed: int = 0
 ) -> None:
-    """Write a log to `out`, and print what it holds: the JSON document of `kind`, or lines.
+    """Write a log to the file of --output, and print what it holds: the JSON document of `kind`, or lines.
 
     Parameters
     ----------
-    units : name of those that are shown, None for SI.
+    options : of the command: `out_file`, `as_json`, and where it has them `units`.
     log_sha256 : of the log it was made from, "" where there was none.
     seed : of the random steps.
     """
@@ -198,7 +190,7 @@ def write_and_show(
     from ..flightlog.report import log_document, log_lines
     from ..provenance import provenance
 
-    write_log(log, out)
-    log = replace(log, path=str(out))
+    write_log(log, options["out_file"])
+    log = replace(log, path=str(options["out_file"]))
     document = log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)
-    show_lines(document, log_lines(log, UNITS[units or "si"]), as_json=as_json)
+    show_lines(document, log_lines(log, UNITS[options.get("units") or "si"]), as_json=options["as_json"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import click
@@ -82,17 +81,7 @@ def _check(context: click.Context, options: dict[str, Any]) -> None:
 )
 @with_options("progress", "as_json")
 @click.pass_context
-def command(
-    context: click.Context,
-    /,
-    *,
-    name: str | None,
-    model_file: str | None,
-    out_file: Path,
-    force: bool,
-    as_json: bool,
-    **options: Any,
-) -> None:
+def command(context: click.Context, /, name: str | None, model_file: str | None, **options: Any) -> None:
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
     MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines),
@@ -107,7 +96,7 @@ def command(
     from ..files import check_files
 
     _check(context, options)
-    check_files([out_file], inputs=() if model_file is None else (model_file,), force=force)
+    check_files([options["out_file"]], inputs=() if model_file is None else (model_file,), force=options["force"])
     tour = options["manoeuvre"] == "tour"
     plan = aircraft.FlightPlan(
         tas_m_s=options["tas"], altitude_m=options["altitude"], wind_m_s=options["wind"], tour=tour
@@ -151,4 +140,4 @@ def command(
             quantum=options["quantum"],
             report=partial(progress, "flight"),
         )
-    write_and_show(log, out_file, kind="simulate", seed=options["seed"], as_json=as_json)
+    write_and_show(log, options, kind="simulate", seed=options["seed"])

@@ -59,37 +59,23 @@ def command(result: Path, out: Path | None, *, units: str | None, force: bool, a
 
     With --json, and without --out, nothing is drawn: the document goes to stdout.
     """
+    from ..files import replace_files, same_file
+    from ..report.files import content_files
+
     document, where = _read(result), str(result)
     content = _content(document, where, UNITS[units or "si"])
     origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
     if out is not None or not as_json:
-        _draw(document, (content, _content(document, where, IN_FILES)), origin, out, result, force=force)
+        stored, folder = STORED.get(document["kind"], "result.json"), result.parent if out is None else out
+        plain = _content(document, where, IN_FILES)
+        files = content_files(content, document, origin, plain=plain, stored=stored)
+        # Beside its own result the report is drawn anew; the result itself stays as it is.
+        beside = same_file(folder / stored, result)
+        if beside:
+            del files[stored]
+        replace_files(files, folder, inputs=[result], force=force or beside)
+        note(f"wrote {folder / 'report.html'}")
     show(document, content, as_json=as_json, series=series)
-
-
-def _draw(
-    document: Mapping[str, Any],
-    contents: tuple[ReportContent, ReportContent],
-    origin: Provenance,
-    out: Path | None,
-    result: Path,
-    *,
-    force: bool,
-) -> None:
-    """Write the files of a document, as it is shown and as files have it, to `out` or beside its `result`."""
-    from ..files import replace_files, same_file
-    from ..report.files import content_files
-
-    content, plain = contents
-    stored = STORED.get(document["kind"], "result.json")
-    files = content_files(content, document, origin, plain=plain, stored=stored)
-    folder = out if out is not None else result.parent
-    # Beside its own result the report is drawn anew; the result itself stays as it is.
-    beside = same_file(folder / stored, result)
-    if beside:
-        del files[stored]
-    replace_files(files, folder, inputs=[result], force=force or beside)
-    note(f"wrote {folder / 'report.html'}")
 
 
 def _content(document: object, where: str, units: Units) -> ReportContent:

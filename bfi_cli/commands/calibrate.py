@@ -9,20 +9,23 @@ from typing import Any
 
 import click
 
-from .options import MODEL, SIGNALS, config_of, inputs_of, log_of, with_options
+from .analysis import inputs_of, log_of
+from .options import MODEL, SIGNALS, config_of, logs_argument, with_options
 from .output import note, show_lines
 from .progress import stages
 
-__all__ = ["command"]
-
 
 @click.command("calibrate")
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path())
-@click.option("-o", "out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="The table to write.")
-@with_options("config_path", "length_s", "step_s", "shapes", "ends", "samples", "frequency", *SIGNALS, *MODEL)
-@with_options("allow_outside")
-@click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined.")
-@with_options("progress", "force", "as_json")
+@with_options(
+    logs_argument,
+    click.option(
+        *("-o", "out"), required=True, metavar="FILE", type=click.Path(path_type=Path), help="The table to write."
+    ),
+    *("config_path", "length_s", "step_s", "shapes", "ends", "samples", "frequency", *SIGNALS, *MODEL),
+    "allow_outside",
+    click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined."),
+    *("progress", "force", "as_json"),
+)
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -10,27 +9,21 @@ import click
 from ..files import check_files
 from ..flightlog import read_log, resample
 from ..flightlog.resampling import with_reach
-from .options import channel_options, json_option, log_argument, out_option, units_of, units_option, window_options
+from .options import CHANNELS, log_argument, with_options
 from .output import write_and_show
-
-__all__ = ["command"]
 
 
 @click.command("convert")
-@log_argument
-@out_option
-@click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Low-pass filter and resample to this rate.")
-@channel_options
-@window_options
-@units_option
-@json_option
-def command(
-    *, log: str, out: Path, force: bool, rate_hz: float | None, as_json: bool, units: str | None, **source: Any
-) -> None:
+@with_options(
+    log_argument,
+    *("out_file", "force"),
+    click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Low-pass filter and resample to this rate."),
+    *(*CHANNELS, "from_s", "to_s", "units", "as_json"),
+)
+def command(*, log: str, rate_hz: float | None, from_s: float | None, to_s: float | None, **options: Any) -> None:
     """Write a log as HDF5 or CSV, under standard names and in SI units, resampled with --rate."""
-    check_files([out], inputs=[log], force=force)
-    from_s, to_s = source.pop("from_s"), source.pop("to_s")
+    check_files([options["out_file"]], inputs=[log], force=options["force"])
     first_s, last_s = with_reach(rate_hz, from_s, to_s)
-    flight = read_log(log, from_s=first_s, to_s=last_s, **source)
+    flight = read_log(log, from_s=first_s, to_s=last_s, **{name: options[name] for name in CHANNELS})
     flight = flight.window(from_s, to_s) if rate_hz is None else resample(flight, rate_hz, from_s=from_s, to_s=to_s)
-    write_and_show(flight, out, kind="convert", log_sha256=flight.sha256, as_json=as_json, units=units_of(units))
+    write_and_show(flight, options, kind="convert", log_sha256=flight.sha256)

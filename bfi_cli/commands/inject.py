@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
 
 from ..errors import LogError
-from .options import channel_options, json_option, log_argument, out_option, units_of, units_option
+from .options import CHANNELS, log_argument, with_options
 from .output import write_and_show
-
-__all__ = ["command"]
 
 
 @click.command("inject")
-@log_argument
-@click.option("--fault", "specs", metavar="SPEC", multiple=True, required=True, help="What to add; repeatable.")
-@click.option(
-    "--through-recorder/--no-through-recorder",
-    default=None,
-    help="Pass the faults through the low-pass filters that the log went through.  [default: where these are known]",
+@with_options(
+    log_argument,
+    click.option("--fault", "specs", metavar="SPEC", multiple=True, required=True, help="What to add; repeatable."),
+    click.option(
+        "--through-recorder/--no-through-recorder",
+        default=None,
+        help="Pass the faults through the low-pass filters that the log went through.  "
+        "[default: where these are known]",
+    ),
+    *("out_file", "force", *CHANNELS, "units", "as_json"),
 )
-@out_option
-@channel_options
-@units_option
-@json_option
-def command(
-    *,
-    log: str,
-    specs: tuple[str, ...],
-    through_recorder: bool | None,
-    out: Path,
-    force: bool,
-    as_json: bool,
-    units: str | None,
-    **source: Any,
-) -> None:
+def command(*, log: str, specs: tuple[str, ...], through_recorder: bool | None, **options: Any) -> None:
     """Add faults to LOG and store the truth beside them; faults it already carries stay.
 
     SPEC is a shape and its keys, times in the log's own seconds: bias,channel=tas,magnitude=4,onset_s=13.8. A fault of
@@ -48,8 +35,9 @@ def command(
     from ..kernels.low_pass import IDENTITY
 
     faults = [parse_spec(spec) for spec in specs]
-    check_files([out], inputs=[log, *(fault.file for fault in faults if fault.file)], force=force)
-    clean = read_log(log, **source)
+    inputs = [log, *(fault.file for fault in faults if fault.file)]
+    check_files([options["out_file"]], inputs=inputs, force=options["force"])
+    clean = read_log(log, **{name: options[name] for name in CHANNELS})
     faults = [parse_spec(spec, unit_of=lambda name: clean.channel(name).unit) for spec in specs]
     if through_recorder and not clean.filters:
         raise LogError(
@@ -57,4 +45,4 @@ def command(
             "state it in the file's attribute filters, or leave the option out"
         )
     faulty = inject(clean, faults, response=IDENTITY if through_recorder is False else None)
-    write_and_show(faulty, out, kind="inject", log_sha256=clean.sha256, as_json=as_json, units=units_of(units))
+    write_and_show(faulty, options, kind="inject", log_sha256=clean.sha256)

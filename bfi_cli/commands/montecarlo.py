@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import inputs_of, json_option, out_options, outside_option, progress_option
-from .output import note, show, write
+from .analysis import inputs_of
+from .options import with_options
+from .output import check_out, note, show, write
 from .progress import progress
 
 if TYPE_CHECKING:
     from ..montecarlo import Sweep
     from ..montecarlo.trial import Row
-
-__all__ = ["command"]
 
 STORED = "summary.json"
 
@@ -32,26 +31,22 @@ STORED = "summary.json"
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: 1]")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the trials.")
 @click.option("--resume", is_flag=True, help="Continue a stopped sweep, or a finished one with more --trials.")
-@outside_option
-@out_options
-@progress_option
-@json_option
-def command(config_path: str, out: Path | None, **options: Any) -> None:
+@with_options("allow_outside", "out", "force", "progress", "as_json")
+def command(config_path: str, **options: Any) -> None:
     """Add known faults to a record many times, identify them, and count how often the answer is right.
 
     CONFIG names the record, the dictionary and what varies; configs/montecarlo_thesis.yaml is an example. The numbers
     are the same for any number of workers, and for a sweep that was stopped and continued.
     """
-    from ..files import check_folder
     from ..montecarlo import check_records, digest_of, load_sweep, montecarlo_content, summarise, summary_document
     from ..montecarlo.report import DRAWINGS, TABLES
     from ..montecarlo.running import TIMING_COLUMNS, timing_cells
     from ..montecarlo.trial import COLUMNS
     from ..provenance import provenance
-    from ..report.files import content_names
 
     if options["workers"] is not None and options["scheduler"] is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
+    out: Path | None = options["out"]
     if options["resume"] and out is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
     sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
@@ -60,8 +55,7 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
     for one in settings:
         named.update(inputs_of(one.config, getattr(one.record, "log", None), dictionary=one.dictionary))
     inputs = tuple(named)
-    if out is not None:
-        check_folder(out, content_names(DRAWINGS, TABLES, stored=STORED), inputs=inputs, force=options["force"])
+    check_out(options, inputs, DRAWINGS, TABLES, stored=STORED)
     records = check_records(sweep)
     digest = digest_of(sweep, records)
     total = sweep.n_trials * len(sweep.scenarios)
@@ -81,7 +75,7 @@ def command(config_path: str, out: Path | None, **options: Any) -> None:
         "timings.csv": dict(zip(TIMING_COLUMNS, zip(*times, strict=True), strict=True)),
     }
     content = replace(montecarlo_content(document), data=data)
-    write(content, document, {**options, "out": out}, origin=origin, inputs=inputs, stored=STORED)
+    write(content, document, options, origin=origin, inputs=inputs, stored=STORED)
     if journal is not None:
         journal.remove()
     show(document, content, as_json=options["as_json"])

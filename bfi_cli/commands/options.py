@@ -3,34 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import ConfigError
 from ..identify.methods import METHODS
-from .output import note
 
 if TYPE_CHECKING:
     from ..config import Config
-    from ..dictionary import Dictionary
-    from ..display_units import Units
-    from ..flightlog import FlightLog
-
-__all__ = ["CHANNELS", "MODEL", "OPTIONS", "SIGNALS", "VERDICT", "channel_options", "config_of", "doubts"]
-__all__ += ["exit_code"]
-__all__ += ["force_option", "inputs_of", "json_option", "log_argument", "log_of", "out_option", "out_options"]
-__all__ += ["outside_option", "pairs", "progress_option", "series_option", "settled", "source_of", "units_of"]
-__all__ += ["units_option", "window_options", "with_options"]
 
 Command = Callable[..., Any]
 Callback = Callable[[click.Context, click.Parameter, Any], Any]
 
-# Exit codes of --strict without a trustworthy answer, and of --fail-on with a declared fault.
-NO_ANSWER, FAULT_DECLARED = 4, 10
 # The methods of `bfi start-time` as --method calls them, and as the key `method` does.
 SCAN_METHODS = {"scan": "ml", "thesis": "risro"}
 
@@ -119,6 +107,13 @@ def _tolerances(context: click.Context, option: click.Parameter, texts: tuple[st
     return given
 
 
+def _magnitudes(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, float]:
+    """Return magnitudes by name; the one without a name is that of the option `magnitude`."""
+    given: dict[str, float] = pairs("0.5 or --magnitude NAME=0.5", float, bare=True)(context, option, texts)
+    context.params["magnitude"] = given.pop("", None)
+    return given
+
+
 def _kinds(_context: click.Context, _option: click.Parameter, text: str | None) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",")) if text else ()
 
@@ -139,6 +134,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "choice": {"default": None},  # --this/--no-this, None where neither is given
     "request": {"is_flag": True, "default": None},  # a flag of which the configuration may have the value
     "path": {"type": click.Path(path_type=Path)},
+    "new_file": {"type": click.Path(path_type=Path), "required": True},
     "json": {"is_flag": True, "is_eager": True},
     "series": {"is_flag": True, "callback": _with_json},
     "number_or_word": {"callback": _number_or_word},
@@ -148,7 +144,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "tolerances": {"multiple": True, "callback": _tolerances},
     "shown_units": {"callback": _shown_units},
     "kinds": {"callback": _kinds},
-    "magnitudes": {"multiple": True, "callback": pairs("0.5 or --magnitude NAME=0.5", float, bare=True)},
+    "magnitudes": {"multiple": True, "callback": _magnitudes},
     "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
     "stretch": {"callback": _two_numbers("a stretch of time", "1160:1500, in s")},
     "scan_method": {"callback": _scan_method},
@@ -263,6 +259,8 @@ allow_outside  --allow-outside  -  -  flag
     Read sample files also where they lie outside the folder of the dictionary or configuration.
 units  --units  shown_units  si|aviation  shown_units
     Units of tables, figures and reports; aviation: kt, ft, ft/min, deg, degC, hPa. Files stay SI.  [default: si]
+out_file  -o,--output  -  OUT  new_file
+    The file to write, .h5 or .csv.
 out  --out  -  DIR  path
     Write result, report, figures and tables.
 force  --force  -  -  flag
@@ -305,20 +303,26 @@ CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "fill_s", "boo
 SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
+FILES = ("allow_outside", "units", "out", "force")
+ANSWER = (*FILES, "strict", "fail_on", "progress", "as_json", "series")
 
 
-def with_options(*names: str, **words: str) -> Callable[[Command], Command]:
-    """Return the decorator that adds options of `OPTIONS` to a command, in this order.
+def with_options(*options: str | Command, **words: str) -> Callable[[Command], Command]:
+    """Return the decorator that adds options to a command, in this order.
 
     Parameters
     ----------
+    options : names of `OPTIONS`, and decorators of click for what only this command has.
     words : by name, the help in place of the table's, for a command in which an option means something more special.
     """
 
     def add(command: Command) -> Command:
-        for name in reversed(names):
-            row = OPTIONS[name]
-            text = words.get(name, row.settings["help"])
+        for option in reversed(options):
+            if not isinstance(option, str):
+                command = option(command)
+                continue
+            row = OPTIONS[option]
+            text = words.get(option, row.settings["help"])
             if "{scanned}" in text:  # known from what imports numpy, for which other commands need not wait
                 from ..shapes import SCANNED
 
@@ -330,23 +334,7 @@ def with_options(*names: str, **words: str) -> Callable[[Command], Command]:
 
 
 log_argument = click.argument("log", metavar="LOG", type=click.Path())
-channel_options = with_options(*CHANNELS)
-window_options = with_options("from_s", "to_s")
-out_options = with_options("out", "force")
-force_option = with_options("force")
-outside_option = with_options("allow_outside")
-units_option = with_options("units")
-progress_option = with_options("progress")
-json_option = with_options("as_json")
-series_option = with_options("as_json", "series")
-
-
-def out_option(command: Command) -> Command:
-    """Add -o/--output, the log file to write, and --force, passed as the path `out` and `force`."""
-    words, path = "The file to write, .h5 or .csv.", click.Path(path_type=Path)
-    return click.option("-o", "--output", "out", required=True, metavar="OUT", type=path, help=words)(
-        force_option(command)
-    )
+logs_argument = click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path())
 
 
 def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
@@ -386,99 +374,3 @@ def _by_option(complaint: str, values: Mapping[str, Any]) -> str:
         key, what = section, f"{name}: {what}"
     flags = [flag for one, flag in FLAGS.items() if one in values and (one == key or one.startswith(f"{key}."))]
     return f"{'/'.join(flags)}: {what}" if colon and flags else f"command line: {complaint}"
-
-
-def units_of(name: str | None) -> Units:
-    """Return the units of that name, SI where none was asked for."""
-    from ..display_units import SI, UNITS
-
-    return SI if name is None else UNITS[name]
-
-
-def log_of(path: str, config: Config) -> FlightLog:
-    """Read the log of an analysis; of one that is large only the window, the time to learn from and the filter's reach.
-
-    Raises
-    ------
-    LogError : it cannot be read.
-    """
-    from ..flightlog import read_log
-    from ..flightlog.resampling import with_reach
-
-    from_s, to_s, rate = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
-    if config.detect.train is not None and from_s is not None:
-        from_s = min(from_s, config.detect.train[0])
-    from_s, to_s = with_reach(rate if isinstance(rate, float) else None, from_s, to_s)
-    return read_log(path, from_s=from_s, to_s=to_s, **source_of(config))
-
-
-def source_of(config: Config) -> dict[str, Any]:
-    """Return what the configuration says of how a file is read, for `bfi_cli.flightlog.read_log`."""
-    return {
-        "group": config.group,
-        "channel_map": dict(config.channels),
-        "unit_map": dict(config.units),
-        "sample_rate_hz": config.sample_rate_hz,
-        "fill_s": config.fill_s,
-        "boot": config.boot,
-    }
-
-
-def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None = None) -> tuple[str, ...]:
-    """Return the files that a command reads: `paths` and those that its configuration and dictionary name."""
-    named = {*paths, config.path, config.start_time.samples, config.start_time.calibration}
-    named.add(config.diagnose.calibration)
-    if dictionary is not None:
-        named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
-    return tuple(path for path in named if path)
-
-
-def settled(flight: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
-    """Return the configuration with what the log has in place of defaults that it lacks, and notes.
-
-    They say what was taken, which windows a long log has unless one was asked for, and ask about values that cannot be
-    and units that nobody has stated; the terminal is told too.
-    """
-    from ..flightlog.quality import advice_on_the_ground, advice_on_windows
-    from ..preprocessing.defaults import with_defaults_of
-
-    asked = (config.window.from_s, config.window.to_s) != (None, None)
-    config, notes = with_defaults_of(flight, config)
-    whole = (config.window.from_s, config.window.to_s) == (None, None)
-    if not asked and (advice := advice_on_windows(flight, whole=whole)) is not None:
-        notes = (advice, *notes)
-    span = config.window
-    if (advice := advice_on_the_ground(flight, span.from_s, span.to_s, suspects=config.outputs)) is not None:
-        notes = (advice, *notes)
-    for sentence in notes:
-        note(sentence)
-    return config, (*notes, *doubts(flight, (*config.outputs, *config.inputs)))
-
-
-def doubts(flight: FlightLog, names: Sequence[str]) -> tuple[str, ...]:
-    """Return questions about channels whose values cannot be, or whose unit nobody has stated; tell the terminal."""
-    from ..flightlog.plausible import doubts_about
-
-    questions = doubts_about(flight, names)
-    for sentence in questions:
-        note(sentence)
-    return questions
-
-
-class Answer(Protocol):
-    """What the exit code asks of a result."""
-
-    @property
-    def decision(self) -> str:
-        """One of `bfi_cli.faults.Decision`."""
-
-    @property
-    def is_trusted(self) -> bool:
-        """Whether `--strict` accepts it."""
-
-
-def exit_code(result: Answer, config: Config) -> int:
-    """Return the exit code of an answer: 4 for --strict without trust in it, 10 for --fail-on with a fault, else 0."""
-    if config.strict and not result.is_trusted:
-        return NO_ANSWER
-    return FAULT_DECLARED if config.fail_on == "fault" and result.decision == "fault" else 0

@@ -7,12 +7,11 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..display_units import IN_FILES, Units
+from ..display_units import IN_FILES, UNITS, Units
 from ..errors import ConfigError
 from ..printable import printable
 from .progress import stages
@@ -26,10 +25,32 @@ if TYPE_CHECKING:
 
     ContentIn = Callable[[Units], ReportContent]
 
-__all__ = ["emit", "note", "show", "show_lines", "write", "write_and_show"]
-
 # Columns of a pipe or a file, where COLUMNS does not say otherwise: what the widest of the tables needs.
 PIPE_COLUMNS = 120
+
+
+def check_out(
+    options: Mapping[str, Any],
+    inputs: Sequence[str],
+    drawings: Sequence[str] = (),
+    tables: Sequence[str] = (),
+    *,
+    stored: str = "result.json",
+    zoom: bool = False,
+) -> None:
+    """Check that the files of an answer may be written to the folder of --out, if it is given.
+
+    Parameters
+    ----------
+    options, inputs : see `emit`; stored : see `write`.
+    drawings, tables : names of the figures and tables; zoom : whether a page to zoom is among the files.
+    """
+    from ..files import check_folder
+    from ..report.files import content_names
+
+    if options["out"] is not None:
+        names = content_names(drawings, tables, stored=stored, zoom=zoom)
+        check_folder(options["out"], names, inputs=inputs, force=options["force"])
 
 
 def emit(
@@ -37,24 +58,28 @@ def emit(
     document: Mapping[str, Any],
     options: Mapping[str, Any],
     *,
-    units: Units,
     origin: Provenance,
     inputs: Sequence[str],
+    units: str = "si",
 ) -> None:
     """Write the files of an answer to the folder of --out, if given, and print the answer.
 
     Parameters
     ----------
     content_in, document : the same answer, as a report shows it in the units given to it, and as JSON.
-    units : of what is printed and drawn; CSV files are in SI.
     options : of the command: `out`, `force`, `as_json`, and where it has them `series` and `progress`.
     origin : its provenance.
     inputs : the files that the command reads.
+    units : name of those in which it is printed and drawn; CSV files are in SI.
     """
-    content = content_in(units)
+    series = options.get("series", False)
+    if options["out"] is None and options["as_json"]:
+        _print_json(document, series=series)
+        return
+    content = content_in(UNITS[units])
     plain = content if options["out"] is None else content_in(IN_FILES)
     write(content, document, options, plain=plain, origin=origin, inputs=inputs)
-    show(document, content, as_json=options["as_json"], series=options.get("series", False))
+    show(document, content, as_json=options["as_json"], series=series)
 
 
 def write(
@@ -151,19 +176,13 @@ def _print(text: str) -> None:
 
 
 def write_and_show(
-    log: FlightLog,
-    out: Path,
-    *,
-    kind: str,
-    as_json: bool,
-    units: Units,
-    log_sha256: str = "",
-    seed: int = 0,
+    log: FlightLog, options: Mapping[str, Any], *, kind: str, log_sha256: str = "", seed: int = 0
 ) -> None:
-    """Write a log to `out`, and print what it holds: the JSON document of `kind`, or lines.
+    """Write a log to the file of --output, and print what it holds: the JSON document of `kind`, or lines.
 
     Parameters
     ----------
+    options : of the command: `out_file`, `as_json`, and where it has them `units`.
     log_sha256 : of the log it was made from, "" where there was none.
     seed : of the random steps.
     """
@@ -171,7 +190,7 @@ def write_and_show(
     from ..flightlog.report import log_document, log_lines
     from ..provenance import provenance
 
-    write_log(log, out)
-    log = replace(log, path=str(out))
+    write_log(log, options["out_file"])
+    log = replace(log, path=str(options["out_file"]))
     document = log_document(log, provenance(log_sha256=log_sha256, seed=seed), kind=kind)
-    show_lines(document, log_lines(log, units), as_json=as_json)
+    show_lines(document, log_lines(log, UNITS[options.get("units") or "si"]), as_json=options["as_json"])

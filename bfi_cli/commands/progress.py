@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
-__all__ = ["progress", "stage", "stages"]
-
 
 @contextmanager
 def progress(label: str, *, wanted: bool | None = None) -> Iterator[Callable[[int, int], None]]:
@@ -54,20 +52,6 @@ def stages(*, wanted: bool | None = None) -> Iterator[Callable[[str, float], Non
             bar.update(task, completed=done)
 
         yield show
-
-
-@contextmanager
-def stage(name: str, *, wanted: bool | None = None) -> Iterator[None]:
-    """Show the name of one stage from before it begins, which takes unknown time.
-
-    Parameters
-    ----------
-    wanted : show it; None for yes where stderr is a terminal.
-    """
-    with stages(wanted=wanted) as show:
-        show(name, 0.0)
-        yield
-        show(name, 1.0)
 
 
 @contextmanager

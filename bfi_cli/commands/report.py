@@ -11,19 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..display_units import IN_FILES
+from ..display_units import IN_FILES, UNITS
 from ..errors import ConfigError
 from ..provenance import Provenance
 from ..report.consistency import contradiction_of
 from ..serialization import from_plain, member
-from .options import force_option, series_option, units_of, units_option
+from .options import with_options
 from .output import note, show
 
 if TYPE_CHECKING:
     from ..display_units import Units
     from ..report.content import ReportContent
-
-__all__ = ["command"]
 
 GIVE = "give the result.json of a command's --out, or what its --json --series printed"
 # Module and function that make the content of each kind of document, and the schema they know.
@@ -45,7 +43,7 @@ KINDS = {
 }
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.
-READ_BACK = ("calibration", "identify", "reproduce")
+READ_BACK = ("calibration", "detect", "identify", "reproduce")
 # Shares, counts and published numbers, which have no units to choose.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 
@@ -55,45 +53,29 @@ WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder of the files  [default: the folder of RESULT.json]"
 )
-@units_option
-@force_option
-@series_option
+@with_options("units", "force", "as_json", "series")
 def command(result: Path, out: Path | None, *, units: str | None, force: bool, as_json: bool, series: bool) -> None:
     """Draw the report, the figures and the tables of a stored RESULT.json ("-" reads stdin), in any units.
 
     With --json, and without --out, nothing is drawn: the document goes to stdout.
     """
-    document, where = _read(result), str(result)
-    content = _content(document, where, units_of(units))
-    origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
-    if out is not None or not as_json:
-        _draw(document, (content, _content(document, where, IN_FILES)), origin, out, result, force=force)
-    show(document, content, as_json=as_json, series=series)
-
-
-def _draw(
-    document: Mapping[str, Any],
-    contents: tuple[ReportContent, ReportContent],
-    origin: Provenance,
-    out: Path | None,
-    result: Path,
-    *,
-    force: bool,
-) -> None:
-    """Write the files of a document, as it is shown and as files have it, to `out` or beside its `result`."""
     from ..files import replace_files, same_file
     from ..report.files import content_files
 
-    content, plain = contents
-    stored = STORED.get(document["kind"], "result.json")
-    files = content_files(content, document, origin, plain=plain, stored=stored)
-    folder = out if out is not None else result.parent
-    # Beside its own result the report is drawn anew; the result itself stays as it is.
-    beside = same_file(folder / stored, result)
-    if beside:
-        del files[stored]
-    replace_files(files, folder, inputs=[result], force=force or beside)
-    note(f"wrote {folder / 'report.html'}")
+    document, where = _read(result), str(result)
+    content = _content(document, where, UNITS[units or "si"])
+    origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
+    if out is not None or not as_json:
+        stored, folder = STORED.get(document["kind"], "result.json"), result.parent if out is None else out
+        plain = _content(document, where, IN_FILES)
+        files = content_files(content, document, origin, plain=plain, stored=stored)
+        # Beside its own result the report is drawn anew; the result itself stays as it is.
+        beside = same_file(folder / stored, result)
+        if beside:
+            del files[stored]
+        replace_files(files, folder, inputs=[result], force=force or beside)
+        note(f"wrote {folder / 'report.html'}")
+    show(document, content, as_json=as_json, series=series)
 
 
 def _content(document: object, where: str, units: Units) -> ReportContent:

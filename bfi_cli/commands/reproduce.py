@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import BfiError, ConfigError
-from .options import (
-    CHANNELS,
-    OPTIONS,
-    channel_options,
-    out_options,
-    progress_option,
-    series_option,
-    units_of,
-    window_options,
-)
-from .output import emit, note
+from .options import CHANNELS, OPTIONS, with_options
+from .output import check_out, emit, write
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -27,8 +17,6 @@ if TYPE_CHECKING:
     from ..provenance import Provenance
     from ..report.content import ReportContent
     from ..reproduce import Settings
-
-__all__ = ["command"]
 
 OF_A_LOG = {name: OPTIONS[name].flags[0] for name in ("from_s", "to_s", *CHANNELS)}
 
@@ -41,31 +29,25 @@ OF_A_LOG = {name: OPTIONS[name].flags[0] for name in ("from_s", "to_s", *CHANNEL
 @click.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Of all random numbers.  [default: 0]")
 @click.option("--workers", type=click.IntRange(min=1), default=1, metavar="N", help="Processes.  [default: 1]")
 @click.option("--set", "choices", multiple=True, metavar="KEY=VALUE", help="An open choice of f16-table2; repeatable.")
-@window_options
-@channel_options
-@out_options
-@progress_option
-@series_option
+@with_options("from_s", "to_s", *CHANNELS, "out", "force", "progress", "as_json", "series")
 @click.pass_context
 def command(context: click.Context, /, name: str, **options: Any) -> None:
     """Make the published figure or table NAME again, ours beside theirs.
 
     Without NAME, or with "list", the names are listed; "all" makes every one, each in a folder of its own in --out.
     """
-    from ..files import check_folder
     from ..provenance import provenance
-    from ..report.files import content_names
     from ..reproduce import Settings
-    from ..reproduce.catalogue import find, list_content, reproduce_document, run
+    from ..reproduce.catalogue import REPRODUCTIONS, find, list_content, reproduce_document, run
 
     if name not in ("list", "all"):
         name = find(name)
     if options["choices"] and not name.startswith("f16-"):
         raise ConfigError(f"--set: {name} leaves no choice open, f16-table2 does; leave --set out")
     inputs = () if options["log_path"] is None else (options["log_path"],)
-    if options["out"] is not None:
-        for folder in (options["out"], *(_folders(options["out"]) if name == "all" else ())):
-            check_folder(folder, content_names(), inputs=inputs, force=options["force"])
+    check_out(options, inputs)
+    for one in REPRODUCTIONS if name == "all" and options["out"] is not None else ():
+        check_out({**options, "out": options["out"] / one}, inputs)
     log = _log(options)
     settings = Settings(log=log, **{key: options[key] for key in ("quick", "trials", "seed", "workers", "choices")})
     origin = provenance(log_sha256=log.sha256 if log else "", seed=settings.seed)
@@ -78,7 +60,7 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
         with progress(name, wanted=options["progress"]) as report:
             content = run(name, replace(settings, report=report))
     document = reproduce_document(name, content, origin)
-    emit(lambda _: content, document, options, units=units_of(None), origin=origin, inputs=inputs)
+    emit(lambda _: content, document, options, origin=origin, inputs=inputs)
     context.exit(code)
 
 
@@ -90,25 +72,14 @@ def _log(options: dict[str, Any]) -> FlightLog | None:
         return None
     from ..flightlog import read_log
 
-    log = read_log(
-        options["log_path"],
-        **{name: options[name] for name in ("from_s", "to_s", *CHANNELS)},
-    )
+    log = read_log(options["log_path"], **{name: options[name] for name in OF_A_LOG})
     return log.window(options["from_s"], options["to_s"])
-
-
-def _folders(out: Path) -> list[Path]:
-    from ..reproduce.catalogue import REPRODUCTIONS
-
-    return [out / name for name in REPRODUCTIONS]
 
 
 def _every(
     settings: Settings, origin: Provenance, options: dict[str, Any], inputs: tuple[str, ...]
 ) -> tuple[ReportContent, int]:
     """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
-    from ..files import replace_files
-    from ..report.files import content_files
     from ..reproduce.catalogue import REPRODUCTIONS, reproduce_document, run, summary_content
 
     shared: dict[tuple[str, str], ReportContent | BfiError] = {}
@@ -124,8 +95,7 @@ def _every(
         one = shared[place]
         made.append((name, one))
         if options["out"] is not None and not isinstance(one, BfiError):
-            files, folder = content_files(one, reproduce_document(name, one, origin), origin), options["out"] / name
-            replace_files(files, folder, inputs=inputs, force=options["force"])
-            note(f"wrote {folder / 'report.html'}")
+            there = {**options, "out": options["out"] / name}
+            write(one, reproduce_document(name, one, origin), there, origin=origin, inputs=inputs)
     codes = [one.exit_code for _, one in made if isinstance(one, BfiError)]
     return summary_content(made), max(codes, default=0)

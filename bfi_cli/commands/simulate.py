@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from ..errors import ConfigError
-from .options import json_option, out_option, pairs, progress_option, units_of
+from .options import pairs, with_options
 from .output import write_and_show
 from .progress import stages
-
-__all__ = ["command"]
 
 SIZES = pairs("tas=0.01", float)
 RADIANS = 0.035  # two degrees, within the range of a linear model
@@ -62,7 +59,7 @@ def _check(context: click.Context, options: dict[str, Any]) -> None:
 @click.command("simulate")
 @click.argument("name", metavar="[MODEL]", required=False)
 @click.option("--model", "model_file", metavar="FILE", help="Linear model of a YAML file, in place of MODEL.")
-@out_option
+@with_options("out_file", "force")
 @click.option(
     "--manoeuvre", default="3211", show_default=True, help="3211, doublet, multisine, none; of jsbsim also tour."
 )
@@ -82,20 +79,9 @@ def _check(context: click.Context, options: dict[str, Any]) -> None:
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and turbulence."
 )
-@progress_option
-@json_option
+@with_options("progress", "as_json")
 @click.pass_context
-def command(
-    context: click.Context,
-    /,
-    *,
-    name: str | None,
-    model_file: str | None,
-    out: Path,
-    force: bool,
-    as_json: bool,
-    **options: Any,
-) -> None:
+def command(context: click.Context, /, name: str | None, model_file: str | None, **options: Any) -> None:
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
     MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines),
@@ -110,7 +96,7 @@ def command(
     from ..files import check_files
 
     _check(context, options)
-    check_files([out], inputs=() if model_file is None else (model_file,), force=force)
+    check_files([options["out_file"]], inputs=() if model_file is None else (model_file,), force=options["force"])
     tour = options["manoeuvre"] == "tour"
     plan = aircraft.FlightPlan(
         tas_m_s=options["tas"], altitude_m=options["altitude"], wind_m_s=options["wind"], tour=tour
@@ -154,4 +140,4 @@ def command(
             quantum=options["quantum"],
             report=partial(progress, "flight"),
         )
-    write_and_show(log, out, kind="simulate", seed=options["seed"], as_json=as_json, units=units_of(None))
+    write_and_show(log, options, kind="simulate", seed=options["seed"])

@@ -35,11 +35,6 @@ from ..units import change_in_si
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
-__all__ = ["STRONG_EVIDENCE", "AuditOfDictionary", "Calibrate", "Conditioning", "Config", "Detect", "Diagnosability"]
-__all__ += ["Diagnose", "DictionarySource", "Dmae", "Model", "Names", "Natural", "PathText", "Risro", "Selection"]
-__all__ += ["StartTime", "Window", "json_schema", "load_config", "merge"]
-
-
 # What editors know of keys that hold more than one kind of value.
 UNITS_SCHEMA = {
     "anyOf": [

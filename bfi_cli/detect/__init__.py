@@ -1,7 +1,7 @@
 """Which channel fails, and when: the null-space detector, exact for noise-free data and by parity residuals with noise.
 
-`preparation` makes a record of the log, `detect` applies the criterion of the paper for data without noise, `parity` is
-the one for noisy data; `detect` chooses and makes the result.
+`preparation` makes a record of the log; `exact` applies the criterion of the paper to data without noise, `parity` the
+one for noisy data, with the prediction errors of `predictor`; `detect` chooses and draws the conclusion.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from ..flightlog.phases import APART_S, flight_stretches, phases_of
 from ..flightlog.recorder import recorder_filters
 from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
+from ..kernels.input_directions import STILL, directions, independent, moments
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
@@ -45,12 +46,6 @@ LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "norm
 TURNS = "further inputs made of roll and yaw_rate explain what turns do to longitudinal motion (--no-turns omits them)"
 # Cosine of the steepest bank, 78 degrees: the load factor of a turn has no bound.
 STEEPEST = 0.2
-# A channel that moves less, relative to its extent, shows round-off only.
-STILL = 1e-9
-# A column of which those before it leave less, relative to its norm, depends on them: above the round-off of filtering.
-DEPENDENT = 1e-6
-# A direction with a smaller share of the largest singular value is weak: inputs that move together differ by noise.
-TOGETHER = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,8 +56,7 @@ class PreparedRecord:
     ----------
     part : the log from the start of the healthy time on.
     record : its inputs and outputs, no dictionary.
-    train : healthy time; watch_s, until_s : from when on and until when the outputs are watched; watched : the
-        stretches of flight therein.
+    train : healthy time; watched : the stretches of flight after it; until_s : when what the recorder told ends.
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
@@ -75,7 +69,6 @@ class PreparedRecord:
     record: Signals
     native_rate_hz: float
     train: tuple[float, float]
-    watch_s: float
     until_s: float
     watched: tuple[tuple[float, float], ...]
     inputs: tuple[str, ...]
@@ -96,6 +89,7 @@ class DecimatedRecord:
 
     Attributes
     ----------
+    path : of the log, for messages; outputs, units : names, and the unit of each.
     time_s : (n,) of the samples; reach_s : how much later the last sample is that each of them was made of.
     smear_s : the time to either side over which the filters, the recorder's among them, spread a step.
     y : (n, n_outputs).
@@ -104,6 +98,9 @@ class DecimatedRecord:
     healthy : (n,) samples of the healthy time; watched : (n,) samples that are watched.
     """
 
+    path: str
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
     rate_hz: float
     time_s: FloatArray
     reach_s: float
@@ -127,71 +124,13 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     given_inputs = config.inputs if "inputs" in config.model_fields_set else ()
     given_outputs = config.outputs if "outputs" in config.model_fields_set else ()
     log = with_derived(log, (*given_inputs, *given_outputs), from_s=from_s, to_s=to_s)
+    notes = []
+
+    # 1. The healthy time, and the flight after it.
     part = log.window(from_s, to_s)
     first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
     flown = _flown(log, first_s, last_s + 1.0 / part.rate_hz)
     train = config.detect.train or _first_third(flown)
-    start_s = train[0]
-    if flown[-1][1] <= last_s:
-        to_s = flown[-1][1]
-    inputs, outputs = _channels(log.window(start_s, to_s), given_inputs, given_outputs)
-    free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
-    bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
-    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
-    part, needed = log.window(start_s, to_s), (*inputs, *outputs, *bank, *helping)
-    filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
-    stated = log.filters is not None or config.recorder.edge_hz != "auto"
-    if must_resample(part, needed, rate_hz):
-        assert not isinstance(rate_hz, str)
-        part = resample(log, rate_hz, from_s=start_s, to_s=to_s)
-        require_usable(part, needed)
-    watch_s = max(train[1], train[1] if from_s is None else from_s)
-    stretches = tuple((max(a, watch_s), b) for a, b in flown if b > watch_s)
-    first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
-    if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
-        raise ConfigError(
-            f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first_s)} s to "
-            f"{instant(last_s)} s; change --train, --from or --to"
-        )
-    # At the end of a log a recorder that looks ahead has filtered samples that it never had.
-    recorder = [one for one in filters if one.stage == "recorder"]
-    ahead_s = response_of(recorder, log.rate_hz).before / log.rate_hz
-    until_s = float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf
-    through = response_of(filters, log.rate_hz)
-    recorder_s = _spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S
-    # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
-    chains = (filters, *alternatives(filters), log.filters or ())
-    edges_hz = [one.edge_hz for chain in chains for one in chain if one.stage == "recorder"]
-    recorder_hz = min(edges_hz, default=None)
-    if watch_s >= min(last_s, until_s) or not stretches:
-        raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
-    signals = [part.channel(name).values for name in inputs]
-    if bank:
-        # What a turn adds to longitudinal motion: the pitch angle changes with q cos(roll) - r sin(roll), not with q,
-        # and the load factor is 1 / cos(roll).
-        roll, yaw_rate = (part.channel(name).values for name in bank)
-        level = np.maximum(np.cos(roll), STEEPEST)
-        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
-        if "pitch_rate" in part.channels:
-            signals.append(part.channel("pitch_rate").values * (1.0 - level))
-    record = Signals(
-        path=part.path,
-        rate_hz=part.rate_hz,
-        factor=1,
-        time_s=part.time_s,
-        u=np.column_stack([np.zeros((part.n_samples, 0)), *signals]),
-        y=part.signals(outputs),
-        theta=np.zeros((part.n_samples, len(outputs), 0)),
-    )
-    before = part.time_s < train[1]
-    healthy = replace(
-        record,
-        time_s=part.time_s[before],
-        u=record.u[before],
-        y=record.y[before],
-        theta=np.zeros((int(before.sum()), len(outputs), 0)),
-    )
-    notes = []
     if config.detect.train is None:
         notes.append(
             f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the flight "
@@ -200,48 +139,97 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         )
     elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
         notes.append(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed")
-    if watched := _left_out(
-        stretches, watch_s, float(log.time_s[-1]) if config.window.to_s is None else config.window.to_s
-    ):
-        notes.append(watched)
+    watch_s = train[1] if from_s is None else max(train[1], from_s)
+    watched = tuple((max(a, watch_s), b) for a, b in flown if b > watch_s)
+    end_s = float(log.time_s[-1]) if to_s is None else to_s
+    if len(watched) > 1 or (watched and watched[0][1] < end_s - APART_S):
+        named = ", ".join(f"{instant(a)} to {instant(b)} s" for a, b in watched)
+        notes.append(
+            f"watched in flight only, {named}: not in take-off, approach, landing and parabolas, nor on the ground"
+        )
+
+    # 2. What is cut, which channels of it, and the rate.
+    stop_s = flown[-1][1] if flown[-1][1] <= last_s else to_s
+    part = log.window(train[0], stop_s)
+    inputs, outputs = _channels(part, given_inputs, given_outputs)
+    free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
+    bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
+    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
+    needed = (*inputs, *outputs, *bank, *helping)
+    if must_resample(part, needed, rate_hz):
+        assert not isinstance(rate_hz, str)
+        part = resample(log, rate_hz, from_s=train[0], to_s=stop_s)
+        require_usable(part, needed)
+    first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
+    if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
+        raise ConfigError(
+            f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first_s)} s to "
+            f"{instant(last_s)} s; change --train, --from or --to"
+        )
+
+    # 3. The recorder: how far it reaches, and the lowest edge that it may have.
+    filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
+    stated = log.filters is not None or config.recorder.edge_hz != "auto"
+    through = response_of(filters, log.rate_hz)
+    # At the end of a log a recorder that looks ahead has filtered samples that it never had.
+    ahead_s = response_of([one for one in filters if one.stage == "recorder"], log.rate_hz).before / log.rate_hz
+    until_s = float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf
+    if watch_s >= min(last_s, until_s) or not watched:
+        raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
     if last_s > until_s:
         notes.append(
             f"nothing after {instant(until_s)} s is watched: the recorder's low-pass looks {ahead_s:.2g} s ahead, past "
             "the end of the log"
         )
+    # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
+    chains = (filters, *alternatives(filters), log.filters or ())
+    recorder_hz = min((one.edge_hz for chain in chains for one in chain if one.stage == "recorder"), default=None)
+
+    # 4. The inputs, those that a turn makes among them, and the rate.
     felt = [name for name in FELT if name in inputs and not given_inputs]
     if felt:
         notes.append(
             f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
             "(--input chooses)"
         )
+    signals = [part.channel(name).values for name in inputs]
     if bank:
         notes.append(TURNS)
+        # What a turn adds to longitudinal motion: the pitch angle changes with q cos(roll) - r sin(roll), not with q,
+        # and the load factor is 1 / cos(roll).
+        roll, yaw_rate = (part.channel(name).values for name in bank)
+        level = np.maximum(np.cos(roll), STEEPEST)
+        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
+        if "pitch_rate" in part.channels:
+            signals.append(part.channel("pitch_rate").values * (1.0 - level))
     if stated and about_recorder:
         notes.append(about_recorder)
+    u, y = np.column_stack([np.zeros((part.n_samples, 0)), *signals]), part.signals(outputs)
+
+    def until(n: int) -> Signals:
+        theta = np.zeros((n, len(outputs), 0))
+        return Signals(
+            path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s[:n], u=u[:n], y=y[:n], theta=theta
+        )
+
+    healthy = until(int(np.count_nonzero(part.time_s < train[1])))
+    choice = choose_rate(
+        healthy, (), exact=False, asked=rate_hz, recorder_hz=recorder_hz, fastest_hz=FASTEST_HZ, purpose="detect"
+    )
     return PreparedRecord(
         part=part,
-        record=record,
+        record=until(part.n_samples),
         native_rate_hz=log.rate_hz,
         train=train,
-        watch_s=watch_s,
         until_s=until_s,
-        watched=stretches,
+        watched=watched,
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
-        choice=choose_rate(
-            healthy,
-            (),
-            exact=False,
-            asked=rate_hz,
-            recorder_hz=recorder_hz,
-            fastest_hz=FASTEST_HZ,
-            purpose="detect",
-        ),
+        choice=choice,
         exact=is_exact(healthy),
         filtered=not stated or len(filters) > 0,
-        recorder_s=recorder_s,
+        recorder_s=_spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S,
         recorder_hz=recorder_hz if stated else UNSTATED_HZ,
         stated=stated,
         notes=tuple(notes),
@@ -276,22 +264,6 @@ def _first_third(flown: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return start, min(stop, start + third)
 
 
-def _left_out(watched: Sequence[tuple[float, float]], from_s: float, to_s: float) -> str | None:
-    """Return a sentence on the stretches that are watched, None where they are all of the time from `from_s` on."""
-    if len(watched) == 1 and watched[0][1] >= to_s - APART_S:
-        return None
-    named = ", ".join(f"{instant(a)} to {instant(b)} s" for a, b in watched)
-    return f"watched in flight only, {named}: not in take-off, approach, landing and parabolas, nor on the ground"
-
-
-def _inside(stretches: Sequence[tuple[float, float]], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
-    """Return which of the times from `first_s` to `last_s` lie within one of the stretches; an open end is no edge."""
-    inside = np.zeros(first_s.shape, dtype=bool)
-    for start, stop in stretches:
-        inside |= (first_s >= start) & (last_s <= stop)
-    return inside
-
-
 def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
     """Return the record filtered and decimated by `factor`.
 
@@ -312,6 +284,9 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
     time_s, reach_s = record.time_s[first::factor][: len(y)], last / record.rate_hz
     kept = independent(u)
     return DecimatedRecord(
+        path=record.path,
+        outputs=prepared.outputs,
+        units=prepared.units,
         rate_hz=record.rate_hz / factor,
         time_s=time_s,
         reach_s=reach_s,
@@ -320,9 +295,8 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
         u=u[:, kept],
         weak=np.resize(weak, u.shape[1])[kept],
         healthy=time_s + reach_s < prepared.train[1],
-        watched=(time_s + reach_s >= prepared.watch_s)
-        & (time_s + reach_s <= prepared.until_s)
-        & _inside(prepared.watched, time_s - reach_s, time_s + reach_s),
+        watched=(time_s + reach_s <= prepared.until_s)
+        & np.any([(time_s - reach_s >= a) & (time_s + reach_s <= b) for a, b in prepared.watched], axis=0),
     )
 
 
@@ -337,50 +311,6 @@ def _spread(taps: FloatArray, before: int | None = None) -> int:
     beyond = np.flatnonzero(np.minimum(np.abs(course), np.abs(1.0 - course)) > UNRISEN)
     middle = (len(taps) - 1) // 2 if before is None else before
     return int(np.max(np.abs(beyond - middle), initial=0)) + 1
-
-
-def directions(u: FloatArray, healthy: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Return (n_samples, k) signals that span the inputs, the strongest first, and which hardly stand out of the noise.
-
-    Surfaces that move together are logged one by one, each with its own noise: their mean is more precise than each of
-    them, and their differences are noise. Inputs that rest in the healthy time stay as they are.
-
-    Parameters
-    ----------
-    u : (n_samples, n_inputs); healthy : (n_samples,) the healthy time.
-    """
-    moved = u - u[healthy].mean(axis=0)
-    spread, extent = moved[healthy].std(axis=0), np.abs(moved).max(axis=0, initial=0.0)
-    rest = np.flatnonzero((spread <= STILL * extent) & (extent > 0.0))
-    moving = np.flatnonzero(spread > STILL * extent)
-    scaled = moved[:, moving] / spread[moving]
-    _, values, V = np.linalg.svd(np.linalg.qr(scaled[healthy], mode="r"), full_matrices=False)
-    signals = np.hstack([scaled @ V.T, moved[:, rest]])
-    weak = np.append(values <= TOGETHER * values.max(initial=0.0), np.zeros(len(rest), dtype=bool))
-    seen = np.abs(signals).max(axis=0, initial=0.0) > DEPENDENT
-    return signals[:, seen], weak[seen]
-
-
-def moments(u: FloatArray, factor: int) -> FloatArray:
-    """Return (n_samples, k or 2 k): mean and first moment of each input over the last `factor` samples."""
-    if factor == 1 or not u.shape[1]:
-        return u
-    held = np.vstack([np.repeat(u[:1], factor - 1, axis=0), u])
-    windows = np.lib.stride_tricks.sliding_window_view(held, factor, axis=0)
-    arms = (np.arange(factor) - 0.5 * (factor - 1)) / factor
-    return np.hstack([windows.mean(axis=2), windows @ arms / factor])
-
-
-def independent(u: FloatArray) -> NDArray[np.intp]:
-    """Return which columns of u move and are no combination of those before them."""
-    centred = u - u.mean(axis=0) if len(u) else u
-    kept: list[int] = []
-    for j, size in enumerate(np.ptp(u, axis=0) if u.shape[1] else ()):
-        basis = np.linalg.qr(centred[:, kept])[0] if kept else np.zeros((len(u), 0))
-        left = centred[:, j] - basis @ (basis.T @ centred[:, j])
-        if size > 0.0 and np.linalg.norm(left) > DEPENDENT * np.linalg.norm(centred[:, j]):
-            kept.append(j)
-    return np.array(kept, dtype=np.intp)
 
 
 def _channels(

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ..channels import LARGEST_ERROR
-from ..decision import Candidate
 from ..display_units import SI, Units
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
 from ..report.text import change, instant, interval, number, with_unit
-from ..serialization import from_plain, to_plain
-from .result import DetectResult
-
-__all__ = ["SCHEMA", "detect_content", "detect_document"]
+from ..serialization import from_plain, member, to_plain
+from .result import Alarm, ChannelSeries, DetectResult
 
 SCHEMA = 2
-Plain = Mapping[str, Any]
 UNKNOWN = "size not determined"
 HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "inconclusive": "Inconclusive"}
 METHODS = {"exact": "right null space of the last samples", "parity": "parity residuals (left null space)"}
@@ -37,143 +33,154 @@ CAPTION = (
 def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi detect --json`; numbers that are not finite are None."""
     body = to_plain(result)
-    series = {"time_s": body.pop("time_s"), "channels": body.pop("series")}
-    notes = body.pop("notes")
-    return {
-        "kind": "detect",
-        "schema": SCHEMA,
-        **body,
-        "series": series,
-        "notes": notes,
-        "provenance": to_plain(provenance),
-    }
+    body["series"] = {"time_s": body.pop("time_s"), "channels": body["series"]}
+    return {"kind": "detect", "schema": SCHEMA, **body, "provenance": to_plain(provenance)}
 
 
-def detect_content(document: Plain, units: Units = SI) -> ReportContent:
-    """Return what the report of a document of `bfi detect` holds, in `units`; its CSV files are in SI."""
-    log, model, use, alarms = (document[key] for key in ("log", "model", "calibration", "alarms"))
-    train, series, exact = document["train"], document["series"], document["method"] == "exact"
-    candidates = from_plain(tuple[Candidate, ...], document["candidates"], where="candidates")
-    summary = shown_summary(document["summary"], document["verdicts"], candidates, units)
+def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi detect` holds, in `units`; its CSV files are in SI.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    time_s, channels = (member(document, f"series.{key}", where=where) for key in ("time_s", "channels"))
+    result = from_plain(DetectResult, {**document, "time_s": time_s, "series": channels}, where=where)
+    candidates, exact = result.candidates, result.method == "exact"
     failing = []
-    for alarm in alarms:
+    for alarm in result.alarms:
         size = _step(alarm, units)
         what = f"a failure ({size})" if size.startswith(UNKNOWN) else f"a step of {size}"
-        failing.append(f"{what} on {shortened(alarm['channel'], 40)} from {instant(alarm['onset_s'])} s")
-
-    facts = [
-        ("Window", f"{number(log['start_s'], digits=6)} to {number(log['stop_s'], digits=6)} s"),
-        ("Samples", f"{log['n_samples']} at {number(log['rate_hz'])} Hz"),
-        ("Inputs", ", ".join(document["inputs"]) or "none"),
-        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of healthy records wanted"),
-        ("Method", METHODS[document["method"]]),
-        ("Ready", f"{number(document['ready_s'], digits=6)} s"),
-    ]
-    if train is not None:
-        facts.append(("Healthy time", f"{instant(train[0])} to {instant(train[1])} s"))
-    if model is not None:
-        past = f"{model['rank']} of {model['n_stacked']} components of {model['lags']} lags"
-        facts.append(("Predictor", f"{past}, forgetting {model['forgetting']:g}"))
-    if use is not None:
-        held = f"{instant(use['held_back_s'][0])} to {instant(use['held_back_s'][1])} s, {use['n_blocks']} stretches"
-        facts.append(("Calibrated on", f"{held} held back"))
-        facts.append(("Level", f"{number(use['level'])} (white noise: {number(use['white_level'])})"))
-
-    spans = [] if train is None else [Span(label="healthy time", low=train[0], high=train[1])]
-    spans += [
-        Span(label=f"alarm of {shortened(alarm['channel'], 20)}", low=alarm["time_s"], high=alarm["time_s"])
-        for alarm in alarms
-    ]
-    rows, panels = [], []
-    for channel in series["channels"]:
-        values = np.array(channel["statistic"], dtype=np.float64)
-        most = float(np.nanmax(values)) if np.isfinite(values).any() else None
-        shown = units.of(channel["unit"], channel=channel["channel"])
-        sd = change(None if model is None else model["noise_sd"].get(channel["channel"]), shown)
-        rows.append((shortened(channel["channel"], 40), sd, number(most), number(channel["threshold"])))
-        panels.append(
-            Panel(
-                title=str(channel["channel"]),
-                x_label="time [s]",
-                y_label="criterion [-]" if exact else "deviate [sd]",
-                curves=(curve("", series["time_s"], np.maximum(values, LEAST) if exact else values),),
-                log_y=exact,
-                levels=(("threshold", channel["threshold"]),),
-                spans=tuple(spans),
-            )
-        )
-    heads = ("channel", "prediction error", "largest statistic", "threshold")
-    tables = list(candidate_tables(candidates, units))
-    if alarms:
-        alarm_heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step, 95 % interval")
-        declared = tuple(
-            (
-                str(alarm["channel"]),
-                f"{instant(alarm['onset_s'])} s",
-                f"{instant(alarm['time_s'])} s",
-                number(alarm["statistic"]),
-                number(alarm["threshold"]),
-                _step(alarm, units).removeprefix("size "),
-            )
-            for alarm in alarms
-        )
-        tables.insert(0, Table(name="alarms", title="Alarms", heads=alarm_heads, rows=declared))
-    tables.append(Table(name="channels", title="Channels watched", heads=heads, rows=tuple(rows)))
+        failing.append(f"{what} on {shortened(alarm.channel, 40)} from {instant(alarm.onset_s)} s")
+    summary = shown_summary(result.summary, result.verdicts, candidates, units)
+    tables = [*_alarms(result, units), *candidate_tables(candidates, units), _channels(result, units)]
     hidden = hidden_drawing(candidates, units)
-    listed = {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
+    spans = [] if result.train is None else [Span(label="healthy time", low=result.train[0], high=result.train[1])]
+    for one in result.alarms:
+        spans.append(Span(label=f"alarm of {shortened(one.channel, 20)}", low=one.time_s, high=one.time_s))
+    panels = [
+        Panel(
+            title=one.channel,
+            x_label="time [s]",
+            y_label="criterion [-]" if exact else "deviate [sd]",
+            curves=(curve("", result.time_s, np.maximum(one.statistic, LEAST) if exact else one.statistic),),
+            log_y=exact,
+            levels=(("threshold", one.threshold),),
+            spans=tuple(spans),
+        )
+        for one in result.series
+    ]
     return ReportContent(
         category="Detection of a failing channel",
-        title=str(log["path"]),
-        heading=HEADINGS[document["decision"]],
-        verdict=verdict_sentence(document["decision"], failing, summary),
-        tone=document["decision"],
+        title=result.log.path,
+        heading=HEADINGS[result.decision],
+        verdict=verdict_sentence(result.decision, failing, summary),
+        tone=result.decision,
         lead=len(hidden),
-        facts=tuple(facts),
+        facts=_facts(result),
         tables=tuple(tables),
         drawings=(*hidden, Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2)),
-        notes=(*map(units.sentence, document["notes"]), *(f"next: {command}" for command in document["commands"])),
-        data={"candidates.csv": listed, **_files(alarms, series["channels"], model)},
+        notes=(*map(units.sentence, result.notes), *(f"next: {command}" for command in result.commands)),
+        data={
+            "candidates.csv": {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS},
+            **_files(result),
+        },
     )
 
 
-def _step(alarm: Plain, units: Units) -> str:
+def _facts(result: DetectResult) -> tuple[tuple[str, str], ...]:
+    log, model, use = result.log, result.model, result.calibration
+    facts = [
+        ("Window", f"{number(log.start_s, digits=6)} to {number(log.stop_s, digits=6)} s"),
+        ("Samples", f"{log.n_samples} at {number(log.rate_hz)} Hz"),
+        ("Inputs", ", ".join(result.inputs) or "none"),
+        ("False alarms", f"{number(100.0 * result.false_alarm)} % of healthy records wanted"),
+        ("Method", METHODS[result.method]),
+        ("Ready", f"{number(result.ready_s, digits=6)} s"),
+    ]
+    if result.train is not None:
+        facts.append(("Healthy time", f"{instant(result.train[0])} to {instant(result.train[1])} s"))
+    if model is not None:
+        past = f"{model.rank} of {model.n_stacked} components of {model.lags} lags"
+        facts.append(("Predictor", f"{past}, forgetting {model.forgetting:g}"))
+    if use is not None:
+        held = f"{instant(use.held_back_s[0])} to {instant(use.held_back_s[1])} s, {use.n_blocks} stretches"
+        facts.append(("Calibrated on", f"{held} held back"))
+        facts.append(("Level", f"{number(use.level)} (white noise: {number(use.white_level)})"))
+    return tuple(facts)
+
+
+def _alarms(result: DetectResult, units: Units) -> tuple[Table, ...]:
+    heads = ("channel", "fails from", "declared at", "statistic", "threshold", "step, 95 % interval")
+    rows = tuple(
+        (
+            alarm.channel,
+            f"{instant(alarm.onset_s)} s",
+            f"{instant(alarm.time_s)} s",
+            number(alarm.statistic),
+            number(alarm.threshold),
+            _step(alarm, units).removeprefix("size "),
+        )
+        for alarm in result.alarms
+    )
+    return (Table(name="alarms", title="Alarms", heads=heads, rows=rows),) if rows else ()
+
+
+def _channels(result: DetectResult, units: Units) -> Table:
+    heads = ("channel", "prediction error", "largest statistic", "threshold")
+    rows = tuple(
+        (
+            shortened(one.channel, 40),
+            change(_noise_sd(result, one), units.of(one.unit, channel=one.channel)),
+            number(_largest(one)),
+            number(one.threshold),
+        )
+        for one in result.series
+    )
+    return Table(name="channels", title="Channels watched", heads=heads, rows=rows)
+
+
+def _step(alarm: Alarm, units: Units) -> str:
     """Return the size of a step with its interval, "4.00 m/s (3.95 to 4.05)"; documents of before have no interval.
 
     A size that may as well be of the other sign is not determined.
     """
-    shown = units.of(alarm["unit"], channel=alarm["channel"])
-    ends = alarm.get("ci95")
-    if alarm["size"] is None:
+    shown, ends = units.of(alarm.unit, channel=alarm.channel), alarm.ci95
+    if alarm.size is None:
         return UNKNOWN
     if ends is None:
-        return change(alarm["size"], shown)
+        return change(alarm.size, shown)
     low, high = shown.change(ends[0]) or 0.0, shown.change(ends[1]) or 0.0
     if low <= 0.0 <= high:
-        if max(-ends[0], ends[1]) > LARGEST_ERROR.get(alarm["channel"], np.inf):
+        if max(-ends[0], ends[1]) > LARGEST_ERROR.get(alarm.channel, np.inf):
             return UNKNOWN
         return f"{UNKNOWN}, {with_unit(interval((low, high)), shown.unit)}"
-    size = number(shown.change(alarm["size"]), spread=0.5 * (high - low), extra=1)
+    size = number(shown.change(alarm.size), spread=0.5 * (high - low), extra=1)
     return f"{with_unit(size, shown.unit)} ({interval((low, high), extra=1)})"
 
 
-def _files(alarms: Sequence[Plain], channels: Sequence[Plain], model: Plain | None) -> dict[str, dict[str, list[Any]]]:
+def _files(result: DetectResult) -> dict[str, dict[str, list[Any]]]:
     """Return the tables of alarms and channels at full precision, in SI."""
-    ends = [alarm.get("ci95") or (None, None) for alarm in alarms]
-    alarm_keys = ("channel", "onset_s", "time_s", "statistic", "threshold", "size")
-    names = [one["channel"] for one in channels]
-    listed = {
-        "channel": names,
-        "unit": [one["unit"] for one in channels],
-        "noise_sd": [None if model is None else model["noise_sd"].get(name) for name in names],
-        "largest_statistic": [_largest(one["statistic"]) for one in channels],
-        "threshold": [one["threshold"] for one in channels],
-    }
-    declared = {key: [alarm[key] for alarm in alarms] for key in alarm_keys}
+    alarms, channels = result.alarms, result.series
+    keys = ("channel", "onset_s", "time_s", "statistic", "threshold", "size")
+    ends = [alarm.ci95 or (None, None) for alarm in alarms]
+    declared: dict[str, list[Any]] = {key: [getattr(alarm, key) for alarm in alarms] for key in keys}
     declared |= {"ci95_low": [low for low, _ in ends], "ci95_high": [high for _, high in ends]}
-    declared["unit"] = [alarm["unit"] for alarm in alarms]
+    declared["unit"] = [alarm.unit for alarm in alarms]
+    listed: dict[str, list[Any]] = {
+        "channel": [one.channel for one in channels],
+        "unit": [one.unit for one in channels],
+        "noise_sd": [_noise_sd(result, one) for one in channels],
+        "largest_statistic": [_largest(one) for one in channels],
+        "threshold": [one.threshold for one in channels],
+    }
     return {**({"alarms.csv": declared} if alarms else {}), "channels.csv": listed}
 
 
-def _largest(statistic: Sequence[float | None]) -> float | None:
-    known = [value for value in statistic if value is not None]
-    return max(known, default=None)
+def _noise_sd(result: DetectResult, one: ChannelSeries) -> float | None:
+    return None if result.model is None else result.model.noise_sd.get(one.channel)
+
+
+def _largest(one: ChannelSeries) -> float | None:
+    known = one.statistic[np.isfinite(one.statistic)]
+    return float(known.max()) if known.size else None

@@ -33,8 +33,8 @@ class Alarm:
     statistic: float
     threshold: float
     size: float | None
-    ci95: tuple[float, float] | None
     unit: str
+    ci95: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,6 +81,56 @@ class ParityModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StepLimits:
+    """Steps that could have stayed unseen, (n_onsets, n_outputs) each, in the units of the outputs.
+
+    Attributes
+    ----------
+    onset_s : (n_onsets,) those that the claim covers.
+    size, sd : of the step that would explain the record best.
+    detectable : step that would be declared with 90 % power.
+    hidden : step beyond which the record excludes one.
+    """
+
+    onset_s: FloatArray
+    size: FloatArray
+    sd: FloatArray
+    detectable: FloatArray
+    hidden: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Detection:
+    """What one of the two methods says of a record.
+
+    Attributes
+    ----------
+    time_s : (n_samples,), y : (n_samples, n_outputs) of the analysis.
+    statistic : (n_samples, n_outputs), NaN where there is none; threshold : (n_outputs,).
+    reach_s : how much later the last sample is that each of the statistics was made of.
+    limits : None where nothing can be said of what was not declared.
+
+    The others are those of `DetectResult`.
+    """
+
+    method: Literal["exact", "parity"]
+    rate_hz: float
+    time_s: FloatArray
+    y: FloatArray
+    statistic: FloatArray
+    threshold: FloatArray
+    alarms: tuple[Alarm, ...]
+    limits: StepLimits | None
+    is_calibrated: bool
+    ready_s: float | None
+    notes: tuple[str, ...]
+    reach_s: float = 0.0
+    calibration: Calibration | None = None
+    model: ParityModel | None = None
+    width: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChannelSeries:
     """One output over the analysed window, (n_samples,) each; NaN where there is no statistic.
 
@@ -91,7 +141,7 @@ class ChannelSeries:
     unit: str
     measured: FloatArray
     statistic: FloatArray
-    threshold: float | None
+    threshold: float
     watched_until_s: float | None
 
 

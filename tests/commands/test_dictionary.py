@@ -160,6 +160,7 @@ def test_the_files_hold_what_the_document_says(bfi, tmp_path: Path):
         (["absent.yaml"], 2, "absent.yaml: cannot be read"),
         (["BROKEN"], 2, "unknown key 'onset'"),
         ([THESIS, "absent.h5"], 3, "absent.h5: no such file"),
+        ([THESIS, ""], 3, "no such file; give the path of a log"),
         ([THESIS, BIAS, "--output", "nothing"], 3, "no channel 'nothing'"),
         ([THESIS, BIAS, "--from", 20, "--to", 20.2], 3, ""),
         ([THESIS, BIAS, "--output", "pitch"], 2, "no live atom"),

@@ -56,9 +56,9 @@ def test_the_document(bfi, failing: Path):
 @pytest.mark.parametrize(
     ("size", "ci95", "said"),
     [
-        (0.02, (0.0175, 0.0225), "a step of 1.15 deg (1.00 to 1.29) on aoa"),
-        (0.02, (-0.0175, 0.0575), "a failure (size not determined, -1 to 3 deg) on aoa"),
-        (0.02, (-9.0, 9.0), "a failure (size not determined) on aoa"),
+        (0.02, [0.0175, 0.0225], "a step of 1.15 deg (1.00 to 1.29) on aoa"),
+        (0.02, [-0.0175, 0.0575], "a failure (size not determined, -1 to 3 deg) on aoa"),
+        (0.02, [-9.0, 9.0], "a failure (size not determined) on aoa"),
         (None, None, "a failure (size not determined) on aoa"),
     ],
 )

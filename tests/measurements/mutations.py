@@ -159,15 +159,15 @@ LINES = (
         ONSET_CLAIMS,
     ),
     Line(
-        "detect/claims.py",
-        "declared = factor * ((needed + POWER) * drops.old_sd[run, place]).max(axis=1)",
+        "detect/parity.py",
+        "declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
         (
-            "declared = ((needed + POWER) * drops.old_sd[run, place]).max(axis=1)",
+            "declared = ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
             "declared = factor * (needed * drops.old_sd[run, place]).max(axis=1)",
-            "declared = factor * ((needed + POWER) * drops.old_sd[run, place]).min(axis=1)",
-            "declared = factor * ((needed - POWER) * drops.old_sd[run, place]).max(axis=1)",
+            "declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).min(axis=1)",
+            "declared = factor * ((needed - ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
         ),
-        ("tests/detect/test_claims.py",),
+        ("tests/detect/test_limits.py",),
     ),
     Line(
         "detect/parity.py",
@@ -177,7 +177,7 @@ LINES = (
             "threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS)",
             "threshold = _threshold(model, drops, window, false_alarm, gusts=1.0 if gusty else UNSEEN_GUSTS)",
         ),
-        ("tests/detect/test_claims.py",),
+        ("tests/detect/test_limits.py",),
     ),
     Line(
         "preprocessing/magnitudes.py",

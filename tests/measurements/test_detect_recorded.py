@@ -80,17 +80,15 @@ def windows(log: FlightLog) -> Iterator[FlightLog]:
 def healthy(part: FlightLog, flight: str, config: Config) -> Healthy:
     prepared = prepare_record(part, config)
     samples = decimate_record(prepared, prepared.choice.factor)
-    failures, (first, *_) = detect_sequentially(
-        part.path, samples, false_alarm=config.detect.false_alarm, report=lambda _done, _total: None
-    )
+    alarms, (first, *_) = detect_sequentially(samples, false_alarm=config.detect.false_alarm)
     at = first.model.n_healthy - first.model.errors.start
     ratios = first.drops.deviate[at:] / (first.threshold.level / first.threshold.gusts)
     time_s = samples.time_s[first.model.samples[first.model.n_healthy :]]
-    when_s = float(samples.time_s[failures[0].sample]) if failures else np.nan
+    when_s = alarms[0].time_s - samples.reach_s if alarms else np.nan
     return Healthy(
         flight=flight,
         ratio=float(ratios.max()),
-        alarms=tuple(prepared.outputs[one.output] for one in failures),
+        alarms=tuple(one.channel for one in alarms),
         after_s=when_s - float(time_s[0]),
         left_s=float(time_s[-1]) - when_s,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.detect.preparation import directions, independent, moments
+from bfi_cli.kernels.input_directions import directions, independent, moments
 
 HEALTHY = np.arange(200) < 120
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from bfi_cli.detect.claims import parity_limits
-from bfi_cli.detect.parity import LASTING, LASTING_IN_GUSTS, MonitoringPass, detect_sequentially
+from bfi_cli.detect.parity import LASTING, LASTING_IN_GUSTS, MonitoringPass, detect_sequentially, parity_limits
 from bfi_cli.detect.preparation import DecimatedRecord
 
 N, HEALTHY, RATE_HZ = 240, 140, 5.0
@@ -22,6 +21,9 @@ def recorded(seed: int, growth: float = 1.0) -> DecimatedRecord:
     size = np.where(np.arange(N) // (N // 4) % 2, growth, 1.0)
     y = np.cumsum(0.1 * rng.standard_normal((N, 2)) * size[:, None], axis=0) * np.array([1.0, 30.0])
     return DecimatedRecord(
+        path="made",
+        outputs=("one", "two"),
+        units=("m/s", "m"),
         rate_hz=RATE_HZ,
         time_s=np.arange(N) / RATE_HZ,
         reach_s=0.0,
@@ -39,8 +41,8 @@ def watched(growth: float = 1.0, sizes: tuple[float, float] = (1.0, 1.0)) -> tup
     """Return the record, each channel times a size, and the one pass over it, in which nothing fails."""
     samples = recorded(3, growth)
     samples = replace(samples, y=samples.y * np.array(sizes))
-    failures, (first, *_) = detect_sequentially("made", samples, false_alarm=0.01, report=lambda _done, _total: None)
-    assert not failures
+    alarms, (first, *_) = detect_sequentially(samples, false_alarm=0.01)
+    assert not alarms
     return samples, first
 
 

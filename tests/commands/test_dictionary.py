@@ -170,6 +170,7 @@ def test_the_files_hold_what_the_document_says(bfi, tmp_path: Path):
         ([THESIS, "--duration", 0.1], 2, "no live atom: 'sine_2.25' starts at 0.2 s"),
         ([THESIS, "--duration", "nan"], 2, "--duration"),
         ([], 2, "FILE"),
+        ([""], 2, "the name FILE is empty"),
     ],
 )
 def test_what_the_user_can_mend_is_one_line(bfi, tmp_path: Path, argv, code: int, message: str):

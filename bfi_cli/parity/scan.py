@@ -203,18 +203,9 @@ def residual_values(record: Record, original: Record, constants: Constants, kind
     return values
 
 
-def with_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
-    """Return a record as it would be with a fault of `amount`, (n,), with the integral of its accelerations."""
-    return _with_gained(record, with_fault(record, fault, amount))
-
-
 def without_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
     """Return a record as it would be without a fault of `amount`, (n,), with the integral of its accelerations."""
-    return _with_gained(record, without_fault(record, fault, amount))
-
-
-def _with_gained(record: Record, other: Record) -> Record:
-    """Return the other record with the integral of its own accelerations."""
+    other = without_fault(record, fault, amount)
     if record.gained is None:
         return other
     (rate,) = (kind.rate for kind in RESIDUALS if kind.rate is not None)

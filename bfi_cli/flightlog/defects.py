@@ -18,7 +18,7 @@ from ..filters import response_of
 from ..kernels.normal import MAD
 from ..kernels.quantisation import quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
-from ..kernels.runs import BoolArray, within
+from ..kernels.runs import BoolArray, bridged, within
 from ..report.text import instant
 from .holds import find_quantum
 from .phases import phases_of
@@ -219,12 +219,12 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
 
 def with_bridges(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
     """Return the log with straight lines in place of what the defects hide, for analyses that take no gap."""
-    return _replaced(log, defects, bridged=True)
+    return _replaced(log, defects, with_lines=True)
 
 
 def without_defects(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
     """Return the log with NaN in place of what the defects hide."""
-    return _replaced(log, defects, bridged=False)
+    return _replaced(log, defects, with_lines=False)
 
 
 def sentence_of_defect(one: Defect) -> str:
@@ -237,16 +237,14 @@ def sentence_of_defect(one: Defect) -> str:
     )
 
 
-def _replaced(log: FlightLog, defects: Sequence[Defect], *, bridged: bool) -> FlightLog:
+def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) -> FlightLog:
     channels = dict(log.channels)
     for one in defects:
         hidden = np.zeros(log.n_samples, dtype=bool)
         for first_s, last_s in one.hidden:
             hidden |= (log.time_s >= first_s) & (log.time_s <= last_s)
         values = np.where(hidden, np.nan, channels[one.channel].values)
-        known = np.isfinite(values)
-        if bridged and known.any():
-            values = np.where(hidden, np.interp(log.time_s, log.time_s[known], values[known]), values)
+        values = np.where(hidden, bridged(values, log.time_s), values) if with_lines else values
         channels[one.channel] = replace(channels[one.channel], values=frozen_array(values))
     return replace(log, channels=channels)
 

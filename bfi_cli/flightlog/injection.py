@@ -13,7 +13,7 @@ from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
 from ..filters import recorded_signal, response_of
 from ..kernels.low_pass import Response
-from ..kernels.runs import BoolArray
+from ..kernels.runs import BoolArray, bridged
 from ..shapes import SHAPES
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
@@ -169,12 +169,7 @@ def _changes(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> d
         changes = {fault.channel: amount * log.channels[fault.channel].values[part]}
     else:
         changes = _differences(log, fault, amount, part)
-    samples = np.arange(len(amount))
-    for channel, change in changes.items():
-        known = np.isfinite(change)
-        if known.any() and not known.all():
-            changes[channel] = np.interp(samples, samples[known], change[known])
-    return changes
+    return {channel: bridged(change) for channel, change in changes.items()}
 
 
 def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> dict[str, FloatArray]:

@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.runs import BoolArray, FloatArray, Run, joined, runs, runs_with
+from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, runs, runs_with
 from .record import LARGEST_VALUE, FlightLog
 from .signs import (
     AIRSPEEDS,
@@ -276,7 +276,7 @@ def _on_grid(
         count = np.add.reduceat(good, firsts, dtype=np.intp)
         means = np.full(n, np.nan)
         means[filled[count > 0]] = total[count > 0] / count[count > 0]
-        return _bridged(means, max(1, round(0.5 / BLOCK)))
+        return bridged(means, most=max(1, round(0.5 / BLOCK)))
 
     def channel(name: str) -> FloatArray | None:
         if name in suspects or name not in log.channels:
@@ -395,19 +395,6 @@ def _is_out(values: FloatArray) -> FloatArray:
     return np.asarray((values > 0.5 * (low + high)) & (high > low), dtype=np.float64)
 
 
-def _bridged(values: FloatArray, most: int) -> FloatArray:
-    """Return the values with stretches of NaN of up to `most` samples filled by straight lines."""
-    bad = ~np.isfinite(values)
-    if bad.all() or not bad.any():
-        return values
-    index = np.arange(values.size)
-    filled = np.interp(index, index[~bad], values[~bad])
-    for first, end in runs(bad):
-        if end - first > most:
-            filled[first:end] = np.nan
-    return filled
-
-
 def _weights(normal_acc: FloatArray, flying: BoolArray) -> FloatArray | None:
     """Return the load factor, 1 in level flight, whichever way up the recorder counts and with gravity or without."""
     used = normal_acc[flying & np.isfinite(normal_acc)]
@@ -489,9 +476,7 @@ def _aloft(flight: _Flight, first: int, end: int, *, lands: bool) -> Iterator[tu
     if flight.height is None or not np.isfinite(flight.height[first:end]).any():
         yield "flight", (first, end)
         return
-    height = flight.height[first:end]
-    index, good = np.arange(height.size), np.isfinite(height)
-    height = np.interp(index, index[good], height[good])
+    height = bridged(flight.height[first:end])
     approach = _approach_start(flight, height, first) if lands else height.size
     way = _ways(flight, height[:approach])
     edges = [0, *(np.flatnonzero(np.diff(way)) + 1).tolist(), way.size]

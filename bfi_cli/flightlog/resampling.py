@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import ConfigError, LogError
 from ..filters import Filter
 from ..kernels.decimation import decimate, lost_samples
+from ..kernels.runs import bridged
 from .holds import Hold
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
@@ -153,10 +154,7 @@ def _through_filter(
 
     def new(name: str, values: FloatArray) -> FloatArray:
         bad = ~np.isfinite(values)
-        if bad.all():
-            values = np.zeros(values.shape)
-        elif bad.any():
-            values = np.where(bad, np.interp(log.time_s, log.time_s[~bad], values[~bad]), values)
+        values = np.zeros(values.shape) if bad.all() else bridged(values, log.time_s)
         filtered = lowpass(_on_grid(log, values, grid, hold=holds.get(name)))
         if bad.any():  # every row of the result is NaN that a NaN of the grid reaches
             touched = np.interp(grid, log.time_s, bad.astype(np.float64)) > 0.0

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from ..airdata import SEA_LEVEL_PRESSURE, isa_temperature, pressure_at
-from ..kernels.runs import BoolArray, FloatArray, Run, runs
+from ..kernels.runs import BoolArray, FloatArray, Run, bridged, runs
 from .record import LARGEST_VALUE, FlightLog
 
 Says = Literal["ground", "flight"]
@@ -119,11 +119,10 @@ def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:
     known = np.isfinite(values)
     if not known.any():
         return values
-    at, n = np.arange(values.size), round(SMOOTHING_S * rate_hz)
-    filled = np.interp(at, at[known], values[known])
+    n = round(SMOOTHING_S * rate_hz)
     # A long window is thinned: the median of 25 samples of five seconds says the same at any rate.
     step = max(1, n // 25)
-    smooth = np.repeat(median_filter(filled[::step], max(1, n if step == 1 else 25), mode="nearest"), step)
+    smooth = np.repeat(median_filter(bridged(values)[::step], max(1, n if step == 1 else 25), mode="nearest"), step)
     return np.where(known, np.abs(smooth[: values.size]), np.nan)
 
 

@@ -1,4 +1,4 @@
-"""Stretches of samples and of seconds: of each the first and the one after the last."""
+"""Stretches of samples and of seconds, of each the first and the one after the last; lines over what is missing."""
 
 from __future__ import annotations
 
@@ -47,3 +47,24 @@ def within(time_s: FloatArray, stretches: Iterable[tuple[float, float]]) -> Bool
 def shared(window: tuple[float, float], stretches: Iterable[tuple[float, float]]) -> float:
     """Return how much of a window lies in stretches that do not overlap."""
     return float(sum(max(0.0, min(window[1], last) - max(window[0], first)) for first, last in stretches))
+
+
+def bridged(values: FloatArray, at: FloatArray | None = None, *, most: int | None = None) -> FloatArray:
+    """Return (n,) values with straight lines over what is NaN or infinite, at the ends the value beside that.
+
+    Where nothing is known the values come back as they are.
+
+    Parameters
+    ----------
+    at : (n,) places of the values, increasing; None for equal steps.
+    most : longer runs of samples than this are NaN.
+    """
+    bad = ~np.isfinite(values)
+    if bad.all() or not bad.any():
+        return values
+    places = np.arange(values.size, dtype=np.float64) if at is None else at
+    filled = np.interp(places, places[~bad], values[~bad])
+    if most is not None:
+        for first, end in runs(bad):
+            filled[first:end] = np.nan if end - first > most else filled[first:end]
+    return filled

@@ -160,12 +160,12 @@ LINES = (
     ),
     Line(
         "detect/claims.py",
-        "declared = factor * ((needed + POWER) * drops.old_sd[run, place]).max(axis=1)",
+        "declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
         (
-            "declared = ((needed + POWER) * drops.old_sd[run, place]).max(axis=1)",
+            "declared = ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
             "declared = factor * (needed * drops.old_sd[run, place]).max(axis=1)",
-            "declared = factor * ((needed + POWER) * drops.old_sd[run, place]).min(axis=1)",
-            "declared = factor * ((needed - POWER) * drops.old_sd[run, place]).max(axis=1)",
+            "declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).min(axis=1)",
+            "declared = factor * ((needed - ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
         ),
         ("tests/detect/test_claims.py",),
     ),
@@ -303,10 +303,10 @@ LINES = (
     ),
     Line(
         "airdata/motion.py",
-        "kept = error <= OUTLYING * 1.4826 * np.median(error[kept])",
+        "kept = error <= OUTLYING * MAD * np.median(error[kept])",
         (
             "kept = error <= OUTLYING * np.median(error[kept])",
-            "kept = error <= OUTLYING * 1.4826 * np.median(error)",
+            "kept = error <= OUTLYING * MAD * np.median(error)",
         ),
         ("tests/airdata/test_*motion*.py",),
     ),

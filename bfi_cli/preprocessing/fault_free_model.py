@@ -18,9 +18,6 @@ from .regression import RegressionData, build_regression
 from .summary import ModelSummary, model_summary
 from .window import PreparedWindow
 
-__all__ = ["FaultFreeModel", "about_the_log", "detectable_at", "fault_free_fits", "fit_fault_free"]
-__all__ += ["without_injected_faults"]
-
 FloatArray = NDArray[np.float64]
 
 # "Minimal detectable" everywhere: declared with 90 % power at 1 % of false alarms shared by the dictionary.

@@ -16,8 +16,6 @@ from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.low_pass import Response
 from ..kernels.piecewise import LONGEST_REACH, PiecewiseSignals, Stretch, Stretches, signal_of
 
-__all__ = ["PIECEWISE", "FaultSignals", "LogSignal"]
-
 FloatArray = NDArray[np.float64]
 
 # Samples of the log that are made at once: 8 MB, and more than any window has that is not a flight of hours.

@@ -19,8 +19,6 @@ from ..kernels.variable_projection import Fit, fit_magnitudes
 from .regression import Adding, RegressionData
 from .window import PreparedWindow, signals_of_faults
 
-__all__ = ["overdispersion", "overdispersion_if_declared"]
-
 FloatArray = NDArray[np.float64]
 
 # Neighbouring onsets say much the same: 33 of them in a window of 30 to 120 s are 1 to 3 s apart. The first and the

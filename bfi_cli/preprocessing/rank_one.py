@@ -8,8 +8,6 @@ from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.sparsity import SparseStage
 from ..kernels.termination import StoppingRule
 
-__all__ = ["as_published", "decides_by_rule", "solve", "stage_of", "stopping_of"]
-
 
 def solve(data: Compressed, config: Config) -> VarxSolution:
     """Solve the regression of one order, with the published stage where the thesis is followed to the letter."""

@@ -40,9 +40,6 @@ from ..kernels.running import running_weights
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from .fault_signals import FaultSignals
 
-__all__ = ["Adding", "NativeSignals", "RegressionData", "Signals", "build_regression", "decimate_native"]
-__all__ += ["decimate_signals", "feasible_orders", "longest_order"]
-
 FloatArray = NDArray[np.float64]
 
 # Samples of a log up to which its channels are filtered together.

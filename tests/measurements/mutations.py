@@ -303,10 +303,10 @@ LINES = (
     ),
     Line(
         "airdata/motion.py",
-        "kept = error <= OUTLYING * 1.4826 * np.median(error[kept])",
+        "kept = error <= OUTLYING * MAD * np.median(error[kept])",
         (
             "kept = error <= OUTLYING * np.median(error[kept])",
-            "kept = error <= OUTLYING * 1.4826 * np.median(error)",
+            "kept = error <= OUTLYING * MAD * np.median(error)",
         ),
         ("tests/airdata/test_*motion*.py",),
     ),

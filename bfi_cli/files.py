@@ -14,20 +14,6 @@ from pathlib import Path
 
 from .errors import ConfigError
 
-__all__ = [
-    "ATTRIBUTE",
-    "MARK",
-    "OWNER",
-    "REPORT",
-    "aside",
-    "check_files",
-    "check_folder",
-    "is_ours",
-    "list_of_files",
-    "replace_files",
-    "same_file",
-]
-
 # How a file says that this program wrote it: the first line of a CSV file, an attribute of the root of an HDF5 file,
 # the kind and the provenance of a JSON document.
 MARK = "# written by bfi"
@@ -64,7 +50,7 @@ def is_ours(path: Path) -> bool:
         except Exception:  # a damaged file can make the HDF5 library raise anything
             return False
     if head.lstrip()[:1] == b"{":
-        return all(any(map(words.search, (head, tail))) for words in (KIND, PROVENANCE))
+        return all(words.search(head) or words.search(tail) for words in (KIND, PROVENANCE))
     return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] == [MARK.encode()]
 
 
@@ -114,13 +100,15 @@ def check_files(
     ConfigError : one is an input, is not ours, or no file can be written there.
     """
     for path in paths:
+        reason = ""
         if any(same_file(path, one) for one in inputs):
-            raise ConfigError(f"{path}: is an input of this command; give another {option}")
-        if reason := _obstacle(path):
-            raise ConfigError(f"{path}: cannot be written, {reason}; give another {option}")
-        if not force and os.path.lexists(path) and not is_ours(path):
-            what = "exists and was not written by bfi"
-            raise ConfigError(f"{path}: {what}; give another {option}, or --force to replace it")
+            reason = f"is an input of this command; give another {option}"
+        elif obstacle := _obstacle(path):
+            reason = f"cannot be written, {obstacle}; give another {option}"
+        elif not force and os.path.lexists(path) and not is_ours(path):
+            reason = f"exists and was not written by bfi; give another {option}, or --force to replace it"
+        if reason:
+            raise ConfigError(f"{path}: {reason}")
 
 
 def check_folder(folder: Path, names: Iterable[str], *, inputs: Sequence[str | Path] = (), force: bool = False) -> None:
@@ -193,7 +181,15 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
             for name in names:
                 if (folder / name).exists():
                     shutil.copymode(folder / name, Path(new) / name)
-            _move_all(names, Path(new), folder)
+            # An interruption meanwhile waits until all are there, so that a result is never half of each.
+            try:
+                for name in names:
+                    os.replace(Path(new) / name, folder / name)
+            except KeyboardInterrupt:
+                for name in names:
+                    if (Path(new) / name).exists():
+                        os.replace(Path(new) / name, folder / name)
+                raise
     except BaseException as error:
         for one in made:
             with contextlib.suppress(OSError):
@@ -201,16 +197,4 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
         if isinstance(error, OSError):
             reason = (error.strerror or str(error)).lower()
             raise ConfigError(f"{place}: cannot be written, {reason}; give another {option}") from error
-        raise
-
-
-def _move_all(names: Sequence[str], new: Path, folder: Path) -> None:
-    """Move all files; an interruption meanwhile waits until all are there, so that a result is never half of each."""
-    try:
-        for name in names:
-            os.replace(new / name, folder / name)
-    except KeyboardInterrupt:
-        for name in names:
-            if (new / name).exists():
-                os.replace(new / name, folder / name)
         raise

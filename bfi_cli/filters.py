@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeGuard, get_args
+from dataclasses import asdict, dataclass, replace
+from typing import Literal, TypeGuard, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from .errors import LogError
 from .faults import Fault, unit_signal
 from .kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
-
-__all__ = ["Filter", "alternatives", "filters_from_json", "filters_to_json", "recorded_signal", "response_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -53,8 +51,7 @@ class Filter:
 
 def filters_to_json(filters: Sequence[Filter]) -> str:
     """Return the JSON list of `{kind, edge_hz, rate_hz, stage, source, uncertain}`."""
-    keys = ("kind", "edge_hz", "rate_hz", "stage", "source", "uncertain")
-    return json.dumps([{key: getattr(one, key) for key in keys} for one in filters])
+    return json.dumps([asdict(one) for one in filters])
 
 
 def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
@@ -70,34 +67,33 @@ def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
         entries = None
     if not isinstance(entries, list):
         raise LogError(f"{where}: not a JSON list of filters; mend the file")
-    return tuple(_filter(entry, where) for entry in entries)
-
-
-def _filter(entry: Any, where: str) -> Filter:
-    given = entry if isinstance(entry, dict) else {}
-    kind, stage, source = (given.get(key) for key in ("kind", "stage", "source"))
-    edge_hz, rate_hz = given.get("edge_hz"), given.get("rate_hz")
-    if not _is_kind(kind) or not (_is_positive(edge_hz) and _is_positive(rate_hz)):
-        known = ", ".join(get_args(Kind))
-        raise LogError(
-            f"{where}: a filter needs a kind ({known}) and positive numbers edge_hz and rate_hz, got "
-            f"{str(entry)[:80]}; mend the file"
+    filters = []
+    for entry in entries:
+        given = entry if isinstance(entry, dict) else {}
+        kind, source = given.get("kind"), given.get("source")
+        if not _is_kind(kind) or not all(_is_positive(given.get(key)) for key in ("edge_hz", "rate_hz")):
+            raise LogError(
+                f"{where}: a filter needs a kind ({', '.join(get_args(Kind))}) and positive numbers edge_hz and "
+                f"rate_hz, got {str(entry)[:80]}; mend the file"
+            )
+        filters.append(
+            Filter(
+                kind=kind,
+                edge_hz=given["edge_hz"],
+                rate_hz=given["rate_hz"],
+                stage="convert" if given.get("stage") == "convert" else "recorder",
+                source=source if isinstance(source, str) else "stated in the file",
+                uncertain=given.get("uncertain") is True,
+            )
         )
-    return Filter(
-        kind=kind,
-        edge_hz=edge_hz,
-        rate_hz=rate_hz,
-        stage="convert" if stage == "convert" else "recorder",
-        source=source if isinstance(source, str) else "stated in the file",
-        uncertain=given.get("uncertain") is True,
-    )
+    return tuple(filters)
 
 
 def _is_kind(value: object) -> TypeGuard[Kind]:
     return isinstance(value, str) and value in get_args(Kind)
 
 
-def _is_positive(value: object) -> TypeGuard[float]:
+def _is_positive(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0
 
 

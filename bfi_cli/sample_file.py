@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from .errors import DictionaryError
 
-__all__ = ["lies_inside", "read_samples", "sample_bytes"]
-
 # Two hours at 100 Hz, 25 letters each line.
 MAX_BYTES = 20_000_000
 
@@ -51,24 +49,24 @@ def read_samples(path: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         lines = sample_bytes(path).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise _unreadable(path, "not a text file") from None
-    rows = [(i, _sample(line)) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
-    if rows and rows[0][1] is None:
+    rows: list[tuple[int, list[float]]] = []
+    for i, line in enumerate(lines, 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            row = [float(field) for field in line.replace(";", ",").split(",")]
+        except ValueError:
+            row = []
+        rows.append((i, row if len(row) == 2 and all(map(math.isfinite, row)) else []))
+    if rows and not rows[0][1]:
         del rows[0]
     for i, row in rows:
-        if row is None:
+        if not row:
             raise DictionaryError(f"{path}: line {i}: not two finite numbers; each line is time in s, value")
     table = np.array([row for _, row in rows], dtype=np.float64).reshape(-1, 2)
     if len(table) == 0 or not np.all(np.diff(table[:, 0]) > 0):
         raise DictionaryError(f"{path}: times do not increase from line to line; sort the samples by time")
     return table[:, 0], table[:, 1]
-
-
-def _sample(line: str) -> tuple[float, ...] | None:
-    try:
-        row = tuple(float(field) for field in line.replace(";", ",").split(","))
-    except ValueError:
-        return None
-    return row if len(row) == 2 and all(map(math.isfinite, row)) else None
 
 
 def _unreadable(path: str, reason: str) -> DictionaryError:

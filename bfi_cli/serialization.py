@@ -8,7 +8,7 @@ import json
 import math
 import types
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -17,8 +17,6 @@ import numpy as np
 from .errors import ConfigError
 from .files import MARK
 from .printable import printable, valid_text
-
-__all__ = ["csv_lines", "from_plain", "mapping", "member", "to_csv", "to_json", "to_plain", "without_series"]
 
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"
@@ -36,7 +34,9 @@ def to_plain(value: object) -> Any:
     if isinstance(value, str):
         return valid_text(value)
     if isinstance(value, np.ndarray):
-        return _plain_array(value)
+        plain = value.astype(object)
+        plain[~np.isfinite(value)] = None
+        return plain.tolist()
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):
@@ -45,16 +45,7 @@ def to_plain(value: object) -> Any:
         return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
         return {valid_text(str(key)): to_plain(entry) for key, entry in value.items()}
-    if isinstance(value, Sequence):
-        return [to_plain(entry) for entry in value]
-    return value
-
-
-def _plain_array(values: np.ndarray[Any, Any]) -> list[Any]:
-    plain = values.astype(object)
-    plain[~np.isfinite(values)] = None
-    entries: list[Any] = plain.tolist()
-    return entries
+    return [to_plain(entry) for entry in value] if isinstance(value, Sequence) else value
 
 
 def from_plain(kind: type[T], value: object, *, where: str) -> T:
@@ -104,85 +95,57 @@ def _below(where: str, key: str) -> str:
 
 
 def _read(kind: Any, value: Any, where: str) -> Any:
-    origin = get_origin(kind)
+    origin, kinds = get_origin(kind), get_args(kind)
     if kind is Any:
         return value
     if origin in (Union, types.UnionType):
-        return None if value is None else _read(_not_none(kind), value, where)
+        inner = next(entry for entry in kinds if entry is not types.NoneType)
+        return None if value is None else _read(inner, value, where)
     if origin is Literal:
-        return value if value in get_args(kind) else _fail(" or ".join(map(repr, get_args(kind))), value, where)
+        return value if value in kinds else _fail(" or ".join(map(repr, kinds)), value, where)
     if origin is tuple:
-        return _read_tuple(kind, value, where)
+        if not isinstance(value, list):
+            return _fail("a list", value, where)
+        kinds = kinds[:1] * len(value) if kinds[-1] is Ellipsis else kinds
+        if len(kinds) != len(value):
+            return _fail(f"{len(kinds)} entries", value, where)
+        return tuple(_read(entry, value[i], f"{where}[{i}]") for i, entry in enumerate(kinds))
     if origin is Mapping:
-        entry = get_args(kind)[1]
-        return {key: _read(entry, plain, _below(where, key)) for key, plain in mapping(value, where=where).items()}
+        return {key: _read(kinds[1], one, _below(where, key)) for key, one in mapping(value, where=where).items()}
     if origin is np.ndarray:
         return _read_array(value, where)
-    return _read_dataclass(kind, value, where) if is_dataclass(kind) else _read_scalar(kind, value, where)
-
-
-def _not_none(kind: Any) -> Any:
-    return next(entry for entry in get_args(kind) if entry is not types.NoneType)
-
-
-def _read_tuple(kind: Any, value: Any, where: str) -> tuple[Any, ...]:
-    if not isinstance(value, list):
-        raise _wrong("a list", value, where)
-    kinds = get_args(kind)
-    if kinds[-1] is Ellipsis:
-        kinds = kinds[:1] * len(value)
-    if len(kinds) != len(value):
-        raise _wrong(f"{len(kinds)} entries", value, where)
-    return tuple(
-        _read(entry, plain, f"{where}[{i}]") for i, (entry, plain) in enumerate(zip(kinds, value, strict=True))
-    )
+    if isinstance(kind, type) and is_dataclass(kind):
+        hints, given = _hints(kind), mapping(value, where=where)
+        required = {one.name for one in fields(kind) if one.default is MISSING and one.default_factory is MISSING}
+        names = [one.name for one in fields(kind) if one.name in required or one.name in given]
+        read = {name: _read(hints[name], member(given, name, where=where), _below(where, name)) for name in names}
+        return kind(**read)
+    if kind is float and (value is None or (isinstance(value, int | float) and not isinstance(value, bool))):
+        return math.nan if value is None else float(value)
+    words = {float: "a number", int: "an integer", bool: "true or false", str: "a text"}
+    return value if type(value) is kind else _fail(words[kind], value, where)
 
 
 def _read_array(value: Any, where: str) -> np.ndarray[Any, Any]:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise _wrong("a list of numbers", value, where) from None
+        array = np.empty((0, 0))
     if array.ndim != 1:
-        raise _wrong("a list of numbers", value, where)
+        _fail("a list of numbers", value, where)
     array.setflags(write=False)
     return array
 
 
-def _read_dataclass(kind: Any, value: Any, where: str) -> Any:
-    hints = _hints(kind)
-    given = mapping(value, where=where)
-    names = [field.name for field in fields(kind) if _required(field) or field.name in given]
-    return kind(**{name: _read(hints[name], member(given, name, where=where), _below(where, name)) for name in names})
-
-
-def _required(field: Field[Any]) -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
-
-
 @cache
-def _hints(kind: type) -> dict[str, Any]:
+def _hints(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind)
 
 
-def _read_scalar(kind: type, value: Any, where: str) -> Any:
-    if kind is float and value is None:
-        return math.nan
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if type(value) is kind:
-        return value
-    return _fail({float: "a number", int: "an integer", bool: "true or false", str: "a text"}[kind], value, where)
-
-
 def _fail(expected: str, value: Any, where: str) -> Any:
-    raise _wrong(expected, value, where)
-
-
-def _wrong(expected: str, value: object, where: str) -> ConfigError:
     shown = repr(value)
     shown = shown if len(shown) <= 40 else shown[:37] + "..."
-    return ConfigError(f"{where}: not {expected}, got {shown}; {DAMAGED}")
+    raise ConfigError(f"{where}: not {expected}, got {shown}; {DAMAGED}")
 
 
 def to_json(document: object, *, indent: int | None = 1, ascii_only: bool = False) -> str:
@@ -221,14 +184,14 @@ def to_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
 
 def csv_lines(rows: Iterable[Sequence[object]]) -> str:
     """Return rows of cells as CSV text; None and numbers that are not finite are empty, text is made printable."""
+
+    def cell(value: object) -> object:
+        if isinstance(value, bool):
+            return str(value).lower()
+        if isinstance(value, float) and not math.isfinite(value):
+            return None
+        return printable(value) if isinstance(value, str) else value
+
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([_cell(value) for value in row] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows([cell(value) for value in row] for row in rows)
     return text.getvalue()
-
-
-def _cell(value: object) -> object:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return printable(value) if isinstance(value, str) else value

@@ -9,8 +9,6 @@ import numpy as np
 
 from .faults import Fault, FaultEstimate, fault_to_dict
 
-__all__ = ["Comparison", "compare_by_onset", "compare_faults", "is_same_fault", "name_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
@@ -58,12 +56,12 @@ def name_of(injected: Fault) -> str:
 
 def is_same_fault(one: Fault, other: Fault) -> bool:
     """Say whether two faults have the same definition but for name and magnitude, times on the same axis."""
-    mine, others = ({**fault_to_dict(fault), "name": None, "magnitude": None} for fault in (one, other))
     # A cabin that no altitude is given of is held at sea level.
-    return {**mine, "cabin_altitude_m": one.cabin_altitude_m or 0.0} == {
-        **others,
-        "cabin_altitude_m": other.cabin_altitude_m or 0.0,
-    }
+    free = {"name": None, "magnitude": None}
+    mine, others = (
+        {**fault_to_dict(fault), **free, "cabin_altitude_m": fault.cabin_altitude_m or 0.0} for fault in (one, other)
+    )
+    return mine == others
 
 
 def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault], *, tolerance_s: float) -> Comparison:
@@ -79,16 +77,11 @@ def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault
     paired: dict[str, float] = {}
     unknown: list[str] = []
     for fault in injected:
-        same = (
-            one.name
-            for one in declared
-            if (one.fault.shape, one.fault.channel) == (fault.shape, fault.channel)
-            and abs(one.fault.onset_s - fault.onset_s) <= tolerance_s
-            and one.name not in paired
-        )
-        name = next(same, None)
-        if name is None:
-            unknown.append(name_of(fault))
-        else:
+        place = (fault.shape, fault.channel)
+        same = (one for one in declared if (one.fault.shape, one.fault.channel) == place and one.name not in paired)
+        near = (one.name for one in same if abs(one.fault.onset_s - fault.onset_s) <= tolerance_s)
+        if (name := next(near, None)) is not None:
             paired[name] = abs(fault.magnitude)
+        else:
+            unknown.append(name_of(fault))
     return compare_faults(sizes, paired, unknown=unknown)

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import LogError
 
-__all__ = ["change_in_si", "factor_and_offset", "per_second", "si_unit", "to_si"]
-
 FloatArray = NDArray[np.float64]
 
 
@@ -113,9 +111,7 @@ def to_si(values: ArrayLike, unit: str, *, where: str = "unit") -> tuple[FloatAr
     array = np.array(values, dtype=np.float64)
     if not unit.strip():
         return array, ""
-    conversion = _conversion(unit)
-    if conversion is None:
-        raise LogError(_unknown(unit, where))
+    conversion = _known(unit, where)
     if conversion.factor != 1.0:
         array *= conversion.factor
     if conversion.offset:
@@ -130,9 +126,7 @@ def factor_and_offset(unit: str) -> tuple[float, float]:
     ------
     LogError : the unit is not known.
     """
-    conversion = _conversion(unit)
-    if conversion is None:
-        raise LogError(_unknown(unit, "unit"))
+    conversion = _known(unit)
     return conversion.factor, conversion.offset
 
 
@@ -155,9 +149,7 @@ def change_in_si(text: str) -> tuple[float, str]:
         power = int(rate["power"] or 1)
         stem = f"{rate['of'].strip()}/s^{power - 1}" if power > 1 else rate["of"].strip()
         rates += 1
-    conversion = _conversion(stem)
-    if conversion is None:
-        raise LogError(_unknown(unit, "unit"))
+    conversion = _known(stem, stated=unit)
     si = conversion.si
     for _ in range(rates):
         si = per_second(si)
@@ -178,10 +170,14 @@ def si_unit(unit: str) -> str | None:
     return None if conversion is None else conversion.si
 
 
-def _unknown(unit: str, where: str) -> str:
-    close = difflib.get_close_matches(_plain(unit), BY_SPELLING, n=1, cutoff=0.6)
-    hint = f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"
-    return f"{where}: unknown unit '{unit}'; {hint}"
+def _known(unit: str, where: str = "unit", *, stated: str | None = None) -> Conversion:
+    """Return the conversion of a unit; the error names the one that was `stated`."""
+    conversion = _conversion(unit)
+    if conversion is None:
+        close = difflib.get_close_matches(_plain(stated or unit), BY_SPELLING, n=1, cutoff=0.6)
+        hint = f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"
+        raise LogError(f"{where}: unknown unit '{stated or unit}'; {hint}")
+    return conversion
 
 
 def _conversion(unit: str) -> Conversion | None:

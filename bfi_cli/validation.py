@@ -20,18 +20,6 @@ from .faults import did_you_mean, shown, unknown_key
 from .printable import shortened
 from .sample_file import lies_inside
 
-__all__ = [
-    "SENTENCE_LETTERS",
-    "Number",
-    "Positive",
-    "Rules",
-    "Text",
-    "Whole",
-    "editor_schema",
-    "path_beside",
-    "validate",
-]
-
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]
 Whole = StrictInt
@@ -43,19 +31,15 @@ BRANCH = re.compile(r"<[a-z]+>")  # of a union, as its tag names it
 MAX_COMPLAINTS = 5  # more do not fit on a few rows of a terminal
 # Of what a complaint quotes: a key, and a sentence that another part of the program says of a value.
 KEY_LETTERS, SENTENCE_LETTERS = 40, 300
+_MAPPING, _WHOLE, _EMPTY = "must be a mapping of key: value", "must be a whole number", "must not be empty"
 WRONG_KIND = {
+    **dict.fromkeys(("dict_type", "mapping_type", "model_attributes_type", "model_type"), _MAPPING),
+    **dict.fromkeys(("int_from_float", "int_type"), _WHOLE),
+    **dict.fromkeys(("string_too_short", "too_short"), _EMPTY),
     "bool_type": "must be true or false",
-    "dict_type": "must be a mapping of key: value",
     "finite_number": "must be a finite number",
     "float_type": "must be a number",
     "invalid_key": "a key must be text; put it in quotes",
-    "int_from_float": "must be a whole number",
-    "int_type": "must be a whole number",
-    "mapping_type": "must be a mapping of key: value",
-    "model_attributes_type": "must be a mapping of key: value",
-    "model_type": "must be a mapping of key: value",
-    "string_too_short": "must not be empty",
-    "too_short": "must not be empty",
     "string_type": "must be text; put it in quotes",
     "tuple_type": "must be a list",
 }
@@ -91,8 +75,8 @@ def validate(
             complaints.append(f"and {len(details) - n} more; mend these first")
             break
         place, text = _place(one["loc"], one["type"]), " ".join(_sentence(model, one).split())
-        complaint = f"{place}: {text}" if place else text
-        complaints += [complaint] if complaint not in complaints else []
+        complaints.append(f"{place}: {text}" if place else text)
+        complaints = list(dict.fromkeys(complaints))
     raise error(f"{where}: {' | '.join(complaints)}")
 
 
@@ -124,25 +108,21 @@ def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
     """Return the JSON schema of a document, with the dialect that editors look for and readable names of its parts."""
     schema = model.model_json_schema()
     by_title = {part["title"]: part for part in schema["$defs"].values()}
-    for part in _parts(model):
+    seen, pending = set(), [model]
+    while pending:
+        part = pending.pop()
+        if part in seen:
+            continue
+        seen.add(part)
+        pending += [below for key in part.model_fields for below in _models(part, key)]
         described = schema if part is model else by_title[part.__name__]
         for key, description in _attribute_docstrings(part).items():
             described["properties"][part.model_fields[key].alias or key]["description"] = description
     text = json.dumps(schema)
-    for name, part in schema["$defs"].items():
-        text = text.replace(f'"{name}": {{', f'"{part["title"]}": {{').replace(f'/{name}"', f'/{part["title"]}"')
+    for name, definition in schema["$defs"].items():
+        own = definition["title"]
+        text = text.replace(f'"{name}": {{', f'"{own}": {{').replace(f'/{name}"', f'/{own}"')
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **json.loads(text), "title": title}
-
-
-def _parts(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    """Walk a document's model and all models below it."""
-    seen, pending = set(), [model]
-    while pending:
-        part = pending.pop()
-        if part not in seen:
-            seen.add(part)
-            yield part
-            pending += [below for key in part.model_fields for below in _models(part, key)]
 
 
 def _attribute_docstrings(part: type[BaseModel]) -> dict[str, str]:

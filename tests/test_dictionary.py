@@ -187,6 +187,19 @@ def test_kinds_of_fault_that_are_refused(keys, expected):
     assert complaint({"atoms": [keys]}).startswith(f"d.yaml: atoms[0].{expected}")
 
 
+def test_kinds_of_fault_are_shown_at_onsets_that_they_may_have():
+    kinds = [{"name": "lag", "shape": "lagged_bias", "time_constant_s": {"from": 1, "to": 4}, "onset_s": {"to": 50}}]
+    dictionary = load_dictionary({"atoms": [*kinds, {"shape": "bias", "onset_s": 3}]})
+    shown = dictionary.at_onsets(10.0, 90.0)
+    assert [(one.name, one.onset_s, one.time_constant_s) for one in shown.atoms] == [
+        ("lag_20", 20.0, 2.0),
+        ("lag_30", 30.0, 2.0),
+        ("lag_40", 40.0, 2.0),
+        ("bias_tas_3", 3.0, None),
+    ]
+    assert shown.searched.atoms == ()
+
+
 def test_a_shape_that_no_analysis_searches_needs_its_onset():
     said = complaint({"atoms": [{"shape": "cosine", "frequency_hz": 1, "onset_s": {"from": 9}}]})
     assert said.startswith("d.yaml: atoms[0]: onset_s: a cosine is not searched, give its onset; searched: bias, ")
@@ -373,10 +386,9 @@ def test_what_is_true_of_several_entries_is_said_once_with_all_their_names():
 def test_shipped_dictionaries_load_and_name_their_schema(name):
     file = CONFIGS / f"{name}.yaml"
     dictionary = load_dictionary(file)
-    assert dictionary.relative_to == "window"
     schema = file.read_text().splitlines()[0].removeprefix("# yaml-language-server: $schema=")
     assert (CONFIGS / schema).is_file()
-    assert all(dead_reason(atom, 0.0, 60.0) is None for atom in dictionary.resolved(0.0))
+    assert all(dead_reason(atom, 0.0, 60.0) is None for atom in dictionary.at_onsets(0.0, 60.0).resolved(0.0))
 
 
 def test_the_shipped_schema_is_the_one_of_the_models():

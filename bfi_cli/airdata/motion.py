@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.normal import MAD
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G
 from .domain import FloatArray
 
@@ -82,7 +83,7 @@ def zero_lift_angle(normal_acc: FloatArray, aoa: FloatArray, q_impact: FloatArra
         slope = float(centred @ force) / power if power > 0.0 else np.nan
         correlation = slope * np.sqrt(power / float(force @ force)) if np.any(force) else np.nan
         error = np.abs(lift - level - slope * (aoa - middle))
-        kept = error <= OUTLYING * 1.4826 * np.median(error[kept])
+        kept = error <= OUTLYING * MAD * np.median(error[kept])
     if not slope > 0.0 or not correlation >= LEAST_CORRELATION:
         shown = f"{correlation:.2f}" if slope > 0.0 else "no lift that grows with it"
         raise ValueError(

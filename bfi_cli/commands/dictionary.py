@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -59,17 +60,27 @@ def command(file: str, log: str | None, config_path: str | None, **options: Any)
     emit(partial(audit_content, document), document, options, units=units, origin=origin, inputs=inputs)
 
 
+# Seconds in which kinds of fault are shown without a log, where neither the command nor their onsets say.
+SHOWN_S = 60.0
+
+
 def _audited(dictionary: Dictionary, log: str | None, config: Config, allow_outside: bool) -> tuple[Audit, str]:
     from ..audit import audit_dictionary, audit_on_log
     from ..dictionary import load_dictionary
 
     if log is None:
-        return audit_dictionary(dictionary, config, duration_s=config.audit.duration_s), ""
+        ends = [end for one in dictionary.searched.atoms for end in one.onset_range_s or () if math.isfinite(end)]
+        stop_s = config.audit.duration_s or max([SHOWN_S, *ends])
+        audited = dictionary.at_onsets(0.0, stop_s) if dictionary.searched.atoms else dictionary
+        return audit_dictionary(audited, config, duration_s=config.audit.duration_s), ""
     from threadpoolctl import threadpool_limits
 
     flight = log_of(log, config)
     config, notes = settled(flight, config)
     dictionary = load_dictionary(dictionary.path, allow_outside=allow_outside, channel=config.default_channel)
+    if dictionary.searched.atoms:
+        part = flight.window(config.window.from_s, config.window.to_s)
+        dictionary = dictionary.at_onsets(float(part.time_s[0]), float(part.time_s[-1]))
     with threadpool_limits(1):
         audit = audit_on_log(flight, dictionary, config)
     return replace(audit, notes=(*notes, *audit.notes)), flight.sha256

@@ -28,7 +28,7 @@ __all__ = ["command"]
 GIVE = "give the result.json of a command's --out, or what its --json --series printed"
 # Module and function that make the content of each kind of document, and the schema they know.
 KINDS = {
-    "calibration": ("calibration", "calibration_content", 1),
+    "calibration": ("decision.calibration", "calibration_content", 1),
     "convert": ("flightlog.report", "log_content", 1),
     "detect": ("detect", "detect_content", 2),
     "diagnosability": ("diagnosability", "diagnosability_content", 1),

@@ -47,7 +47,7 @@ class Candidate:
     effect : largest error that this magnitude makes on the channel within the window; tolerance : of the channel.
     onset_s : of an entry of a dictionary, on the log's axis; None where all onsets were looked at.
     note : why it is left out, suspected or not seen.
-    onsets_checked : (from, to), s, of the onsets that were searched; empty for an entry with a stated onset.
+    onsets_checked : (from, to), s, of the onsets that were searched; None for an entry with a stated onset.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Candidate:
     note: str | None = None
     physical_scale: float | None = None
     physical_unit: str | None = None
-    onsets_checked: tuple[tuple[float, float], ...] = ()
+    onsets_checked: tuple[tuple[float, float], ...] | None = None
 
     @property
     def limit(self) -> float | None:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..faults import Decision, FaultEstimate
+from ..faults import Decision, FaultEstimate, build_up_s
 from ..report.text import instant, quantity
 from ..shapes import SHAPES, Kind
 from .candidate import Candidate, state_of
@@ -76,7 +76,10 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
                 candidate = replace(candidate, state="suspected", note="another source excludes an error of this size")
             candidates.append(candidate)
     bounded = tuple(_with_least_limit(candidate, evidence) for candidate in candidates)
-    verdicts = verdicts_of(bounded)
+    verdicts: dict[Kind, Decision] = {
+        **verdicts_of(bounded),
+        **dict.fromkeys([SHAPES[one.fault.shape].kind for one in faults], "fault"),
+    }
     return Conclusion(
         decision=decide(verdicts, required),
         verdicts=verdicts,
@@ -88,10 +91,11 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
 
 
 def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> bool:
-    """Say whether a fault is already declared: on its channel, at an onset that both admit, or both being slow."""
+    """Say whether another source declares a fault already: on its channel, while both build up, or both being slow."""
 
     def span(one: FaultEstimate) -> tuple[float, float]:
-        return one.onset_ci95 or (one.fault.onset_s, one.fault.onset_s)
+        low, high = one.onset_ci95 or (one.fault.onset_s, one.fault.onset_s)
+        return low, high + (build_up_s(one.fault) or 0.0)
 
     low, high = span(fault)
     alike = (one for one in known if fault.fault.channel in (one.fault.channel, *one.among))

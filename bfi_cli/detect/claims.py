@@ -13,7 +13,8 @@ import numpy as np
 
 from ..decision import Candidate, shown_limit, state_of
 from ..kernels import FloatArray
-from ..kernels.nullspace import Criteria, onset_shares
+from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_99
+from ..kernels.nullspace import Criteria
 from ..kernels.parity import drop_at
 from ..preprocessing.regression import Signals
 from ..report.text import instant
@@ -22,8 +23,6 @@ from .preparation import DecimatedRecord, PreparedRecord
 
 __all__ = ["ABSORBED", "SMEARED", "StepLimits", "candidates_of", "exact_limits", "parity_limits"]
 
-# Quantiles of the normal distribution: 90 % power, and the one-sided 99 % limit.
-POWER, LIMIT = 1.2815515655446004, 2.3263478740408408
 # Factors on the magnitudes that parity residuals tell, for a log without a recorder's low-pass and for one that has or
 # may have one. The closed form leaves out that the predictor learns from the rows of the step, that its regressors move
 # with it, and that a recorder smears it. Counted at random onsets: of steps of 1.25, 1.5 and 1.75 times the closed form
@@ -79,13 +78,13 @@ def parity_limits(samples: DecimatedRecord, passes: Sequence[MonitoringPass], *,
         run = rows[:, None] - np.arange(lasting)[::-1]
         place = np.arange(lasting)
         needed = np.sqrt(drop_at(one.threshold.level, drops.freedom[run][:, :, None]))
-        declared = factor * ((needed + POWER) * drops.old_sd[run, place]).max(axis=1)
+        declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)
         size, sd = drops.old_size[rows, -1], drops.old_sd[rows, -1]
         each = {
             "size": size,
             "sd": sd,
             "detectable": declared,
-            "hidden": np.maximum(declared, np.abs(size) + LIMIT * sd),
+            "hidden": np.maximum(declared, np.abs(size) + ONE_SIDED_99 * sd),
         }
         full = {key: np.full((len(rows), q), np.nan) for key in each}
         for key, values in each.items():
@@ -97,9 +96,7 @@ def parity_limits(samples: DecimatedRecord, passes: Sequence[MonitoringPass], *,
     )
 
 
-def exact_limits(
-    record: Signals, u: FloatArray, criterion: Criteria, *, width: int, level: FloatArray
-) -> tuple[StepLimits, int]:
+def exact_limits(record: Signals, criterion: Criteria, *, width: int, level: FloatArray) -> tuple[StepLimits, int]:
     """Return what the criterion of data without noise could not have declared.
 
     At its first sample a step d changes Y alone, in its channel's row, so that the criterion becomes at least |d| times
@@ -108,14 +105,13 @@ def exact_limits(
 
     Parameters
     ----------
-    u : inputs with the samples before that count as such.
     level : (n_samples,) above which a channel is declared.
 
     Returns
     -------
     The limits, and the number of samples that are not covered.
     """
-    share = onset_shares(record.y, u, width=width)
+    share = criterion.share
     at = np.flatnonzero(np.nan_to_num(share) >= LEAST_SHARE)
     size = np.maximum.accumulate(np.abs(record.y), axis=0)[at] * np.sqrt(width)
     limit = (level[at, None] + criterion.channel[at]) * size / share[at, None]

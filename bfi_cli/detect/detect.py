@@ -13,7 +13,7 @@ from ..decision import KINDS, decide, summarise, verdicts_of
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..kernels.nullspace import criteria
+from ..kernels.nullspace import criteria, past_rank
 from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerances_of
@@ -156,8 +156,7 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResul
         # Inputs bring the samples before the last one with them: z(i) then reaches `lags` samples back.
         past = (np.vstack([np.zeros((lag, both.shape[1])), both[:-lag]]) for lag in range(1, lags))
         inputs = np.hstack([u, *past])
-        rank = int(criteria(y[healthy], inputs[healthy], width=int(healthy.sum())).rank.max())
-        width = max(NARROWEST, rank + SPARE)
+        width = max(NARROWEST, past_rank(y[healthy], inputs[healthy]) + SPARE)
         criterion = criteria(y, inputs, width=width)
         explained = not bool((np.nan_to_num(criterion.channel[healthy]) > MARGIN * LEVEL).any())
         if explained:
@@ -199,7 +198,7 @@ def _exact_result(prepared: PreparedRecord, config: Config) -> tuple[DetectResul
     if criterion.ready is not None:
         notes.append(f"ready after {criterion.ready} samples")
     if explained:
-        limits, left_out = exact_limits(record, inputs, criterion, width=width, level=levels)
+        limits, left_out = exact_limits(record, criterion, width=width, level=levels)
         if left_out:
             notes.append(
                 f"{left_out} samples move in a direction in which their window does not, as the first ones after an "

@@ -16,10 +16,9 @@ from ..errors import LogError
 from ..kernels import FloatArray
 from ..kernels.exponential_tail import block_maxima, fit_tail, white_excess, white_level
 from ..kernels.lagged import lagged
-from ..kernels.parity import Drops, largest_drops, past_basis
+from ..kernels.parity import Drops, StepHeight, largest_drops, past_basis, step_height
 from ..kernels.recursive_least_squares import PRIOR, RecursiveResiduals, predictive_score, recursive_residuals
-from ..kernels.running_weights import running_weights
-from ..kernels.step_height import StepHeight, step_height
+from ..kernels.running import running_weights
 from .preparation import DecimatedRecord
 
 # A step is sought among the onsets of the last rows, or of the last second if that is more: a failure that shows later

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from ..kernels.free_course import correlated_noise, smoothed_course
 from ..kernels.likelihood_ratio import FAST_S
-from ..kernels.random_walk import correlated_noise, smoothed_course
 from ..parity import Record, WindowScan
 from ..parity.explain import course_for
 from ..parity.record import Hypothesis, hypotheses, with_fault, without_fault

@@ -12,6 +12,7 @@ from ..channels import STANDARD
 from ..display_units import SI, Shown, Units
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import bands_of, lanes_of, phase_table
+from ..kernels.normal import TWO_SIDED_95
 from ..provenance import Provenance
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve
 from ..report.text import change, instant, number, with_unit
@@ -184,7 +185,7 @@ def _time(time_s: float) -> str:
 def _magnitude(event: Plain, units: Units) -> str:
     shown = units.of(event["unit"], channel=_channel(event["fault"]))
     sd = shown.change(event["sd"])
-    value = number(shown.change(event["magnitude"]), spread=None if sd is None else 1.96 * sd, extra=1)
+    value = number(shown.change(event["magnitude"]), spread=None if sd is None else TWO_SIDED_95 * sd, extra=1)
     return with_unit(value, shown.unit)
 
 
@@ -193,7 +194,7 @@ def _interval(event: Plain, units: Units) -> str:
     if event["ci95"] is None:
         return ""
     shown = units.of(event["unit"], channel=_channel(event["fault"]))
-    spread = 1.96 * float(shown.change(event["sd"]) or 0.0)
+    spread = TWO_SIDED_95 * float(shown.change(event["sd"]) or 0.0)
     low, high = (number(shown.change(value), spread=spread, extra=1) for value in event["ci95"])
     return f" ({low} to {high})"
 

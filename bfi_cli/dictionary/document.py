@@ -55,6 +55,8 @@ FloatArray = NDArray[np.float64]
 MAX_ATOMS = 10_000
 # Dictionaries that come with the program, by the name that stands for their file.
 SHIPPED = {name: Path(__file__).parent / f"{name}.yaml" for name in ("airdata", "thesis")}
+# Of kinds of fault that state none, where a signal is needed: within the band of motion, and of lines and filters.
+TYPICAL = {"frequency_hz": 0.2, "time_constant_s": 2.0, "duration_s": 5.0}
 # What entries act on where neither they nor their dictionary say it, and the analysis does not either.
 CHANNEL = "tas"
 
@@ -379,6 +381,34 @@ class Dictionary:
         """The kinds of fault, whose onsets are not known."""
         return replace(self, atoms=tuple(one for one in self.atoms if one.onset_range_s is not None))
 
+    def at_onsets(self, start_s: float, stop_s: float) -> Dictionary:
+        """Return the dictionary with kinds of fault at a quarter, a half and three quarters of their onsets.
+
+        For an analysis that needs signals, as an audit does. A frequency, time constant or duration that is not stated
+        is that of `TYPICAL`, or the geometric mean of its interval.
+
+        Parameters
+        ----------
+        start_s, stop_s : the window, s on the log's axis.
+        """
+        known = iter(self.resolved(start_s))
+        atoms: list[Fault] = []
+        for one in known:
+            if one.onset_range_s is None:
+                atoms.append(one)
+                continue
+            first_s, last_s = max(one.onset_range_s[0], start_s), min(one.onset_range_s[1], stop_s)
+            keys = {key.name for key in SHAPES[one.shape].keys} & set(PARAMETERS)
+            stated: dict[str, Any] = {
+                key: getattr(one, key) or _within(one.parameter_range, TYPICAL[key]) for key in keys
+            }
+            for share in (0.25, 0.5, 0.75):
+                onset_s = float(f"{first_s + share * (last_s - first_s):.6g}")
+                name = f"{one.name}_{onset_s:g}"
+                exact = replace(one, onset_range_s=None, parameter_range=None, onset_s=onset_s, name=name)
+                atoms.append(replace(exact, **stated))
+        return replace(self, atoms=tuple(atoms), relative_to="log")
+
     def resolved(self, window_start_s: float) -> tuple[Fault, ...]:
         """Return the atoms with onset and offset on the log's time axis."""
         if self.relative_to == "log":
@@ -393,6 +423,13 @@ class Dictionary:
             )
             for one in self.atoms
         )
+
+
+def _within(interval: tuple[float, float] | None, typical: float) -> float:
+    """Return the geometric mean of an interval, or what is typical of an end that is not finite or zero."""
+    low, high = (typical, typical) if interval is None else interval
+    low, high = max(low, 0.0) or typical, high if math.isfinite(high) else max(typical, low)
+    return math.sqrt(low * high) if math.isfinite(low) else typical
 
 
 def load_dictionary(
@@ -503,10 +540,15 @@ def dead_sentences(
     faults, start_s, stop_s, outputs : see `dead_reason`; faults that may leave a trace are not spoken of.
     """
     heard = [one for one in faults if outputs is None or one.channel in outputs]
+    sentences = [
+        f"'{one.name}' is a kind of fault, searched by bfi identify alone; give its onset_s"
+        for one in heard
+        if one.onset_range_s is not None
+    ]
+    heard = [one for one in heard if one.onset_range_s is None]
     late = [one for one in heard if one.onset_s >= stop_s]
     early = [one for one in heard if one.offset_s is not None and one.offset_s <= start_s]
     starts, ends = [one.onset_s for one in late], [one.offset_s or 0.0 for one in early]
-    sentences = []
     for group, verb, key, times_s, where in (
         (late, "start", "onset", starts, f"after the window ends ({stop_s:g} s)"),
         (early, "end", "offset", ends, f"before the window starts ({start_s:g} s)"),
@@ -516,8 +558,9 @@ def dead_sentences(
             sentences.append(
                 f"{_named(group)} {verb}{s} at {_times(times_s)}, {where}; move {move} or widen the window"
             )
-    for channel in dict.fromkeys(one.channel for one in faults if one not in heard):
-        group = [one for one in faults if one.channel == channel]
+    mute = [one for one in faults if outputs is not None and one.channel not in outputs]
+    for channel in dict.fromkeys(one.channel for one in mute):
+        group = [one for one in mute if one.channel == channel]
         sentences.append(f"{_named(group)} act{'s' * (len(group) == 1)} on {_not_an_output(channel, outputs or ())}")
     return tuple(sentences)
 

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..filters import response_of
-from ..kernels.excursions import interpolation_error, running_median, travel
+from ..kernels.normal import MAD
 from ..kernels.quantisation import quantum_of_plateaus
+from ..kernels.running import interpolation_error, running_median, travel
+from ..kernels.runs import BoolArray, within
 from ..report.text import instant
 from .holds import find_quantum
 from .phases import phases_of
@@ -25,9 +26,6 @@ from .quality import hold_of
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
 
-__all__ = ["Defect", "DefectShape", "find_defects", "sentence_of_defect", "with_bridges", "without_defects"]
-
-BoolArray = NDArray[np.bool_]
 # The course of a channel as another tells it, the scatter about it, and where it is told, (n,) each.
 _Expected = tuple[FloatArray, FloatArray, BoolArray]
 DefectShape = Literal["dropout", "frozen", "spikes"]
@@ -66,7 +64,6 @@ LEAST, BEYOND, STEEPEST, FEWEST_BLOCKS = 24.0, 6.4, 10.0, 20
 MOST_ALIKE = 0.5
 FEWEST_QUANTA = 3.0
 MOST_PASSES = 25
-GAUSSIAN_MEDIAN = 1.4826  # standard deviation over median size
 ROUNDING = 1e-6  # of the largest value: of single precision, some digits
 TINY = float(np.finfo(np.float64).tiny)
 FEWEST_TICKS, MOST_TICKS = 32, 10**7
@@ -148,14 +145,10 @@ class Defect:
     def between(self, from_s: float, to_s: float) -> Defect | None:
         """Return those that begin in a window, None where none does; size and statistic are those of all."""
         inside = [k for k, time_s in enumerate(self.times_s) if from_s <= time_s < to_s]
-        if not inside:
-            return None
-        return replace(
-            self,
-            times_s=tuple(self.times_s[k] for k in inside),
-            durations_s=tuple(self.durations_s[k] for k in inside),
-            hidden=tuple(self.hidden[k] for k in inside),
-        )
+        kept: dict[str, Any] = {
+            key: tuple(getattr(self, key)[k] for k in inside) for key in ("times_s", "durations_s", "hidden")
+        }
+        return replace(self, **kept) if inside else None
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -204,24 +197,23 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     loudness = {name: _loudness(track, log) for name, track in tracks.items()}
     found: dict[str, list[_One]] = {}
     for name, track in tracks.items():
-        others = _others(name, loudness, track, log)
-        found[name] = _excursions(track, others, width_s, reach_s, is_positive=name in POSITIVE)
-    wild = {name: _at_seconds(loudness[name], track, log) > LEAST for name, track in tracks.items()}
-    if "altitude_rate" in tracks:
-        rate = tracks["altitude_rate"]
-        climbed = rate.step_s * np.cumsum(rate.values)
-        tracks |= {"+altitude_rate": replace(rate, values=climbed)}
-        wild["+altitude_rate"] = wild["altitude_rate"]
+        # Other channels that err at once take an error away; the second loudest counts.
+        others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
+        alike = np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
+        found[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE)
+    calm = {name: _at_seconds(loudness[name], track, log) <= LEAST for name, track in tracks.items()}
+    if (rate := tracks.get("altitude_rate")) is not None:
+        tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
+        calm["+altitude_rate"] = calm["altitude_rate"]
     for name in found:
-        told = [_expected(tracks[name], tracks[one], ~wild[one]) for one in RELATIVES.get(name, ()) if one in tracks]
+        told = [_expected(tracks[name], tracks[one], calm[one]) for one in RELATIVES.get(name, ()) if one in tracks]
         found[name] += _against(tracks[name], told, width_s, reach_s)
         found[name] += _rests(tracks[name], told, width_s, reach_s)
-    cleaned = with_bridges(log, _defects(found, tracks))
-    for phase in phases_of(cleaned):
-        if phase.phase in UNWATCHED:
-            edges = phase.from_s - BESIDE_S, phase.to_s + BESIDE_S
-            for name, every in found.items():
-                found[name] = [one for one in every if not edges[0] <= one.time_s < edges[1]]
+    phases = phases_of(with_bridges(log, _defects(found, tracks)))
+    unwatched = [(one.from_s - BESIDE_S, one.to_s + BESIDE_S) for one in phases if one.phase in UNWATCHED]
+    for name, every in found.items():
+        is_out = within(np.array([one.time_s for one in every]), unwatched)
+        found[name] = [one for one, out in zip(every, is_out, strict=True) if not out]
     return _defects(found, tracks)
 
 
@@ -285,25 +277,20 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         values[tick[::-1]] = readings[::-1]  # the first of each tick
     ticks, step_s = np.arange(n), period / log.rate_hz
     values = np.interp(ticks, ticks[known], values[known])
+    quantum = quantum_of_plateaus(values, 1.0 / step_s) or find_quantum(values) or 0.0
+    if not quantum:  # a short record shows too few steps: of a channel that mostly rests the usual change in a second
+        apart = max(1, round(1.0 / step_s))
+        moves = np.abs(values[apart:] - values[:-apart])
+        moved = moves > ROUNDING * float(np.abs(values).max())
+        quantum = float(np.median(moves[moved])) if moved.any() and float(np.mean(moved)) < 0.5 else 0.0
     return _Track(
         channel=channel,
         time_s=np.asarray(log.time_s[0] + phase / log.rate_hz + step_s * ticks, dtype=np.float64),
         step_s=step_s,
         values=values,
         known=known,
-        quantum=quantum_of_plateaus(values, 1.0 / step_s) or find_quantum(values) or _steps(values, step_s),
+        quantum=quantum,
     )
-
-
-def _steps(values: FloatArray, step_s: float) -> float:
-    """Return the usual change within a second of a channel that mostly rests, 0 of one that moves.
-
-    A short record shows too few steps to tell its quantum.
-    """
-    apart = max(1, round(1.0 / step_s))
-    moves = np.abs(values[apart:] - values[:-apart])
-    moved = moves > ROUNDING * float(np.abs(values).max())
-    return float(np.median(moves[moved])) if moved.any() and float(np.mean(moved)) < 0.5 else 0.0
 
 
 def _recorder(log: FlightLog) -> tuple[float, float]:
@@ -329,7 +316,7 @@ def _errors(track: _Track) -> dict[int, tuple[FloatArray, FloatArray]]:
         error = np.where(track.known, interpolation_error(track.values, half), 0.0)
         size = np.abs(error)
         usual = running_median(size, half, max(5, track.size(AROUND_S) // half))
-        usual = GAUSSIAN_MEDIAN * np.maximum(usual, CALMEST * float(np.median(size)))
+        usual = MAD * np.maximum(usual, CALMEST * float(np.median(size)))
         errors[half] = error, size / np.maximum(usual, least)
     return errors
 
@@ -342,12 +329,6 @@ def _loudness(track: _Track, log: FlightLog) -> FloatArray:
     at = (track.time_s - log.time_s[0]).astype(np.intp)
     np.maximum.at(seconds, np.minimum(at, len(seconds) - 1), np.max([r for _, r in _errors(track).values()], axis=0))
     return np.asarray(maximum_filter1d(seconds, 2 * round(TOGETHER_S) + 1))
-
-
-def _others(name: str, loudness: Mapping[str, FloatArray], track: _Track, log: FlightLog) -> FloatArray:
-    """Return (n,), by what an error of this channel is divided since other channels err at once, at least 1."""
-    others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
-    return np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
 
 
 def _at_seconds(seconds: FloatArray, track: _Track, log: FlightLog) -> FloatArray:
@@ -382,22 +363,17 @@ def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: floa
         widest = 3 * max(errors)
         while size.any():
             k = int(np.argmax(size))
-            share = float(
-                max(ratio[k] / others[k] / level[half] for half, (_, ratio) in errors.items() if stands_out[half][k])
-            )
-            one = None
-            for half in errors:
-                one = _described(track, k, half, width_s, 0.5 * float(size[k]), share)
-                if one is not None:
-                    break
+            ratios = {half: ratio[k] / others[k] / level[half] for half, (_, ratio) in errors.items()}
+            share = float(max(ratio for half, ratio in ratios.items() if stands_out[half][k]))
+            drafts = (_described(track, k, half, width_s, 0.5 * float(size[k]), share) for half in errors)
+            one = next(filter(None, drafts), None)
             if one is None:
-                refused[max(0, k - track.size(0.5)) : k + track.size(0.5) + 1] = True
-                size[max(0, k - track.size(0.5)) : k + track.size(0.5) + 1] = 0.0
+                beside = slice(max(0, k - track.size(0.5)), k + track.size(0.5) + 1)
+                refused[beside], size[beside] = True, 0.0
                 continue
             sure_s = reach_s + 0.5 * track.step_s
-            hidden = (one.hidden[0] - sure_s, one.hidden[1] + sure_s)
-            found.append(replace(one, hidden=hidden))
-            _take_out(track, hidden)
+            found.append(replace(one, hidden=(one.hidden[0] - sure_s, one.hidden[1] + sure_s)))
+            _take_out(track, found[-1].hidden)
             size[max(0, k - widest) : k + widest + 1] = 0.0
     return found
 
@@ -429,9 +405,7 @@ def _described(track: _Track, k: int, half: int, width_s: float, least: float, s
     if max(float(np.max(-sign * error)), abs(after - before)) > RETURNED * abs(height):
         return None
     foot, upper = (_around(sign * error > level * abs(height), peak) for level in (FOOT, 0.5))
-    if foot[0] == 0 and sign * error[0] > FOOT * abs(height) and half > 1:
-        return None
-    if foot[1] == len(error) and sign * error[-1] > FOOT * abs(height) and half > 1:
+    if half > 1 and (foot[0] == 0 or foot[1] == len(error)):  # it goes on beyond the gap
         return None
     reading, step_s = float(course[peak]), track.step_s
     wide_s = (upper[1] - upper[0]) * step_s
@@ -512,7 +486,11 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
     Of stretches that overlap the longest counts, grown over the samples that stay as still.
     """
     apart = track.size(reach_s) if reach_s else 0
-    floor = max(STILL_QUANTUM * _resolution(track), ROUNDING * float(np.abs(track.values).max()))
+    moves = travel(track.values, max(2, track.size(1.0)))
+    moves = moves[moves > 0.0]
+    # The least that the channel moves by: its quantum, or its travel in the calmest seconds where it has none.
+    least = track.quantum or (float(np.quantile(moves, CALMEST_SECONDS)) if moves.size else 0.0)
+    floor = max(STILL_QUANTUM * least, ROUNDING * float(np.abs(track.values).max()))
     found: list[_One] = []
     taken = ~track.known
     for seconds in reversed(STILL_S):
@@ -535,7 +513,10 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
             marked = (should > needed) & (here <= floor) & ~_often_still(track, size, here, floor)
         while (marked := marked & _all_of(~taken, size)).any():
             k = int(np.argmax(np.where(marked, should, 0.0)))
-            first, last = _grown(track.values, k, k + size, max(floor, STILL_BESIDE * float(should[k])))
+            # The samples about the middle of the stretch that stay at its level, and those beside it that do as well.
+            off = np.abs(track.values - np.median(track.values[k : k + size]))
+            is_still = off <= max(floor, STILL_BESIDE * float(should[k]))
+            first, last = _around(is_still, k + int(np.argmin(off[k : k + size])))
             marked[max(0, first - size) : last] = False
             if last - first < min(size, max(FEWEST_STILL, track.size(STILL_S[0]))):
                 continue
@@ -570,13 +551,6 @@ def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> Bo
     return np.asarray((still > RARELY * others) | (others < max(2 * size, track.size(KNOWN_S))))
 
 
-def _resolution(track: _Track) -> float:
-    """Return the least that a channel moves by: its quantum, or its travel in the calmest seconds where it has none."""
-    moves = travel(track.values, max(2, track.size(1.0)))
-    moves = moves[moves > 0.0]
-    return track.quantum or (float(np.quantile(moves, CALMEST_SECONDS)) if moves.size else 0.0)
-
-
 def _error_of_rest(
     track: _Track, first: int, last: int, apart: int, relatives: Sequence[_Expected], alike: float
 ) -> float | None:
@@ -602,13 +576,6 @@ def _all_of(marked: BoolArray, size: int) -> BoolArray:
     """Return (n - size + 1,) whether all entries of a stretch are marked, by its first."""
     count = np.concatenate([[0], np.cumsum(marked)])
     return np.asarray(count[size:] - count[:-size] == size)
-
-
-def _grown(x: FloatArray, first: int, last: int, within: float) -> tuple[int, int]:
-    """Return the samples about the middle of a stretch that stay at its level, and those beside it that do as well."""
-    still = np.abs(x - np.median(x[first:last])) <= within
-    middle = first + int(np.argmin(np.abs(x[first:last] - np.median(x[first:last]))))
-    return _around(still, middle)
 
 
 def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
@@ -638,14 +605,14 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
         error = np.abs(track.values[rows] - columns @ factors)
         usual = error <= max(OUTLYING * float(np.median(error)), track.quantum)
         factors = np.linalg.lstsq(columns[usual], track.values[rows[usual]], rcond=None)[0]
-        scatter = GAUSSIAN_MEDIAN * float(np.median(np.abs(track.values[rows] - columns @ factors)))
+        scatter = MAD * float(np.median(np.abs(track.values[rows] - columns @ factors)))
         spread[at] = max(scatter, COARSE * abs(float(factors[2])) * other.quantum)
         course[at] = wanted @ factors
     known &= np.isfinite(course)
     course = np.where(known, course, 0.0)
     # White noise travels by several of its standard deviations within seconds.
     second = np.abs(np.diff(course, 2, prepend=course[:1], append=course[-1:]))
-    noise = GAUSSIAN_MEDIAN / np.sqrt(6.0) * running_median(second, track.size(1.0), NOISE_S)
+    noise = MAD / np.sqrt(6.0) * running_median(second, track.size(1.0), NOISE_S)
     return course, spread + noise, known
 
 
@@ -655,17 +622,18 @@ def _defects(found: Mapping[str, Sequence[_One]], tracks: Mapping[str, _Track]) 
     for name, every in found.items():
         for shape in ("dropout", "frozen", "spikes"):
             alike = sorted((one for one in every if one.shape == shape), key=lambda one: one.time_s)
-            if alike:
-                joined.append(
-                    Defect(
-                        channel=name,
-                        unit=tracks[name].channel.unit,
-                        shape=shape,
-                        times_s=tuple(one.time_s for one in alike),
-                        durations_s=tuple(one.duration_s for one in alike),
-                        largest=max((one.height for one in alike), key=abs),
-                        statistic=max(one.share for one in alike),
-                        hidden=tuple(one.hidden for one in alike),
-                    )
+            if not alike:
+                continue
+            joined.append(
+                Defect(
+                    channel=name,
+                    unit=tracks[name].channel.unit,
+                    shape=shape,
+                    times_s=tuple(one.time_s for one in alike),
+                    durations_s=tuple(one.duration_s for one in alike),
+                    largest=max((one.height for one in alike), key=abs),
+                    statistic=max(one.share for one in alike),
+                    hidden=tuple(one.hidden for one in alike),
                 )
+            )
     return tuple(sorted(joined, key=lambda one: one.times_s[0]))

@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import (
     GRAVITY_LEFT_IN,
@@ -26,11 +25,9 @@ from ..airdata import (
 )
 from ..channels import STANDARD
 from ..errors import LogError
+from ..kernels.runs import BoolArray
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
-__all__ = ["DERIVED", "missing_for", "with_derived"]
-
-BoolArray = NDArray[np.bool_]
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
 
 # Seconds of flight before the window, from which the angle of zero lift is better taken than from the window itself.
@@ -39,6 +36,9 @@ ENOUGH_S = 300.0
 FIRST_PART = 0.25
 # Of the fastest, below which an aircraft is not in flight for good: a stall is flown at 0.35 to 0.5 of it.
 SLOWEST_FLIGHT = 0.33
+
+
+Values = Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,7 +53,7 @@ class Sources:
         the same where there are too few.
     """
 
-    values: Mapping[str, FloatArray]
+    values: Values
     time_s: FloatArray
     reference: BoolArray
     earlier: BoolArray
@@ -66,114 +66,77 @@ class Derivation:
     Attributes
     ----------
     needs : groups of channels, each by its alternatives.
-    constants : from the sources, what the log does not state, by name; make : from both, the channel.
-    words : from the constants, a sentence for the reader; "" for none.
+    told_by : from the sources, the function that makes the channel of recorded ones, (n_samples,) by name, and what it
+        takes from the log that no channel states, as words for the reader; "" for nothing.
     """
 
     needs: tuple[Group, ...]
-    make: Callable[[Sources, Mapping[str, float]], FloatArray]
-    constants: Callable[[Sources], Mapping[str, float]] = lambda _: {}
-    words: Callable[[Mapping[str, float]], str] = lambda _: ""
+    told_by: Callable[[Sources], tuple[Callable[[Values], FloatArray], str]]
 
 
-def _p_static(sources: Sources, _: Mapping[str, float]) -> FloatArray:
+def _static(values: Values) -> FloatArray:
     # The impact pressure has no part in it; without one the system is not whole.
-    return air_data_of({"q_impact": np.zeros(sources.time_s.shape), **_only(sources, STATIC_SOURCES)}).p_static
+    static = {name: one for name, one in values.items() if name in STATIC_SOURCES}
+    return air_data_of({"q_impact": np.zeros_like(next(iter(static.values()))), **static}).p_static
 
 
-def _p_total(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    return air_data_of(sources.values).p_total
+def _lift(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
+    """Return the airspeed that the lift shows, whose angle of zero lift and scale the flight tells."""
+    recorded, earlier = sources.values, sources.earlier
+    q_impact = air_data_of(recorded).q_impact
+    zero_lift = zero_lift_angle(recorded["normal_acc"][earlier], recorded["aoa"][earlier], q_impact[earlier])
 
+    def shape(values: Values) -> FloatArray:
+        air = air_data_of(values)
+        return lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=zero_lift)
 
-def _q_impact(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    return air_data_of(sources.values).q_impact
-
-
-def _only(sources: Sources, names: Collection[str]) -> dict[str, FloatArray]:
-    return {name: values for name, values in sources.values.items() if name in names}
-
-
-def _lift_constants(sources: Sources) -> Mapping[str, float]:
-    values, earlier = sources.values, sources.earlier
-    air = air_data_of(values)
-    zero_lift = zero_lift_angle(values["normal_acc"][earlier], values["aoa"][earlier], air.q_impact[earlier])
-    shape = lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=zero_lift)
-    ratio = (values["tas"] / shape)[sources.reference]
+    ratio = (recorded["tas"] / shape(recorded))[sources.reference]
     if not np.isfinite(ratio).any():
         raise ValueError("the lift needs samples in flight with an airspeed, got none")
-    return {"zero_lift": zero_lift, "scale": float(np.nanmedian(ratio))}
+    scale = float(np.nanmedian(ratio))
+    return lambda values: scale * shape(values), f"an angle of zero lift of {np.degrees(zero_lift):.2f} degrees"
 
 
-def _lift_speed(sources: Sources, constants: Mapping[str, float]) -> FloatArray:
-    values, air = sources.values, air_data_of(sources.values)
-    shape = lift_speed(values["normal_acc"], values["aoa"], air.p_static, air.sat, zero_lift=constants["zero_lift"])
-    return constants["scale"] * shape
+def _over_ground(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
+    """Return the airspeed that ground velocity and a constant wind show."""
 
+    def velocity(values: Values) -> tuple[FloatArray, FloatArray]:
+        if {"velocity_north", "velocity_east"} <= values.keys():
+            return values["velocity_north"], values["velocity_east"]
+        return ground_velocity(sources.time_s, values["latitude"], values["longitude"])
 
-def _lift_words(constants: Mapping[str, float]) -> str:
-    return f"an angle of zero lift of {np.degrees(constants['zero_lift']):.2f} degrees"
-
-
-def _kinematic_acc(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    v = sources.values
-    return kinematic_acceleration(v["longitudinal_acc"], v["normal_acc"], v["aoa"], v["pitch"], v["roll"])
-
-
-def _climb_angle(sources: Sources, _: Mapping[str, float]) -> FloatArray:
-    return climb_angle(sources.values["aoa"], sources.values["pitch"], sources.values["roll"])
-
-
-def _ground_velocity(sources: Sources) -> tuple[FloatArray, FloatArray]:
-    values = sources.values
-    if {"velocity_north", "velocity_east"} <= values.keys():
-        return values["velocity_north"], values["velocity_east"]
-    return ground_velocity(sources.time_s, values["latitude"], values["longitude"])
-
-
-def _wind(sources: Sources) -> Mapping[str, float]:
-    north, east = _ground_velocity(sources)
+    (north, east), used = velocity(sources.values), sources.reference
     squared = sources.values["tas"] ** 2 - sources.values["altitude_rate"] ** 2
     horizontal = np.sqrt(np.where(squared > 0.0, squared, np.nan))
-    used = sources.reference
     wind = constant_wind(north[used], east[used], horizontal[used])
-    return {"north": wind[0], "east": wind[1]}
 
+    def airspeed(values: Values) -> FloatArray:
+        north, east = velocity(values)
+        return np.asarray(np.hypot(np.hypot(north - wind[0], east - wind[1]), values["altitude_rate"]))
 
-def _ground_airspeed(sources: Sources, wind: Mapping[str, float]) -> FloatArray:
-    north, east = _ground_velocity(sources)
-    through = np.hypot(north - wind["north"], east - wind["east"])
-    return np.asarray(np.hypot(through, sources.values["altitude_rate"]))
-
-
-def _wind_words(wind: Mapping[str, float]) -> str:
-    return f"a wind of {wind['north']:.1f} m/s to the north and {wind['east']:.1f} m/s to the east"
+    return airspeed, f"a wind of {wind[0]:.1f} m/s to the north and {wind[1]:.1f} m/s to the east"
 
 
 def _each(*names: str) -> tuple[Group, ...]:
     return tuple(((name,),) for name in names)
 
 
-STATIC: Group = tuple((name,) for name in STATIC_SOURCES)
-IMPACT: Group = tuple((name,) for name in IMPACT_SOURCES)
-GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
+def _stated(needs: tuple[Group, ...], make: Callable[[Values], FloatArray]) -> Derivation:
+    """Return the derivation of a channel that recorded ones state in full."""
+    return Derivation(needs=needs, told_by=lambda _: (make, ""))
 
+
+STATIC, IMPACT = (tuple((name,) for name in names) for names in (STATIC_SOURCES, IMPACT_SOURCES))
+GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
+ALONG = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 DERIVED: Mapping[str, Derivation] = {
-    "p_static": Derivation(needs=(STATIC,), make=_p_static),
-    "p_total": Derivation(needs=(STATIC, IMPACT), make=_p_total),
-    "q_impact": Derivation(needs=(STATIC, IMPACT), make=_q_impact),
-    "lift_speed": Derivation(
-        needs=(*_each("aoa", "normal_acc", "tas"), STATIC),
-        make=_lift_speed,
-        constants=_lift_constants,
-        words=_lift_words,
-    ),
-    "kinematic_acc": Derivation(
-        needs=_each("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll"), make=_kinematic_acc
-    ),
-    "climb_angle": Derivation(needs=_each("aoa", "pitch", "roll"), make=_climb_angle),
-    "ground_airspeed": Derivation(
-        needs=(GROUND, *_each("altitude_rate", "tas")), make=_ground_airspeed, constants=_wind, words=_wind_words
-    ),
+    "p_static": _stated((STATIC,), _static),
+    "p_total": _stated((STATIC, IMPACT), lambda values: air_data_of(values).p_total),
+    "q_impact": _stated((STATIC, IMPACT), lambda values: air_data_of(values).q_impact),
+    "lift_speed": Derivation(needs=(*_each("aoa", "normal_acc", "tas"), STATIC), told_by=_lift),
+    "kinematic_acc": _stated(_each(*ALONG), lambda values: kinematic_acceleration(*(values[name] for name in ALONG))),
+    "climb_angle": _stated(_each(*ALONG[2:]), lambda values: climb_angle(*(values[name] for name in ALONG[2:]))),
+    "ground_airspeed": Derivation(needs=(GROUND, *_each("altitude_rate", "tas")), told_by=_over_ground),
 }
 
 
@@ -201,8 +164,7 @@ def with_derived(
     ------
     LogError : a channel it is made of is missing, or holds in the window what no subsonic flight has.
     """
-    sources_names = {channel.source for channel in log.channels.values()}
-    wanted = [name for name in dict.fromkeys(names) if name in DERIVED and name not in {*log.channels, *sources_names}]
+    wanted = [name for name in dict.fromkeys(names) if name in DERIVED and log.find(name) is None]
     for name in wanted:
         if missing := missing_for(name, log.channels):
             has = ", ".join(sorted(log.channels))
@@ -221,28 +183,23 @@ def with_derived(
         _check_possible(log, recorded, inside)
     channels, clean, notes = dict(log.channels), dict(log.truth.clean if log.truth else {}), list(log.notes)
     for name in wanted:
-        derivation = DERIVED[name]
         try:
-            constants = derivation.constants(sources)
+            make, words = DERIVED[name].told_by(sources)
         except ValueError as error:
             raise LogError(
                 f"{log.path}: '{name}' cannot be derived: {error}; give a log with {ENOUGH_S:g} s of flight before "
                 "--from, or a longer window"
             ) from None
-        values = frozen_array(derivation.make(sources, constants))
+        # Of every group of what it needs the first alternative that there is.
+        needs = DERIVED[name].needs
+        used = {one for group in needs for one in next(names for names in group if set(names) <= set(recorded))}
+        values = frozen_array(make(recorded))
         channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)
-        if log.truth is not None and set(log.truth.clean) & _used(derivation, recorded):
-            clean[name] = frozen_array(derivation.make(replace(sources, values={**recorded, **clean}), constants))
-        used = ", ".join(sorted(_used(derivation, recorded)))
-        words = derivation.words(constants)
-        notes.append(f"'{name}' is derived from {used}{', with ' * bool(words)}{words}")
+        if log.truth is not None and set(log.truth.clean) & used:
+            clean[name] = frozen_array(make({**recorded, **clean}))
+        notes.append(f"'{name}' is derived from {', '.join(sorted(used))}{', with ' * bool(words)}{words}")
     truth = log.truth and replace(log.truth, clean=clean)
     return replace(log, channels=channels, truth=truth, notes=tuple(notes))
-
-
-def _used(derivation: Derivation, has: Collection[str]) -> set[str]:
-    """Return the recorded channels that a derived one is made of: of every group the first alternative there is."""
-    return {name for group in derivation.needs for name in next(one for one in group if set(one) <= set(has))}
 
 
 def _parts(log: FlightLog, from_s: float | None, to_s: float | None) -> tuple[BoolArray, BoolArray, BoolArray]:

@@ -12,8 +12,6 @@ from typing import Any
 from ..errors import ConfigError
 from ..serialization import mapping, member
 
-__all__ = ["Event", "read_events"]
-
 Plain = Mapping[str, Any]
 
 GIVE = "give the result.json of bfi identify, start-time, detect or diagnose"
@@ -96,12 +94,6 @@ def _event(entry: Plain, kind: str, state: str, onset_s: float) -> Event:
     times = [float(one) for one in (onset_s, entry.get("offset_s")) if one is not None]
     if not isinstance(channels, list) or not all(map(math.isfinite, times)):
         raise ValueError(f"no channels and times, {channels!r:.40}, {times}")
-    name = entry.get("fault") or entry.get("name") or entry.get("shape") or "alarm"
-    return Event(
-        analysis=kind,
-        name=str(name),
-        channels=tuple(str(one) for one in channels),
-        state=state,
-        onset_s=times[0],
-        offset_s=times[1] if len(times) > 1 else None,
-    )
+    name = str(entry.get("fault") or entry.get("name") or entry.get("shape") or "alarm")
+    places, offset_s = tuple(map(str, channels)), times[1] if len(times) > 1 else None
+    return Event(analysis=kind, name=name, channels=places, state=state, onset_s=times[0], offset_s=offset_s)

@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .record import Channel, FlightLog, FloatArray, frozen_array
-from .signs import runs_of
+from ..kernels.runs import runs
+from .record import FlightLog, FloatArray, frozen_array
 from .topics import ANGLES
-
-__all__ = ["with_filled", "with_single_samples"]
 
 # Signals that have no values between theirs: they keep the last.
 FLAGS = frozenset({"valid_airspeed", "gear"})
@@ -28,17 +26,19 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     A stretch at an end of the log is left as it is, for there is nothing beyond. Angles take the shorter way round;
     flags keep their last value. The clean signal of a channel with an injected fault is filled alike.
     """
-    channels, notes = {}, list(log.notes)
-    for name, channel in log.channels.items():
-        values, lengths_s = _filled(name, channel.values, log, longest_s)
-        channels[name] = replace(channel, values=values) if lengths_s.size else channel
-        if lengths_s.size:
-            count = f"{lengths_s.size} stretch{'es' * (lengths_s.size > 1)}"
-            notes.append(f"'{name}': {count} of up to {lengths_s.max():.3g} s without samples interpolated (--fill)")
-    truth = log.truth
-    if truth is not None:
-        truth = replace(truth, clean={n: _filled(n, x, log, longest_s)[0] for n, x in truth.clean.items()})
-    return replace(log, channels=channels, truth=truth, notes=tuple(notes))
+    stretches: dict[str, list[float]] = {}
+
+    def filled(name: str, values: FloatArray) -> FloatArray:
+        out, lengths_s = _filled(name, values, log, longest_s)
+        stretches.setdefault(name, lengths_s)
+        return out
+
+    changed, notes = log.changed(filled), list(log.notes)
+    for name, lengths_s in stretches.items():
+        if lengths_s:
+            count = f"{len(lengths_s)} stretch{'es' * (len(lengths_s) > 1)}"
+            notes.append(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
+    return replace(changed, notes=tuple(notes))
 
 
 def with_single_samples(log: FlightLog) -> FlightLog:
@@ -52,7 +52,7 @@ def with_single_samples(log: FlightLog) -> FlightLog:
     step = np.diff(log.time_s) * log.rate_hz
     double, single = np.abs(step - 2.0) <= 2.0 * BESIDE, np.abs(step - 1.0) <= BESIDE
     even = double.sum() <= MOST_DOUBLE * step.size and double.sum() + single.sum() >= (1.0 - MOST_DOUBLE) * step.size
-    for first, stop in runs_of(double):
+    for first, stop in runs(double):
         double[first:stop] = stop - first <= MOST_IN_A_ROW
     at = np.flatnonzero(double) + 1
     if not at.size or not even:
@@ -67,49 +67,30 @@ def with_single_samples(log: FlightLog) -> FlightLog:
         # What is missing in the file beside them stays so.
         return frozen_array(np.where(missing, filled, inserted))
 
-    channels = {
-        name: Channel(
-            name=one.name,
-            values=with_holes(name, one.values),
-            unit=one.unit,
-            source=one.source,
-            source_unit=one.source_unit,
-            own_rate_hz=one.own_rate_hz,
-        )
-        for name, one in log.channels.items()
-    }
-    truth = log.truth
-    if truth is not None:
-        truth = replace(truth, clean={name: with_holes(name, x) for name, x in truth.clean.items()})
     first_s = log.time_s[at[0] - 1]
     note = f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
-    return replace(longer, channels=channels, truth=truth, notes=(*log.notes, note))
+    return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
 
 
-def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, FloatArray]:
+def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, list[float]]:
     """Return the filled values, and the lengths, s, of the stretches that were filled."""
-    missing = np.isnan(values)
-    edges = np.diff(missing.astype(np.int8), prepend=0, append=0)
-    starts, stops = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
-    inside = (starts > 0) & (stops < values.size)
-    starts, stops = starts[inside], stops[inside]
-    # From the last sample before to the first after, less the step that is no stretch: a gap of the clock counts too.
-    lengths_s = log.time_s[stops] - log.time_s[starts - 1] - 1.0 / log.rate_hz
-    short = lengths_s <= longest_s + BESIDE / log.rate_hz
-    starts, stops, lengths_s = starts[short], stops[short], lengths_s[short]
-    if not starts.size:
-        return values, lengths_s
-    out = values.copy()
-    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+    out, lengths_s = values.copy(), []
+    for start, stop in runs(np.isnan(values)):
+        if start == 0 or stop == values.size:
+            continue
+        # From the last sample before to the first after, less the step that is no stretch: a gap of the clock counts.
+        at = log.time_s[start - 1 : stop + 1]
+        length_s = float(at[-1] - at[0]) - 1.0 / log.rate_hz
+        if not length_s <= longest_s + BESIDE / log.rate_hz:
+            continue
+        lengths_s.append(length_s)
         before, after = values[start - 1], values[stop]
         if name in FLAGS:
             out[start:stop] = before
             continue
-        at = log.time_s[start - 1 : stop + 1]
-        part, turns = (at[1:-1] - at[0]) / (at[-1] - at[0]), 0.0
-        if name in ANGLES:
-            turns = 2.0 * np.pi * float(np.round((after - before) / (2.0 * np.pi)))
+        turns = 2.0 * np.pi * float(np.round((after - before) / (2.0 * np.pi))) if name in ANGLES else 0.0
+        part = (at[1:-1] - at[0]) / (at[-1] - at[0])
         between = before + (after - turns - before) * part
         # Back into the turn of the value before or of that after, whichever is nearer in time.
         out[start:stop] = np.where(part < 0.5, between, between + turns)
-    return frozen_array(out), lengths_s
+    return (frozen_array(out) if lengths_s else values), lengths_s

@@ -12,31 +12,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..errors import LogError, first_line
+from ..errors import LogError
 from ..filters import filters_from_json
 from ..units import to_si
-from .raw import (
-    LARGEST,
-    RawColumn,
-    RawLog,
-    Span,
-    TimeOf,
-    choose_group,
-    different_length,
-    is_signal,
-    left_out,
-    rate_of,
-    require_few,
-    unfit_kind,
-)
+from . import raw
+from .raw import LARGEST, Asked, FloatArray, RawLog, Track, left_out
 from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 
 if TYPE_CHECKING:
     import h5py
-
-__all__ = ["read_hdf5"]
 
 TRUTH = "truth"
 LONGEST_UNIT = 80  # characters of MATLAB's text, which is an array of numbers like any other
@@ -49,6 +34,7 @@ MOST_LINKS = 100  # followed for one name; a log needs one or two, a loop never 
 MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at most as many bytes into one
 LARGEST_CHUNK = 2**28  # bytes; a chunk is unpacked whole, and is below 1 MiB where h5py or MATLAB choose its size
 LARGEST_ATTRIBUTE = 2**24  # bytes; a unit takes ten, a list of a thousand segments 100 000
+DAMAGED = ("HDF5 file", "copy or export it again")
 OWN_DATA = "a log must hold its own data, copy it into the file"
 
 
@@ -60,38 +46,30 @@ class _Signal:
     data: h5py.Dataset
     unit: str | None
 
-    def values(self, rows: slice) -> NDArray[np.float64]:
+    def values(self, rows: slice) -> FloatArray:
         """Return the samples of these rows, whichever axis they lie along."""
         place = tuple(rows if n > 1 else 0 for n in self.data.shape)
         return np.ravel(self.data[place]).astype(np.float64, copy=False)
 
-    def column(self, rows: slice) -> RawColumn:
-        return RawColumn(source=self.name, values=self.values(rows), unit=self.unit)
+    def track(self, rows: slice) -> Track:
+        return Track(source=self.name, values=self.values(rows), unit=self.unit)
 
-    def column_in_file(self, path: str, rows: slice) -> RawColumn:
-        """Return the column of these rows, not read before they are asked for."""
+    def track_in_file(self, path: str, rows: slice) -> Track:
+        """Return the signal of these rows, not read before they are asked for."""
         place, signal = self.data.name, self
 
-        def read(rows: slice) -> NDArray[np.float64]:
+        def read(rows: slice) -> FloatArray:
             import h5py
 
-            try:
-                with h5py.File(path, "r") as file:
-                    return replace(signal, data=file[place]).values(rows)
-            except Exception as error:  # as in `read_hdf5`; the file may also have changed since
-                raise _damaged(path, error) from None
+            with raw.parsing(path, *DAMAGED), h5py.File(path, "r") as file:  # which may also have changed since
+                return replace(signal, data=file[place]).values(rows)
 
         rows = slice(rows.start, min(rows.stop, self.data.size))
-        return RawColumn(source=self.name, values=np.empty(0), unit=self.unit, read=read, rows=rows)
+        return Track(source=self.name, values=np.empty(0), unit=self.unit, read=read, rows=rows)
 
 
-def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf, rate_hz: float | None = None) -> RawLog:
-    """Read an HDF5 or MATLAB v7.3 log; a large one only between the times of `span`, in seconds.
-
-    Parameters
-    ----------
-    time_of : returns the column that is the time axis, with its unit, None where there is none.
-    rate_hz : of a log without one, in place of what the file states.
+def read_hdf5(path: str, asked: Asked) -> RawLog:
+    """Read an HDF5 or MATLAB v7.3 log; a large one only between the times of the window that is asked for.
 
     Raises
     ------
@@ -99,20 +77,11 @@ def read_hdf5(path: str, *, group: str | None, span: Span, time_of: TimeOf, rate
     """
     import h5py
 
-    try:
-        with h5py.File(path, "r") as file:
-            return _read(path, file, group, span, time_of, rate_hz)
-    except (LogError, MemoryError):
-        raise
-    except Exception as error:  # a damaged file can make the HDF5 library raise anything
-        raise _damaged(path, error) from None
+    with raw.parsing(path, *DAMAGED), h5py.File(path, "r") as file:
+        return _read(path, file, asked)
 
 
-def _damaged(path: str, error: Exception) -> LogError:
-    return LogError(f"{path}: damaged or truncated HDF5 file, {first_line(error)}; copy or export it again")
-
-
-def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: TimeOf, rate_hz: float | None) -> RawLog:
+def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     import h5py
 
     root = dict(_members(path, file))
@@ -123,38 +92,38 @@ def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: Ti
         for name, node in root.items()
         if isinstance(node, h5py.Group) and name not in signals and name not in unlike and not name.startswith("#")
     ]
-    chosen = choose_group(path, group, groups, has_signals=bool(signals))
+    chosen = raw.choose_group(path, asked.group, groups, has_signals=bool(signals))
     node = file if chosen is None else root[chosen]
     if chosen is not None:
         signals, unlike = _signals(path, dict(_members(path, node, (file,))))
-    clean, faults, filters = {}, None, None
+    clean: dict[str, _Signal] = {}
     if isinstance(truth, h5py.Group):
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
         clean = {name.removesuffix(CLEAN): signal for name, signal in injected.items() if name.endswith(CLEAN)}
-    stated = next((one for one in (node, file) if "sample_rate_hz" in one.attrs), None)
-    rate = rate_hz
-    if rate is None and stated is not None:
-        rate = rate_of(path, _attribute(stated, "sample_rate_hz"))
-    rows, notes = _rows(path, signals, list(clean.values()), rate, span, time_of)
-    if 8 * sum(signal.data.size for signal in signals.values()) > READ_AT_ONCE:
-        columns = [signal.column_in_file(path, rows) for signal in signals.values()]
-    else:
-        columns = [signal.column(rows) for signal in signals.values()]
+
+    def stated(name: str) -> Any:
+        """Return an attribute of the group, else of the file; None where neither has it."""
+        return next((_attribute(one, name) for one in (node, file) if name in one.attrs), None)
+
+    rate = asked.sample_rate_hz
+    if rate is None and any("sample_rate_hz" in one.attrs for one in (node, file)):
+        rate = raw.rate_of(path, stated("sample_rate_hz"))
+    rows, notes = _rows(path, signals, list(clean.values()), rate, asked)
+    is_large = 8 * sum(signal.data.size for signal in signals.values()) > READ_AT_ONCE
+    columns = [one.track_in_file(path, rows) if is_large else one.track(rows) for one in signals.values()]
     texts = (_text(_attribute(one, "segments")) or "[]" for one in (node, file))
     segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
-    filtered = next((one for one in (node, file) if "filters" in one.attrs), None)
-    if filtered is not None:
-        filters = filters_from_json(_text(_attribute(filtered, "filters")), where=f"{path}: filters")
-    if isinstance(truth, h5py.Group):
-        faults = faults_from_json(_text(_attribute(truth, "faults")) or "[]", where=f"{path}: /truth faults")
+    has_filters = any("filters" in one.attrs for one in (node, file))
+    has_truth = isinstance(truth, h5py.Group)
+    faults = _text(_attribute(truth, "faults")) or "[]" if has_truth else ""
     return RawLog(
         columns=columns,
         sample_rate_hz=rate,
         first_sample=rows.start,
         segments=segments,
-        filters=filters,
-        faults=faults,
-        clean={name: signal.column(rows) for name, signal in clean.items()},
+        filters=filters_from_json(_text(stated("filters")), where=f"{path}: filters") if has_filters else None,
+        faults=faults_from_json(faults, where=f"{path}: /truth faults") if has_truth else None,
+        clean={name: signal.track(rows) for name, signal in clean.items()},
         notes=(*notes, *(left_out(name, why) for name, why in unlike.items())),
     )
 
@@ -162,7 +131,7 @@ def _read(path: str, file: h5py.File, group: str | None, span: Span, time_of: Ti
 def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal], dict[str, str]]:
     """Return the signals of a group, and why the other datasets are none, by name.
 
-    A signal is a dataset itself, or a struct with the field `data`.
+    A signal is a dataset itself, or a struct with the fields `data` and `units`.
     """
     import h5py
 
@@ -173,32 +142,23 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
         if not isinstance(data, h5py.Dataset):
             continue
         why = "is a sparse matrix" if is_struct and "MATLAB_sparse" in child.attrs else _unfit(data)
-        if why is None:
-            unit = _text(_attribute(data, "units")) or _text(_attribute(data, "unit")) or None
-            if unit is None and is_struct:
-                unit = _unit_of_struct(path, child)
-            signals[name] = _Signal(name=name, data=data, unit=unit)
-        else:
+        if why is not None:
             unlike[name] = why
+            continue
+        unit = _text(_attribute(data, "units")) or _text(_attribute(data, "unit"))
+        units: Any = _member(path, child, "units") if is_struct and not unit else None
+        is_stated = isinstance(units, h5py.Dataset) and "MATLAB_empty" not in units.attrs
+        if is_stated and units.size and units.size <= LONGEST_UNIT:
+            if units.dtype.kind in "iu":
+                unit = "".join(chr(int(code)) for code in np.ravel(units[()]) if 0 < code <= 0xFFFF).strip()
+            elif _is_text(units):
+                unit = _text(np.ravel(units[()])[0]).strip()
+        signals[name] = _Signal(name=name, data=data, unit=unit or None)
     return signals, unlike
 
 
-def _unit_of_struct(path: str, struct: h5py.Group) -> str | None:
-    import h5py
-
-    field = _member(path, struct, "units")
-    if not isinstance(field, h5py.Dataset) or "MATLAB_empty" in field.attrs or not field.size:
-        return None
-    if field.size > LONGEST_UNIT or not (_is_text(field) or field.dtype.kind in "iu"):
-        return None
-    values = np.ravel(field[()])
-    if values.dtype.kind in "iu":
-        return "".join(chr(int(code)) for code in values if 0 < code <= 0xFFFF).strip() or None
-    return _text(values[0]).strip() or None
-
-
 def _rows(
-    path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, span: Span, time_of: TimeOf
+    path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, asked: Asked
 ) -> tuple[slice, tuple[str, ...]]:
     """Return the rows to read, and the note on them: all, or where all are too many those of the window.
 
@@ -207,16 +167,17 @@ def _rows(
     every = [*signals.values(), *clean]
     for signal in every:
         _require_readable(path, signal.name, signal.data)
-    sizes = [signal.data.size for signal in every] or [0]
-    if 8 * sum(sizes) <= (LARGEST if span == (None, None) else WHOLE):
+    sizes, whole = [signal.data.size for signal in every] or [0], asked.span == (None, None)
+    if 8 * sum(sizes) <= (LARGEST if whole else WHOLE):
         return slice(0, max(sizes)), ()
-    if span == (None, None):
-        raise _too_large(path, len(every), max(sizes), sum(sizes), "give --from/--to for a part of it")
-    time = time_of([RawColumn(source=s.name, values=np.empty(0), unit=s.unit) for s in signals.values()])
+    if whole:
+        what = f"{len(every)} channels of {max(sizes)} samples"
+        raw.require_memory(path, 8 * sum(sizes), what, "give --from/--to for a part of it")
+    time = raw.time_column([Track(source=s.name, values=np.empty(0), unit=s.unit) for s in signals.values()], asked)
     n = sizes[0] if time is None else signals[time.source].data.size
     for signal in every:
         if signal.data.size != n:
-            raise different_length(path, signal.name, signal.data.size, n)
+            raise raw.different_length(path, signal.name, signal.data.size, n)
     if time is None and not (rate is not None and 0.0 < rate < np.inf):
         return slice(0, 2), ()  # too few to matter: without a time axis the log is refused later, and by name
 
@@ -232,25 +193,17 @@ def _rows(
             f"{path}: '{source}' does not increase, got {first:.6g} s at sample 0 and {last:.6g} s at sample {n - 1}; "
             "sort or mend the time axis"
         )
-    start = first if span[0] is None else span[0]
-    stop = np.inf if span[1] is None else span[1]
+    start = first if asked.span[0] is None else asked.span[0]
+    stop = np.inf if asked.span[1] is None else asked.span[1]
     rounding = 1e-6 * (last - first) / n  # as `FlightLog.window` has it
     begin, end = (bisect_left(range(n), time_s - rounding, key=at) for time_s in (start, stop))
     if end - begin < 2:
         raise nothing_between(path, (start, stop), (first, last))
     rows = slice(max(begin - 1, 0), min(end + 1, n))
     count = rows.stop - rows.start
-    if 8 * len(every) * count > LARGEST:
-        raise _too_large(path, len(every), count, len(every) * count, "shorten the window")
+    what = f"{len(every)} channels of {count} samples"
+    raw.require_memory(path, 8 * len(every) * count, what, "shorten the window")
     return rows, (f"of {n} samples only {count} were read, those around the window",)
-
-
-def _too_large(path: str, n_channels: int, n_samples: int, total: int, advice: str) -> LogError:
-    """Return the error of channels of `total` samples that do not fit into memory."""
-    return LogError(
-        f"{path}: {n_channels} channels of {n_samples} samples need {8 * total / 1e9:.1f} GB of memory, the limit is "
-        f"{LARGEST / 1e9:.0f} GB; {advice}"
-    )
 
 
 def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -> Iterator[tuple[str, Any]]:
@@ -260,7 +213,7 @@ def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -
     ------
     LogError : a member lies in another file or nowhere, or is one of the groups around it.
     """
-    require_few(path, len(node), "members of a group")
+    raw.require_few(path, len(node), "members of a group")
     for name in node:
         yield name, _member(path, node, name, inside)
 
@@ -341,7 +294,7 @@ def _unfit(child: h5py.Dataset) -> str | None:
         return f"is a table of named columns ({', '.join(dtype.names[:5])})"
     if h5py.check_ref_dtype(dtype):
         return "holds references, no numbers"
-    return None if dtype.kind in "fiub" and is_signal(child.shape) else unfit_kind(dtype.kind, child.shape)
+    return raw.unlike(dtype.kind, child.shape)
 
 
 def _is_text(data: h5py.Dataset) -> bool:

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Hold", "find_hold", "find_quantum", "may_be_held", "repeat_fraction"]
-
 FloatArray = NDArray[np.float64]
 
 # With fewer changes or values a clock cannot be told from the strokes of a control.

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, AirData, air_data_of, channels_of, pressure_at
+from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, air_data_of, channels_of, pressure_at
 from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
 from ..filters import recorded_signal, response_of
 from ..kernels.low_pass import Response
+from ..kernels.runs import BoolArray
 from ..shapes import SHAPES
 from .record import FlightLog, FloatArray, Truth, frozen_array
-
-__all__ = ["LineSignal", "added_by", "inject", "line_signals", "without_line_fault"]
 
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
 # The share of a pressure by which a derivative is taken: its square is far below, and round-off far above, what counts.
@@ -58,38 +56,45 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None
 
 def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog:
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
-    channel = log.channel(declared.channel).name if has_channel(declared.shape) else ""
-    fault = replace(declared, channel=channel)
+    fault = replace(declared, channel=log.channel(declared.channel).name if has_channel(declared.shape) else "")
     if fault.phase_reference != "onset" and fault.frequency_hz is not None:
         # Counted from the onset, so that the truth stays true where the log is cut.
         phase = fault.phase_rad + 2.0 * math.pi * fault.frequency_hz * (fault.onset_s - start_s)
         fault = replace(fault, phase_reference="onset", phase_rad=phase % (2.0 * math.pi))
-    name, active = fault.name or fault.shape, active_samples(fault, log.time_s)
-    added = added_by(log, fault, through)
+    active, added = active_samples(fault, log.time_s), added_by(log, fault, through)
     # NaN is no change: where a channel is missing nothing can be added to it.
     if not any(np.any(np.nan_to_num(change)) for change in added.values()):
         until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
         size = f"magnitude {fault.magnitude:g} " if SHAPES[fault.shape].has_magnitude else ""
         why = "changes no channel of" if active.any() and fault.magnitude else "never active in"
         raise DictionaryError(
-            f"{log.path}: fault '{name}': {why} the log, got {size}from "
-            f"{fault.onset_s:g} s{until}, the log runs from {start_s:g} s to {stop_s:g} s; "
-            "change onset, offset or magnitude"
+            f"{_place(log, fault)}: {why} the log, got {size}from {fault.onset_s:g} s{until}, the log runs from "
+            f"{start_s:g} s to {stop_s:g} s; change onset, offset or magnitude"
         )
     before, notes = log.truth or Truth(faults=()), log.notes
     if active.all():
         on = f" on {fault.channel}" if fault.channel else ""
         notes += (
-            f"fault '{name}'{on} acts at every sample of the log; "
+            f"fault '{fault.name or fault.shape}'{on} acts at every sample of the log; "
             "with neither onset nor end in it, it can pass for the aircraft's own motion",
         )
-    faulty = {
-        channel: replace(log.channels[channel], values=frozen_array(log.channels[channel].values + change))
-        for channel, change in added.items()
-    }
     clean = {channel: log.channels[channel].values for channel in added}
     truth = Truth(faults=(*before.faults, fault), clean={**clean, **before.clean})
-    return replace(log, channels={**log.channels, **faulty}, truth=truth, sha256="", notes=notes)
+    return replace(_moved(log, added), truth=truth, sha256="", notes=notes)
+
+
+def _place(log: FlightLog, fault: Fault) -> str:
+    return f"{log.path}: fault '{fault.name or fault.shape}'"
+
+
+def _moved(log: FlightLog, added: Mapping[str, FloatArray], part: slice = slice(None)) -> FlightLog:
+    """Return the log with changes of its channels, (samples of the part,), added to them."""
+    channels = dict(log.channels)
+    for channel, change in added.items():
+        values = channels[channel].values.copy()
+        values[part] += change
+        channels[channel] = replace(channels[channel], values=frozen_array(values))
+    return replace(log, channels=channels)
 
 
 def added_by(log: FlightLog, fault: Fault, through: Response) -> Mapping[str, FloatArray]:
@@ -107,8 +112,7 @@ def added_by(log: FlightLog, fault: Fault, through: Response) -> Mapping[str, Fl
     acts_on, active = SHAPES[fault.shape].acts_on, active_samples(fault, log.time_s)
     if acts_on == "course":
         raise DictionaryError(
-            f"{log.path}: fault '{fault.name or fault.shape}': shape '{fault.shape}' has no course of its own; give "
-            "one that has, as samples"
+            f"{_place(log, fault)}: shape '{fault.shape}' has no course of its own; give one that has, as samples"
         )
     if acts_on == "channel":
         signal = recorded_signal(fault, log.time_s, through, window_start_s=float(log.time_s[0]))
@@ -120,14 +124,14 @@ def added_by(log: FlightLog, fault: Fault, through: Response) -> Mapping[str, Fl
     return _stored(log, fault, amount, active, part, through)
 
 
-def _around(active: NDArray[np.bool_], reach: int) -> slice:
+def _around(active: BoolArray, reach: int) -> slice:
     """Return the samples from `reach` before the first active one to as many after the last."""
     first, last = np.flatnonzero(active)[[0, -1]]
     return slice(max(0, int(first) - reach), int(last) + 1 + reach)
 
 
 def _stored(
-    log: FlightLog, fault: Fault, amount: FloatArray, active: NDArray[np.bool_], part: slice, through: Response
+    log: FlightLog, fault: Fault, amount: FloatArray, active: BoolArray, part: slice, through: Response
 ) -> dict[str, FloatArray]:
     """Return by channel, (n_samples,), what the recorder makes of what a fault changes.
 
@@ -180,31 +184,40 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
     ----------
     amount : (samples of the part,) magnitude x signal.
     """
-    shape, name = SHAPES[fault.shape], fault.name or fault.shape
+    shape, place = SHAPES[fault.shape], _place(log, fault)
     moved = shape.acts_on
     assert shape.lines is not None
     recorded = {channel: log.channels[channel].values[part] for channel in log.channels}
-    _check_sources(log, fault, recorded, needs_impact=moved == "p_total")
-    if not set(IMPACT_SOURCES) & recorded.keys():  # then no channel follows from it
+    for pressure, sources in (("p_static", STATIC_SOURCES), ("q_impact", IMPACT_SOURCES)):
+        # Without an impact pressure no channel follows from it.
+        if not set(sources) & recorded.keys() and (pressure == "p_static" or moved == "p_total"):
+            raise LogError(
+                f"{place}: {pressure} needs one of {', '.join(sources)}; the log has: "
+                f"{', '.join(sorted(log.channels))}; map one with --channel {sources[-1]}=NAME"
+            )
+    if not set(IMPACT_SOURCES) & recorded.keys():
         recorded["q_impact"] = np.zeros(amount.shape)
     air, time_s = air_data_of(recorded), log.time_s[part]
     for impossible in air.impossible:
         k = int(np.argmax(impossible.where))
         odd = log.channels[impossible.channel]
         raise LogError(
-            f"{log.path}: fault '{name}': '{odd.name}' is {recorded[odd.name][k]:.6g} {odd.unit} at "
-            f"{time_s[k]:.6g} s, {impossible.why}; end the fault before with offset_s, or give its unit with --unit"
+            f"{place}: '{odd.name}' is {recorded[odd.name][k]:.6g} {odd.unit} at {time_s[k]:.6g} s, {impossible.why}; "
+            "end the fault before with offset_s, or give its unit with --unit"
         )
-    first = _at_onset(log, fault, air, time_s)
+    known = np.isfinite(air.p_static + air.q_impact)
+    if not known.any():
+        raise LogError(f"{place}: the pressures are missing wherever it is active; choose another onset")
+    # Static and total pressure at the onset, or at the first sample after it where they are known.
+    onset_s = max(fault.onset_s, float(time_s[known][0]))
+    static, total = (float(np.interp(onset_s, time_s[known], one[known])) for one in (air.p_static, air.p_total))
     try:
         cabin = float(pressure_at(fault.cabin_altitude_m or 0.0))
     except ValueError as error:
-        raise DictionaryError(f"{log.path}: fault '{name}': cabin_altitude_m: {error}; give one of air") from None
-    p_static, p_total = shape.lines(air.p_static, air.p_total, first=first, cabin=cabin, amount=amount)
-    same = max(
-        np.nanmax(np.abs(one / other - 1.0)) for one, other in ((p_static, air.p_static), (p_total, air.p_total))
-    )
-    if same <= ROUNDING:
+        raise DictionaryError(f"{place}: cabin_altitude_m: {error}; give one of air") from None
+    p_static, p_total = shape.lines(air.p_static, air.p_total, first=(static, total), cabin=cabin, amount=amount)
+    pairs = ((p_static, air.p_static), (p_total, air.p_total))
+    if max(np.nanmax(np.abs(one / other - 1.0)) for one, other in pairs) <= ROUNDING:
         return {}
     old = channels_of(air.p_static, air.q_impact, air.tat, rate_of=time_s)
     try:
@@ -212,44 +225,14 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
         new = channels_of(p_static, np.maximum(p_total - p_static, 0.0), air.tat, rate_of=time_s)
     except ValueError as error:
         raise DictionaryError(
-            f"{log.path}: fault '{name}': brings the air data out of what the equations hold for, {error}; "
-            "end it earlier with offset_s"
+            f"{place}: brings the air data out of what the equations hold for, {error}; end it earlier with offset_s"
         ) from None
     new |= {"p_total": p_total, "q_impact": p_total - p_static}
-    changes: dict[str, FloatArray] = {}
-    for channel, pressures in DEPENDS_ON.items():
-        if channel in log.channels and moved in pressures and not (channel == "sat" and "tat" not in log.channels):
-            changes[channel] = new[channel] - old[channel]
-    if not changes:
-        follows = ", ".join(channel for channel, pressures in DEPENDS_ON.items() if moved in pressures)
-        raise LogError(
-            f"{log.path}: fault '{name}': no channel of the log follows from {moved}; it needs one of {follows}"
-        )
-    return changes
-
-
-def _check_sources(log: FlightLog, fault: Fault, has: Mapping[str, FloatArray], *, needs_impact: bool) -> None:
-    """Refuse a log that does not tell the pressures which the fault acts on."""
-    for pressure, sources in (("p_static", STATIC_SOURCES), ("q_impact", IMPACT_SOURCES if needs_impact else ())):
-        if sources and not set(sources) & has.keys():
-            raise LogError(
-                f"{log.path}: fault '{fault.name or fault.shape}': {pressure} needs one of {', '.join(sources)}; "
-                f"the log has: {', '.join(sorted(log.channels))}; map one with --channel {sources[-1]}=NAME"
-            )
-
-
-def _at_onset(log: FlightLog, fault: Fault, air: AirData, time_s: FloatArray) -> tuple[float, float]:
-    """Return static and total pressure at the onset, or at the first sample after it where they are known."""
-    known = np.isfinite(air.p_static + air.q_impact)
-    if not known.any():
-        raise LogError(
-            f"{log.path}: fault '{fault.name or fault.shape}': the pressures are missing wherever it is active; "
-            "choose another onset"
-        )
-    onset_s = max(fault.onset_s, float(time_s[known][0]))
-    pressures = (air.p_static, air.p_total)
-    static, total = (float(np.interp(onset_s, time_s[known], one[known])) for one in pressures)
-    return static, total
+    follow = [channel for channel, pressures in DEPENDS_ON.items() if moved in pressures]
+    has = [name for name in follow if name in log.channels and (name != "sat" or "tat" in log.channels)]
+    if not has:
+        raise LogError(f"{place}: no channel of the log follows from {moved}; it needs one of {', '.join(follow)}")
+    return {channel: new[channel] - old[channel] for channel in has}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -289,26 +272,25 @@ def line_signals(
     """
     shape, active = SHAPES[fault.shape], active_samples(fault, log.time_s)
     assert shape.lines is not None
-    name = fault.name or fault.shape
     if shape.loss is None:
         raise DictionaryError(
-            f"{log.path}: fault '{name}': a trapped line keeps no trace of the pressure outside; use bfi diagnose, "
-            "which holds the line's pressure against lift and altitude"
+            f"{_place(log, fault)}: a trapped line keeps no trace of the pressure outside; use bfi diagnose, which "
+            "holds the line's pressure against lift and altitude"
         )
     size = size if shape.has_magnitude else 1.0
     part = _around(active, 2 * len(through.taps)) if active.any() else slice(0, 0)
-    lost = shape.loss * course(fault, log.time_s[part])
-    if not np.any(lost[active[part]]):
+    on, lost = active[part], shape.loss * course(fault, log.time_s[part])
+    if not np.any(lost[on]):
         return {}
-    gone = active[part] & (size * lost > 1.0 - LEAST_LEFT)
+    gone = on & (size * lost > 1.0 - LEAST_LEFT)
     if gone.any():
         raise DictionaryError(
-            f"{log.path}: fault '{name}': leaves less than {100.0 * LEAST_LEFT:.0f} % of the line's pressure from "
+            f"{_place(log, fault)}: leaves less than {100.0 * LEAST_LEFT:.0f} % of the line's pressure from "
             f"{log.time_s[part][np.argmax(gone)]:.6g} s on, which tells no airspeed or altitude; end the window or the "
             "fault before, or use bfi diagnose"
         )
     # The fault is taken out of the log; secant or derivative, per unit of its size.
-    small = SMALL / float(np.max(np.abs(lost[active[part]])))
+    small = SMALL / float(np.max(np.abs(lost[on])))
     sizes = (size,) if size else (small, -small)
     shares = [np.minimum(one * lost, 1.0 - LEAST_LEFT) for one in sizes]
     amounts = [-shape.loss * share / (1.0 - share) for share in shares]
@@ -321,16 +303,26 @@ def line_signals(
         }
 
     values = per_size([_stored(log, fault, one, active, part, through) for one in amounts])
-    slopes: Mapping[str, FloatArray] = {}
-    if with_slopes:
-        slopes = _slopes(log, fault, part, lambda one: per_size([_changes(one, fault, x, part) for x in amounts]))
-    signals = {}
-    for channel, own in values.items():
-        whole = np.zeros(log.n_samples)
-        if channel in slopes:
-            whole[part] = np.where(active[part], slopes[channel], 0.0)
-        signals[channel] = LineSignal(values=frozen_array(own), slopes=frozen_array(whole))
-    return signals
+    slopes: dict[str, FloatArray] = {name: np.zeros(log.n_samples) for name in values}
+    # By how much the signal of a part changes with a channel that changes as the flight would change it: one of
+    # airspeed with the impact pressure, one of altitude with the static pressure.
+    lines = ("pitot_leak", "static_leak") if shape.acts_on == "p_static" else ("pitot_leak",)
+    here = per_size([_changes(log, fault, one, part) for one in amounts]) if with_slopes else {}
+    for line in lines if with_slopes else ():
+        follow = {name for name, pressures in DEPENDS_ON.items() if ("p_total" in pressures) == (line == "pitot_leak")}
+        wanted = (follow & here.keys() & values.keys()) - {*RATES}
+        if not wanted:
+            continue
+        little = replace(fault, shape=line, cabin_altitude_m=ELSEWHERE_M)
+        moved = _changes(log, little, np.full(lost.shape, SMALL), part)
+        other = _moved(log, moved, part)
+        there = per_size([_changes(other, fault, one, part) for one in amounts])
+        for channel in wanted & there.keys() & moved.keys():
+            change = np.where(moved[channel] == 0.0, np.inf, moved[channel])
+            slopes[channel][part] = np.where(on, np.nan_to_num((there[channel] - here[channel]) / change), 0.0)
+    return {
+        name: LineSignal(values=frozen_array(own), slopes=frozen_array(slopes[name])) for name, own in values.items()
+    }
 
 
 def without_line_fault(log: FlightLog, fault: Fault, through: Response) -> FlightLog:
@@ -346,43 +338,4 @@ def without_line_fault(log: FlightLog, fault: Fault, through: Response) -> Fligh
         signals = line_signals(log, fault, through, size=fault.magnitude, with_slopes=False)
     except DictionaryError:
         signals = line_signals(log, fault, through, with_slopes=False)
-    corrected = {
-        channel: replace(
-            log.channels[channel],
-            values=frozen_array(log.channels[channel].values - fault.magnitude * signal.values),
-        )
-        for channel, signal in signals.items()
-    }
-    return replace(log, channels={**log.channels, **corrected}, truth=None)
-
-
-def _slopes(
-    log: FlightLog, fault: Fault, part: slice, signals: Callable[[FlightLog], Mapping[str, FloatArray]]
-) -> dict[str, FloatArray]:
-    """Return by channel, (samples of the part,), by how much a signal changes with the channel.
-
-    The channel changes as the flight would change it: one of airspeed with the impact pressure, one of altitude with
-    the static pressure.
-
-    Parameters
-    ----------
-    signals : of a log.
-    """
-    here, slopes = signals(log), dict[str, FloatArray]()
-    for line in ("pitot_leak", "static_leak") if SHAPES[fault.shape].acts_on == "p_static" else ("pitot_leak",):
-        follow = {name for name, pressures in DEPENDS_ON.items() if ("p_total" in pressures) == (line == "pitot_leak")}
-        wanted = (follow & here.keys()) - {*RATES}
-        if not wanted:
-            continue
-        little = replace(fault, shape=line, cabin_altitude_m=ELSEWHERE_M)
-        moved = _changes(log, little, np.full(log.time_s[part].shape, SMALL), part)
-        other = dict(log.channels)
-        for channel, change in moved.items():
-            changed = log.channels[channel].values.copy()
-            changed[part] += change
-            other[channel] = replace(log.channels[channel], values=frozen_array(changed))
-        there = signals(replace(log, channels=other))
-        for channel in wanted & there.keys() & moved.keys():
-            change = np.where(moved[channel] == 0.0, np.inf, moved[channel])
-            slopes[channel] = np.nan_to_num((there[channel] - here[channel]) / change)
-    return slopes
+    return replace(_moved(log, {name: -fault.magnitude * one.values for name, one in signals.items()}), truth=None)

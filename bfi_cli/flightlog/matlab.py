@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import LogError, first_line
-from .raw import LARGEST, RawColumn, RawLog, choose_group, is_signal, left_out, rate_of, require_few, unfit_kind
-
-__all__ = ["Variable", "read_matlab", "unpacked_size", "variables"]
+from ..errors import first_line
+from . import raw
+from .raw import Asked, RawLog, Track, left_out
 
 # Types of elements, the bytes of their numbers and characters, and classes of arrays.
 MATRIX, COMPRESSED = 14, 15
@@ -37,7 +36,7 @@ COMPLEX = 0x0800
 DEEPEST = 20
 
 
-def read_matlab(path: str, *, group: str | None = None) -> RawLog:
+def read_matlab(path: str, asked: Asked) -> RawLog:
     """Read a MATLAB v5 file.
 
     Raises
@@ -46,73 +45,59 @@ def read_matlab(path: str, *, group: str | None = None) -> RawLog:
     """
     from scipy.io import loadmat
 
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            unlike = _unlike(path)
-            wanted = [name for name, why in unlike.items() if why is None]
-            loaded = loadmat(path, simplify_cells=True, variable_names=wanted)
-    except (LogError, MemoryError):
-        raise
-    except Exception as error:  # a damaged file can make the parser raise anything
-        raise LogError(f"{path}: damaged or truncated MATLAB file, {first_line(error)}; export it again") from None
+    with raw.parsing(path, "MATLAB file"), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        unlike = _unlike(path)
+        wanted = [name for name, why in unlike.items() if why is None]
+        loaded = loadmat(path, simplify_cells=True, variable_names=wanted)
     root = {name: value for name, value in loaded.items() if not name.startswith("__")}
     groups = [name for name, value in root.items() if isinstance(value, Mapping) and "data" not in value]
-    columns = _signals(root)
-    chosen = choose_group(path, group, groups, has_signals=bool(columns))
+    columns, refused = _signals(root)
+    chosen = raw.choose_group(path, asked.group, groups, has_signals=bool(columns))
     node = root if chosen is None else root[chosen]
-    columns = columns if chosen is None else _signals(node)
+    if chosen is not None:
+        columns, refused = _signals(node)
+    rate = raw.rate_of(path, node["sample_rate_hz"]) if "sample_rate_hz" in node else None
     notes = [first_line(warning.message) for warning in caught if isinstance(warning.message, Warning)]
-    notes += [left_out(name, why) for name, why in unlike.items() if name and why]
-    kept = {"sample_rate_hz", *(column.source for column in columns)}
-    for name, value in node.items():
-        is_struct = isinstance(value, Mapping)
-        if name not in kept and (not is_struct or "data" in value):
-            notes.append(left_out(name, _why(value["data"] if is_struct else value)))
-    rate = rate_of(path, node["sample_rate_hz"]) if "sample_rate_hz" in node else None
-    return RawLog(columns=columns, sample_rate_hz=rate, notes=tuple(notes))
+    refused = {**{name: why for name, why in unlike.items() if name and why}, **refused}
+    return RawLog(
+        columns=columns,
+        sample_rate_hz=rate,
+        notes=(*notes, *(left_out(name, why) for name, why in refused.items() if name != "sample_rate_hz")),
+    )
 
 
 def _unlike(path: str) -> dict[str, str | None]:
     """Return why each variable of a file is no signal, None where it can be one, if all of them fit into memory."""
-    _require_memory(path, Path(path).stat().st_size)
+    what = ("its variables", "save fewer of them, or a part of the flight")
+    raw.require_memory(path, Path(path).stat().st_size, *what)
     file = Path(path).read_bytes()
-    _require_memory(path, unpacked_size(file))
+    raw.require_memory(path, unpacked_size(file), *what)
     arrays = variables(file)
-    _require_memory(path, 8 * sum(variable.count for variable in arrays))
-    require_few(path, len(arrays), "variables")
+    raw.require_memory(path, 8 * sum(variable.count for variable in arrays), *what)
+    raw.require_few(path, len(arrays), "variables")
     return {variable.name: variable.unlike for variable in arrays}
 
 
-def _require_memory(path: str, count: int) -> None:
-    """Check that `count` bytes, those of a file or what it unpacks to, fit into memory."""
-    if count > LARGEST:
-        raise LogError(
-            f"{path}: its variables need {count / 1e9:.1f} GB of memory, the limit is {LARGEST / 1e9:.0f} GB; "
-            "save fewer of them, or a part of the flight"
-        )
-
-
-def _signals(node: Mapping[str, Any]) -> list[RawColumn]:
-    columns = []
+def _signals(node: Mapping[str, Any]) -> tuple[list[Track], dict[str, str]]:
+    """Return the signals of a struct, or of the file, and why what else it holds, but for structs, is none, by name."""
+    columns, refused = [], {}
     for name, value in node.items():
         is_struct = isinstance(value, Mapping)
-        data = value.get("data") if is_struct else value
-        if isinstance(data, np.ndarray) and is_signal(data.shape) and data.dtype.kind in "fiub":
+        if is_struct and "data" not in value:
+            continue
+        data = value["data"] if is_struct else value
+        if isinstance(data, list | Mapping) or (array := np.asarray(data)).dtype.kind == "O":
+            parts = list(data) if isinstance(data, list | np.ndarray) else []
+            nested = isinstance(data, Mapping) or (parts and all(isinstance(part, Mapping) for part in parts))
+            refused[name] = "is an array of structs" if nested else "is a cell array"
+        elif why := raw.unlike(array.dtype.kind, array.shape):
+            refused[name] = why
+        else:
             unit = value.get("units", value.get("unit")) if is_struct else None
             unit = unit.strip() or None if isinstance(unit, str) else None
-            columns.append(RawColumn(source=name, values=data.astype(np.float64).ravel(), unit=unit))
-    return columns
-
-
-def _why(value: Any) -> str:
-    """Return why a value is no signal."""
-    array = np.asarray(value) if not isinstance(value, list | Mapping) else np.empty(0, dtype=object)
-    if array.dtype.kind != "O":
-        return unfit_kind(array.dtype.kind, array.shape)
-    parts = list(value) if isinstance(value, list | np.ndarray) else []
-    is_struct = isinstance(value, Mapping) or (parts and all(isinstance(part, Mapping) for part in parts))
-    return "is an array of structs" if is_struct else "is a cell array"
+            columns.append(Track(source=name, values=array.astype(np.float64).ravel(), unit=unit))
+    return columns, refused
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +149,7 @@ def _top(file: bytes) -> Iterator[tuple[_Element, str]]:
     if len(file) < 136 or file[126:128] not in (b"IM", b"MI"):
         raise ValueError("the header is damaged")
     order = "<" if file[126:128] == b"IM" else ">"
-    for element in _elements(memoryview(file)[128:], order):
-        yield element, order
+    yield from ((element, order) for element in _elements(memoryview(file)[128:], order))
 
 
 def _elements(data: memoryview, order: str) -> Iterator[_Element]:
@@ -185,12 +169,16 @@ def _elements(data: memoryview, order: str) -> Iterator[_Element]:
         at += step
 
 
-def _claimed(unpacking: Any, element: _Element, order: str) -> int:
-    """Unpack the tag of a compressed array and return the size it claims."""
+def _decompress(unpacking: Any, data: bytes | memoryview, most: int) -> bytes:
     try:
-        tag = unpacking.decompress(element.data, 8)
+        return bytes(unpacking.decompress(data, most))
     except zlib.error as error:
         raise ValueError(f"compressed data are damaged ({error})") from None
+
+
+def _claimed(unpacking: Any, element: _Element, order: str) -> int:
+    """Unpack the tag of a compressed array and return the size it claims."""
+    tag = _decompress(unpacking, element.data, 8)
     if len(tag) < 8:
         raise ValueError("compressed data are cut off")
     kind, size = struct.unpack(f"{order}II", tag)
@@ -202,11 +190,8 @@ def _claimed(unpacking: Any, element: _Element, order: str) -> int:
 def _unpacked(element: _Element, order: str) -> _Element:
     unpacking = zlib.decompressobj()
     size = _claimed(unpacking, element, order)
-    try:
-        data = unpacking.decompress(unpacking.unconsumed_tail, max(size, 1))
-        unpacking.decompress(unpacking.unconsumed_tail, 8)  # the padding, and with it the check sum
-    except zlib.error as error:
-        raise ValueError(f"compressed data are damaged ({error})") from None
+    data = _decompress(unpacking, unpacking.unconsumed_tail, max(size, 1))
+    _decompress(unpacking, unpacking.unconsumed_tail, 8)  # the padding, and with it the check sum
     if len(data) < size or not unpacking.eof:
         raise ValueError(f"compressed data are damaged (they claim {size} bytes and hold others)")
     return _Element(MATRIX, memoryview(data)[:size])

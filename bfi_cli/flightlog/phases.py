@@ -11,14 +11,15 @@ of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .record import LARGEST_VALUE, FlightLog, FloatArray
+from ..kernels.runs import BoolArray, FloatArray, Run, joined, runs, runs_with
+from .record import LARGEST_VALUE, FlightLog
 from .signs import (
     AIRSPEEDS,
     BORNE,
@@ -27,21 +28,15 @@ from .signs import (
     METRES_PER_SECOND,
     TAXI,
     WALK,
-    BoolArray,
-    Disagreement,
-    Run,
+    Says,
     Signs,
     Verdict,
     cruise_of,
     decide,
     equivalent,
-    runs_of,
     smoothed_speed,
     speed_values,
 )
-
-__all__ = ["MANOEUVRES", "NO_AIRSPEED", "PARTS", "Disagreement", "FlightPhases", "Phase", "airborne_stretches"]
-__all__ += ["find_phases", "flight_stretches", "phases_of"]
 
 # A part in flight in which no airspeed says so: none is recorded there, or all fail.
 NO_AIRSPEED = "no airspeed"
@@ -92,6 +87,30 @@ class Phase:
     phase: str
     from_s: float
     to_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disagreement:
+    """A stretch in which an airspeed says "ground" or "flight" and the other signs of the log the contrary.
+
+    Attributes
+    ----------
+    alone : other airspeeds say the contrary too; else all of them fail together, as those of one pressure line do.
+    certain : most signs say the contrary; else as many as agree with the airspeed, the altitude among them.
+    error : median of the airspeed less that of the others, in its unit; None where no other tells it.
+    latest_s : the latest that it began: slow flight may have gone before a failure of all airspeeds.
+    least_s : from which length on a stretch is no flare, stall or difference about when.
+    """
+
+    channel: str
+    from_s: float
+    to_s: float
+    says: Says
+    alone: bool
+    certain: bool
+    error: float | None
+    latest_s: float
+    least_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,17 +194,13 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
         return nothing
     speeds = {name: values for name in AIRSPEEDS if (values := speed_values(log, name)) is not None}
     over_ground = speed_values(log, "ground_speed")
-    if over_ground is not None and not speeds:
-        speeds, over_ground = {"ground_speed": over_ground}, None
     trusted = {name: values for name, values in speeds.items() if name not in suspects}
-    if not trusted and over_ground is not None and "ground_speed" not in suspects:
+    if over_ground is not None and (not speeds or (not trusted and "ground_speed" not in suspects)):
         trusted, over_ground = {"ground_speed": over_ground}, None
     speeds = trusted or dict(list(speeds.items())[:1])
     if not speeds:
         return nothing
     speeds = {name: smoothed_speed(values, log.rate_hz) for name, values in speeds.items()}
-    if over_ground is not None:
-        over_ground = smoothed_speed(over_ground, log.rate_hz)
     # The first that moves is the one that is used: a tube that was left covered tells no scale.
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
     first = next((name for name, cruise in cruises.items() if cruise > WALK), None)
@@ -194,22 +209,19 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
         ground = Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s)
         return FlightPhases(phases=(ground,), disagreements=())
     ordered = {first: speeds.pop(first), **speeds}
+    if over_ground is not None:
+        over_ground = smoothed_speed(over_ground, log.rate_hz)
     flight = _on_grid(log, ordered, over_ground, cruises[first], suspects)
-    parts = list(_parts(flight))
-    aloft = [run for name, run in parts if name not in ("ground", "take-off", "landing", NO_AIRSPEED)]
-    found = [(run, name) for name, run in parts]
-    for first_row, end in _joined(aloft):
-        found += [(run, "turn") for run in _turns(flight, first_row, end)]
-        steep = _parabolas(flight, first_row, end)
-        found += [(run, "parabola") for run in steep]
-        found += [
-            (run, "stall")
-            for run in _stalls(flight, first_row, end)
-            if not any(run[0] < other[1] and other[0] < run[1] for other in steep)
-        ]
-    order = {name: i for i, name in enumerate((*PARTS, *MANOEUVRES))}
-    found.sort(key=lambda one: (one[0][0], order[one[1]]))
-    phases = tuple(flight.phase(name, run) for run, name in found)
+    found = list(_parts(flight))
+    for low, high in joined([run for name, run in found if name in (*STEADY_PARTS, "approach")], 0):
+        steep = _parabolas(flight, low, high)
+        found += [("turn", run) for run in _turns(flight, low, high)]
+        found += [("parabola", run) for run in steep]
+        stalls = _stalls(flight, low, high)
+        found += [("stall", run) for run in stalls if not any(run[0] < end and begin < run[1] for begin, end in steep)]
+    order = (*PARTS, *MANOEUVRES)
+    found.sort(key=lambda one: (one[1][0], order.index(one[0])))
+    phases = tuple(flight.phase(name, run) for name, run in found)
     return FlightPhases(phases=phases, disagreements=flight.disagreements)
 
 
@@ -220,14 +232,13 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
     ----------
     suspects : see `find_phases`.
     """
-    aloft = [one for one in phases_of(log, suspects=suspects) if one.phase in (*STEADY_PARTS, "approach")]
-    return _stretches(aloft)
+    return _stretches(phases_of(log, suspects=suspects), (*STEADY_PARTS, "approach"))
 
 
 def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     """Return the stretches of flight without take-off, approach, landing and parabolas."""
-    found = _stretches([one for one in phases if one.phase in STEADY_PARTS])
-    for one in [one for one in phases if one.phase == "parabola"]:
+    found = _stretches(phases, STEADY_PARTS)
+    for one in (one for one in phases if one.phase == "parabola"):
         pieces = []
         for first, last in found:
             pieces += [(first, min(last, one.from_s - RECOVERY_S)), (max(first, one.to_s + RECOVERY_S), last)]
@@ -235,15 +246,10 @@ def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     return found
 
 
-def _stretches(parts: Sequence[Phase]) -> list[tuple[float, float]]:
+def _stretches(phases: Sequence[Phase], parts: Collection[str]) -> list[tuple[float, float]]:
     """Return the stretches that parts of a flight make, those that follow each other as one."""
-    found: list[tuple[float, float]] = []
-    for part in sorted(parts, key=lambda one: one.from_s):
-        if found and part.from_s - found[-1][1] <= APART_S:
-            found[-1] = (found[-1][0], part.to_s)
-        else:
-            found.append((part.from_s, part.to_s))
-    return found
+    kept = sorted((one for one in phases if one.phase in parts), key=lambda one: one.from_s)
+    return joined([(one.from_s, one.to_s) for one in kept], APART_S)
 
 
 def _on_grid(
@@ -289,11 +295,8 @@ def _on_grid(
         rate = speed * np.sin(pitch - aoa)  # in straight flight; in turns it is too small
     if height is None and rate is not None:
         height = np.where(np.isfinite(rate), np.cumsum(np.nan_to_num(rate)) * step_s, np.nan)
-    scale_m, long = cruise**2 / GRAVITY, max(2, round(LONG * cruise / GRAVITY / step_s))
-    moving = {
-        "attitude": [one for one in (pitch, bank) if one is not None],
-        "load": [load] if load is not None else [],
-    }
+    long = max(2, round(LONG * cruise / GRAVITY / step_s))
+    moving = {"attitude": [one for one in (pitch, bank) if one is not None], "load": [] if load is None else [load]}
     thrust = next((values for name in THRUST if (values := channel(name)) is not None), None)
     signs = Signs(
         airspeeds={name: equivalent(name, values, height) for name, values in means.items()},
@@ -301,33 +304,16 @@ def _on_grid(
         height=height,
         levels={} if thrust is None else {"thrust": thrust},
         moving={name: group for name, group in moving.items() if group},
-        scale_m=scale_m,
+        scale_m=cruise**2 / GRAVITY,
         long=long,
     )
     verdict = decide(signs)
     speed, lost = _right_speed(means, verdict)
-    stop_s = float(log.time_s[-1]) + 1.0 / log.rate_hz
-    disagreements = tuple(
-        Disagreement(
-            channel=one.channel,
-            from_s=round(start_s + one.run[0] * step_s, 3),
-            to_s=round(min(start_s + one.run[1] * step_s, stop_s), 3),
-            says=one.says,
-            alone=one.alone,
-            certain=one.certain,
-            error=_error(means, verdict, one.channel, one.run),
-            latest_s=round(start_s + one.latest * step_s, 3),
-            least_s=long * step_s,
-        )
-        for one in verdict.against
-    )
     if aoa is None and pitch is not None and rate is not None:
         path = np.arcsin(np.clip(rate / np.maximum(speed, TAXI * cruise), -1.0, 1.0))
-        upright = 1.0 if bank is None else np.maximum(np.cos(bank), 0.5)
-        aoa = (pitch - path) / upright
-    if load is not None:
-        load = _weights(load, speed >= BORNE * cruise)
+        aoa = (pitch - path) / (1.0 if bank is None else np.maximum(np.cos(bank), 0.5))
     out = [values for name in ("flaps", "gear") if (values := channel(name)) is not None]
+    stop_s = float(log.time_s[-1]) + 1.0 / log.rate_hz
     return _Flight(
         start_s=start_s,
         step_s=step_s,
@@ -336,13 +322,26 @@ def _on_grid(
         speed=speed,
         on_ground=verdict.on_ground,
         lost=lost,
-        disagreements=disagreements,
+        disagreements=tuple(
+            Disagreement(
+                channel=one.channel,
+                from_s=round(start_s + one.run[0] * step_s, 3),
+                to_s=round(min(start_s + one.run[1] * step_s, stop_s), 3),
+                says=one.says,
+                alone=one.alone,
+                certain=one.certain,
+                error=_error(means, verdict, one.channel, one.run),
+                latest_s=round(start_s + one.latest * step_s, 3),
+                least_s=long * step_s,
+            )
+            for one in verdict.against
+        ),
         height=height,
         pitch=pitch,
         bank=bank,
-        load=load,
+        load=None if load is None else _weights(load, speed >= BORNE * cruise),
         incidence=aoa,
-        configured=sum(((one > _middle(one)).astype(np.float64) for one in out), np.zeros(n)) if out else None,
+        configured=sum((_is_out(one) for one in out), np.zeros(n)) if out else None,
     )
 
 
@@ -353,14 +352,12 @@ def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[Flo
     """
     first, *others = means
     speed = means[first].copy()
+    against = [one for one in verdict.against if one.channel == first]
     wrong = ~np.isfinite(speed)
-    for one in verdict.against:
-        if one.channel == first:
-            wrong[slice(*one.run)] = True
+    for one in against:
+        wrong[slice(*one.run)] = True
     lost = wrong & ~verdict.on_ground & ~verdict.unknown
-    wrong[min((one.run[0] for one in verdict.against if one.channel == first and one.alone), default=speed.size) :] = (
-        True
-    )
+    wrong[min((one.run[0] for one in against if one.alone), default=speed.size) :] = True
     for name in others:
         usable = wrong & np.isfinite(means[name]) & (verdict.claims[name] == verdict.on_ground)
         ratio = _ratio(means, verdict, first, name)
@@ -392,10 +389,10 @@ def _error(means: Mapping[str, FloatArray], verdict: Verdict, name: str, run: Ru
     return None
 
 
-def _middle(values: FloatArray) -> float:
-    """Return what parts in from out; above everything where the channel never moves."""
+def _is_out(values: FloatArray) -> FloatArray:
+    """Return 1 where flaps or gear are beyond the middle of their travel; 0 of what never moves."""
     low, high = np.nanmin(values), np.nanmax(values)
-    return float(0.5 * (low + high)) if high > low else np.inf
+    return np.asarray((values > 0.5 * (low + high)) & (high > low), dtype=np.float64)
 
 
 def _bridged(values: FloatArray, most: int) -> FloatArray:
@@ -405,7 +402,7 @@ def _bridged(values: FloatArray, most: int) -> FloatArray:
         return values
     index = np.arange(values.size)
     filled = np.interp(index, index[~bad], values[~bad])
-    for first, end in runs_of(bad):
+    for first, end in runs(bad):
         if end - first > most:
             filled[first:end] = np.nan
     return filled
@@ -417,105 +414,74 @@ def _weights(normal_acc: FloatArray, flying: BoolArray) -> FloatArray | None:
     if not used.size:
         return None
     middle = float(np.median(used))
-    if abs(middle) < 0.5 * GRAVITY:
-        return np.asarray(normal_acc / GRAVITY + 1.0)
-    return np.asarray(normal_acc / np.copysign(GRAVITY, middle))
-
-
-def _joined(runs: list[Run]) -> list[Run]:
-    """Return the runs with those that touch made one."""
-    whole: list[Run] = []
-    for first, end in runs:
-        if whole and whole[-1][1] == first:
-            whole[-1] = (whole[-1][0], end)
-        else:
-            whole.append((first, end))
-    return whole
-
-
-def _held(strong: BoolArray, weak: BoolArray) -> list[Run]:
-    """Return the runs of `weak` that hold a sample of `strong`: hysteresis, forwards and backwards."""
-    return [(first, end) for first, end in runs_of(strong | weak) if strong[first:end].any()]
+    is_without = abs(middle) < 0.5 * GRAVITY
+    return np.asarray(normal_acc / GRAVITY + 1.0 if is_without else normal_acc / np.copysign(GRAVITY, middle))
 
 
 def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
     """Yield the parts of the flight; where nothing tells whether the aircraft flies there is none."""
-    yield from ((NO_AIRSPEED, run) for run in runs_of(flight.lost))
-    for first, end in runs_of((np.isfinite(flight.speed) | flight.on_ground) & ~flight.lost):
-        grounds = _grounds(flight, first, end)
+    yield from ((NO_AIRSPEED, run) for run in runs(flight.lost))
+    for first, end in runs((np.isfinite(flight.speed) | flight.on_ground) & ~flight.lost):
         last = first
-        for i, (down, up) in enumerate(grounds):
+        for down, up in _grounds(flight, first, end):
             if last < down:
                 yield from _aloft(flight, last, down, lands=True)
-            last = yield from _on_ground(flight, down, up, lands=down > first, departs=up < end)
-            if i + 1 == len(grounds) and last < end:
-                yield from _aloft(flight, last, end, lands=False)
-        if not grounds:
-            yield from _aloft(flight, first, end, lands=False)
+            yield from _on_ground(flight, down, up, lands=down > first, departs=up < end)
+            last = up
+        if last < end:
+            yield from _aloft(flight, last, end, lands=False)
 
 
 def _grounds(flight: _Flight, first: int, end: int) -> list[Run]:
     """Return the runs on the ground, from screen height at landing to screen height at take-off."""
-    kept = [(first + low, first + high) for low, high in runs_of(flight.on_ground[first:end])]
+    kept = [(first + low, first + high) for low, high in runs(flight.on_ground[first:end])]
     wide: list[Run] = []
-    for i, run in enumerate(kept):
-        after = kept[i + 1][0] if i + 1 < len(kept) else end
-        wide.append(_to_screen(flight, run, wide[-1][1] if wide else first, after))
+    for run, following in pairwise([*kept, (end, end)]):
+        wide.append(_to_screen(flight, run, wide[-1][1] if wide else first, following[0]))
     return wide
-
-
-def _field(flight: _Flight, run: Run, *, at_end: bool) -> float:
-    """Return the altitude of the field: the median of the run while slow, next to its end or beginning; NaN if none."""
-    if flight.height is None:
-        return np.nan
-    low, high = run
-    rolls = low + np.flatnonzero(flight.speed[low:high] < TAXI * flight.cruise)
-    near = flight.samples(5.0)
-    used = flight.height[rolls[-near:] if at_end else rolls[:near]]
-    return float(np.median(used[np.isfinite(used)])) if np.isfinite(used).any() else np.nan
 
 
 def _to_screen(flight: _Flight, run: Run, first: int, end: int) -> Run:
     """Return the run widened by the time below screen height, without an altitude by twice V / g, where there is more.
 
-    The altitude may jump when the aircraft rotates, so the first height that is kept to counts.
+    The altitude may jump when the aircraft rotates, so the first height that is kept to counts. That of the field is
+    the median while the aircraft is slow, next to the end or beginning of the run.
     """
     low, high = run
-    reach = flight.samples(10.0)
+    reach, near = flight.samples(10.0), flight.samples(5.0)
+    rolls = low + np.flatnonzero(flight.speed[low:high] < TAXI * flight.cruise)
     screen = min(SCREEN_M, SCREEN * flight.scale_m)
     margins = []
-    for at_end, side in ((False, slice(max(first, low - reach), low)), (True, slice(high, min(end, high + reach)))):
-        field = _field(flight, run, at_end=at_end)
+    for slow, way, side in (
+        (rolls[:near], -1, slice(max(first, low - reach), low)),
+        (rolls[-near:], 1, slice(high, min(end, high + reach))),
+    ):
+        heights = np.empty(0) if flight.height is None else flight.height[slow]
+        heights = heights[np.isfinite(heights)]
         n = side.stop - side.start
-        if flight.height is None or not np.isfinite(field) or not n:
+        if flight.height is None or not heights.size or not n:
             margins.append(min(n, flight.samples(2.0)))
             continue
-        below = flight.height[side] - field < screen
-        if not at_end:
-            below = below[::-1]
+        below = (flight.height[side] - float(np.median(heights)) < screen)[::way]
         margins.append(int(np.flatnonzero(below)[-1]) + 1 if below.any() and not below.all() else 0)
     return max(first, low - margins[0]), min(end, high + margins[1])
 
 
-def _on_ground(
-    flight: _Flight, first: int, end: int, *, lands: bool, departs: bool
-) -> Generator[tuple[str, Run], None, int]:
-    """Yield landing, ground and take-off of a stay on the ground; return where it ends.
+def _on_ground(flight: _Flight, first: int, end: int, *, lands: bool, departs: bool) -> Iterator[tuple[str, Run]]:
+    """Yield landing, ground and take-off of a stay on the ground.
 
     The landing ends, and the take-off begins, where the speed is that of taxiing.
     """
-    speed = flight.speed[first:end]
-    taxis = np.flatnonzero(speed < max(TAXI * flight.cruise, WALK))
-    stop, start = first, end
+    taxis = first + np.flatnonzero(flight.speed[first:end] < max(TAXI * flight.cruise, WALK))
     if taxis.size:
-        stop = first + int(taxis[0]) if lands else first
-        start = first + int(taxis[-1]) + 1 if departs else end
+        stop, start = int(taxis[0]) if lands else first, int(taxis[-1]) + 1 if departs else end
     elif lands or departs:
         stop = start = end if lands else first
+    else:
+        stop, start = first, end
     for name, run in (("landing", (first, stop)), ("ground", (stop, start)), ("take-off", (start, end))):
         if run[1] > run[0]:
             yield name, run
-    return end
 
 
 def _aloft(flight: _Flight, first: int, end: int, *, lands: bool) -> Iterator[tuple[str, Run]]:
@@ -524,8 +490,7 @@ def _aloft(flight: _Flight, first: int, end: int, *, lands: bool) -> Iterator[tu
         yield "flight", (first, end)
         return
     height = flight.height[first:end]
-    index = np.arange(height.size)
-    good = np.isfinite(height)
+    index, good = np.arange(height.size), np.isfinite(height)
     height = np.interp(index, index[good], height[good])
     approach = _approach_start(flight, height, first) if lands else height.size
     way = _ways(flight, height[:approach])
@@ -564,20 +529,20 @@ def _ways(flight: _Flight, height: FloatArray) -> NDArray[np.int8]:
     rate = (height[high] - height[low]) / ((high - low) * flight.step_s)
     steady, least = STEADY * flight.cruise, 2 * half
     for sign in (1, -1):
-        for first, end in _held(sign * rate > steady, sign * rate > 0.5 * steady):
+        for first, end in runs_with(sign * rate > steady, sign * rate > 0.5 * steady):
             # A mean over a period is at half of its rate where the climb begins and where it ends.
             strong = first + np.flatnonzero(sign * rate[first:end] > 0.5 * np.median(sign * rate[first:end]))
             way[strong[0] : strong[-1] + 1] = sign
     # Short level flight between two climbs belongs to them; short climbs, and low ones, belong to level flight.
-    for first, end in runs_of(way == 0):
+    for first, end in runs(way == 0):
         if end - first < least and first > 0 and end < n and way[first - 1] == way[end]:
             way[first:end] = way[end]
     for sign in (1, -1):
-        for first, end in runs_of(way == sign):
+        for first, end in runs(way == sign):
             if abs(height[end - 1] - height[first]) < ENOUGH * flight.scale_m:
                 way[first:end] = 0
     # What level flight is left between a climb and a descent, or at an end, is no cruise either.
-    for first, end in runs_of(way == 0):
+    for first, end in runs(way == 0):
         if end - first < least and end - first < n:
             beside = way[end] if end < n and (first == 0 or way[first - 1] == 0) else way[first - 1]
             way[first:end] = beside
@@ -591,13 +556,8 @@ def _turns(flight: _Flight, first: int, end: int) -> Iterator[Run]:
     bank = np.nan_to_num(_smoothed(flight.bank[first:end], flight.samples(0.5)))
     rate = GRAVITY * np.tan(np.clip(bank, -1.4, 1.4)) / np.maximum(flight.speed[first:end], TAXI * flight.cruise)
     for side in (1.0, -1.0):
-        runs: list[Run] = []
-        for low, high in _held(side * bank > BANKED, side * bank > LEVEL):
-            if runs and low - runs[-1][1] < flight.samples(SAME_TURN):
-                runs[-1] = (runs[-1][0], high)
-            else:
-                runs.append((low, high))
-        for low, high in runs:
+        banked = runs_with(side * bank > BANKED, side * bank > LEVEL)
+        for low, high in joined(banked, flight.samples(SAME_TURN) - 1):
             if side * float(rate[low:high].sum()) * flight.step_s > TURNED:
                 yield first + low, first + high
 
@@ -616,39 +576,31 @@ def _parabolas(flight: _Flight, first: int, end: int) -> list[Run]:
         weak |= np.abs(load - 1.0) > NEARLY_ONE
     # The nose passes the horizon in between, in free fall within V / g; from a pull-up to no weight the load passes 1.
     for mask, most in ((strong, 2.0), (weak, 0.5)):
-        for (_, low), (high, _) in pairwise(runs_of(mask)):
+        for (_, low), (high, _) in pairwise(runs(mask)):
             if high - low < flight.samples(most):
                 weak[low:high] = True
-    return [(first + low, first + high) for low, high in _held(strong, weak)]
+    return [(first + low, first + high) for low, high in runs_with(strong, weak)]
 
 
-def _stalls(flight: _Flight, first: int, end: int) -> Iterator[Run]:
-    """Yield the stalls within a flight: from the incidence at which a wing stalls until the nose has fallen."""
+def _stalls(flight: _Flight, first: int, end: int) -> list[Run]:
+    """Return the stalls within a flight: from the incidence at which a wing stalls until the nose has fallen."""
     if flight.incidence is None or flight.pitch is None:
-        return
+        return []
     slow = flight.speed[first:end] < STALL_SPEED * flight.cruise
-    loaded = np.ones(end - first, dtype=bool)
-    if flight.load is not None:
-        loaded = ~(flight.load[first:end] < LOADED)
+    loaded = True if flight.load is None else ~(flight.load[first:end] < LOADED)
     incidence = _smoothed(np.nan_to_num(flight.incidence[first:end]), flight.samples(0.2))
-    pitch, reach, last = flight.pitch[first:end], flight.samples(WITHIN), -1
-    runs: list[Run] = []
-    for low, high in runs_of(slow & loaded & (incidence > STALLING)):
-        ahead = pitch[low : high + reach]
+    reach, found = flight.samples(WITHIN), []
+    for low, high in runs(slow & loaded & (incidence > STALLING)):
+        ahead = flight.pitch[first + low : min(first + high + reach, end)]
         if not np.isfinite(ahead).all():
             continue
         # The steepest fall of the nose within reach, from the highest point before it.
         drop = np.maximum.accumulate(ahead) - ahead
-        bottom = low + int(np.argmax(drop))
-        top = low + int(np.argmax(ahead[: bottom - low + 1]))
-        if drop[bottom - low] < NOSE_DROP or high < top - reach:
-            continue
-        if runs and low - last < reach:
-            runs[-1] = (runs[-1][0], max(bottom + 1, high))
-        else:
-            runs.append((low, max(bottom + 1, high)))
-        last = runs[-1][1]
-    yield from ((first + low, first + high) for low, high in runs)
+        bottom = int(np.argmax(drop))
+        top = low + int(np.argmax(ahead[: bottom + 1]))
+        if drop[bottom] >= NOSE_DROP and high >= top - reach:
+            found.append((first + low, first + max(low + bottom + 1, high)))
+    return joined(found, reach - 1)
 
 
 def _smoothed(values: FloatArray, n: int) -> FloatArray:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ..channels import STANDARD
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray
-
-__all__ = ["doubt_about", "doubts_about", "time_scale"]
 
 SURFACES = ("elevator", "aileron", "rudder", "stabiliser", "elevator_trim", "flaps")
 # What nothing but a rocket exceeds, in the unit of `channels.STANDARD`, and the unit that the values may rather have.
@@ -46,17 +44,17 @@ def doubts_about(log: FlightLog, names: Sequence[str]) -> tuple[str, ...]:
     ----------
     names : standard names, or names in the file; those that the log lacks are passed over.
     """
-    here = [log.channel(name) for name in dict.fromkeys(names) if _has(log, name)]
+    here = [channel for name in dict.fromkeys(names) if (channel := log.find(name)) is not None]
     questions = [question for channel in here if (question := doubt_about(channel)) is not None]
-    bare = [c.name for c in here if c.source_unit is None and c.name in STANDARD and STANDARD[c.name].unit != "1"]
-    if bare:
-        assumed = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare)
+    if assumed := assumed_units(here):
         questions.append(f"the log states no unit for {assumed}: is the one in brackets right? --unit NAME=UNIT")
     return tuple(questions)
 
 
-def _has(log: FlightLog, name: str) -> bool:
-    return name in log.channels or any(channel.source == name for channel in log.channels.values())
+def assumed_units(channels: Iterable[Channel]) -> str:
+    """Return the channels whose unit nobody has stated, each with the one that it is taken to have; "" for none."""
+    bare = [one.name for one in channels if one.source_unit is None and one.name in STANDARD]
+    return ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
 
 
 def doubt_about(channel: Channel) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +10,16 @@ import numpy as np
 
 from ..display_units import SI, Units
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Lane, Panel, ReportContent, curve, thinned
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, thinned
 from ..report.text import instant
 from ..serialization import to_plain
 from .derived import DERIVED, with_derived
 from .events import Event
-from .phases import Phase, phases_of
-from .quality import ExcitedWindow, ranked_windows
+from .phases import phases_of
+from .quality import ranked_windows
 from .record import FlightLog
 from .report import lane_panel
-from .timeline import bands_of, event_table, lanes_of, phase_columns, phase_table, window_table
-
-__all__ = ["MOST_PANELS", "PLOT_SCHEMA", "channels_to_plot", "plot_content", "plot_document"]
+from .timeline import STATES, bands_of, event_table, lanes_of, phase_columns, phase_table, shows, window_table
 
 Plain = Mapping[str, Any]
 
@@ -36,8 +34,9 @@ GROUPS = (
 MOST_PANELS = 8
 # A page of panels is this high, in heights of a panel of curves; a panel is at least and at most so high.
 PAGE, LEAST, MOST = 3.7, 0.44, 0.9
-# Points of a curve on the page that can be zoomed: four screens wide, a least and a greatest value for each pixel.
-ZOOM_POINTS = 8000
+# Points of a curve on the page that can be zoomed, four screens wide, and on one of paper: a least and a greatest value
+# for each pixel.
+ZOOM_POINTS, PAGE_POINTS = 8000, 2000
 # Time steps, above which samples are missing for longer than a reader would take for jitter.
 GAP = 5.0
 
@@ -98,15 +97,14 @@ def plot_document(
     outside = [event for event in events if event.onset_s > high or (event.offset_s or high) < low]
     if outside:
         said.append(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
+    happens = {"phases": to_plain(phases), "windows": to_plain(ranked_windows(first, phases))}
     document: dict[str, Any] = to_plain(
         {
             "kind": "plot",
             "schema": PLOT_SCHEMA,
             "logs": [
                 {
-                    "path": part.path,
-                    "rate_hz": part.rate_hz,
-                    "n_samples": part.n_samples,
+                    **{key: getattr(part, key) for key in ("path", "rate_hz", "n_samples")},
                     "start_s": float(part.time_s[0]),
                     "stop_s": float(part.time_s[-1]),
                     "sha256": part.sha256,
@@ -116,8 +114,7 @@ def plot_document(
             "from_s": low,
             "to_s": high,
             "channels": [{"name": name, "unit": whole[0].channels[name].unit} for name in chosen],
-            "phases": [one for one in phases if _overlaps(one, low, high)],
-            "windows": [one for one in ranked_windows(first, phases) if _overlaps(one, low, high)],
+            **{key: [one for one in ones if shows(one, (low, high))] for key, ones in happens.items()},
             "events": events,
             "series": [
                 _series(part, i, name) for name in chosen for i, part in enumerate(parts) if name in part.channels
@@ -127,11 +124,6 @@ def plot_document(
         }
     )
     return document
-
-
-def _overlaps(one: Phase | ExcitedWindow, low: float, high: float) -> bool:
-    ends = (one.from_s, one.to_s) if isinstance(one, Phase) else (one.start_s, one.stop_s)
-    return ends[0] < high and ends[1] > low
 
 
 def _series(log: FlightLog, i: int, name: str) -> dict[str, Any]:
@@ -153,30 +145,23 @@ def _series(log: FlightLog, i: int, name: str) -> dict[str, Any]:
 
 def plot_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi plot` holds, in `units`."""
-    logs, limits = document["logs"], (document["from_s"], document["to_s"])
-    names = [one["name"] for one in document["channels"]]
-    events = document["events"]
-    lanes = lanes_of(document["phases"], document["windows"], (), events, limits=limits)
-    bands = [*bands_of(document["phases"]), *_onsets(events)]
-    labels = _labels([log["path"] for log in logs]) if len(logs) > 1 else [""]
-    pages = [names[i : i + MOST_PANELS] for i in range(0, len(names), MOST_PANELS)]
-    drawings = [
-        Drawing(
-            name="channels" if i == 0 else f"channels_{i + 1}",
-            caption=_caption(document),
-            panels=tuple(_panels(document, page, lanes, bands, labels, units, points=2000)),
-            shared_x=True,
-        )
-        for i, page in enumerate(pages)
-    ]
-    whole = Drawing(
-        name="channels",
-        caption=_caption(document),
-        panels=tuple(_panels(document, names, lanes, bands, labels, units, points=ZOOM_POINTS)),
-        shared_x=True,
-    )
+    logs, names, events = document["logs"], [one["name"] for one in document["channels"]], document["events"]
+    limits = (document["from_s"], document["to_s"])
     paths = ", ".join(str(log["path"]) for log in logs)
     n_samples = sum(log["n_samples"] for log in logs)
+    said = ["Channels over time"]
+    if document["phases"]:
+        said.append("shaded by the phases of the flight, whose names and whose manoeuvres stand in the rows above")
+    if document["windows"]:
+        said.append("frames are windows to analyse, numbered by rank, 1 the best")
+    if events:
+        said.append("dashed lines are onsets of declared (red) and suspected (orange) faults")
+    caption = f"{'; '.join(said)}. Long records are drawn as the least and the greatest value of each stretch of time."
+
+    def drawing(name: str, channels: Sequence[str], points: int) -> Drawing:
+        panels = _panels(document, channels, units, points)
+        return Drawing(name=name, caption=caption, panels=panels, shared_x=True)
+
     return ReportContent(
         category="Flight log" if len(logs) == 1 else "Flight logs",
         title=paths,
@@ -185,73 +170,52 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
             f"{paths}: {', '.join(names)} from {instant(limits[0])} s to {instant(limits[1])} s, {n_samples} samples"
         ),
         tables=(*event_table(events), *window_table(document["windows"]), *phase_table(document["phases"])),
-        drawings=tuple(drawings),
+        drawings=tuple(
+            drawing(f"channels_{i // MOST_PANELS + 1}" if i else "channels", names[i : i + MOST_PANELS], PAGE_POINTS)
+            for i in range(0, len(names), MOST_PANELS)
+        ),
         notes=tuple(map(units.sentence, document["notes"])),
-        zoom=(whole,),
+        zoom=(drawing("channels", names, ZOOM_POINTS),),
         data={"phases.csv": phase_columns(document["phases"])} if document["phases"] else {},
     )
 
 
-def _caption(document: Plain) -> str:
-    said = ["Channels over time"]
-    if document["phases"]:
-        said.append("shaded by the phases of the flight, whose names and whose manoeuvres stand in the rows above")
-    if document["windows"]:
-        said.append("frames are windows to analyse, numbered by rank, 1 the best")
-    if document["events"]:
-        said.append("dashed lines are onsets of declared (red) and suspected (orange) faults")
-    return "; ".join(said) + ". Long records are drawn as the least and the greatest value of each stretch of time."
-
-
-def _labels(paths: Sequence[str]) -> list[str]:
-    """Return the name of each file, where two have the same name the paths."""
-    names = [Path(path).name for path in paths]
-    return names if len(set(names)) == len(names) else [f"{i}: {path}" for i, path in enumerate(paths, start=1)]
-
-
-def _onsets(events: Sequence[Plain]) -> list[Block]:
-    return [
-        Block(label="", low=time_s, high=time_s, shade="fault" if one["state"] == "declared" else "suspect")
+def _panels(document: Plain, names: Sequence[str], units: Units, points: int) -> tuple[Panel, ...]:
+    """Return a panel of lanes and one for each channel; the names of several logs stand over the first of them."""
+    logs, events, limits = document["logs"], document["events"], (document["from_s"], document["to_s"])
+    labels = [Path(log["path"]).name for log in logs]
+    if len(set(labels)) < len(labels):
+        labels = [f"{i}: {log['path']}" for i, log in enumerate(logs, start=1)]
+    onsets = [
+        Block(label="", low=time_s, high=time_s, shade=STATES.get(one["state"], "suspect"))
         for one in events
         for time_s in (one["onset_s"], one["offset_s"])
         if time_s is not None
     ]
-
-
-def _panels(
-    document: Plain,
-    names: Sequence[str],
-    lanes: Sequence[Lane],
-    bands: Sequence[Block],
-    labels: Sequence[str],
-    units: Units,
-    *,
-    points: int,
-) -> Iterator[Panel]:
-    """Yield a panel of lanes and one for each channel; the names of several logs stand over the first of them."""
-    low, high = document["from_s"], document["to_s"]
-    inside = tuple(one for one in bands if one.high >= low and one.low <= high)
-    if lanes:
-        yield lane_panel(lanes, (low, high))
-    height = float(np.clip(PAGE / max(len(names), 1), LEAST, MOST))
+    bands = [one for one in (*bands_of(document["phases"]), *onsets) if one.high >= limits[0] and one.low <= limits[1]]
+    lanes = lanes_of(document["phases"], document["windows"], (), events, limits=limits)
+    panels = [lane_panel(lanes, limits)] if lanes else []
     for i, name in enumerate(names):
-        series = [one for one in document["series"] if one["channel"] == name]
-        unit = units.of(series[0]["unit"] if series else "", channel=name).unit
-        yield Panel(
-            x_label="time [s]",
-            y_label=f"{name}\n[{unit or 'no unit'}]",
-            curves=tuple(_curve(one, "" if i else labels[one["log"]], units, points) for one in series),
-            bands=inside,
-            x_limits=(low, high),
-            height=height,
-            clock=not lanes and i == 0,
+        curves: list[Curve] = []
+        unit = units.of("", channel=name).unit
+        for one in (one for one in document["series"] if one["channel"] == name):
+            shown = units.of(one["unit"], channel=name)
+            values, time_s = shown.readings(one["values"]), np.array(one["time_s"], dtype=np.float64)
+            missing = np.isnan(values)
+            breaks = np.flatnonzero(missing & ~np.append(False, missing[:-1]))  # no line is drawn over them
+            kept = np.union1d(thinned(values, max_points=points), breaks)
+            label = labels[one["log"]] if i == 0 and len(logs) > 1 else ""
+            unit = unit if curves else shown.unit
+            curves.append(curve(label, time_s[kept], values[kept]))
+        panels.append(
+            Panel(
+                x_label="time [s]",
+                y_label=f"{name}\n[{unit or 'no unit'}]",
+                curves=tuple(curves),
+                bands=tuple(bands),
+                x_limits=limits,
+                height=float(np.clip(PAGE / max(len(names), 1), LEAST, MOST)),
+                clock=not panels,
+            )
         )
-
-
-def _curve(series: Plain, label: str, units: Units, points: int) -> Curve:
-    values = units.of(series["unit"], channel=series["channel"]).readings(series["values"])
-    time_s = np.array(series["time_s"], dtype=np.float64)
-    missing = np.isnan(values)
-    breaks = np.flatnonzero(missing & ~np.concatenate([[False], missing[:-1]]))  # no line is drawn over them
-    kept = np.union1d(thinned(values, max_points=points), breaks)
-    return curve(label, time_s[kept], values[kept])
+    return tuple(panels)

@@ -12,25 +12,13 @@ from ..airdata import DEPENDS_ON
 from ..channels import INPUTS, STANDARD
 from ..errors import LogError
 from ..filters import Filter
+from ..kernels.runs import BoolArray, shared, within
 from .derived import DERIVED, missing_for
 from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from .phases import NO_AIRSPEED, Phase, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
-
-__all__ = ["UNEVEN", "ChannelReport", "DerivableChannel", "Excitation", "ExcitedWindow", "LogReport"]
-__all__ += [
-    "advice_on_the_ground",
-    "advice_on_windows",
-    "gap_starts",
-    "held_hz",
-    "hold_of",
-    "inspect_log",
-    "is_uniform",
-    "ranked_windows",
-]
-__all__ += ["require_usable", "time_jitter"]
 
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
 PIECE = 1_000_000  # samples whose steps are looked at together, for memory
@@ -148,13 +136,6 @@ class LogReport:
     notes: tuple[str, ...]
 
 
-def _position(time_s: FloatArray) -> FloatArray:
-    """Return (n_samples,) time in samples: (t - t[0]) over the median time step."""
-    position = time_s - time_s[0]
-    position /= median_step(time_s)
-    return np.asarray(position)
-
-
 def median_step(time_s: FloatArray) -> float:
     """Return the median time step; of a long record no array is made but that of the steps."""
     return float(np.median(np.diff(time_s), overwrite_input=True))
@@ -167,16 +148,15 @@ def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:
 
 def time_jitter(time_s: FloatArray) -> float:
     """Return the largest deviation of a time step from the median step, relative to it, gaps left out."""
-    relative = np.diff(_position(time_s))
+    relative = np.diff((time_s - time_s[0]) / median_step(time_s))
     return float(np.max(np.abs(relative[relative <= GAP] - 1.0), initial=0.0))
 
 
 def _uneven_step(time_s: FloatArray) -> int | None:
     """Return the first sample k whose step t[k] - t[k-1] is off by more than 2 % and float32 rounding, else None."""
     median, starts = median_step(time_s), range(0, len(time_s) - 1, PIECE)
-    is_single = all(
-        np.array_equal(part.astype(np.float32), part) for part in (time_s[k : k + PIECE + 1] for k in starts)
-    )
+    parts = (time_s[k : k + PIECE + 1] for k in starts)
+    is_single = all(np.array_equal(part.astype(np.float32), part) for part in parts)
     largest = np.float32(max(abs(float(time_s.min())), abs(float(time_s.max()))))
     rounding = 2.0 * float(np.spacing(largest)) if is_single else 0.0
     for start in starts:
@@ -201,6 +181,8 @@ def inspect_log(log: FlightLog) -> LogReport:
         is_finite = np.isfinite(values)
         finite = values if is_finite.all() else values[is_finite]
         held = held_hz(log, channel)
+        # A static temperature follows from pressures only where the total one is recorded too.
+        is_free = channel.name == "sat" and "tat" not in log.channels
         report = ChannelReport(
             name=channel.name,
             unit=channel.unit,
@@ -212,10 +194,20 @@ def inspect_log(log: FlightLog) -> LogReport:
             quantum=find_quantum(finite),
             min=float(finite.min()) if finite.size else None,
             max=float(finite.max()) if finite.size else None,
-            pressures=_pressures(channel.name, log),
+            pressures=() if is_free else DEPENDS_ON.get(channel.name, ()),
         )
         channels.append(report)
         questions.append(doubt_about(channel))
+    derived = (
+        DerivableChannel(
+            name=name,
+            unit=STANDARD[name].unit,
+            description=STANDARD[name].description,
+            lacks=missing_for(name, log.channels),
+        )
+        for name in DERIVED
+        if name not in log.channels
+    )
     return LogReport(
         path=log.path,
         n_samples=log.n_samples,
@@ -226,28 +218,14 @@ def inspect_log(log: FlightLog) -> LogReport:
         jitter=time_jitter(log.time_s),
         gaps=_gaps(log),
         channels=tuple(channels),
-        derived=tuple(
-            DerivableChannel(
-                name=name,
-                unit=STANDARD[name].unit,
-                description=STANDARD[name].description,
-                lacks=missing_for(name, log.channels),
-            )
-            for name in DERIVED
-            if name not in log.channels
-        ),
-        excitation=tuple(_excitation(log, name, flying) for name in _inputs(log)),
+        derived=tuple(derived),
+        excitation=tuple(_excitation(log, name, flying) for name in INPUTS if name in log.channels),
         windows=ranked_windows(log, phases),
         phases=phases,
         segments=log.segments,
         filters=log.filters,
         notes=(*log.notes, *filter(None, questions)),
     )
-
-
-def _pressures(name: str, log: FlightLog) -> tuple[str, ...]:
-    """Return the pressures a channel follows from; a static temperature only where the total one is recorded too."""
-    return () if name == "sat" and "tat" not in log.channels else DEPENDS_ON.get(name, ())
 
 
 def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:
@@ -281,8 +259,8 @@ def advice_on_the_ground(
     first = float(log.time_s[0]) if from_s is None else from_s
     last = float(log.time_s[-1]) if to_s is None else to_s
     phases = phases_of(log, suspects=suspects)
-    grounds = [(max(one.from_s, first), min(one.to_s, last)) for one in phases if one.phase == "ground"]
-    if not sum(max(stop - start, 0.0) for start, stop in grounds) > MOSTLY * (last - first):
+    grounds = [(one.from_s, one.to_s) for one in phases if one.phase == "ground"]
+    if not shared((first, last), grounds) > MOSTLY * (last - first):
         return None
     flown = [one for one in phases if one.phase not in UNFIT]
     aloft = f" (in flight from {flown[0].from_s:.6g} to {flown[-1].to_s:.6g} s)" if flown else ""
@@ -296,7 +274,11 @@ def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
     """Return the clock of a held signal (n_samples,) of the log, NaN left out; None where it is not held."""
     finite = np.isfinite(values)
     known = values if finite.all() else values[finite]
-    return find_hold(known, _position(log.time_s)[finite]) if may_be_held(known) else None
+    if not may_be_held(known):
+        return None
+    position = log.time_s - log.time_s[0]
+    position /= median_step(log.time_s)
+    return find_hold(known, position[finite])
 
 
 def held_hz(log: FlightLog, channel: Channel) -> float | None:
@@ -324,17 +306,18 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
     """
     channels = [log.channel(name) for name in names]
     for channel in channels:
-        huge = np.flatnonzero(np.isfinite(channel.values) & (np.abs(channel.values) > LARGEST_VALUE))
+        values, place = channel.values, f"{log.path}: '{channel.name}' is"
+        huge = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST_VALUE))
         if huge.size:
             raise LogError(
-                f"{log.path}: '{channel.name}' is no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), "
-                f"got {channel.values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
+                f"{place} no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), got "
+                f"{values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
             )
-        bad = np.flatnonzero(~np.isfinite(channel.values))
+        bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise LogError(
-                f"{log.path}: '{channel.name}' is not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), "
-                f"{bad.size} of {log.n_samples} samples in all; choose a window without them with --from/--to"
+                f"{place} not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), {bad.size} of "
+                f"{log.n_samples} samples in all; choose a window without them with --from/--to"
             )
     if resampling:
         return
@@ -354,24 +337,16 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
             )
 
 
-def _inputs(log: FlightLog) -> list[str]:
-    return [name for name in INPUTS if name in log.channels]
-
-
 def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
     return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
 
 
-def _flying(log: FlightLog, phases: Sequence[Phase]) -> NDArray[np.bool_]:
+def _flying(log: FlightLog, phases: Sequence[Phase]) -> BoolArray:
     """Mark the samples that are on no ground."""
-    flying = np.ones(log.n_samples, dtype=bool)
-    for one in phases:
-        if one.phase == "ground":
-            flying[(log.time_s >= one.from_s) & (log.time_s < one.to_s)] = False
-    return flying
+    return ~within(log.time_s, [(one.from_s, one.to_s) for one in phases if one.phase == "ground"])
 
 
-def _excitation(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> Excitation:
+def _excitation(log: FlightLog, name: str, flying: BoolArray) -> Excitation:
     """Return how the channel `name` moves in flight (a parked elevator would dwarf it); NaN are left out."""
     channel = log.channels[name]
     x = channel.values[flying & np.isfinite(channel.values)]
@@ -391,7 +366,7 @@ def _extent(x: FloatArray) -> float:
     return float(np.ptp(np.quantile(x, [0.005, 0.995]))) if x.size else 0.0
 
 
-def _move_times(log: FlightLog, name: str, flying: NDArray[np.bool_]) -> FloatArray:
+def _move_times(log: FlightLog, name: str, flying: BoolArray) -> FloatArray:
     """Return the times at which moves begin: runs of block means that travel one way by more than the threshold."""
     good = flying & np.isfinite(log.channels[name].values)
     x, t = log.channels[name].values[good], log.time_s[good]
@@ -411,7 +386,7 @@ def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWind
     unfit = [(one.from_s, one.to_s) for one in phases if one.phase in UNFIT]
 
     def worth(window: ExcitedWindow) -> tuple[bool, int, float]:
-        inside = sum(max(0.0, min(window.stop_s, to_s) - max(window.start_s, from_s)) for from_s, to_s in unfit)
+        inside = shared((window.start_s, window.stop_s), unfit)
         return inside > UNFIT_SHARE * (window.stop_s - window.start_s), -window.moves, window.start_s
 
     windows = _suggested_windows(log, phases, at_most=MOST_WINDOWS)
@@ -429,7 +404,8 @@ def _suggested_windows(log: FlightLog, phases: Sequence[Phase], *, at_most: int)
     at_most : the stretches with the most moves are kept.
     """
     gaps, flying = _gaps(log), _flying(log, phases)
-    for name in _inputs(log) or [name for name in ("pitch",) if name in log.channels]:
+    inputs = [name for name in INPUTS if name in log.channels]
+    for name in inputs or [name for name in ("pitch",) if name in log.channels]:
         times = _move_times(log, name, flying)
         # Moves are apart where the input rests for longer than the margins, or the log has a gap.
         rests = np.diff(times) > BEFORE_S + AFTER_S

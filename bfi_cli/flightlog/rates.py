@@ -7,22 +7,16 @@ there are no samples, where another signal has one it is NaN.
 
 from __future__ import annotations
 
-import contextlib
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
-from .raw import LARGEST, RawColumn, RawLog
-from .topics import Recorder, Topic, Track, tracks_of
-
-__all__ = ["OneBase", "boot_starts", "in_order", "log_of_topics", "mean_rate", "one_base"]
-
-FloatArray = NDArray[np.float64]
+from .raw import LARGEST, FloatArray, RawLog, Track
 
 # Whose rate is that of the log, and what takes its place in a log without an airspeed.
 BASES = ("tas", "cas", "ias", "pitch", "pitch_rate", "longitudinal_acc")
@@ -54,113 +48,58 @@ RESTART_S, RESTART_STEPS, BESIDE_RESTART, MOST_BOOTS = 2.0, 10.0, 5, 100
 BLOCK = 50_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OneBase:
-    """Columns of one length, the time axis first, and sentences on how they were made."""
-
-    columns: tuple[RawColumn, ...]
-    notes: tuple[str, ...]
-
-
-def log_of_topics(
-    path: str,
-    recorder: Recorder,
-    topics: Sequence[Topic],
-    channel_map: Mapping[str, str],
-    *,
-    more: Sequence[str] = (),
-    notes: Sequence[str] = (),
-) -> RawLog:
-    """Return the log of a recorder whose messages have clocks of their own.
-
-    Parameters
-    ----------
-    channel_map : of `read_log`; the source of its airspeed gives the time base.
-    more : fields that are no channels, as `topic.field`, which are to be signals too.
-    notes : sentences on the topics.
-
-    Raises
-    ------
-    LogError : no signals, see `one_base`.
-    """
-    boots = sorted({int(k) for topic in topics if topic.boot is not None for k in np.unique(topic.boot)})
-    if len(boots) > 1:
-        parts = []
-        for boot in boots:
-            own = [one for topic in topics if (one := topic.of_boot(boot)).time_s.size > 1]
-            # A boot of too few messages is no log; that it was there the numbers of the others tell.
-            with contextlib.suppress(LogError):
-                parts.append(log_of_topics(path, recorder, own, channel_map, more=more, notes=notes))
-        if not parts:
-            raise LogError(
-                f"{path}: none of its {len(boots)} boots has channels; give a log that was recorded in flight"
-            )
-        return replace(parts[0], boots=tuple(parts))
-    tracks = tracks_of(recorder, topics, more)
-    if not tracks:
-        has = ", ".join(topic.label for topic in topics) or "none"
-        raise LogError(f"{path}: no channels in its messages ({has}); give a log that was recorded in flight")
-    base = one_base(path, tracks, output=channel_map.get("tas"))
-    # Stated as none, since one-quantum jumps between interpolated samples would look like those of a low-pass.
-    return RawLog(columns=base.columns, filters=(), notes=(*notes, *base.notes))
-
-
-def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None) -> OneBase:
-    """Return signals of different rates on one uniform time base.
+def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, notes: Sequence[str] = ()) -> RawLog:
+    """Return the log of signals of different rates, on one uniform time base.
 
     Parameters
     ----------
     tracks : of several for one channel the earlier ones are the better source.
     output : the source of the airspeed that gives the base; by default that of the fastest.
+    notes : sentences on the file.
 
     Raises
     ------
     LogError : no signal has two samples in order of time, or none of the base's.
     """
-    notes: list[str] = []
-    usable = []
-    for track in tracks:
-        kept, why = in_order(track)
-        if why:
-            notes.append(why)
-        if kept is not None:
-            usable.append(kept)
+    mended = [in_order(track) for track in tracks]
+    usable = [track for track, _ in mended if track is not None]
     if not usable:
         raise LogError(f"{path}: no channels, got no signal of two samples; give a log that was recorded in flight")
-    base = _base(usable, output)
-    rate_hz = mean_rate(base.time_s)
+    rates = {track: mean_rate(track.time_s) for track in usable}
+    base = next((track for track in usable if track.source == output), None)
+    for name in BASES if base is None else ():
+        if of_name := [track for track in usable if track.channel == name]:
+            fastest = max(rates[track] for track in of_name)
+            base = next(track for track in of_name if rates[track] >= AS_FAST * fastest)
+            break
+    base = base or max(usable, key=lambda track: rates[track])
+    rate_hz = rates[base]
     grid = _grid(path, base, rate_hz)
-    span_s = float(grid[-1] - grid[0])
-    edge_s = min(EDGE_S, EDGE_PART * span_s)
+    edge_s = min(EDGE_S, EDGE_PART * float(grid[-1] - grid[0]))
     first = max([grid[0], *(t.time_s[0] for t in usable if t.time_s[0] - grid[0] <= edge_s)])
     last = min([grid[-1], *(t.time_s[-1] + _patience(t) for t in usable if grid[-1] - t.time_s[-1] <= edge_s)])
     beside = BESIDE / rate_hz
     cut = grid[(grid >= first - beside) & (grid <= last + beside)]
     grid = cut if cut.size > 1 else grid
-    ranked = sorted(usable, key=lambda t: (t is not base, mean_rate(t.time_s) < AS_FAST * rate_hz))
+    ranked = sorted(usable, key=lambda t: (t is not base, rates[t] < AS_FAST * rate_hz))
     if 8 * len(ranked) * grid.size > LARGEST:
         raise LogError(
             f"{path}: {len(ranked)} channels of {grid.size} samples need more than {LARGEST / 1e9:.0f} GB of memory; "
             "cut the log"
         )
-    slow = [t for t in ranked if _is_held(t, rate_hz)]
-    columns = [RawColumn(source="time", values=grid, unit="s", channel="time")]
-    for track in ranked:
-        columns.append(
-            RawColumn(
-                source=track.source,
-                values=_held(track, grid) if track in slow else _filtered(track, grid, rate_hz),
-                unit=track.unit,
-                channel=track.channel,
-                rate_hz=mean_rate(track.time_s),
-            )
-        )
-    notes.append(
+    columns = [Track(source="time", values=grid, unit="s", channel="time")]
+    slow = [t for t in ranked if t.is_state or rates[t] < AS_FAST * rate_hz]
+    for t in ranked:
+        values = _held(t, grid) if t in slow else _filtered(t, grid, rate_hz)
+        columns.append(replace(t, values=values, time_s=np.empty(0), rate_hz=rates[t]))
+    said = (
+        *(why for _, why in mended if why),
         f"the signals have clocks of their own; all are brought to {rate_hz:.4g} Hz, the mean rate of '{base.source}', "
-        "faster ones through a low-pass"
+        "faster ones through a low-pass",
+        *_about(base, ranked, slow, grid),
     )
-    notes += _about(base, ranked, slow, grid)
-    return OneBase(columns=tuple(columns), notes=tuple(notes))
+    # No filters, stated as such: one-quantum jumps between interpolated samples would look like those of a low-pass.
+    return RawLog(columns=columns, filters=(), notes=(*notes, *said))
 
 
 def boot_starts(time_s: FloatArray) -> list[int]:
@@ -200,19 +139,19 @@ def in_order(track: Track) -> tuple[Track | None, str | None]:
     The second value is a sentence where a signal is left out or mended.
     """
     good = np.isfinite(track.values) & np.isfinite(track.time_s)
-    time_s, values = track.time_s[good], track.values[good]
+    time_s, values, name = track.time_s[good], track.values[good], f"'{track.source}' has"
     if time_s.size < 2:
-        return None, f"'{track.source}' has {time_s.size} samples that are numbers and is left out"
+        return None, f"{name} {time_s.size} samples that are numbers and is left out"
     n_back = int(np.count_nonzero(np.diff(time_s) <= 0.0))
     if n_back > max(2.0, MENDED * time_s.size):
-        return None, f"'{track.source}' has a clock that runs backwards {n_back} times and is left out"
-    kept = _longest_in_order(time_s) if n_back else np.arange(time_s.size)
-    dropped = time_s.size - kept.size
-    time_s, values = time_s[kept], values[kept]
-    if time_s.size < 2:
-        return None, f"'{track.source}' has no two samples in order of time and is left out"
-    note = f"'{track.source}' has {dropped} samples out of order of time, which are left out" if dropped else None
-    return replace(track, time_s=time_s, values=values), note
+        return None, f"{name} a clock that runs backwards {n_back} times and is left out"
+    if not n_back:
+        return replace(track, time_s=time_s, values=values), None
+    kept = _longest_in_order(time_s)
+    if kept.size < 2:
+        return None, f"{name} no two samples in order of time and is left out"
+    note = f"{name} {time_s.size - kept.size} samples out of order of time, which are left out"
+    return replace(track, time_s=time_s[kept], values=values[kept]), note
 
 
 def _longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
@@ -234,18 +173,6 @@ def _longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
         kept[place] = k
         k = int(before[k])
     return kept
-
-
-def _base(tracks: Sequence[Track], output: str | None) -> Track:
-    chosen = next((track for track in tracks if track.source == output), None)
-    if chosen is not None:
-        return chosen
-    for name in BASES:
-        of_name = [track for track in tracks if track.channel == name]
-        if of_name:
-            fastest = max(mean_rate(track.time_s) for track in of_name)
-            return next(track for track in of_name if mean_rate(track.time_s) >= AS_FAST * fastest)
-    return max(tracks, key=lambda track: mean_rate(track.time_s))
 
 
 def _patience(track: Track) -> float:
@@ -273,10 +200,6 @@ def _grid(path: str, base: Track, rate_hz: float) -> FloatArray:
     if grid.size < 2:
         raise LogError(f"{path}: '{base.source}' has no two samples without a gap; give a longer log")
     return np.asarray(grid)
-
-
-def _is_held(track: Track, rate_hz: float) -> bool:
-    return track.is_state or mean_rate(track.time_s) < AS_FAST * rate_hz
 
 
 def _held(track: Track, grid: FloatArray) -> FloatArray:
@@ -320,26 +243,23 @@ def _filtered(track: Track, grid: FloatArray, rate_hz: float) -> FloatArray:
 
 def _about(base: Track, ranked: Sequence[Track], slow: Sequence[Track], grid: FloatArray) -> Iterator[str]:
     """Yield sentences on held signals, start offsets and jitter."""
+
+    def named(tracks: Sequence[Track], what: Callable[[Track], str]) -> str:
+        """List signals by the name that each will have in the log: its channel's where no better source claims it."""
+        best = {next(one for one in ranked if one.channel == t.channel) for t in ranked if t.channel is not None}
+        return ", ".join(f"{t.channel if t in best else t.source} ({what(t)})" for t in tracks)
+
     step = np.diff(base.time_s)
     usual = step[step <= _patience(base)]
     jitter = float(np.max(np.abs(usual * mean_rate(base.time_s) - 1.0), initial=0.0))
     if jitter > JITTER:
         yield f"the steps of '{base.source}' are off by up to {100.0 * jitter:.0f} % and were made uniform"
     if slow:
-        named = ", ".join(f"{_name(t, ranked)} ({mean_rate(t.time_s):.3g} Hz)" for t in slow)
-        yield f"held between values of their own: {named}"
-    late = [t for t in ranked if t.time_s[0] > grid[0] + _patience(t)]
-    early = [t for t in ranked if t.time_s[-1] < grid[-1] - _patience(t)]
-    for words, tracks, which in (("starts later than the log", late, 0), ("ends before the log", early, -1)):
-        if tracks:
-            named = ", ".join(f"{_name(t, ranked)} ({t.time_s[which]:.6g} s)" for t in tracks)
-            yield f"what {words} is missing there: {named}"
+        yield f"held between values of their own: {named(slow, lambda t: f'{mean_rate(t.time_s):.3g} Hz')}"
+    if late := [t for t in ranked if t.time_s[0] > grid[0] + _patience(t)]:
+        yield f"what starts later than the log is missing there: {named(late, lambda t: f'{t.time_s[0]:.6g} s')}"
+    if early := [t for t in ranked if t.time_s[-1] < grid[-1] - _patience(t)]:
+        yield f"what ends before the log is missing there: {named(early, lambda t: f'{t.time_s[-1]:.6g} s')}"
     offset_s = float(grid[0] - min(t.time_s[0] for t in ranked))
     if offset_s > 2.0 / mean_rate(base.time_s):
         yield f"the log starts at {grid[0]:.6g} s, {offset_s:.3g} s after its first signal, when all are there"
-
-
-def _name(track: Track, ranked: Sequence[Track]) -> str:
-    """Return the name that a signal will have in the log: that of its channel where no better source claims it."""
-    first = next(one for one in ranked if one.channel == track.channel)
-    return track.channel if track.channel is not None and first is track else track.source

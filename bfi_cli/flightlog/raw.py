@@ -1,20 +1,24 @@
-"""The columns of a file as read, under their own names and units, and the checks that all formats share."""
+"""The signals of a file as read, under their own names and units, and the checks that all formats share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import LogError
+from ..channels import STANDARD, NameMatch, match_name
+from ..errors import LogError, first_line
 from ..faults import Fault
 from ..filters import Filter
+from ..units import si_unit
 from .record import Segment
 
-__all__ = ["LARGEST", "RawColumn", "RawLog", "Span", "TimeOf", "choose_group", "different_length", "is_signal"]
-__all__ += ["left_out", "rate_of", "require_few", "unfit_kind"]
+FloatArray = NDArray[np.float64]
+# The wanted window, None for an end of the log.
+Span = tuple[float | None, float | None]
 
 # Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
 LARGEST = 4 * 10**9
@@ -22,24 +26,56 @@ LARGEST = 4 * 10**9
 MOST_CHANNELS = 10_000
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What the user says of a file, see `read.read_log`."""
+
+    group: str | None = None
+    channel_map: Mapping[str, str] = field(default_factory=dict)
+    unit_map: Mapping[str, str] = field(default_factory=dict)
+    span: Span = (None, None)
+    sample_rate_hz: float | None = None
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The names in the file that are spoken of: such signals are read though they are no channels."""
+        return (*self.channel_map.values(), *self.unit_map)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RawColumn:
-    """One column of a file: (n_samples,) values in the file's own unit, None where it states none.
+class Track:
+    """One signal of a file: (n_samples,) values in the file's own unit, None where it states none.
 
     Attributes
     ----------
-    channel : the standard name that the format gives it, None where its own name tells.
+    channel : the standard name that the format gives it, or has a claim on; None where its own name tells.
+    time_s : (n_samples,) of a signal with a clock of its own; empty where all of the file have one time axis.
     rate_hz : of the signal where the file has it at a rate of its own, None otherwise.
-    read : of a column that is left in its file, whose `values` are empty: the values of rows; rows : those that it has.
+    is_state : values between two messages are those of the earlier one, and nothing is filtered (flags).
+    turn : of an angle that leaves one end of its range and comes back at the other: a full turn in its unit.
+    read : of one that is left in its file, whose `values` are empty: the values of rows; rows : those that it has.
     """
 
     source: str
-    values: NDArray[np.float64]
+    values: FloatArray
     unit: str | None = None
     channel: str | None = None
+    time_s: FloatArray = field(default_factory=lambda: np.empty(0))
     rate_hz: float | None = None
-    read: Callable[[slice], NDArray[np.float64]] | None = None
-    rows: slice | None = None
+    is_state: bool = False
+    turn: float | None = None
+    read: Callable[[slice], FloatArray] | None = None
+    rows: slice = field(default_factory=lambda: slice(0, 0))
+
+    def here(self) -> Track:
+        """Return the signal with its values, read if they are still in the file."""
+        return self if self.read is None else replace(self, values=self.read(self.rows), read=None)
+
+    def part(self, rows: slice) -> Track:
+        """Return some of its rows."""
+        if self.read is None:
+            return replace(self, values=self.values[rows])
+        return replace(self, rows=slice(self.rows.start + rows.start, self.rows.start + rows.stop))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,44 +84,67 @@ class RawLog:
 
     Attributes
     ----------
+    columns : of one length and time axis.
     faults : None where it carries no truth; `clean` is by channel.
     boots : the parts of a file whose clock starts again, of a format that tells them itself.
     """
 
-    columns: Sequence[RawColumn]
+    columns: Sequence[Track]
     sample_rate_hz: float | None = None
     first_sample: int = 0
     segments: tuple[Segment, ...] = ()
     filters: tuple[Filter, ...] | None = None
     faults: tuple[Fault, ...] | None = None
-    clean: Mapping[str, RawColumn] = field(default_factory=dict)
+    clean: Mapping[str, Track] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     boots: tuple[RawLog, ...] = ()
 
 
-# The wanted window, None for an end of the log; and the function that finds the time axis among columns without values.
-Span = tuple[float | None, float | None]
-TimeOf = Callable[[Sequence[RawColumn]], RawColumn | None]
+def by_precedence(columns: Sequence[Track], asked: Asked) -> list[tuple[Track, NameMatch | None]]:
+    """Pair columns, in the units that the user gives them, with their standard names, the first claim on one first."""
+    wanted = {source: name for name, source in asked.channel_map.items()}
+
+    def pairs() -> Iterator[tuple[Track, NameMatch | None]]:
+        for column in {column.source: column for column in columns}.values():
+            match = match_name(column.source)
+            if column.channel is not None:
+                match = NameMatch(name=column.channel, unit=None, rank=0)
+            if column.source in wanted:
+                match = NameMatch(name=wanted[column.source], unit=match.unit if match else None, rank=-1)
+            given = asked.unit_map.get(column.source) or (asked.unit_map.get(match.name) if match else None)
+            yield replace(column, unit=given) if given else column, match
+
+    return sorted(pairs(), key=lambda pair: pair[1].rank if pair[1] else 9)
 
 
-def is_signal(shape: Sequence[int]) -> bool:
-    """Say whether an array of this shape is one signal: a vector, a row or a column of more than one sample."""
-    return len(shape) >= 1 and max(shape) > 1 and sum(n > 1 for n in shape) == 1
+def fits(name: str, unit: str | None) -> bool:
+    """Say whether a unit can be that of a standard channel, as far as the unit is known."""
+    known = si_unit(unit) if unit else None
+    return known is None or known in (STANDARD[name].unit, "1") or STANDARD[name].unit == "1"
 
 
-def unfit_kind(kind: str, shape: tuple[int, ...]) -> str:
-    """Return why an array of this numpy kind and shape is no signal."""
+def time_column(columns: Sequence[Track], asked: Asked) -> Track | None:
+    """Return the column that is the time axis, with its unit; None where there is none."""
+    for column, match in by_precedence(columns, asked):
+        if match is not None and match.name == "time":
+            stated = column.unit if column.unit is not None else match.unit
+            if match.rank < 0 or fits("time", stated):
+                return replace(column, unit=stated)
+    return None
+
+
+def unlike(kind: str, shape: tuple[int, ...]) -> str | None:
+    """Return why an array of this numpy kind and shape is no signal; None of a vector, a row or a column of numbers."""
     if kind in "SU":
         return "holds text"
     if 0 in shape:
         return "is empty"
-    if kind == "c":
-        return "holds complex numbers"
     if kind not in "fiub":
-        return "holds no numbers"
-    if max(shape, default=1) == 1:
+        return "holds complex numbers" if kind == "c" else "holds no numbers"
+    long = sum(n > 1 for n in shape)
+    if long == 0:
         return "is a single number"
-    return f"is a table of {' x '.join(map(str, shape))} ({len(shape)}-D)"
+    return None if long == 1 else f"is a table of {' x '.join(map(str, shape))} ({len(shape)}-D)"
 
 
 def left_out(name: str, why: str) -> str:
@@ -108,6 +167,34 @@ def require_few(path: str, count: int, what: str) -> None:
     """
     if count > MOST_CHANNELS:
         raise LogError(f"{path}: {count} {what}, the limit is {MOST_CHANNELS}; export fewer channels")
+
+
+def require_memory(path: str, n_bytes: float, what: str, advice: str) -> None:
+    """Check that `what` fits into memory.
+
+    Raises
+    ------
+    LogError : it does not.
+    """
+    if n_bytes > LARGEST:
+        limit = f"the limit is {LARGEST / 1e9:.0f} GB"
+        raise LogError(f"{path}: {what} need {n_bytes / 1e9:.1f} GB of memory, {limit}; {advice}")
+
+
+@contextlib.contextmanager
+def parsing(path: str, what: str, advice: str = "export it again") -> Iterator[None]:
+    """Say of a file that it is damaged where the parser of another library fails: it can raise anything then.
+
+    Raises
+    ------
+    LogError : it is.
+    """
+    try:
+        yield
+    except (LogError, MemoryError):
+        raise
+    except Exception as error:
+        raise LogError(f"{path}: damaged or truncated {what}, {first_line(error)}; {advice}") from None
 
 
 def rate_of(path: str, stated: object) -> float:

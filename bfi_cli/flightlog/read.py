@@ -5,32 +5,47 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from ..channels import STANDARD, NameMatch, match_name
+from ..channels import STANDARD, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
+from .dataflash import read_dataflash
 from .filling import with_filled, with_single_samples
+from .hdf5 import read_hdf5
+from .matlab import read_matlab
 from .phases import airborne_stretches
-from .plausible import RIGHT, time_scale
+from .plausible import RIGHT, assumed_units, time_scale
 from .quality import is_uniform
 from .rates import boot_starts
-from .raw import RawColumn, RawLog, Span, TimeOf, different_length
+from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
-from .tlog import is_tlog
+from .tdms import read_tdms
+from .text import read_csv
+from .tlog import is_tlog, read_tlog
+from .ulog import read_ulog
+from .ulog2csv import folder_digest, is_topic_file, read_folder, read_topic_file
 
-__all__ = ["read_log"]
-
+# How the first bytes of a file show its format, and its reader; of a format with groups the reader chooses one.
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
-ULOG, DATAFLASH, TDMS = b"ULog\x01\x12\x35", b"\xa3\x95\x80", b"TDSm"
+Reader = Callable[[str, Asked], RawLog]
+WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
+    (lambda head: any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)), read_hdf5),
+    (lambda head: head.startswith(MATLAB), read_matlab),
+    (lambda head: head.startswith(b"TDSm"), read_tdms),
+)
+WITHOUT: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
+    (lambda head: head.startswith(b"ULog\x01\x12\x35"), read_ulog),
+    (lambda head: head.startswith(b"\xa3\x95\x80"), read_dataflash),
+    (is_tlog, read_tlog),
+)
 FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}
 # Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
 LATEST = 1e12
@@ -89,99 +104,62 @@ def read_log(
         data in other files; or it needs more memory than a log should; or `channel_map` names no column of it; or it
         has a time axis beside `sample_rate_hz`; or `boot` is none of its boots.
     """
-    name, channel_map, unit_map = str(path), channel_map or {}, unit_map or {}
-    if os.path.exists(name) and not os.path.isfile(name) and not os.path.isdir(name):
-        raise LogError(f"{name}: is a device or a pipe, not a file; write the log to a file first")
+    name = str(path)
+    asked = Asked(
+        group=group,
+        channel_map=channel_map or {},
+        unit_map=unit_map or {},
+        span=(from_s, to_s),
+        sample_rate_hz=sample_rate_hz,
+    )
     if os.path.isdir(name):
-        from .ulog2csv import folder_digest, read_folder
-
-        folder = read_folder(name, group=group, channel_map=channel_map, unit_map=unit_map)
-        log = _of_boot(folder, boot, name, folder_digest(name), channel_map, unit_map, sample_rate_hz)
-        return log if fill_s is None else with_filled(log, fill_s)
-    try:
+        log = _of_boot(name, read_folder(name, asked), asked, folder_digest(name), boot)
+    else:
+        raw = _read_file(name, asked)
         with open(name, "rb") as file:
-            head = file.read(4096)
-    except FileNotFoundError:
-        raise LogError(f"{name or repr(name)}: no such file; give the path of a log") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise LogError(f"{name!r}: cannot be read, {reason.lower()}; give the path of a log") from None
-    time_of = partial(_time_column, channel_map=channel_map, unit_map=unit_map)
-    raw = _read(name, head, group, (from_s, to_s), time_of, channel_map, unit_map, sample_rate_hz)
-    with open(name, "rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    log = _of_boot(raw, boot, name, sha256, channel_map, unit_map, sample_rate_hz)
-    log = with_seen_recorder(with_single_samples(log))
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        log = with_seen_recorder(with_single_samples(_of_boot(name, raw, asked, sha256, boot)))
     return log if fill_s is None else with_filled(log, fill_s)
 
 
-def _read(
-    path: str,
-    head: bytes,
-    group: str | None,
-    span: Span,
-    time_of: TimeOf,
-    channel_map: Mapping[str, str],
-    unit_map: Mapping[str, str],
-    sample_rate_hz: float | None,
-) -> RawLog:
+def _read_file(path: str, asked: Asked) -> RawLog:
     """Return the columns of a file, in the format that its first bytes show."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise LogError(f"{path}: is a device or a pipe, not a file; write the log to a file first")
+    try:
+        with open(path, "rb") as file:
+            head = file.read(4096)
+    except FileNotFoundError:
+        raise LogError(f"{path or repr(path)}: no such file; give the path of a log") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise LogError(f"{path!r}: cannot be read, {reason.lower()}; give the path of a log") from None
     if not head:
         raise LogError(f"{path}: the file is empty; copy or export it again")
-    if any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)):
-        from .hdf5 import read_hdf5
-
-        return read_hdf5(path, group=group, span=span, time_of=time_of, rate_hz=sample_rate_hz)
-    if head.startswith(MATLAB):
-        from .matlab import read_matlab
-
-        return read_matlab(path, group=group)
-    if head.startswith(TDMS):
-        from .tdms import read_tdms
-
-        return read_tdms(path, group=group, channel_map=channel_map, unit_map=unit_map)
-    if group is not None:
-        raise LogError(f"{path}: no group '{group}', a log of this kind has none; leave out --group")
-    if head.startswith(ULOG):
-        from .ulog import read_ulog
-
-        return read_ulog(path, channel_map=channel_map, unit_map=unit_map)
-    if head.startswith(DATAFLASH):
-        from .dataflash import read_dataflash
-
-        return read_dataflash(path, channel_map=channel_map, unit_map=unit_map)
-    if is_tlog(head):
-        from .tlog import read_tlog
-
-        return read_tlog(path, channel_map=channel_map, unit_map=unit_map)
+    for is_one, reader in WITH_GROUPS:
+        if is_one(head):
+            return reader(path, asked)
+    if asked.group is not None:
+        raise LogError(f"{path}: no group '{asked.group}', a log of this kind has none; leave out --group")
+    for is_one, reader in WITHOUT:
+        if is_one(head):
+            return reader(path, asked)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
-    from .text import read_csv
-    from .ulog2csv import is_topic_file, read_topic_file
-
-    return read_topic_file(path, channel_map=channel_map) if is_topic_file(path) else read_csv(path)
+    return read_topic_file(path, asked) if is_topic_file(path) else read_csv(path)
 
 
-def _of_boot(
-    raw: RawLog,
-    boot: int | None,
-    path: str,
-    sha256: str,
-    channel_map: Mapping[str, str],
-    unit_map: Mapping[str, str],
-    sample_rate_hz: float | None,
-) -> FlightLog:
+def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
     """Return the log of a file; of one whose clock starts again the boot that is asked for, or that flies longest."""
-    time = _time_column(raw.columns, channel_map, unit_map) if sample_rate_hz is None else None
-    boots = raw.boots or _boots(raw, time)
+    boots = raw.boots or _boots(raw, asked)
     if boot is not None and not 1 <= boot <= len(boots):
         raise LogError(f"{path}: --boot {boot}: the log has {len(boots)}; give one of them, or leave it out")
-    if len(boots) == 1:
-        return _assemble(boots[0], path, sha256, channel_map, unit_map, sample_rate_hz)
-    logs = [_assemble(one, path, sha256, channel_map, unit_map, sample_rate_hz) for one in boots]
+    logs = [_assemble(path, one, asked, sha256) for one in boots]
+    if len(logs) == 1:
+        return logs[0]
     flown = [sum(to_s - from_s for from_s, to_s in airborne_stretches(log)) for log in logs]
     lengths = [float(log.time_s[-1] - log.time_s[0]) for log in logs]
     chosen = max(range(len(logs)), key=lambda k: (flown[k], lengths[k])) if boot is None else boot - 1
@@ -198,51 +176,88 @@ def _of_boot(
     return replace(logs[chosen], notes=(note, *logs[chosen].notes))
 
 
-def _boots(raw: RawLog, time: RawColumn | None) -> tuple[RawLog, ...]:
+def _boots(raw: RawLog, asked: Asked) -> tuple[RawLog, ...]:
     """Return the columns between the restarts of the clock, those of less than two samples left out."""
+    time = time_column(raw.columns, asked) if asked.sample_rate_hz is None else None
     if time is None:
         return (raw,)
-    times = time.values if time.read is None or time.rows is None else time.read(time.rows)
+    times = time.here().values
     seconds = 1.0 if not time.unit or si_unit(time.unit) != "s" else float(to_si(1.0, time.unit, where="")[0])
     starts = boot_starts(seconds * times)
     parts = [slice(a, b) for a, b in pairwise([*starts, times.size]) if b - a > 1]
-    return tuple(_part(raw, one) for one in parts) if len(starts) > 1 and parts else (raw,)
+    if len(starts) == 1 or not parts:
+        return (raw,)
+    return tuple(
+        replace(
+            raw,
+            columns=[column.part(rows) for column in raw.columns],
+            clean={name: column.part(rows) for name, column in raw.clean.items()},
+        )
+        for rows in parts
+    )
 
 
-def _part(raw: RawLog, rows: slice) -> RawLog:
-    """Return some of the rows of a file."""
-
-    def cut(column: RawColumn) -> RawColumn:
-        if column.rows is not None:
-            first = column.rows.start
-            return replace(column, rows=slice(first + rows.start, first + rows.stop))
-        return replace(column, values=column.values[rows])
-
-    clean = {name: cut(column) for name, column in raw.clean.items()}
-    return replace(raw, columns=[cut(column) for column in raw.columns], clean=clean)
-
-
-def _assemble(
-    raw: RawLog,
-    path: str,
-    sha256: str,
-    channel_map: Mapping[str, str],
-    unit_map: Mapping[str, str],
-    sample_rate_hz: float | None,
-) -> FlightLog:
+def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     """Name the columns, convert them to SI and check the time axis, or count it from the rate that is given."""
-    columns = {column.source: column for column in raw.columns}
-    _check_maps(path, columns, channel_map, unit_map)
-    taken: dict[str, Channel] = {}
-    notes = list(raw.notes)
-    for column, match in _by_precedence(columns, channel_map, unit_map):
+    _check_maps(path, raw.columns, asked)
+    taken, notes = _named(path, raw, asked)
+    if not taken.keys() - {"time"}:
+        raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
+    time = taken.pop("time", None)
+    order = [column.source for column in raw.columns]
+    channels = dict(sorted(taken.items(), key=lambda item: order.index(item[1].source)))
+    if time is None:
+        rate_hz = raw.sample_rate_hz if asked.sample_rate_hz is None else asked.sample_rate_hz
+        time_s = _counted_time(path, channels, raw, rate_hz)
+        source = "sample_rate_hz =" if asked.sample_rate_hz is None else "--sample-rate"
+        notes.append(f"time is counted from {source} {rate_hz:g} Hz")
+    elif asked.sample_rate_hz is not None:
+        raise LogError(
+            f"{path}: --sample-rate {asked.sample_rate_hz:g}: it is for logs without a time axis, and the log has "
+            f"'{time.source}'; leave it out"
+        )
+    else:
+        time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
+        notes += rounded
+    for channel in channels.values():
+        if channel.n_samples != time_s.size:
+            raise different_length(path, channel.source, channel.n_samples, time_s.size)
+    if units := assumed_units(channels.values()):
+        notes.append(
+            f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
+        )
+    clean = {}
+    for name, column in raw.clean.items() if raw.faults is not None else ():
+        values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
+        if values.size != time_s.size:
+            raise different_length(path, f"{name}_clean", values.size, time_s.size)
+        clean[name] = frozen_array(values)
+    log = FlightLog(
+        path=path,
+        time_s=time_s,
+        channels=channels,
+        truth=None if raw.faults is None else Truth(faults=raw.faults, clean=clean),
+        segments=raw.segments,
+        filters=raw.filters,
+        sha256=sha256,
+        notes=tuple(notes),
+    )
+    if time is not None and not {"time", time.source} & asked.unit_map.keys():
+        _check_clock(log, time.source)
+    return log
+
+
+def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[str]]:
+    """Return the columns as channels by their names in the log, the time axis among them, and sentences on it."""
+    taken, notes = dict[str, Channel](), list(raw.notes)
+    own_units = {column.source: column.unit for column in raw.columns}
+    for column, match in by_precedence(raw.columns, asked):
         stated = column.unit if column.unit is not None else (match.unit if match else None)
-        name = column.source
-        own = columns[name].unit
+        name, own = column.source, own_units[column.source]
         if own and own != stated and si_unit(own) is not None:
             notes.append(f"'{name}' is in '{own}' by the file and was read in '{stated}', as --unit asks")
         if match is not None:
-            if match.rank >= 0 and not _fits(match.name, stated):
+            if match.rank >= 0 and not fits(match.name, stated):
                 notes.append(f"'{name}' is in '{stated}', so it is not taken for {match.name}")
             elif match.name in taken:
                 notes.append(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
@@ -253,60 +268,12 @@ def _assemble(
         if name == "time" and stated is None:
             stated, assumed = _unit_of_time(path, column)
             notes += assumed
-        known = stated
+        unit = stated
         if stated is not None and si_unit(stated) is None and name not in STANDARD:
             notes.append(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
-            known = None
-        if column.read is not None and column.rows is not None and name == "time":
-            column = replace(column, values=column.read(column.rows), read=None)
-        taken[name] = _channel(path, name, column, known, stated)
-    if not taken.keys() - {"time"}:
-        raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
-    time = taken.pop("time", None)
-    if time is not None and sample_rate_hz is not None:
-        raise LogError(
-            f"{path}: --sample-rate {sample_rate_hz:g}: it is for logs without a time axis, and the log has "
-            f"'{time.source}'; leave it out"
-        )
-    if time is not None:
-        time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
-        notes += rounded
-    else:
-        rate_hz = raw.sample_rate_hz if sample_rate_hz is None else sample_rate_hz
-        time_s = _counted_time(path, taken, raw, rate_hz)
-        source = "sample_rate_hz =" if sample_rate_hz is None else "--sample-rate"
-        notes.append(f"time is counted from {source} {rate_hz:g} Hz")
-    order = [column.source for column in raw.columns]
-    channels = dict(sorted(taken.items(), key=lambda item: order.index(item[1].source)))
-    for channel in channels.values():
-        if channel.n_samples != time_s.size:
-            raise different_length(path, channel.source, channel.n_samples, time_s.size)
-    bare = [name for name, channel in channels.items() if channel.source_unit is None and name in STANDARD]
-    units = ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
-    if units:
-        notes.append(
-            f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
-        )
-    clean = {}
-    for name, column in raw.clean.items() if raw.faults is not None else ():
-        values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
-        if values.size != time_s.size:
-            raise different_length(path, f"{name}_clean", values.size, time_s.size)
-        clean[name] = frozen_array(values)
-    truth = None if raw.faults is None else Truth(faults=raw.faults, clean=clean)
-    log = FlightLog(
-        path=path,
-        time_s=time_s,
-        channels=channels,
-        truth=truth,
-        segments=raw.segments,
-        filters=raw.filters,
-        sha256=sha256,
-        notes=tuple(notes),
-    )
-    if time is not None and not {"time", time.source} & unit_map.keys():
-        _check_clock(log, time.source)
-    return log
+            unit = None
+        taken[name] = _channel(path, name, column.here() if name == "time" else column, unit, stated)
+    return taken, notes
 
 
 def _check_clock(log: FlightLog, source: str) -> None:
@@ -318,7 +285,7 @@ def _check_clock(log: FlightLog, source: str) -> None:
     """
     step = float(np.median(np.diff(log.time_s)))
     if step > SLOWEST_S and log.n_samples >= FEWEST_TIMES:
-        fit = [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
+        fit = _units_of(step)
         advice = f"state its unit with --unit {source}={fit[0]}" if fit else "mend it"
         raise LogError(f"{log.path}: '{source}' has steps of {step:.6g} s, which no recorder of a flight has; {advice}")
     scale = time_scale(log)
@@ -337,19 +304,14 @@ def _check_clock(log: FlightLog, source: str) -> None:
     )
 
 
-def _channel(path: str, name: str, column: RawColumn, unit: str | None, stated: str | None) -> Channel:
+def _channel(path: str, name: str, column: Track, unit: str | None, stated: str | None) -> Channel:
     """Return a column as a channel in SI units, read-only; one that is left in its file stays there."""
     where, read = f"{path}: '{column.source}'", column.read
     values, si = to_si(column.values, unit or "", where=where)
     values.setflags(write=False)
-    if read is None or column.rows is None:
+    if read is None:
         return Channel(
-            name=name,
-            values=values,
-            unit=si,
-            source=column.source,
-            source_unit=stated,
-            own_rate_hz=column.rate_hz,
+            name=name, values=values, unit=si, source=column.source, source_unit=stated, own_rate_hz=column.rate_hz
         )
 
     def in_si(rows: slice) -> FloatArray:
@@ -358,33 +320,20 @@ def _channel(path: str, name: str, column: RawColumn, unit: str | None, stated: 
         part.setflags(write=False)
         return part
 
-    return StoredChannel(name=name, read=in_si, rows=column.rows, unit=si, source=column.source, source_unit=stated)
+    return StoredChannel(name=name, unit=si, source=column.source, source_unit=stated, read=in_si, rows=column.rows)
 
 
-def _time_column(
-    columns: Sequence[RawColumn], channel_map: Mapping[str, str], unit_map: Mapping[str, str]
-) -> RawColumn | None:
-    """Return the column that `_assemble` takes for the time axis, with its unit; None where there is none."""
-    for column, match in _by_precedence({column.source: column for column in columns}, channel_map, unit_map):
-        if match is not None and match.name == "time":
-            stated = column.unit if column.unit is not None else match.unit
-            if match.rank < 0 or _fits("time", stated):
-                return replace(column, unit=stated)
-    return None
-
-
-def _check_maps(
-    path: str, columns: Mapping[str, RawColumn], channel_map: Mapping[str, str], unit_map: Mapping[str, str]
-) -> None:
+def _check_maps(path: str, columns: Sequence[Track], asked: Asked) -> None:
     """Check that the columns the user names exist, and that the units fit them."""
-    has = ", ".join(sorted(columns))
-    for name, source in channel_map.items():
-        if source not in columns:
-            close = difflib.get_close_matches(source, columns, n=1)
+    sources = [column.source for column in columns]
+    has = ", ".join(sorted(sources))
+    for name, source in asked.channel_map.items():
+        if source not in sources:
+            close = difflib.get_close_matches(source, sources, n=1)
             hint = f"did you mean '{close[0]}'?" if close else f"the log has: {has}"
             raise LogError(f"{path}: --channel {name}={source}: no channel '{source}'; {hint}")
-    names = {*columns, *channel_map, *(m.name for m in map(match_name, columns) if m)}
-    for name, unit in unit_map.items():
+    names = {*sources, *asked.channel_map, *(m.name for m in map(match_name, sources) if m)}
+    for name, unit in asked.unit_map.items():
         where = f"--unit {name}={unit}"
         if name not in names:
             raise LogError(f"{path}: {where}: no channel '{name}'; the log has: {has}")
@@ -393,35 +342,17 @@ def _check_maps(
         except LogError as error:
             raise ConfigError(str(error)) from None
         match = match_name(name)
-        if match is not None and not _fits(match.name, unit):
+        if match is not None and not fits(match.name, unit):
             expected = STANDARD[match.name].unit
             raise ConfigError(f"{where}: '{match.name}' is in {expected}, got a unit of {si}; give one like {expected}")
 
 
-def _by_precedence(
-    columns: Mapping[str, RawColumn], channel_map: Mapping[str, str], unit_map: Mapping[str, str]
-) -> list[tuple[RawColumn, NameMatch | None]]:
-    """Pair columns with their standard names, the ones with the first claim on a name first."""
-    wanted = {source: name for name, source in channel_map.items()}
-    paired = []
-    for source, column in columns.items():
-        match = match_name(source)
-        if column.channel is not None:
-            match = NameMatch(name=column.channel, unit=None, rank=0)
-        if source in wanted:
-            match = NameMatch(name=wanted[source], unit=match.unit if match else None, rank=-1)
-        given = unit_map.get(source) or (unit_map.get(match.name) if match else None)
-        paired.append((replace(column, unit=given) if given else column, match))
-    return sorted(paired, key=lambda pair: pair[1].rank if pair[1] else 9)
+def _units_of(step: float) -> list[str]:
+    """Return the units, other than seconds, in which a time step can be that of a flight log."""
+    return [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
 
 
-def _fits(name: str, unit: str | None) -> bool:
-    """Say whether a unit can be that of a standard channel, as far as the unit is known."""
-    known = si_unit(unit) if unit else None
-    return known is None or known in (STANDARD[name].unit, "1") or STANDARD[name].unit == "1"
-
-
-def _unit_of_time(path: str, time: RawColumn) -> tuple[str | None, tuple[str, ...]]:
+def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[str, ...]]:
     """Return the unit of a time axis that states none, as its step tells it, and a note where that is not seconds.
 
     Raises
@@ -433,7 +364,7 @@ def _unit_of_time(path: str, time: RawColumn) -> tuple[str | None, tuple[str, ..
     typical = float(np.median(step)) if step.size else 0.0
     if typical <= LONGEST_STEP:
         return None, ()
-    fit = [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * typical <= LONGEST_STEP]
+    fit = _units_of(typical)
     if len(fit) != 1:
         suits = " and ".join(f"{unit} ({1.0 / (TIME_UNITS[unit] * typical):.4g} Hz)" for unit in fit)
         raise LogError(

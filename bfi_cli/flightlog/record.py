@@ -15,9 +15,6 @@ from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
 
-__all__ = ["CLEAN", "LARGEST_VALUE", "Channel", "FlightLog", "Segment", "StoredChannel", "Truth", "faults_from_json"]
-__all__ += ["faults_to_json", "frozen_array", "nothing_between", "segments_from_json", "segments_to_json"]
-
 FloatArray = NDArray[np.float64]
 
 # Ends the name, in a file, of the clean signal of a channel with an injected fault.
@@ -87,30 +84,26 @@ class StoredChannel(Channel):
 
     __slots__ = ("_held", "_in_use", "_read", "_rows")
     _held: FloatArray | None
-    _in_use: Callable[[], FloatArray | None] | None
+    _in_use: Callable[[], FloatArray | None]
     _read: Callable[[slice], FloatArray]
     _rows: slice
 
     def __init__(
         self,
         *,
-        name: str,
-        unit: str,
-        source: str,
-        source_unit: str | None = None,
-        own_rate_hz: float | None = None,
         read: Callable[[slice], FloatArray] | None = None,
         rows: slice = slice(0, 0),
         values: FloatArray | None = None,
+        **stated: Any,
     ) -> None:
-        stated = {"name": name, "unit": unit, "source": source, "source_unit": source_unit, "own_rate_hz": own_rate_hz}
-        for key, value in {**stated, "_held": values, "_in_use": None, "_read": read, "_rows": rows}.items():
+        stated = {"source_unit": None, "own_rate_hz": None, **stated}
+        for key, value in {**stated, "_held": values, "_in_use": lambda: None, "_read": read, "_rows": rows}.items():
             object.__setattr__(self, key, value)
 
     @property
     def values(self) -> FloatArray:
         """(n_samples,) read from the file unless somebody still has them."""
-        values: FloatArray | None = self._held if self._in_use is None else self._in_use()
+        values = self._in_use() if self._held is None else self._held
         if values is None:
             values = self._read(self._rows)
             object.__setattr__(self, "_in_use", weakref.ref(values))
@@ -123,19 +116,18 @@ class StoredChannel(Channel):
 
     def between(self, rows: slice) -> FloatArray:
         """Return the values of these rows, without reading the others."""
-        if self._held is not None:
-            return self.values[rows]
-        start, stop, _ = rows.indices(self.n_samples)
-        return self._read(slice(self._rows.start + start, self._rows.start + stop))
+        return self._read(self._in_file(rows)) if self._held is None else self._held[rows]
 
     def taken(self, keep: slice | NDArray[np.bool_]) -> Channel:
         """Return the channel restricted to the samples of a slice, still unread, or where `keep` is true."""
         if not isinstance(keep, slice) or self._held is not None:
             return replace(self, values=frozen_array(self.values[keep]))
-        start, stop, _ = keep.indices(self.n_samples)
         stated = {key: getattr(self, key) for key in ("name", "unit", "source", "source_unit", "own_rate_hz")}
-        rows = slice(self._rows.start + start, self._rows.start + stop)
-        return StoredChannel(**stated, read=self._read, rows=rows)
+        return StoredChannel(**stated, read=self._read, rows=self._in_file(keep))
+
+    def _in_file(self, rows: slice) -> slice:
+        start, stop, _ = rows.indices(self.n_samples)
+        return slice(self._rows.start + start, self._rows.start + stop)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,16 +192,18 @@ class FlightLog:
         ------
         LogError : there is none.
         """
-        if name in self.channels:
-            return self.channels[name]
-        for channel in self.channels.values():
-            if channel.source == name:
-                return channel
+        if (channel := self.find(name)) is not None:
+            return channel
         has = ", ".join(sorted(self.channels))
         for note in self.notes:
             if note.startswith(f"'{name}' ") and "left out" in note:
                 raise LogError(f"{self.path}: {note.partition(';')[0]}; the log has: {has}")
         raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; map one with --channel {name}=NAME")
+
+    def find(self, name: str) -> Channel | None:
+        """Return a channel by its standard name, or by its name in the file; None where there is none."""
+        by_source = (channel for channel in self.channels.values() if channel.source == name)
+        return self.channels.get(name) or next(by_source, None)
 
     def signals(self, names: Sequence[str]) -> FloatArray:
         """Return (n_samples, len(names)) of channel values, of one channel those themselves."""
@@ -239,10 +233,21 @@ class FlightLog:
         if kept.size and kept[-1] - kept[0] + 1 == kept.size:
             rows = slice(int(kept[0]), int(kept[-1]) + 1)
         channels = {name: channel.taken(rows) for name, channel in self.channels.items()}
-        truth = self.truth
-        if truth is not None:
-            truth = replace(truth, clean={name: frozen_array(values[rows]) for name, values in truth.clean.items()})
+        clean = {name: frozen_array(values[rows]) for name, values in (self.truth.clean if self.truth else {}).items()}
+        truth = self.truth and replace(self.truth, clean=clean)
         return replace(self, time_s=frozen_array(self.time_s[rows]), channels=channels, truth=truth)
+
+    def changed(self, change: Callable[[str, FloatArray], FloatArray], **more: Any) -> FlightLog:
+        """Return the log with every channel and every clean signal changed, (n_samples,) by its name."""
+
+        def of(channel: Channel) -> Channel:
+            values = channel.values
+            new = change(channel.name, values)
+            return channel if new is values else replace(channel, values=new)
+
+        channels = {name: of(channel) for name, channel in self.channels.items()}
+        clean = {name: change(name, values) for name, values in (self.truth.clean if self.truth else {}).items()}
+        return replace(self, channels=channels, truth=self.truth and replace(self.truth, clean=clean), **more)
 
 
 def segments_to_json(segments: Sequence[Segment]) -> str:
@@ -265,8 +270,8 @@ def segments_from_json(text: str, *, where: str) -> tuple[Segment, ...]:
             raise LogError(
                 f"{where}: a segment needs the numbers t_start and t_end, got {str(entry)[:80]}; mend the file"
             ) from None
-        label, note = str(entry.get("label", "")), str(entry.get("note", ""))
-        segments.append(Segment(label=label, start_s=start, stop_s=stop, note=note))
+        words = {key: str(entry.get(key, "")) for key in ("label", "note")}
+        segments.append(Segment(start_s=start, stop_s=stop, **words))
     return tuple(segments)
 
 

@@ -15,8 +15,6 @@ from ..kernels.recorder_spectrum import recorder_from_spectra
 from .quality import is_uniform
 from .record import FlightLog
 
-__all__ = ["recorder_filters", "with_seen_recorder"]
-
 FloatArray = NDArray[np.float64]
 
 # Samples that are enough to see hundreds of jumps: three hours at 10 Hz.
@@ -38,23 +36,20 @@ def with_seen_recorder(log: FlightLog) -> FlightLog:
     if log.filters is not None or not is_uniform(log.time_s):
         return log
     values = [channel.between(slice(0, MOST_SAMPLES)) for channel in log.channels.values()]
-    seen = recorder_from_jumps(values, log.rate_hz)
-    if seen is None:
-        return _with_recorder_of_spectra(log, values)
-    if seen.kind is None or seen.edge_hz is None:
-        return replace(log, filters=())
-    source = f"seen in {seen.n_jumps} jumps of one quantum"
-    return replace(log, filters=(Filter(kind=seen.kind, edge_hz=seen.edge_hz, rate_hz=log.rate_hz, source=source),))
-
-
-def _with_recorder_of_spectra(log: FlightLog, values: list[FloatArray]) -> FlightLog:
-    seen = recorder_from_spectra(values, log.rate_hz)
-    if seen is None:
+    if jumps := recorder_from_jumps(values, log.rate_hz):
+        if jumps.kind is None or jumps.edge_hz is None:
+            return replace(log, filters=())
+        kind, edge_hz, source = jumps.kind, jumps.edge_hz, f"seen in {jumps.n_jumps} jumps of one quantum"
+    elif spectra := recorder_from_spectra(values, log.rate_hz):
+        others = ", ".join(f"{kind} {edge_hz:.3g} Hz" for kind, edge_hz in spectra.others)
+        source = (
+            f"uncertain: from the spectra of {spectra.n_channels} channels, which as other kinds would give {others}"
+        )
+        kind, edge_hz = spectra.kind, spectra.edge_hz
+    else:
         return log
-    others = ", ".join(f"{kind} {edge_hz:.3g} Hz" for kind, edge_hz in seen.others)
-    source = f"uncertain: from the spectra of {seen.n_channels} channels, which as other kinds would give {others}"
-    recorder = Filter(kind=seen.kind, edge_hz=seen.edge_hz, rate_hz=log.rate_hz, source=source, uncertain=True)
-    return replace(log, filters=(recorder,))
+    seen = Filter(kind=kind, edge_hz=edge_hz, rate_hz=log.rate_hz, source=source, uncertain=jumps is None)
+    return replace(log, filters=(seen,))
 
 
 def recorder_filters(

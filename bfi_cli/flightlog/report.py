@@ -17,9 +17,6 @@ from .quality import UNEVEN, LogReport
 from .record import FlightLog
 from .timeline import lanes_of, phase_columns, phase_table, window_table
 
-__all__ = ["describe_injected", "info_content", "info_document", "lane_panel", "log_content", "log_document"]
-__all__ += ["log_lines"]
-
 Plain = Mapping[str, Any]
 
 SCHEMA = 1
@@ -65,47 +62,43 @@ def info_document(report: LogReport, provenance: Provenance, defects: Sequence[D
 
 def info_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi info` holds, in `units`; in SI angles are in rad, as in a file."""
-    log = document["log"]
-    count = len(document["gaps"])
+    log, phases = document["log"], document.get("phases", ())
+    gaps = [(gap["start_s"], gap["stop_s"]) for gap in document["gaps"]]
     if document["uniform"]:
         step = "uniform"
     elif document["jitter"] <= UNEVEN:
-        step = f"uniform but for {count} gap{'s' * (count > 1)}"
+        step = f"uniform but for {len(gaps)} gap{'s' * (len(gaps) > 1)}"
     else:
         step = f"not uniform, off by up to {100 * document['jitter']:.3g} %"
     size = f"{log['n_samples']} samples at {log['rate_hz']:.4g} Hz, {log['start_s']:g} s to {log['stop_s']:g} s"
-    gaps = [(gap["start_s"], gap["stop_s"]) for gap in document["gaps"]]
+    longest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS])
+    facts = [("Gap", f"from {start:.10g} s to {stop:.10g} s ({stop - start:.3g} s)") for start, stop in longest]
+    if len(gaps) > len(longest):
+        facts.append(("Gaps", f"{len(gaps)} in all, of which the longest are named"))
+    if one := document.get("recorder"):
+        filtered = f"{one['kind']} low-pass, gain one half at {one['edge_hz']:.3g} Hz, {one['source']}"
+        facts.append(("Recorder", filtered))
+    limits = (log["start_s"], log["stop_s"])
+    lanes = lanes_of(phases, document["windows"], document["segments"], (), limits=limits)
+    timeline = Drawing(
+        name="phases",
+        caption=(
+            "Phases of the flight, manoeuvres, windows to analyse (numbered by rank, 1 the best) and the segments that "
+            "the file names."
+        ),
+        panels=(lane_panel(lanes, limits),),
+    )
     return ReportContent(
         category="Flight log",
         title=str(log["path"]),
         heading="What the log holds",
         verdict=f"{log['path']}: {size}, time step {step}",
-        facts=(
-            *_gaps(gaps),
-            *_recorder(document.get("recorder")),
-            *(("Defect", str(one["sentence"])) for one in document.get("defects", ())),
-        ),
+        facts=(*facts, *(("Defect", str(one["sentence"])) for one in document.get("defects", ()))),
         tables=tuple(_tables(document, units)),
-        drawings=tuple(_timeline(document)),
+        drawings=(timeline,) if lanes else (),
         notes=tuple(map(units.sentence, document["notes"])),
-        data={"phases.csv": phase_columns(phases)} if (phases := document.get("phases", ())) else {},
+        data={"phases.csv": phase_columns(phases)} if phases else {},
     )
-
-
-def _timeline(document: Plain) -> Iterator[Drawing]:
-    """Yield the figure of what happens when in the flight, where anything is known of it."""
-    log = document["log"]
-    limits = (log["start_s"], log["stop_s"])
-    lanes = lanes_of(document.get("phases", ()), document["windows"], document["segments"], (), limits=limits)
-    if lanes:
-        yield Drawing(
-            name="phases",
-            caption=(
-                "Phases of the flight, manoeuvres, windows to analyse (numbered by rank, 1 the best) and the segments "
-                "that the file names."
-            ),
-            panels=(lane_panel(lanes, limits),),
-        )
 
 
 def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:
@@ -116,76 +109,65 @@ def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:
     )
 
 
-def _gaps(gaps: Sequence[tuple[float, float]]) -> Iterator[tuple[str, str]]:
-    """Yield a line for each gap, of many for the longest."""
-    longest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS])
-    for start, stop in longest:
-        yield "Gap", f"from {start:.10g} s to {stop:.10g} s ({stop - start:.3g} s)"
-    if len(gaps) > len(longest):
-        yield "Gaps", f"{len(gaps)} in all, of which the longest are named"
-
-
-def _recorder(known: Plain | None) -> Iterator[tuple[str, str]]:
-    if known is not None:
-        yield "Recorder", f"{known['kind']} low-pass, gain one half at {known['edge_hz']:.3g} Hz, {known['source']}"
-
-
 def _tables(document: Plain, units: Units) -> Iterator[Table]:
-    shown = {one["name"]: units.of_file(one["unit"], channel=one["name"]) for one in document["channels"]}
+    def shown(one: Plain) -> Shown:
+        return units.of_file(one["unit"], channel=one.get("name") or one["channel"])
+
     channels = [
         {
             "name": one["name"],
             "in the file": None if one["source"] == one["name"] else one["source"],
-            "unit": shown[one["name"]].unit,
+            "unit": shown(one).unit,
             "own rate [Hz]": one.get("own_rate_hz"),
-            "min": shown[one["name"]].reading(one["min"]),
-            "max": shown[one["name"]].reading(one["max"]),
-            "quantum": shown[one["name"]].change(one["quantum"]),
+            "min": shown(one).reading(one["min"]),
+            "max": shown(one).reading(one["max"]),
+            "quantum": shown(one).change(one["quantum"]),
             "NaN": one["n_nan"] or None,
             "follows from": ", ".join(one.get("pressures", ())),
             "held": one["hold_period_s"] and f"{100 * one['held_fraction']:.0f} %, {1 / one['hold_period_s']:.3g} Hz",
         }
         for one in document["channels"]
     ]
-    inputs = {"name": "channel", "unit": "unit", "range": "range", "moves": "moves", "bandwidth [Hz]": "bandwidth_hz"}
-    segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
-    yield from _table("channels", "Channels", channels)
     derived = [
         {
             "name": one["name"],
-            "unit": units.of_file(one["unit"], channel=one["name"]).unit,
+            "unit": shown(one).unit,
             "what it is": one["description"],
             "lacks": ", ".join(one["lacks"]) or "nothing",
         }
         for one in document.get("derived", ())
     ]
+    moving = [
+        {
+            "channel": one["channel"],
+            "unit": shown(one).unit,
+            "range": shown(one).change(one["range"]),
+            "moves": one["moves"],
+            "bandwidth [Hz]": one["bandwidth_hz"],
+        }
+        for one in document["excitation"]
+    ]
+    segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
+    named = [{head: one[key] for head, key in segments.items()} for one in document["segments"]]
+    yield from _table("channels", "Channels", channels)
     if any(row["lacks"] == "nothing" for row in derived):
         yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
     yield from phase_table(document.get("phases", ()))
-    moving = []
-    for one in document["excitation"]:
-        known = units.of_file(one["unit"], channel=one["channel"])
-        moving.append({**one, "unit": known.unit, "range": known.change(one["range"])})
-    yield from _table("excitation", "Inputs, in flight", _columns(moving, inputs))
+    yield from _table("excitation", "Inputs, in flight", moving)
     yield from window_table(document["windows"])
-    yield from _table("segments", "Segments named in the file", _columns(document["segments"], segments))
-
-
-def _columns(entries: Sequence[Plain], keys: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return the columns of a table, by title, of entries of the document, by key."""
-    return [{head: one[key] for head, key in keys.items()} for one in entries]
+    yield from _table("segments", "Segments named in the file", named)
 
 
 def _table(name: str, title: str, rows: Sequence[Plain]) -> Iterator[Table]:
     """Yield a table of rows by column title, columns that are empty throughout left out; nothing without rows."""
+
+    def cell(value: str | float | None) -> str:
+        return value or "" if value is None or isinstance(value, str) else f"{value:.5g}"
+
     heads = [head for head in (rows[0] if rows else ()) if any(row[head] not in (None, "") for row in rows)]
     if heads:
-        cells = (tuple(_cell(row[head]) for head in heads) for row in rows)
+        cells = (tuple(cell(row[head]) for head in heads) for row in rows)
         yield Table(name=name, title=title, heads=tuple(heads), rows=tuple(cells))
-
-
-def _cell(value: str | float | None) -> str:
-    return value or "" if value is None or isinstance(value, str) else f"{value:.5g}"
 
 
 def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[str, Any]:
@@ -245,18 +227,16 @@ def describe_injected(fault: Fault, unit: str, units: Units = SI) -> str:
     ----------
     unit : of its channel, "" for a fault of a pressure line.
     """
+
+    def typed(value: float, of: str) -> str:
+        """Return a size as it was typed, in another unit to four digits."""
+        shown = units.of_file(of, channel=fault.channel, own=unit)
+        return with_unit(f"{value:g}" if shown.factor == 1.0 else f"{value / shown.factor:.4g}", shown.unit)
+
     until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
     label = fault.shape if fault.name is None else f"{fault.name} ({fault.shape})"
-    shown = units.of_file(magnitude_unit(fault, unit), channel=fault.channel, own=unit)
-    size = f", magnitude {_typed(fault.magnitude, shown)}"
+    size = f", magnitude {typed(fault.magnitude, magnitude_unit(fault, unit))}"
     if fault.slope is not None:
-        value, of = physical(fault, fault.magnitude, unit)
-        meant = units.of_file(of, channel=fault.channel, own=unit)
-        size += f" ({_typed(value, meant)})"
+        size += f" ({typed(*physical(fault, fault.magnitude, unit))})"
     where = f" on {fault.channel}" if fault.channel else ""
     return f"{label}{where}{size if SHAPES[fault.shape].has_magnitude else ''}, from {fault.onset_s:g} s{until}"
-
-
-def _typed(value: float, shown: Shown) -> str:
-    """Return a size as it was typed, in another unit to four digits."""
-    return with_unit(f"{value:g}" if shown.factor == 1.0 else f"{value / shown.factor:.4g}", shown.unit)

@@ -17,8 +17,6 @@ from .holds import Hold
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
 
-__all__ = ["resample", "resample_with", "with_reach"]
-
 LONGEST_BRIDGE = 4.5  # median time steps: up to three missing samples are interpolated
 SAME_RATE = 1e-3  # relative error of a recorder's clock
 UNEVEN_RATE = 0.05  # how far the median step of an uneven axis may be from its mean
@@ -168,10 +166,6 @@ def _through_filter(
             filtered[count[stop] > count[first]] = np.nan
         return frozen_array(filtered)
 
-    channels = {name: replace(c, values=new(name, c.values)) for name, c in log.channels.items()}
-    truth = log.truth
-    if truth is not None:
-        truth = replace(truth, clean={name: new(name, values) for name, values in truth.clean.items()})
     filtered = np.zeros((centre.size, extra.shape[1]))
     for j in np.flatnonzero(np.any(extra, axis=0)):
         filtered[:, j] = lowpass(_on_grid(log, extra[:, j], grid, hold=None))
@@ -185,14 +179,8 @@ def _through_filter(
     converted = Filter(
         kind="sinc", edge_hz=0.5 * CUTOFF * rate_hz, rate_hz=1.0 / step, stage="convert", source="of the conversion"
     )
-    return replace(
-        log,
-        time_s=time_s,
-        channels=channels,
-        truth=truth,
-        filters=(*(log.filters or ()), converted),
-        notes=(*log.notes, *notes),
-    ), filtered
+    filters = (*(log.filters or ()), converted)
+    return log.changed(new, time_s=time_s, filters=filters, notes=(*log.notes, *notes)), filtered
 
 
 def _on_grid(log: FlightLog, values: FloatArray, grid: FloatArray, *, hold: Hold | None) -> FloatArray:

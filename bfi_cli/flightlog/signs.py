@@ -13,29 +13,11 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import SEA_LEVEL_PRESSURE, isa_temperature, pressure_at
+from ..kernels.runs import BoolArray, FloatArray, Run, runs
 from .record import LARGEST_VALUE, FlightLog
 
-__all__ = [
-    "AIRSPEEDS",
-    "BORNE",
-    "GRAVITY",
-    "LONG",
-    "METRES_PER_SECOND",
-    "TAXI",
-    "WALK",
-    "Disagreement",
-    "Run",
-    "Signs",
-    "Verdict",
-]
-__all__ += ["cruise_of", "decide", "equivalent", "runs_of", "smoothed_speed", "speed_values"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-Run = tuple[int, int]  # first sample and the one after the last
 Says = Literal["ground", "flight"]
 
 # The ones that bear the aircraft first: true airspeed and Mach number grow with altitude at the same lift.
@@ -66,30 +48,6 @@ LOST = 0.25
 LEAST_IN_FLIGHT, MOST_ON_GROUND, FEWEST_PIECES = 0.2, 0.8, 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Disagreement:
-    """A stretch in which an airspeed says "ground" or "flight" and the other signs of the log the contrary.
-
-    Attributes
-    ----------
-    alone : other airspeeds say the contrary too; else all of them fail together, as those of one pressure line do.
-    certain : most signs say the contrary; else as many as agree with the airspeed, the altitude among them.
-    error : median of the airspeed less that of the others, in its unit; None where no other tells it.
-    latest_s : the latest that it began: slow flight may have gone before a failure of all airspeeds.
-    least_s : from which length on a stretch is no flare, stall or difference about when.
-    """
-
-    channel: str
-    from_s: float
-    to_s: float
-    says: Says
-    alone: bool
-    certain: bool
-    error: float | None
-    latest_s: float
-    least_s: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Signs:
     """What a log has to say, on a grid; (n,) each, NaN where it is not known.
@@ -113,7 +71,7 @@ class Signs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overruled:
-    """A run in which an airspeed is overruled; see `Disagreement`."""
+    """A run in which an airspeed is overruled; see `phases.Disagreement`."""
 
     channel: str
     run: Run
@@ -156,12 +114,17 @@ def speed_values(log: FlightLog, name: str) -> FloatArray | None:
 
 def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:
     """Return the median of a speed over five seconds, NaN where it is not known."""
+    from scipy.ndimage import median_filter
+
     known = np.isfinite(values)
     if not known.any():
         return values
-    at = np.arange(values.size)
-    speed = np.abs(_running_median(np.interp(at, at[known], values[known]), round(SMOOTHING_S * rate_hz)))
-    return np.where(known, speed, np.nan)
+    at, n = np.arange(values.size), round(SMOOTHING_S * rate_hz)
+    filled = np.interp(at, at[known], values[known])
+    # A long window is thinned: the median of 25 samples of five seconds says the same at any rate.
+    step = max(1, n // 25)
+    smooth = np.repeat(median_filter(filled[::step], max(1, n if step == 1 else 25), mode="nearest"), step)
+    return np.where(known, np.abs(smooth[: values.size]), np.nan)
 
 
 def cruise_of(speed: FloatArray) -> float:
@@ -188,12 +151,6 @@ def equivalent(name: str, speed: FloatArray, height: FloatArray | None) -> Float
     return np.asarray(speed * np.sqrt(pressure * isa_temperature(0.0) / isa_temperature(height)))
 
 
-def runs_of(mask: BoolArray) -> list[Run]:
-    """Return the runs in which a mask is true."""
-    edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
-
-
 def decide(signs: Signs) -> Verdict:
     """Return where the aircraft is on the ground, by the majority of the signs.
 
@@ -202,44 +159,40 @@ def decide(signs: Signs) -> Verdict:
     3. Every run of equal claims is decided by the votes of all signs; where they are equal the altitude decides, which
        no airspeed fault can move, and where it does not say, the airspeeds.
     """
-    n = next(iter(signs.airspeeds.values())).size
-    cruises = {name: cruise_of(speed) for name, speed in signs.airspeeds.items()}
-    claims = {name: _claims_ground(speed, cruises[name]) for name, speed in signs.airspeeds.items()}
-    known = {name: np.isfinite(speed) for name, speed in signs.airspeeds.items()}
-    rolls, rolls_known = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    if signs.ground_speed is not None:
-        rolls, rolls_known = (
-            _claims_ground(signs.ground_speed, cruise_of(signs.ground_speed)),
-            np.isfinite(signs.ground_speed),
-        )
-    common = _majority(claims, known)
-    for own in (*claims.values(), rolls):
-        for low, high in runs_of(own != common):
+    speeds = {**signs.airspeeds, **({} if signs.ground_speed is None else {"ground_speed": signs.ground_speed})}
+    n = next(iter(speeds.values())).size
+    cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
+    claims = {name: _claims_ground(speed, cruises[name]) for name, speed in speeds.items()}
+    known = {name: np.isfinite(speed) for name, speed in speeds.items()}
+    common = _majority({name: claims[name] for name in signs.airspeeds}, known)
+    for own in claims.values():
+        for low, high in runs(own != common):
             if high - low < signs.long:
                 own[low:high] = common[low:high]
-    any_known = np.any(list(known.values()), axis=0)
-    table = np.array([*claims.values(), *known.values(), rolls, rolls_known])
+    table = np.array([*claims.values(), *known.values()])
     edges = [0, *(np.flatnonzero(np.any(table[:, 1:] != table[:, :-1], axis=0)) + 1).tolist(), n]
-    all_ground = np.all([claims[name] | ~known[name] for name in claims], axis=0) & any_known & (rolls | ~rolls_known)
-    all_flight = ~np.any(list(claims.values()), axis=0) & any_known & ~rolls
+    any_known = np.any([known[name] for name in signs.airspeeds], axis=0)
+    any_claims = np.any(list(claims.values()), axis=0)
+    all_ground = np.all([claims[name] | ~known[name] for name in claims], axis=0) & any_known
+    all_flight = ~any_claims & any_known
     moving = [np.sum([_variance(one, signs.long) for one in group], axis=0) for group in signs.moving.values()]
-
     height = np.full(n, np.nan) if signs.height is None else _variance(signs.height, signs.long)
+    rests = np.any([speed < TAXI * cruises[name] for name, speed in signs.airspeeds.items()], axis=0)
     on_ground, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     against: list[Overruled] = []
-    claimed = common | rolls | np.any(list(claims.values()), axis=0)
-    rests = np.any([speed < TAXI * cruises[name] for name, speed in signs.airspeeds.items()], axis=0)
     for low, high in pairwise(edges):
-        run, here = slice(low, high), {name: bool(claims[name][low]) for name in claims if known[name][low]}
         if all_flight[low]:
             continue
+        run, here = slice(low, high), {name: bool(claims[name][low]) for name in signs.airspeeds if known[name][low]}
         n_ground = sum(here.values())
         # A slow approach is of the same run as the landing: whether that is one, the part tells in which a speed rests.
         still = np.flatnonzero(rests[run]) if n_ground else np.empty(0, dtype=int)
         core = (low + int(still[0]), low + int(still[-1]) + 1) if still.size >= signs.long else (low, high)
-        altitude, others = _altitude_says(signs, (low, high), core, claimed | ~any_known, all_ground), []
+        claimed = common | any_claims | ~any_known
+        altitude, others = _altitude_says(signs, (low, high), core, claimed, all_ground), []
         if high - low >= signs.long:
-            others += [1 if rolls[low] else -1] if rolls_known[low] else []
+            if signs.ground_speed is not None and known["ground_speed"][low]:
+                others.append(1 if claims["ground_speed"][low] else -1)
             outside = np.ones(n, dtype=bool)
             outside[run] = False
             usual = (all_ground & outside, all_flight & outside)
@@ -249,44 +202,42 @@ def decide(signs: Signs) -> Verdict:
         total = sum(votes) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
         on_ground[run] = total > 0
         unknown[run] = total == 0
-        if high - low < signs.long:
-            continue
-        certain = bool(total * sum(votes) > 0)
-        for name, says_ground in here.items():
+        for name, says_ground in here.items() if high - low >= signs.long else ():
             at_rest = low + np.flatnonzero(signs.airspeeds[name][run] < TAXI * cruises[name])
+            # An airspeed in flight, without another at rest, may be wind: a drone on the ground flies as well in that.
             alone = n_ground < len(here)
-            if says_ground and total < 0 and (alone or at_rest.size >= signs.long):
-                latest = low if alone else int(at_rest[0])
+            is_wrong_on_ground = says_ground and total < 0 and (alone or at_rest.size >= signs.long)
+            if is_wrong_on_ground or (not says_ground and total > 0 and n_ground):
                 against.append(
-                    Overruled(channel=name, run=(low, high), says="ground", alone=alone, certain=certain, latest=latest)
-                )
-            elif not says_ground and total > 0 and n_ground:
-                # Without another airspeed at rest it may be wind: a drone on the ground flies as well in that.
-                against.append(
-                    Overruled(channel=name, run=(low, high), says="flight", alone=True, certain=certain, latest=low)
+                    Overruled(
+                        channel=name,
+                        run=(low, high),
+                        says="ground" if says_ground else "flight",
+                        alone=alone,
+                        certain=bool(total * sum(votes) > 0),
+                        latest=low if alone else int(at_rest[0]),
+                    )
                 )
     # What nothing tells of is as what is on both of its sides.
-    for low, high in runs_of(unknown):
-        beside = [bool(on_ground[k]) for k in (low - 1, high) if 0 <= k < n]
-        if beside and all(one == beside[0] for one in beside) and len(beside) == 2:
-            on_ground[low:high], unknown[low:high] = beside[0], False
+    for low, high in runs(unknown):
+        if low > 0 and high < n and on_ground[low - 1] == on_ground[high]:
+            on_ground[low:high], unknown[low:high] = on_ground[low - 1], False
     return Verdict(on_ground=on_ground, unknown=unknown, claims=claims, against=tuple(_joined(against)))
 
 
 def _majority(claims: Mapping[str, BoolArray], known: Mapping[str, BoolArray]) -> BoolArray:
     """Return what most airspeeds claim; where as many claim the contrary, what the first that is known does."""
-    votes = sum(np.where(known[name], 2 * claims[name].astype(np.int8) - 1, 0) for name in claims)
-    first = np.zeros(np.shape(votes), dtype=np.int8)
-    for name in reversed(tuple(claims)):
-        first = np.where(known[name], 2 * claims[name].astype(np.int8) - 1, first)
-    return np.asarray(np.where(votes == 0, first, votes) > 0)
+    votes = np.array([np.where(known[name], np.where(claim, 1, -1), 0) for name, claim in claims.items()])
+    first = np.take_along_axis(votes, np.argmax(votes != 0, axis=0)[None], axis=0)[0]
+    total = votes.sum(axis=0)
+    return np.asarray(np.where(total == 0, first, total) > 0)
 
 
 def _claims_ground(speed: FloatArray, cruise: float) -> BoolArray:
     ground = np.zeros(speed.size, dtype=bool)
     if not cruise > WALK:
         return np.isfinite(speed)
-    for low, high in runs_of(speed < BORNE * cruise):
+    for low, high in runs(speed < BORNE * cruise):
         ground[low:high] = speed[low:high].min() < TAXI * cruise
     return ground
 
@@ -299,26 +250,18 @@ def _altitude_says(signs: Signs, run: Run, core: Run, claimed: BoolArray, all_gr
     core : the part of the run whose altitude counts; claimed, all_ground : (n,) where an airspeed, and all signs, say
         ground.
     """
-    if signs.height is None:
+    if signs.height is None or not np.isfinite(heights := signs.height[slice(*core)]).any():
         return 0
     low, high = run
-    heights = signs.height[slice(*core)]
     heights = heights[np.isfinite(heights)]
-    if not heights.size:
-        return 0
     # Not the extremes: an altimeter may begin at 0, and a sample may be wrong.
     lowest, highest = np.percentile(heights, (20.0, 80.0))
     if highest - lowest > LOST * signs.scale_m:
         return -1
     # An aircraft that is slow on high has come up there, or goes down from there: on that side nothing is higher.
-    free = ~claimed
-    free[low:high] = False
-    before = np.flatnonzero(~free[:low])  # the flight right before the run, and right after it
-    after = np.flatnonzero(~free[high:])
-    sides = [
-        signs.height[(int(before[-1]) + 1 if before.size else 0) : low],
-        signs.height[high : high + (int(after[0]) if after.size else free.size - high)],
-    ]
+    before = np.flatnonzero(claimed[:low])  # the flight right before the run, and right after it
+    after = np.append(np.flatnonzero(claimed[high:]), claimed.size - high)
+    sides = [signs.height[(int(before[-1]) + 1 if before.size else 0) : low], signs.height[high : high + int(after[0])]]
     own = float(np.median(heights))
     # A shorter side may be the roll before lift-off or after touch-down.
     long = [side for side in sides if side.size >= signs.long and np.isfinite(side).any()]
@@ -335,11 +278,7 @@ def _altitude_says(signs: Signs, run: Run, core: Run, claimed: BoolArray, all_gr
 def _usual(values: FloatArray, run: slice, ground: BoolArray, flight: BoolArray, long: int) -> int:
     """Return 1 where a signal is in a run as on the ground, -1 as in flight, 0 where these do not differ in the log."""
     finite = np.isfinite(values)
-    here, on_ground, in_flight = (
-        values[run][finite[run]],
-        values[ground & finite],
-        values[flight & finite],
-    )
+    here, on_ground, in_flight = values[run][finite[run]], values[ground & finite], values[flight & finite]
     if not here.size or min(on_ground.size, in_flight.size) < FEWEST_PIECES * long:
         return 0
     low, high = float(np.quantile(on_ground, MOST_ON_GROUND)), float(np.quantile(in_flight, LEAST_IN_FLIGHT))
@@ -374,14 +313,3 @@ def _joined(found: Sequence[Overruled]) -> list[Overruled]:
             last[one.channel, one.says] = len(whole)
             whole.append(one)
     return whole
-
-
-def _running_median(values: FloatArray, n: int) -> FloatArray:
-    from scipy.ndimage import median_filter
-
-    # A long window is thinned: the median of 25 samples of five seconds says the same at any rate.
-    step = max(1, n // 25)
-    if step == 1:
-        return np.asarray(median_filter(values, max(1, n), mode="nearest"), dtype=np.float64)
-    coarse = median_filter(values[::step], 25, mode="nearest")
-    return np.asarray(np.repeat(coarse, step)[: len(values)], dtype=np.float64)

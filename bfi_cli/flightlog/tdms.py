@@ -14,14 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from ..channels import match_name
-from ..errors import LogError, first_line
+from ..channels import NameMatch, match_name
+from ..errors import LogError
 from ..units import si_unit, to_si
-from .rates import FloatArray, one_base
-from .raw import LARGEST, RawColumn, RawLog, choose_group, left_out, rate_of, require_few
-from .topics import ANGLES, Track
-
-__all__ = ["read_tdms"]
+from .rates import one_base
+from .raw import Asked, FloatArray, RawLog, Track, choose_group, left_out, parsing, rate_of, require_few, require_memory
+from .topics import ANGLES
 
 # What LabVIEW and DIAdem call a unit, the more usual first.
 UNITS = ("unit_string", "NI_UnitDescription", "units", "unit")
@@ -50,8 +48,17 @@ class _Signal:
     clock: _Clock | None
     is_moment: bool
 
+    @property
+    def match(self) -> NameMatch:
+        """The standard channel that its name stands for, of the highest rank where it is none."""
+        return match_name(self.source) or NameMatch(name="", unit=None, rank=9)
 
-def read_tdms(path: str, *, group: str | None, channel_map: Mapping[str, str], unit_map: Mapping[str, str]) -> RawLog:
+    @property
+    def is_time(self) -> bool:
+        return self.is_moment or self.match.name == "time"
+
+
+def read_tdms(path: str, asked: Asked) -> RawLog:
     """Read a TDMS file.
 
     A group with a channel of time has that time axis. Otherwise channels have the clocks of their waveforms
@@ -66,19 +73,14 @@ def read_tdms(path: str, *, group: str | None, channel_map: Mapping[str, str], u
         import nptdms
     except ImportError:
         raise LogError(f"{path}: a TDMS file, and npTDMS is not installed; pip install 'bfi-cli[tdms]'") from None
-    logging.getLogger("nptdms").setLevel(logging.ERROR)
-    for name in nptdms.log.log_manager.loggers:
+    for name in ("nptdms", *nptdms.log.log_manager.loggers):
         logging.getLogger(name).setLevel(logging.ERROR)
-    try:
-        # From an open file, because beside a name the index file of a stranger would be read.
-        with open(path, "rb") as file, np.errstate(all="ignore"), nptdms.TdmsFile.open(file) as tdms:
-            signals, stated_rate, notes = _signals(path, tdms, group)
-            is_cut = bool(tdms.file_status.incomplete_final_segment)
-    except (LogError, MemoryError):
-        raise
-    except Exception as error:  # a damaged file can make the parser raise anything
-        raise LogError(f"{path}: damaged or truncated TDMS file, {first_line(error)}; export it again") from None
-    has_time = any(_is_time(one) for one in signals)
+    # From an open file, because beside a name the index file of a stranger would be read.
+    quiet = np.errstate(all="ignore")
+    with parsing(path, "TDMS file"), open(path, "rb") as file, quiet, nptdms.TdmsFile.open(file) as tdms:
+        signals, stated_rate, notes = _signals(path, tdms, asked.group)
+        is_cut = bool(tdms.file_status.incomplete_final_segment)
+    has_time = any(one.is_time for one in signals)
     if not has_time and any(one.clock is not None for one in signals):
         untimed = [one.source for one in signals if one.clock is None]
         signals = [one for one in signals if one.clock is not None]
@@ -86,43 +88,39 @@ def read_tdms(path: str, *, group: str | None, channel_map: Mapping[str, str], u
     if is_cut:
         notes.append("the file is cut off before its end: samples are missing there; copy it again")
     if is_cut and len({one.group if has_time or one.clock is None else one.clock for one in signals}) == 1:
-        signals, cut = _cut_to_the_shortest(signals)
-        notes += cut
-    clocks = {(one.clock, one.values.size) for one in signals}
-    if not has_time and None not in {clock for clock, _ in clocks}:
+        # Of one clock, without what the end of the file has of some channels only.
+        shortest, longest = (which(one.values.size for one in signals) for which in (min, max))
+        if shortest < longest:
+            signals = [replace(one, values=one.values[:shortest]) for one in signals]
+            notes.append(f"of {longest} samples {shortest} are there of every channel and are read")
+    columns = [Track(source=one.source, values=one.values, unit=one.unit) for one in signals]
+    if has_time:
+        columns, counted = _with_time(signals)
+        notes += counted
+    elif all(one.clock is not None for one in signals):
         day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
         if day is not None:
             notes.append(f"time counts from midnight of {day} UTC")
-        tracks = [_track(one, day, channel_map, unit_map) for one in sorted(signals, key=_claim)]
-        if len(clocks) > 1:
-            base = one_base(path, tracks, output=channel_map.get("tas"))
-            return RawLog(columns=base.columns, filters=(), notes=(*notes, *base.notes))
-        time = [RawColumn(source="time", values=tracks[0].time_s, unit="s", channel="time")]
-    else:
-        time = []
-    columns = [RawColumn(source=one.source, values=one.values, unit=one.unit) for one in signals]
-    if has_time:
-        columns, counted = _with_time(signals, columns)
-        notes += counted
-    return RawLog(columns=[*time, *columns], sample_rate_hz=stated_rate, notes=tuple(notes))
+        tracks = [_track(one, day, asked) for one in sorted(signals, key=lambda one: one.match.rank)]
+        if len({(one.clock, one.values.size) for one in signals}) > 1:
+            return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
+        columns.insert(0, Track(source="time", values=tracks[0].time_s, unit="s", channel="time"))
+    return RawLog(columns=columns, sample_rate_hz=stated_rate, notes=tuple(notes))
 
 
 def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], float | None, list[str]]:
     """Return the channels of numbers of the wanted group, or of all groups that can be one log."""
     channels = [channel for group in tdms.groups() for channel in group.channels()]
     require_few(path, len(channels), "channels")
+    why = {"V": "is empty", "O": "holds text", "U": "holds text", "S": "holds text", "c": "holds complex numbers"}
+    why |= dict.fromkeys("fiubM", "")
     notes, numbers = [], []
     for channel in channels:
-        kind = np.dtype(channel.dtype).kind if len(channel) else "V"
-        why = {"V": "is empty", "O": "holds text", "U": "holds text", "S": "holds text", "c": "holds complex numbers"}
-        if not channel.name:
-            notes.append((channel.group_name, left_out("", "has no name")))
-        elif kind in why:
-            notes.append((channel.group_name, left_out(channel.name, why[kind])))
-        elif kind in "fiubM":
-            numbers.append(channel)
+        reason = why.get(np.dtype(channel.dtype).kind if len(channel) else "V", "holds no numbers")
+        if reason or not channel.name:
+            notes.append((channel.group_name, left_out(channel.name, reason if channel.name else "has no name")))
         else:
-            notes.append((channel.group_name, left_out(channel.name, "holds no numbers")))
+            numbers.append(channel)
     if channels and not numbers and tdms.file_status.incomplete_final_segment:
         raise LogError(f"{path}: the TDMS file is cut off before the end of its first channels; copy it again")
     groups = list(dict.fromkeys(channel.group_name for channel in numbers))
@@ -132,22 +130,20 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
         chosen = choose_group(path, wanted, groups, has_signals=False)
     numbers = [channel for channel in numbers if chosen is None or channel.group_name == chosen]
     need = 8 * sum(len(channel) for channel in numbers)
-    if need > LARGEST:
-        raise LogError(
-            f"{path}: its channels need {need / 1e9:.1f} GB of memory, the limit is {LARGEST / 1e9:.0f} GB; "
-            "export fewer of them, or a part of the flight"
-        )
+    require_memory(path, need, "its channels", "export fewer of them, or a part of the flight")
     names = [channel.name for channel in numbers]
     signals = []
     for channel in numbers:
         values = np.asarray(channel[:])
         is_moment = values.dtype.kind == "M"
+        units = (channel.properties.get(name) for name in UNITS)
+        unit = next((one.strip() for one in units if isinstance(one, str) and one.strip()), None)
         signals.append(
             _Signal(
                 source=channel.name if names.count(channel.name) == 1 else f"{channel.group_name}/{channel.name}",
                 group=channel.group_name,
                 values=_seconds(values) if is_moment else values.astype(np.float64),
-                unit="s" if is_moment else _unit(channel.properties),
+                unit="s" if is_moment else unit,
                 clock=None if is_moment else _clock(channel.properties),
                 is_moment=is_moment,
             )
@@ -155,11 +151,6 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
     stated = [tdms.properties, *(group.properties for group in tdms.groups() if group.name in (chosen, *groups[:1]))]
     rate = next((rate_of(path, one["sample_rate_hz"]) for one in stated if "sample_rate_hz" in one), None)
     return signals, rate, [note for group, note in notes if chosen is None or group == chosen]
-
-
-def _unit(properties: Mapping[str, Any]) -> str | None:
-    stated = (properties.get(name) for name in UNITS)
-    return next((one.strip() for one in stated if isinstance(one, str) and one.strip()), None)
 
 
 def _clock(properties: Mapping[str, Any]) -> _Clock | None:
@@ -189,64 +180,41 @@ def _seconds(moments: np.ndarray) -> FloatArray:
     return seconds
 
 
-def _claim(signal: _Signal) -> int:
-    """Return a number that is the less, the more the name of a signal is that of a standard channel."""
-    match = match_name(signal.source)
-    return 9 if match is None else match.rank
-
-
-def _is_time(signal: _Signal) -> bool:
-    match = match_name(signal.source)
-    return signal.is_moment or (match is not None and match.name == "time")
-
-
-def _cut_to_the_shortest(signals: Sequence[_Signal]) -> tuple[list[_Signal], list[str]]:
-    """Return channels of one clock without what the end of a truncated file has of some of them only."""
-    shortest, longest = (which(one.values.size for one in signals) for which in (min, max))
-    if shortest == longest:
-        return list(signals), []
-    cut = [replace(one, values=one.values[:shortest]) for one in signals]
-    return cut, [f"of {longest} samples {shortest} are there of every channel and are read"]
-
-
-def _track(
-    signal: _Signal, day: np.datetime64 | None, channel_map: Mapping[str, str], unit_map: Mapping[str, str]
-) -> Track:
+def _track(signal: _Signal, day: np.datetime64 | None, asked: Asked) -> Track:
     """Return a signal with its times, from midnight of `day` where the log has days."""
     clock = signal.clock
     assert clock is not None
     days = 0.0 if day is None or clock.day is None else float((clock.day - day) / np.timedelta64(1, "D"))
-    match = match_name(signal.source)
-    mapped = next((name for name, source in channel_map.items() if source == signal.source), None)
-    channel = mapped or (match.name if match else None)
-    unit = unit_map.get(signal.source) or unit_map.get(channel or "") or signal.unit
+    mapped = next((name for name, source in asked.channel_map.items() if source == signal.source), None)
+    channel = mapped or signal.match.name or None
+    unit = asked.unit_map.get(signal.source) or asked.unit_map.get(channel or "") or signal.unit
     turn = None
     if channel in ANGLES:
-        turn = 2.0 * math.pi
-        if unit and si_unit(unit) == "rad":
-            turn /= float(to_si(1.0, unit)[0])
+        in_rad = float(to_si(1.0, unit)[0]) if unit and si_unit(unit) == "rad" else 1.0
+        turn = 2.0 * math.pi / in_rad
     return Track(
         source=signal.source,
         channel=channel,
-        unit=signal.unit or (match.unit if match else None),
+        unit=signal.unit or signal.match.unit,
         time_s=DAY_S * days + clock.start_s + clock.step_s * np.arange(signal.values.size, dtype=np.float64),
         values=signal.values,
         turn=turn,
     )
 
 
-def _with_time(signals: Sequence[_Signal], columns: Sequence[RawColumn]) -> tuple[list[RawColumn], list[str]]:
+def _with_time(signals: Sequence[_Signal]) -> tuple[list[Track], list[str]]:
     """Return the columns with moments made a time axis from midnight of their first day, and sentences on it."""
-    numeric = any(_is_time(one) and not one.is_moment for one in signals)
+    has_axis = any(one.is_time and not one.is_moment for one in signals)
     kept, notes = [], []
-    for signal, column in zip(signals, columns, strict=True):
+    for signal in signals:
         if not signal.is_moment:
-            kept.append(column)
-        elif numeric or any(one.channel == "time" for one in kept):
+            kept.append(Track(source=signal.source, values=signal.values, unit=signal.unit))
+        elif has_axis:
             notes.append(left_out(signal.source, "holds dates or times beside the time axis"))
         else:
+            has_axis = True
             known = signal.values[np.isfinite(signal.values)]
             first = np.floor(known[0] / DAY_S) * DAY_S if known.size else 0.0
             notes.append(f"time counts from midnight of {np.datetime64(int(first), 's').astype('datetime64[D]')} UTC")
-            kept.append(RawColumn(source=signal.source, values=signal.values - first, unit="s", channel="time"))
+            kept.append(Track(source=signal.source, values=signal.values - first, unit="s", channel="time"))
     return kept, notes

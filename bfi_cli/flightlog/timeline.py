@@ -12,8 +12,6 @@ from ..report.content import Block, Lane, Shade, Table
 from ..report.text import instant
 from .phases import MANOEUVRES, NO_AIRSPEED, PARTS
 
-__all__ = ["bands_of", "event_table", "lanes_of", "phase_columns", "phase_table", "window_table"]
-
 Plain = Mapping[str, Any]
 
 SHADES: Mapping[str, Shade] = {
@@ -50,7 +48,7 @@ def lanes_of(
     ----------
     limits : of the time that is shown, s; what lies outside takes no room.
     """
-    phases, windows, segments = ([one for one in kind if _shows(one, limits)] for kind in (phases, windows, segments))
+    phases, windows, segments = ([one for one in kind if shows(one, limits)] for kind in (phases, windows, segments))
     events = [one for one in events if one["onset_s"] <= limits[1] and (one["offset_s"] or limits[1]) >= limits[0]]
     rows: list[tuple[str, list[Block]]] = [("phase", bands_of(phases))]
     rows += [(kind, [_block("", one, "black") for one in phases if one["phase"] == kind]) for kind in MANOEUVRES]
@@ -75,7 +73,8 @@ def _ends(one: Plain) -> tuple[float, float]:
     return (one["from_s"], one["to_s"]) if "from_s" in one else (one["start_s"], one["stop_s"])
 
 
-def _shows(one: Plain, limits: tuple[float, float]) -> bool:
+def shows(one: Plain, limits: tuple[float, float]) -> bool:
+    """Say whether a phase or window shares time with the limits."""
     low, high = _ends(one)
     return low < limits[1] and high > limits[0]
 
@@ -104,16 +103,12 @@ def _apart(blocks: Iterable[Block], letter_s: float) -> list[list[Block]]:
 
 def _event(one: Plain) -> list[Block]:
     """Return the block of an event; of short ones, told by `times_s`, one for each."""
-    onset_s, offset_s = one["onset_s"], one["offset_s"]
     channels = ", ".join(one["channels"])
     label = one["name"] if not channels or channels in one["name"] else f"{one['name']} ({channels})"
-    shade = STATES.get(one["state"], "suspect")
-    if one.get("times_s"):
-        return [
-            Block(label="" if k else label, low=time_s, high=time_s, shade=shade)
-            for k, time_s in enumerate(one["times_s"])
-        ]
-    return [Block(label=label, low=onset_s, high=onset_s if offset_s is None else offset_s, shade=shade)]
+    shade, end_s = STATES.get(one["state"], "suspect"), one["offset_s"]
+    if times_s := one.get("times_s"):
+        return [Block(label="" if k else label, low=t, high=t, shade=shade) for k, t in enumerate(times_s)]
+    return [Block(label=label, low=one["onset_s"], high=one["onset_s"] if end_s is None else end_s, shade=shade)]
 
 
 def phase_table(phases: Sequence[Plain]) -> list[Table]:

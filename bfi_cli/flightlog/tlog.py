@@ -16,11 +16,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .rates import boot_starts, log_of_topics
-from .raw import RawLog
-from .topics import Topic
-
-__all__ = ["MESSAGES", "checksum", "is_tlog", "read_tlog", "read_tlog_topics"]
+from .rates import boot_starts
+from .raw import Asked, RawLog
+from .topics import Topic, log_of_topics, notes_on
 
 # Number: name, layout, extra byte of the check sum, names of the fields.
 MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
@@ -58,7 +56,7 @@ def checksum(data: bytes) -> int:
     return crc
 
 
-def read_tlog(path: str, *, channel_map: Mapping[str, str], unit_map: Mapping[str, str]) -> RawLog:
+def read_tlog(path: str, asked: Asked) -> RawLog:
     """Read a telemetry log; a field that is no channel by itself is named `MESSAGE.field` in the maps.
 
     Raises
@@ -66,46 +64,44 @@ def read_tlog(path: str, *, channel_map: Mapping[str, str], unit_map: Mapping[st
     LogError : no messages that are channels.
     """
     topics, notes = read_tlog_topics(path)
-    return log_of_topics(path, "mavlink", topics, channel_map, more=(*channel_map.values(), *unit_map), notes=notes)
+    return log_of_topics(path, "mavlink", topics, asked, notes=notes)
 
 
 def read_tlog_topics(path: str) -> tuple[list[Topic], list[str]]:
     """Return the messages of `MESSAGES` that the vehicle with most of them sent, and sentences on the file."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         packets, damaged = _packets(data)
-    notes = [f"{damaged} bytes are damaged or cut off and were skipped"] if damaged else []
+    notes = notes_on(damaged)
     senders = Counter(sender for sender, _, _ in packets)
     if len(senders) > 1:
         chosen = senders.most_common(1)[0][0]
         notes.append(f"messages of {len(senders)} senders; those of system {chosen[0]}, component {chosen[1]} are read")
         packets = [packet for packet in packets if packet[0] == chosen]
-    rows: dict[int, list[tuple[float, ...]]] = {}
-    times: dict[int, list[float]] = {}
-    clock = [
-        1e-3 * MESSAGES[number][1].unpack(payload.ljust(MESSAGES[number][1].size, b"\0")[: MESSAGES[number][1].size])[0]
-        for _, number, payload in packets
-        if MESSAGES[number][3][0] == CLOCK
-    ]
-    starts, ticks, boots = boot_starts(np.array(clock)) if clock else [0], 0, dict[int, list[int]]()
-    now: float | None = None
-    for _, number, payload in packets:
-        _, layout, _, fields = MESSAGES[number]
-        values = layout.unpack(payload.ljust(layout.size, b"\0")[: layout.size])
-        if fields[0] == CLOCK:
-            now = 1e-3 * values[0]
+    # A payload ends before the zeros at its end.
+    sizes = {number: layout.size for number, (_, layout, _, _) in MESSAGES.items()}
+    padded = ((number, payload.ljust(sizes[number], b"\0")[: sizes[number]]) for _, number, payload in packets)
+    decoded = [(number, MESSAGES[number][1].unpack(payload)) for number, payload in padded]
+    clocked = {number for number, (_, _, _, fields) in MESSAGES.items() if fields[0] == CLOCK}
+    clock = [1e-3 * values[0] for number, values in decoded if number in clocked]
+    starts = boot_starts(np.array(clock)) if clock else [0]
+    rows: dict[int, list[tuple[float, ...]]] = {}  # time, boot and values
+    ticks, now = 0, None
+    for number, values in decoded:
+        if number in clocked:
+            now = clock[ticks]
             ticks += 1
         # Without a clock of its own, two messages between those of others are one instant: the first counts.
-        if now is not None and (fields[0] == CLOCK or times.get(number, [-1.0])[-1] != now):
-            rows.setdefault(number, []).append(values)
-            times.setdefault(number, []).append(now)
-            boots.setdefault(number, []).append(bisect_right(starts, max(ticks - 1, 0)) - 1)
+        several = rows.setdefault(number, [])
+        if now is not None and (number in clocked or not several or several[-1][0] != now):
+            several.append((now, bisect_right(starts, ticks - 1) - 1, *values))
     topics = []
     for number, several in rows.items():
-        name, _, _, fields = MESSAGES[number]
-        table = np.array(several, dtype=np.float64)
-        named = {field: table[:, i] for i, field in enumerate(fields) if not field.startswith("time_")}
-        boot = None if len(starts) == 1 else np.array(boots[number], dtype=np.intp)
-        topics.append(Topic(name=name, instance=0, time_s=np.array(times[number]), fields=named, boot=boot))
+        name, _, _, labels = MESSAGES[number]
+        table = np.array(several, dtype=np.float64).reshape(-1, 2 + len(labels))
+        fields = {label: table[:, i] for i, label in enumerate(labels, 2) if not label.startswith("time_")}
+        boot = None if len(starts) == 1 else table[:, 1].astype(np.intp)
+        if len(table):
+            topics.append(Topic(name=name, instance=0, time_s=table[:, 0], fields=fields, boot=boot))
     return topics, notes
 
 

@@ -6,30 +6,21 @@ recorder's signs and conventions into those of `bfi_cli.channels`.
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import LogError
 from ..units import DEGREE, G
+from .rates import one_base
+from .raw import Asked, FloatArray, RawLog, Track
 
-__all__ = [
-    "RECORDERS",
-    "ChannelMap",
-    "Recorder",
-    "Topic",
-    "Track",
-    "fields_of",
-    "maps_of",
-    "tracks_of",
-    "with_angles",
-    "with_ground_velocity",
-]
-
-FloatArray = NDArray[np.float64]
 Recorder = Literal["px4", "ardupilot", "mavlink", "garmin"]
 RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "mavlink": "MAVLink", "garmin": "Garmin"}
 # Angles that leave one end of their range and come back at the other.
@@ -52,13 +43,11 @@ class Topic:
     fields: Mapping[str, NDArray[np.number]]
     boot: NDArray[np.intp] | None = None
 
-    def of_boot(self, number: int) -> Topic:
-        """Return the messages of one boot."""
-        if self.boot is None:
-            return self
-        own = self.boot == number
+    def part(self, own: NDArray[np.bool_]) -> Topic:
+        """Return some of the messages."""
         fields = {name: values[own] for name, values in self.fields.items()}
-        return replace(self, time_s=self.time_s[own], fields=fields, boot=None)
+        boot = None if self.boot is None else self.boot[own]
+        return replace(self, time_s=self.time_s[own], fields=fields, boot=boot)
 
     @property
     def label(self) -> str:
@@ -82,24 +71,6 @@ class ChannelMap:
     scale: float = 1.0
     offset: float = 0.0
     is_state: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Track:
-    """One signal with its own times: `channel` is the standard name it has a claim on, None for none.
-
-    Attributes
-    ----------
-    turn : of an angle that leaves one end of its range and comes back at the other: a full turn in its unit.
-    """
-
-    source: str
-    channel: str | None
-    unit: str | None
-    time_s: FloatArray
-    values: FloatArray
-    is_state: bool = False
-    turn: float | None = None
 
 
 # Recorder, then topic.field, channel, unit, and where they are not 1 and 0 scale and offset; "state" for flags.
@@ -242,72 +213,79 @@ csv.Longitude  longitude      deg
 """
 
 
-def _maps() -> dict[str, tuple[ChannelMap, ...]]:
-    maps: dict[str, list[ChannelMap]] = {}
-    for line in _TABLE.strip().splitlines():
-        words = line.split()
-        if len(words) == 1:
-            rows = maps.setdefault(words[0], [])
-            continue
-        (topic, _, name), channel, unit = words[0].partition("."), words[1], words[2]
-        numbers = [float(word) for word in words[3:5]]
-        rows.append(
-            ChannelMap(
-                topic=topic,
-                field=name,
-                channel=channel,
-                unit=unit,
-                scale=numbers[0] if numbers else 1.0,
-                offset=numbers[1] if len(numbers) > 1 else 0.0,
-                is_state="state" in words,
-            )
+_MAPS: dict[str, list[ChannelMap]] = {}
+for _line in _TABLE.strip().splitlines():
+    _place, *_words = _line.split()
+    if not _words:
+        _rows = _MAPS.setdefault(_place, [])
+        continue
+    _topic, _, _field = _place.partition(".")
+    _scale, _offset = (*map(float, _words[2:4]), *(1.0, 0.0)[len(_words[2:4]) :])
+    _rows.append(
+        ChannelMap(
+            topic=_topic,
+            field=_field,
+            channel=_words[0],
+            unit=_words[1],
+            scale=_scale,
+            offset=_offset,
+            is_state="state" in _words,
         )
-    return {recorder: tuple(rows) for recorder, rows in maps.items()}
-
-
-_MAPS = _maps()
+    )
 
 
 def maps_of(recorder: Recorder) -> tuple[ChannelMap, ...]:
     """Return the fields of a recorder that are standard channels, the better source of a channel first."""
-    return _MAPS[recorder]
+    return tuple(_MAPS[recorder])
 
 
 def fields_of(recorder: Recorder) -> dict[str, tuple[str, ...]]:
     """Return the fields to read of a recorder's topics, by topic."""
     fields: dict[str, tuple[str, ...]] = {}
-    for row in maps_of(recorder):
+    for row in _MAPS[recorder]:
         fields[row.topic] = (*fields.get(row.topic, ()), row.field)
     return fields
 
 
-def with_angles(topic: Topic) -> Topic:
-    """Return a topic that holds a quaternion `q[0..3]` (scalar first, body to north-east-down) with its Euler angles.
+def topics_of(sources: Iterable[str]) -> set[str]:
+    """Return the topics of fields `topic.field`, each also without the number of a sensor behind its name."""
+    labels = {source.partition(".")[0] for source in sources if "." in source}
+    return labels | {re.sub(r"_\d+$", "", label) for label in labels}
 
-    The fields `roll`, `pitch` and `yaw` are in rad, by the sequence 3-2-1; other topics come back as they are.
+
+def table_of(messages: Iterable[bytes], fields: Mapping[str, tuple[str, int]], size: int) -> NDArray[np.void]:
+    """Return messages as a table of their numbers, whose numpy types and offsets the fields are; cut ones end in 0."""
+    types, offsets = zip(*fields.values(), strict=True)
+    kind = np.dtype({"names": list(fields), "formats": types, "offsets": offsets, "itemsize": size})
+    return np.frombuffer(b"".join(one.ljust(size, b"\0") for one in messages), dtype=kind)
+
+
+def notes_on(damaged: int, empty: Sequence[str] = ()) -> list[str]:
+    """Return sentences on a file in which so many bytes are damaged, and topics have no messages."""
+    notes = [f"{damaged} bytes are damaged or cut off and were skipped"] if damaged else []
+    return notes + ([f"topics without samples are left out: {', '.join(dict.fromkeys(empty))}"] if empty else [])
+
+
+def completed(topic: Topic) -> Topic:
+    """Return a topic with what its fields stand for: Euler angles of a quaternion, velocity of a speed and a course.
+
+    The quaternion is `q[0..3]`, scalar first, body to north-east-down; `roll`, `pitch` and `yaw` are in rad, by the
+    sequence 3-2-1. `VelN` and `VelE` are those of a speed `Spd` on the course `GCrs`, degrees from north.
     """
-    if not all(f"q[{i}]" in topic.fields for i in range(4)):
-        return topic
-    w, x, y, z = (np.asarray(topic.fields[f"q[{i}]"], dtype=np.float64) for i in range(4))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.sqrt(w**2 + x**2 + y**2 + z**2)
-        w, x, y, z = w / size, x / size, y / size, z / size
-        angles = {
-            "roll": np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x**2 + y**2)),
-            "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
-            "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2)),
-        }
-    return replace(topic, fields={**topic.fields, **angles})
-
-
-def with_ground_velocity(topic: Topic) -> Topic:
-    """Return a topic that holds speed `Spd` and course `GCrs` (degrees from north) with `VelN` and `VelE`."""
-    if not {"Spd", "GCrs"} <= topic.fields.keys():
-        return topic
-    speed, course = topic.fields["Spd"], DEGREE * np.asarray(topic.fields["GCrs"], dtype=np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):
-        velocity = {"VelN": speed * np.cos(course), "VelE": speed * np.sin(course)}
-    return replace(topic, fields={**topic.fields, **velocity})
+    made: dict[str, NDArray[np.number]] = {}
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        if all(f"q[{i}]" in topic.fields for i in range(4)):
+            q = np.array([topic.fields[f"q[{i}]"] for i in range(4)], dtype=np.float64)
+            w, x, y, z = q / np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+            made |= {
+                "roll": np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x**2 + y**2)),
+                "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
+                "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2)),
+            }
+        if {"Spd", "GCrs"} <= topic.fields.keys():
+            course = DEGREE * np.asarray(topic.fields["GCrs"], dtype=np.float64)
+            made |= {"VelN": topic.fields["Spd"] * np.cos(course), "VelE": topic.fields["Spd"] * np.sin(course)}
+    return replace(topic, fields={**topic.fields, **made})
 
 
 def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]) -> list[Track]:
@@ -317,30 +295,70 @@ def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]
     ----------
     wanted : further fields, as `topic.field`, that become signals under that name.
     """
-    tracks = list(_mapped(recorder, topics))
+
+    def mapped() -> Iterator[Track]:
+        for row in _MAPS[recorder]:
+            for topic in sorted((one for one in topics if one.name == row.topic), key=lambda one: one.instance):
+                if row.field in topic.fields:
+                    with np.errstate(over="ignore", invalid="ignore"):
+                        values = row.scale * np.asarray(topic.fields[row.field], dtype=np.float64) + row.offset
+                    yield Track(
+                        source=f"{topic.label}.{row.field}",
+                        channel=row.channel,
+                        unit=row.unit,
+                        time_s=topic.time_s,
+                        values=values,
+                        is_state=row.is_state,
+                        turn=2.0 * math.pi if row.channel in ANGLES else None,
+                    )
+
+    tracks = list(mapped())
     have = {track.source for track in tracks}
     for topic in topics:
         for name, values in topic.fields.items():
             source = f"{topic.label}.{name}"
             if source in wanted and source not in have:
-                tracks.append(
-                    Track(source=source, channel=None, unit=None, time_s=topic.time_s, values=np.asarray(values, float))
-                )
+                tracks.append(Track(source=source, time_s=topic.time_s, values=np.asarray(values, dtype=np.float64)))
     return tracks
 
 
-def _mapped(recorder: Recorder, topics: Sequence[Topic]) -> Iterator[Track]:
-    for row in maps_of(recorder):
-        for topic in sorted((one for one in topics if one.name == row.topic), key=lambda one: one.instance):
-            if row.field in topic.fields:
-                with np.errstate(over="ignore", invalid="ignore"):
-                    values = row.scale * np.asarray(topic.fields[row.field], dtype=np.float64) + row.offset
-                yield Track(
-                    source=f"{topic.label}.{row.field}",
-                    channel=row.channel,
-                    unit=row.unit,
-                    time_s=topic.time_s,
-                    values=values,
-                    is_state=row.is_state,
-                    turn=2.0 * math.pi if row.channel in ANGLES else None,
-                )
+def log_of_topics(
+    path: str,
+    recorder: Recorder,
+    topics: Sequence[Topic],
+    asked: Asked,
+    *,
+    more: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> RawLog:
+    """Return the log of a recorder whose messages have clocks of their own.
+
+    Parameters
+    ----------
+    asked : the source of its airspeed gives the time base.
+    more : fields that are to be signals beside the channels and those of `asked`, as `topic.field`.
+    notes : sentences on the topics.
+
+    Raises
+    ------
+    LogError : no signals, see `one_base`.
+    """
+    boots = sorted({int(k) for topic in topics if topic.boot is not None for k in np.unique(topic.boot)})
+    if len(boots) > 1:
+        parts = []
+        for boot in boots:
+            own = (topic if topic.boot is None else topic.part(topic.boot == boot) for topic in topics)
+            several = [replace(topic, boot=None) for topic in own if topic.time_s.size > 1]
+            # A boot of too few messages is no log; that it was there the numbers of the others tell.
+            with contextlib.suppress(LogError):
+                parts.append(log_of_topics(path, recorder, several, asked, more=more, notes=notes))
+        if not parts:
+            raise LogError(
+                f"{path}: none of its {len(boots)} boots has channels; give a log that was recorded in flight"
+            )
+        return replace(parts[0], boots=tuple(parts))
+    tracks = tracks_of(recorder, [completed(topic) for topic in topics], (*asked.sources, *more))
+    if not tracks:
+        has = ", ".join(topic.label for topic in topics) or "none"
+        raise LogError(f"{path}: no channels in its messages ({has}); give a log that was recorded in flight")
+    return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)

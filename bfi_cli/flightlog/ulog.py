@@ -11,34 +11,22 @@ import itertools
 import mmap
 import re
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import LogError
-from .rates import log_of_topics
-from .raw import RawLog, require_few
-from .topics import Topic, fields_of, with_angles
-
-__all__ = ["read_ulog", "read_ulog_topics"]
+from .raw import Asked, RawLog, require_few
+from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
 
 HEADER = 16  # bytes: the magic, a version, the time of the start
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
-TYPES = {
-    "int8_t": "<i1",
-    "uint8_t": "<u1",
-    "bool": "<u1",
-    "char": "<u1",
-    "int16_t": "<i2",
-    "uint16_t": "<u2",
-    "int32_t": "<i4",
-    "uint32_t": "<u4",
-    "int64_t": "<i8",
-    "uint64_t": "<u8",
-    "float": "<f4",
-    "double": "<f8",
-}
+_SIZED = "int8:<i1 uint8:<u1 int16:<i2 uint16:<u2 int32:<i4 uint32:<u4 int64:<i8 uint64:<u8"
+TYPES = {f"{name}_t": kind for name, _, kind in (one.partition(":") for one in _SIZED.split())}
+TYPES |= {"bool": "<u1", "char": "<u1", "float": "<f4", "double": "<f8"}
+# "float[3] xyz": type, count where it is an array, and name.
+FIELD = re.compile(r"\s*(\w+)(?:\[(\d{1,5})\])? (\w+)\s*", re.ASCII)
 KNOWN = frozenset(b"BFIMPQARDLCSO")
 DATA, FORMAT, ADDED, FLAGS, DROPOUT = b"DFABO"
 LONGEST = 0xFFFF  # bytes of a message
@@ -47,44 +35,56 @@ APPENDED = 1  # the only incompatible flag that is known: data after the end, at
 MICROSECOND = 1e-6  # of the time stamps
 
 
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Type and offset of each number of a topic by its name, and the fewest and most bytes of a message."""
+
+    fields: dict[str, tuple[str, int]]
+    least: int
+    most: int
+
+
 @dataclass(slots=True)
 class _Stream:
-    """What was read of a file so far: formats by name, topics and their messages by number."""
+    """What was read of a file so far.
+
+    Attributes
+    ----------
+    formats : type, count (0 for no array) and name of each field, by name; the others by the number of a topic.
+    """
 
     formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
     topics: dict[int, tuple[str, int]] = field(default_factory=dict)
-    layouts: dict[int, tuple[dict[str, tuple[str, int]], int, int] | None] = field(default_factory=dict)
+    layouts: dict[int, _Layout | None] = field(default_factory=dict)
     messages: dict[int, list[bytes]] = field(default_factory=dict)
     dropouts: int = 0
     dropped_ms: int = 0
     damaged: int = 0
 
 
-def read_ulog(path: str, *, channel_map: Mapping[str, str], unit_map: Mapping[str, str]) -> RawLog:
-    """Read a ULog; a field that is no channel by itself is named `topic.field` in `channel_map` and `unit_map`.
+def read_ulog(path: str, asked: Asked) -> RawLog:
+    """Read a ULog; a field that is no channel by itself is named `topic.field` in the maps.
 
     Raises
     ------
     LogError : no ULog, or of a later kind; no messages that are channels.
     """
-    wanted = (*channel_map.values(), *unit_map)
-    topics, notes = read_ulog_topics(path, [re.sub(r"_\d+$", "", one.partition(".")[0]) for one in wanted])
-    return log_of_topics(path, "px4", [with_angles(one) for one in topics], channel_map, more=wanted, notes=notes)
+    topics, notes = read_ulog_topics(path, topics_of(asked.sources))
+    return log_of_topics(path, "px4", topics, asked, notes=notes)
 
 
-def read_ulog_topics(path: str, more: Sequence[str] = ()) -> tuple[list[Topic], list[str]]:
+def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:
     """Return the topics of a ULog that have channels, or that are named in `more`, and sentences on the file.
 
     Raises
     ------
     LogError : no ULog, or of a later kind.
     """
-    names = {*fields_of("px4"), *more}
+    names, stream = {*fields_of("px4"), *more}, _Stream()
     with open(path, "rb") as file:
         if len(file.read(HEADER)) < HEADER:
             raise LogError(f"{path}: damaged or truncated ULog, its header is cut off; copy it from the vehicle again")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            stream = _Stream()
             for begin, end in _parts(path, data):
                 _read_messages(data, begin, end, stream, names)
     require_few(path, len(stream.topics), "topics")
@@ -96,27 +96,12 @@ def read_ulog_topics(path: str, more: Sequence[str] = ()) -> tuple[list[Topic], 
         if not messages:
             empty.append(name)
             continue
-        fields, _, size = layout
-        kind = np.dtype(
-            {
-                "names": list(fields),
-                "formats": [one for one, _ in fields.values()],
-                "offsets": [at for _, at in fields.values()],
-                "itemsize": size,
-            }
-        )
-        table = np.frombuffer(b"".join(one.ljust(size, b"\0") for one in messages), dtype=kind)
+        table = table_of(messages, layout.fields, layout.most)
         time_s = MICROSECOND * table["timestamp"].astype(np.float64)
-        rest = {one: table[one] for one in fields if one != "timestamp"}
-        topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=rest))
-    notes = []
-    if stream.dropouts:
-        notes.append(f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all")
-    if stream.damaged:
-        notes.append(f"{stream.damaged} bytes are damaged or cut off and were skipped")
-    if empty:
-        notes.append(f"topics without samples are left out: {', '.join(dict.fromkeys(empty))}")
-    return topics, notes
+        fields = {one: table[one] for one in layout.fields if one != "timestamp"}
+        topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=fields))
+    lost = f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all"
+    return topics, [lost] * bool(stream.dropouts) + notes_on(stream.damaged, empty)
 
 
 def _parts(path: str, data: mmap.mmap) -> list[tuple[int, int]]:
@@ -155,18 +140,17 @@ def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, n
         layout = stream.layouts.get(number)
         if layout is None:
             return number in stream.topics  # of a format that is not known, or of no topic at all
-        _, least, most = layout
-        if not least <= size - 2 <= most:
+        if not layout.least <= size - 2 <= layout.most:
             return False
         if number in stream.messages:
             stream.messages[number].append(data[at + 2 : at + size])
         return True
     if kind == FORMAT:
         name, colon, text = data[at : at + size].decode("latin-1").partition(":")
-        fields = [_field(one) for one in text.split(";") if one.strip()]
+        fields = [FIELD.fullmatch(one) for one in text.split(";") if one.strip()]
         if not colon or None in fields:
             return False
-        stream.formats[name] = [one for one in fields if one is not None]
+        stream.formats[name] = [(one[1], int(one[2] or 0), one[3]) for one in fields if one is not None]
     elif kind == ADDED:
         if size < 4:
             return False
@@ -184,18 +168,10 @@ def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, n
     return True
 
 
-def _field(text: str) -> tuple[str, int, str] | None:
-    """Return type, count (0 for no array) and name of "float[3] xyz", None for what is no field."""
-    match = re.fullmatch(r"\s*(\w+)(?:\[(\d{1,5})\])? (\w+)\s*", text, re.ASCII)
-    return None if match is None else (match[1], int(match[2]) if match[2] is not None else 0, match[3])
+def _layout(name: str, formats: dict[str, list[tuple[str, int, str]]]) -> _Layout | None:
+    """Return the layout of a topic's messages, None of one that cannot be read: no format, no time, too long.
 
-
-def _layout(
-    name: str, formats: Mapping[str, list[tuple[str, int, str]]]
-) -> tuple[dict[str, tuple[str, int]], int, int] | None:
-    """Return type and offset of each number of a topic by name, and the fewest and most bytes of a message.
-
-    Padding at the end need not be in the file. None for a topic that cannot be read: no format, no time, too long.
+    Padding at the end need not be in the file.
     """
     fields: dict[str, tuple[str, int]] = {}
 
@@ -219,4 +195,4 @@ def _layout(
     total = add(name, "", 0, 0)
     if total is None or fields.get("timestamp", ("", 0))[0] != "<u8":
         return None
-    return fields, max(at + int(kind[2:]) for kind, at in fields.values()), total
+    return _Layout(fields, max(at + int(kind[2:]) for kind, at in fields.values()), total)

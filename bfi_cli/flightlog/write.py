@@ -21,8 +21,6 @@ from .text import FAULTS, FILTERS, SEGMENTS
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["write_log"]
-
 
 def write_log(log: FlightLog, path: str | Path) -> None:
     """Write a log; the suffix tells the format, and reading it back gives the same numbers.
@@ -53,7 +51,12 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
         node.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
         node[name].attrs["units"] = unit
 
-    names = _names(log, _link_name)
+    def link_name(name: str) -> str:
+        """Return a name HDF5 takes: no path, not the name of the group of the truth."""
+        link = name.replace("/", "_").replace("\0", "_")
+        return f"{link}_" if link in ("", ".", "..", "time", "truth") else link
+
+    names = _names(log, link_name)
     # Made in memory: on a full disk the HDF5 library prints tracebacks and ends the process.
     with h5py.File(path, "w", driver="core", backing_store=False) as file:
         file.attrs[ATTRIBUTE] = OWNER
@@ -74,7 +77,8 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
 
 
 def _write_csv(log: FlightLog, path: Path) -> None:
-    names = _names(log, _column_name)
+    # On one line, printable, no comment, quote or other delimiter.
+    names = _names(log, lambda name: printable(re.sub(r"[\s\"#;]+", " ", name).strip()) or "_")
     columns = {"time [s]": log.time_s}
     signals = [(name, names[name], channel.values) for name, channel in log.channels.items()]
     signals += [(name, names[name] + CLEAN, clean) for name, clean in (log.truth.clean if log.truth else {}).items()]
@@ -104,17 +108,6 @@ def _names(log: FlightLog, allowed: Callable[[str], str]) -> dict[str, str]:
                 new += "_"
             names[name] = new
     return names
-
-
-def _link_name(name: str) -> str:
-    """Return a name HDF5 takes: no path, not the name of the group of the truth."""
-    link = name.replace("/", "_").replace("\0", "_")
-    return f"{link}_" if link in ("", ".", "..", "time", "truth") else link
-
-
-def _column_name(name: str) -> str:
-    """Return a name that a header takes: on one line, printable, no comment, quote or other delimiter."""
-    return printable(re.sub(r"[\s\"#;]+", " ", name).strip()) or "_"
 
 
 def _faults(truth: Truth, names: Mapping[str, str]) -> str:

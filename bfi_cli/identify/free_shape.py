@@ -24,10 +24,9 @@ from ..faults import Fault, active_samples
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.decimation import decimate
-from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn
+from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn, walk_columns
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
-from ..kernels.random_walk import walk_columns
 from ..kernels.variable_projection import fit_magnitudes
 from ..kernels.whiteness import effective_rows
 from ..preprocessing.regression import RegressionData

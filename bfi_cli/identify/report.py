@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..decision import Candidate
 from ..display_units import SI, Shown, Units
 from ..faults import FaultEstimate
+from ..kernels.normal import TWO_SIDED_95
 from ..printable import shortened
 from ..report.claims import (
     CANDIDATE_COLUMNS,
@@ -197,13 +198,13 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
         fault = estimate.fault
         scale, shown = _meaning(estimate, units, own.get(fault.channel, ""))
         sd, ends = abs(scale) * estimate.sd, sorted(scale * bound for bound in estimate.ci95)
-        multiplier = number(estimate.magnitude, spread=1.96 * estimate.sd, extra=1)
+        multiplier = number(estimate.magnitude, spread=TWO_SIDED_95 * estimate.sd, extra=1)
         faults.append(
             (
                 shortened(estimate.name, NAME_LETTERS),
                 fault.channel,
                 f"{instant(fault.onset_s)} s",
-                with_unit(number(scale * estimate.magnitude, spread=1.96 * sd, extra=1), shown.unit),
+                with_unit(number(scale * estimate.magnitude, spread=TWO_SIDED_95 * sd, extra=1), shown.unit),
                 with_unit(interval(ends, extra=1), shown.unit),
                 "-" if fault.offset_s is None else f"{instant(fault.offset_s)} s",
                 fault.shape if fault.frequency_hz is None else f"{fault.shape}, {fault.frequency_hz:.4g} Hz",
@@ -252,7 +253,7 @@ def _line(label: str, result: IdentifyResult, values: FloatArray, style: Style =
     """Return a signal over time, thinned to what the paper shows; with the 95 % band of its standard deviation."""
     kept = thinned(values)
     y = values[kept]
-    low, high = (None, None) if sd is None else (y - 1.96 * sd[kept], y + 1.96 * sd[kept])
+    low, high = (None, None) if sd is None else (y - TWO_SIDED_95 * sd[kept], y + TWO_SIDED_95 * sd[kept])
     return curve(label, result.time_s[kept], y, style=style, low=low, high=high)
 
 
@@ -356,14 +357,14 @@ def _draw_magnitudes(result: IdentifyResult, units: Units) -> Drawing:
             if ratio is not None and (shown[j].state == "declared") is active
         ]
         x = np.array([ratio for _, ratio in drawn])
-        half = np.array([1.96 * (shown[j].sd or 0.0) / (shown[j].minimal_detectable or 1.0) for j, _ in drawn])
+        half = np.array([TWO_SIDED_95 * (shown[j].sd or 0.0) / (shown[j].minimal_detectable or 1.0) for j, _ in drawn])
         if drawn:
             curves.append(curve(label, x, [float(j) for j, _ in drawn], style=style, low=x - half, high=x + half))
     notes: list[tuple[str, float]] = []
     for j, one in enumerate(shown):
         scale, meant = shown_meaning(one, units)
         factor, smallest = scale / meant.factor, _smallest(one)
-        spread = math.nan if one.sd is None else 1.96 * abs(factor) * one.sd
+        spread = math.nan if one.sd is None else TWO_SIDED_95 * abs(factor) * one.sd
         value = number(None if one.magnitude is None else factor * one.magnitude, spread=spread, extra=1)
         size = with_unit(f"{value} ± {number(spread, spread=spread, extra=1)}", meant.unit)
         limit = change(None if smallest is None else abs(scale) * smallest, meant)

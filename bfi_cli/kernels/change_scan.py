@@ -13,8 +13,6 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["CORRELATIONS", "ChangeScan", "scan_changes", "steps_and_ramps"]
-
 # Over a second: white noise, and time constants of 1.4, 4.5, 9.5, 20 and 50 s. A slower one is a change itself in a
 # record of two minutes.
 CORRELATIONS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98)
@@ -92,9 +90,7 @@ def scan_changes(
     prior = np.diag(floor / (np.full(len(scale), np.inf) if sizes is None else sizes) / scale)
     prior = np.hstack([np.zeros((len(scale), 1 + candidates.shape[1])), prior])
     m = candidates.shape[1]
-    best_none, noise_sd = -np.inf, floor
-    best, amplitude, sd = np.full(m, -np.inf), np.zeros(m), np.full(m, np.inf)
-    leverage = np.full(m, np.inf)
+    none, with_one = [], []
     without_change: list[tuple[float, float, FloatArray, FloatArray]] = []
     for correlation in CORRELATIONS:
         white, log_det = _whitened(stacked, time_s, correlation)
@@ -111,16 +107,16 @@ def scan_changes(
         without = _log_likelihood(np.array(squares), n, floor) - 0.5 * log_det
         with_change = np.maximum(squares - size * gain, 0.0)
         likelihood = np.where(known, _log_likelihood(with_change, n, floor) - 0.5 * log_det, -np.inf)
-        if without > best_none:
-            best_none, noise_sd = float(without), max(floor, float(np.sqrt(squares / n)))
-        better = likelihood > best
-        best = np.where(better, likelihood, best)
-        amplitude = np.where(better, size, amplitude)
+        none.append((float(without), max(floor, float(np.sqrt(squares / n)))))
         spread = np.sqrt(np.maximum(with_change / n, floor**2))
-        sd = np.where(better, np.divide(spread, np.sqrt(power), out=np.full(m, np.inf), where=known), sd)
+        sd = np.divide(spread, np.sqrt(power), out=np.full(m, np.inf), where=known)
         # The size is linear in y: the sum of its coefficients, each at its worst.
         total = np.abs(_transposed(others[:n], time_s, correlation)).sum(axis=0)
-        leverage = np.where(better, np.divide(total, power, out=np.full(m, np.inf), where=known), leverage)
+        leverage = np.divide(total, power, out=np.full(m, np.inf), where=known)
+        with_one.append((likelihood, size, sd, leverage))
+    best_none, noise_sd = max(none, key=lambda one: one[0])
+    tried = np.array(with_one)  # (n_correlations, 4, n_candidates), of which the likeliest is taken
+    best, amplitude, sd, leverage = np.take_along_axis(tried, tried[:, :1].argmax(axis=0)[None], axis=0)[0]
     return ChangeScan(
         statistic=2.0 * np.maximum(best - best_none, 0.0),
         amplitude=amplitude,

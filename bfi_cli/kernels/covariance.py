@@ -7,6 +7,7 @@ over neighbouring rows. Both are taken in a second pass, some rows at a time (`u
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +16,7 @@ from scipy.linalg import lapack
 from . import FloatArray
 from .coherence import whiten
 from .lagged import Compressed, lagged
-from .piecewise import PiecewiseSignals
-from .scaled import ScaledSignals
+from .piecewise import PiecewiseSignals, ScaledSignals
 from .variable_projection import Fit
 
 # An atom whose power the regressors absorb but for less than this share is not seen: the rest is round-off.
@@ -236,23 +236,25 @@ def unfold_rows(layout: Layout, fit: Fit, on_factor: FitRows) -> FitRows:
     layout : with piecewise signals.
     on_factor : the fit on the triangular factor of this record, see `unfold_factor`.
     """
-    first, n, n_y = layout.first, len(layout.y), layout.y.shape[1]
-    error = np.empty((n - first, n_y))
-    for start in range(first, n, ROWS):
-        stop = min(start + ROWS, n)
-        corrected = _corrected(layout, fit, start - fit.order, stop)
-        error[start - first : stop - first] = corrected[fit.order :] - _predicted(
-            layout, fit, on_factor.coefficients, start, corrected
-        )
-    weighted = error if layout.weights is None else error * layout.weights[first:, None]
-    return replace(on_factor, error=error, weighted_error=weighted, signatures=np.zeros((n - first, n_y, 0)))
+    error = np.concatenate([error for _, _, error in _in_parts(layout, fit, on_factor.coefficients)])
+    weighted = error if layout.weights is None else error * layout.weights[layout.first :, None]
+    return replace(on_factor, error=error, weighted_error=weighted, signatures=np.zeros((*error.shape, 0)))
 
 
-def _corrected(layout: Layout, fit: Fit, start: int, stop: int) -> FloatArray:
-    """Return (stop - start, n_outputs) outputs without the faults of a fit."""
+def _in_parts(layout: Layout, fit: Fit, coefficients: FloatArray) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+    """Yield some rows, the outputs without faults of these and of `fit.order` samples before, and the prediction error.
+
+    Parameters
+    ----------
+    coefficients : (n_regressors, n_outputs).
+    """
     assert isinstance(layout.theta, PiecewiseSignals)
-    faults = layout.theta.of(fit.atoms).combined(fit.z, start, stop)
-    return np.asarray(layout.y[start:stop] - faults)
+    theta, n = layout.theta.of(fit.atoms), len(layout.y)
+    for start in range(layout.first, n, ROWS):
+        begin, stop = start - fit.order, min(start + ROWS, n)
+        corrected = np.asarray(layout.y[begin:stop] - theta.combined(fit.z, begin, stop))
+        predicted = _predicted(layout, fit, coefficients, start, corrected)
+        yield slice(start, stop), corrected, corrected[fit.order :] - predicted
 
 
 def _predicted(layout: Layout, fit: Fit, coefficients: FloatArray, start: int, corrected: FloatArray) -> FloatArray:
@@ -274,10 +276,6 @@ def _predicted(layout: Layout, fit: Fit, coefficients: FloatArray, start: int, c
     return total
 
 
-def _score_lags(n_rows: int) -> int:
-    return int(np.ceil(n_rows ** (1.0 / 3.0)))
-
-
 def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
     """Covariance of the magnitudes of the support: the information matrix's, widened where the scores are correlated.
 
@@ -291,13 +289,10 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
     if not fit.atoms:
         return np.zeros((0, 0))
     rows, n_y = unfolded.error.shape
-    G = whiten(unfolded.signatures[:, :, list(fit.atoms)], fit.sigma)
+    G, scale = _unit_signatures(fit, unfolded)
     e = whiten(unfolded.weighted_error[:, :, None], fit.sigma)
-    scale = np.linalg.norm(G, axis=0)
-    scale[scale == 0.0] = 1.0
-    G = G / scale
     scores = (G * e).reshape(rows, n_y, -1).sum(axis=1)
-    lags = _score_lags(rows)
+    lags = int(np.ceil(rows ** (1.0 / 3.0)))
     meat = scores.T @ scores
     for lag in range(1, lags + 1):
         cross = scores[lag:].T @ scores[:-lag]
@@ -317,35 +312,38 @@ def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compr
     if not fit.atoms:
         return np.zeros((0, 0))
     assert isinstance(layout.theta, PiecewiseSignals)
-    first, n, n_y, active = layout.first, len(layout.y), layout.y.shape[1], list(fit.atoms)
-    G = whiten(on_factor.signatures[:, :, active], fit.sigma)
-    scale = np.linalg.norm(G, axis=0)
-    scale[scale == 0.0] = 1.0
-    G = G / scale
+    n, n_y, active = len(layout.y), layout.y.shape[1], list(fit.atoms)
+    G, scale = _unit_signatures(fit, on_factor)
     # Signatures off the regressors: what the regressors make of them is taken off.
     filtered = layout.theta.of(active).filtered(fit.K)
     made, raw = _on_factor(data, fit)
     absorbed = _coefficients(made, raw[:, :, active].transpose(0, 2, 1).reshape(len(raw), -1))
-    width = _score_lags(n - first) + 1
+    width = int(np.ceil((n - layout.first) ** (1.0 / 3.0))) + 1
     meat, sums = np.zeros((len(active), len(active))), np.zeros((width, len(active)))
-    for start in range(first, n, ROWS):
-        stop = min(start + ROWS, n)
-        corrected = _corrected(layout, fit, start - fit.order, stop)
-        error = corrected[fit.order :] - _predicted(layout, fit, on_factor.coefficients, start, corrected)
-        g = filtered.between(start, stop).sum(axis=1) - _predicted(layout, fit, absorbed, start, corrected)
-        g = g.reshape(stop - start, len(active), n_y).transpose(0, 2, 1)
+    for rows, corrected, error in _in_parts(layout, fit, on_factor.coefficients):
+        g = filtered.between(rows.start, rows.stop).sum(axis=1)
+        g -= _predicted(layout, fit, absorbed, rows.start, corrected)
+        g = g.reshape(len(g), len(active), n_y).transpose(0, 2, 1)
         if layout.weights is not None:
-            error, g = error * layout.weights[start:stop, None], g * layout.weights[start:stop, None, None]
+            error, g = error * layout.weights[rows, None], g * layout.weights[rows, None, None]
         white = whiten(g, fit.sigma) * whiten(error[:, :, None], fit.sigma) / scale
         # The last `width` scores of the rows before, and zeros behind the last row, so that every sum is complete.
-        scores = white.reshape(stop - start, n_y, -1).sum(axis=1)
-        tail = np.zeros((width if stop == n else 0, len(active)))
+        scores = white.reshape(len(g), n_y, -1).sum(axis=1)
+        tail = np.zeros((width if rows.stop == n else 0, len(active)))
         scores = np.concatenate([sums, scores, tail])
         summed = np.cumsum(scores, axis=0)
         windows = summed[width:] - summed[:-width]
         meat += windows.T @ windows
         sums = scores[-width:]
     return _sandwich(fit, on_factor, G.T @ G, meat / width, scale)
+
+
+def _unit_signatures(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArray]:
+    """Return the whitened signatures of the support, of norm 1, and (n_active,) what they were divided by."""
+    G = whiten(unfolded.signatures[:, :, list(fit.atoms)], fit.sigma)
+    scale = np.linalg.norm(G, axis=0)
+    scale[scale == 0.0] = 1.0
+    return G / scale, scale
 
 
 def _sandwich(fit: Fit, unfolded: FitRows, information: FloatArray, meat: FloatArray, scale: FloatArray) -> FloatArray:

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from math import log, pi
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.linalg import lapack
@@ -71,18 +70,23 @@ class StateSpace:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FilterStep:
-    """The estimate after one measurement, and the innovation with its covariance and log-likelihood."""
+class Filtered(Gaussian):
+    """The estimate after a measurement; of a record, all with a first axis of samples, row k knowing y(0) to y(k).
 
-    estimate: Gaussian
+    Attributes
+    ----------
+    innovation, innovation_covariance : (n_y,) and (n_y, n_y), the measurement minus its prediction.
+    log_likelihood : (), of the measurement given what came before.
+    """
+
     innovation: FloatArray
     innovation_covariance: FloatArray
-    log_likelihood: float
+    log_likelihood: FloatArray
 
 
 Systems = tuple[StateSpace, ...]
 Estimates = tuple[Gaussian, ...]
-Exchange = Callable[[Systems, tuple[FilterStep, ...], int], tuple[Systems, Estimates]]
+Exchange = Callable[[Systems, tuple[Filtered, ...], int], tuple[Systems, Estimates]]
 
 
 def predict(posterior: Gaussian, system: StateSpace, *, u: FloatArray) -> Gaussian:
@@ -91,7 +95,7 @@ def predict(posterior: Gaussian, system: StateSpace, *, u: FloatArray) -> Gaussi
     return Gaussian(mean=A @ posterior.mean + system.B @ u, covariance=A @ posterior.covariance @ A.T + system.Q)
 
 
-def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray) -> FilterStep:
+def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray) -> Filtered:
     """Correct the predicted state `prior` with a measurement `y`, (n_y,); `u`, (n_u,), is the input with it.
 
     Raises
@@ -109,37 +113,20 @@ def update(prior: Gaussian, system: StateSpace, *, y: FloatArray, u: FloatArray)
     covariance = kept @ P @ kept.T + gain @ system.R @ gain.T
     white = lapack.dtrtrs(factor, innovation, lower=True)[0]
     log_det = 2.0 * float(np.log(factor.diagonal()).sum())
-    return FilterStep(
-        estimate=Gaussian(mean=prior.mean + gain @ innovation, covariance=(covariance + covariance.T) / 2.0),
+    return Filtered(
+        mean=prior.mean + gain @ innovation,
+        covariance=(covariance + covariance.T) / 2.0,
         innovation=innovation,
         innovation_covariance=S,
-        log_likelihood=-0.5 * (len(y) * log(2.0 * pi) + log_det + float(white @ white)),
+        log_likelihood=-0.5 * (len(y) * np.log(2.0 * np.pi) + log_det + white @ white),
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FilterRun:
-    """A filter over a record, row k after sample k.
-
-    Attributes
-    ----------
-    mean, covariance : (n_samples, n_x) and (n_samples, n_x, n_x), estimates that know y(0) to y(k).
-    innovation, innovation_covariance : (n_samples, n_y) and (n_samples, n_y, n_y), y(k) minus its prediction.
-    log_likelihood : (n_samples,), of y(k) given what came before.
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
-    innovation: FloatArray
-    innovation_covariance: FloatArray
-    log_likelihood: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BankRun:
     """A bank of filters over a record: every filter's own run, and (n_samples, n_filters) probabilities."""
 
-    filters: tuple[FilterRun, ...]
+    filters: tuple[Filtered, ...]
     probability: FloatArray
 
 
@@ -197,18 +184,13 @@ def filter_bank(
         log_p = update_probabilities(log_p, np.array([step.log_likelihood for step in now]), floor=floor)
         steps.append(now)
         history.append(log_p)
-        posteriors = tuple(step.estimate for step in now)
+        posteriors: Estimates = now
         if exchange is not None:
             systems, posteriors = exchange(systems, now, int(np.argmax(log_p)))
         priors = tuple(predict(p, system, u=u_k) for p, system in zip(posteriors, systems, strict=True))
+    names = [each.name for each in fields(Filtered)]
     runs = (
-        FilterRun(
-            mean=np.array([step.estimate.mean for step in of_filter]),
-            covariance=np.array([step.estimate.covariance for step in of_filter]),
-            innovation=np.array([step.innovation for step in of_filter]),
-            innovation_covariance=np.array([step.innovation_covariance for step in of_filter]),
-            log_likelihood=np.array([step.log_likelihood for step in of_filter]),
-        )
+        Filtered(**{name: np.array([getattr(step, name) for step in of_filter]) for name in names})
         for of_filter in zip(*steps, strict=True)
     )
     return BankRun(filters=tuple(runs), probability=np.exp(np.array(history)))
@@ -264,9 +246,9 @@ class SelectiveReinitialisation:
         self.squares: deque[float] = deque(maxlen=window or 0)
         self.excess = 0.0
 
-    def __call__(self, systems: Systems, steps: tuple[FilterStep, ...], winner: int) -> tuple[Systems, Estimates]:
+    def __call__(self, systems: Systems, steps: tuple[Filtered, ...], winner: int) -> tuple[Systems, Estimates]:
         """Return what the next sample starts from; `winner` is `NO_FAULT` or `FAULT`."""
-        free, faulty = (step.estimate for step in steps)
+        free, faulty = steps
         if self.squares.maxlen:
             c, system, step = self.channel, systems[FAULT], steps[FAULT]
             self.squares.append(float(step.innovation[c]) ** 2)

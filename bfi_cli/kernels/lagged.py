@@ -25,14 +25,15 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
-from .piecewise import PiecewiseSignals, Stretch, Stretches, Tail, regular_runs
+from .piecewise import PiecewiseSignals, ScaledSignals, Stretch, Stretches, Tail, regular_runs
 from .progress import Report, parts, silent
-from .scaled import ScaledSignals
 
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.
 PANEL = 16
 # Rows of the shortest segment that is kept, and of those that are formed at once; memory and speed only.
 SEGMENT, TAIL_ROWS = 16_384, 2048
+# Lagged rows that are formed at a time; likewise.
+BLOCK_ROWS = 1024
 # A run of fewer rows between sharp parts is formed as it is: a segment leaves as many rows as it has columns.
 SHORTEST_RUN = 128
 
@@ -107,13 +108,11 @@ class Compressed:
         columns of the constant and the inputs only. Read-only.
     columns : where the blocks lie.
     n_rows : rows of the matrix that R stands for.
-    scales : (n_cols,) norm of each column, 1 for a column that is zero beside the largest.
     """
 
     R: FloatArray
     columns: Columns
     n_rows: int
-    scales: FloatArray
 
 
 def lagged(x: FloatArray, lags: Sequence[int], *, first: int | None = None) -> FloatArray:
@@ -202,29 +201,27 @@ class SegmentFactors:
         """
         pieces, at = list[tuple[int, FloatArray]](), start
         while at < stop:
-            if at % self.rows or at + self.rows > stop:
-                until = min((at // self.rows + 1) * self.rows, stop)
-                pieces.append((at, self._made(at, until)))
+            size = self.rows
+            if at % size or at + size > stop:
+                size = min((at // size + 1) * size, stop) - at
+                pieces.append((at, self._made(at, at + size)))
             else:
-                level = 0
-                while at % (self.rows << (level + 1)) == 0 and at + (self.rows << (level + 1)) <= stop:
-                    level += 1
-                pieces.append((at, self._node(level, at)))
-                until = at + (self.rows << level)
-            at = until
+                while at % (2 * size) == 0 and at + 2 * size <= stop:
+                    size *= 2
+                pieces.append((at, self._kept(at, size)))
+            at += size
         return self._together(pieces)
 
-    def _node(self, level: int, start: int) -> FloatArray:
-        """Return the factor of ``rows * 2^level`` rows."""
-        if (level, start) not in self._known:
-            if level == 0:
-                made = self._made(start, start + self.rows)
-            else:
-                middle = start + (self.rows << (level - 1))
-                halves = [(at, self._node(level - 1, at)) for at in (start, middle)]
-                made = self._together(halves)
-            self._known[level, start] = made
-        return self._known[level, start]
+    def _kept(self, start: int, size: int) -> FloatArray:
+        """Return the factor of ``rows * 2^n`` rows, made once."""
+        if (start, size) not in self._known:
+            half = size // 2
+            self._known[start, size] = (
+                self._made(start, start + size)
+                if size == self.rows
+                else self._together([(at, self._kept(at, half)) for at in (start, start + half)])
+            )
+        return self._known[start, size]
 
     def _together(self, pieces: Sequence[tuple[int, FloatArray]]) -> FloatArray:
         """Return the factor of factors, of which the first row is given, functions counted from the first of them."""
@@ -308,7 +305,7 @@ def compress(
     order: int,
     feedthrough: bool = False,
     weights: FloatArray | None = None,
-    block_rows: int = 1024,
+    block_rows: int = BLOCK_ROWS,
     report: Report = silent,
     segments: SegmentFactors | None = None,
 ) -> Compressed:
@@ -371,7 +368,7 @@ def compress(
 
 
 def compress_beside(
-    theta: PiecewiseSignals, beside: PiecewiseSignals, *, segments: SegmentFactors, block_rows: int = 1024
+    theta: PiecewiseSignals, beside: PiecewiseSignals, *, segments: SegmentFactors
 ) -> tuple[Compressed, FloatArray]:
     """Return the factor of a record and a few signals, and the rows that others have beside it.
 
@@ -386,12 +383,12 @@ def compress_beside(
     The factor of the record with `theta`, whose R has more rows than columns, and (rows of R, n_beside).
     """
     columns = replace(segments.record_columns, n_atoms=theta.shape[2], signals=_signals_of(theta))
-    R = _piecewise_factor(theta, columns, beside, segments, block_rows, silent)
+    R = _piecewise_factor(theta, columns, beside, segments)
     data = _compressed(R[:, : columns.size], columns, len(segments.y) - segments.order)
     return data, R[:, columns.size :]
 
 
-def signals_factor(theta: PiecewiseSignals, *, block_rows: int = 1024) -> FloatArray:
+def signals_factor(theta: PiecewiseSignals) -> FloatArray:
     """Return (n, n_outputs + n_atoms) rows with the inner products of the constant of every output and of all signals.
 
     Samples of all outputs count as rows, each signal being zero on the others.
@@ -409,7 +406,7 @@ def signals_factor(theta: PiecewiseSignals, *, block_rows: int = 1024) -> FloatA
     )
     for output in range(n_y):
         own = [j for j, of in enumerate(theta.outputs) if of == output]
-        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(own), segments, block_rows, silent)
+        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(own), segments)
         rows = np.zeros((len(R), n_y + theta.shape[2]))
         rows[:, [output, *(n_y + j for j in own)]] = R
         parts_of.append(rows)
@@ -454,8 +451,8 @@ def _piecewise_factor(
     columns: Columns,
     beside: PiecewiseSignals | None,
     segments: SegmentFactors,
-    block_rows: int,
-    report: Report,
+    block_rows: int = BLOCK_ROWS,
+    report: Report = silent,
 ) -> FloatArray:
     """Return the factor of the stacked lagged matrix, signals that are `beside` it after all others.
 
@@ -532,41 +529,28 @@ def _runs(
     return made
 
 
-def restrict(data: Compressed, *, order: int | None = None, atoms: Sequence[int] | None = None) -> Compressed:
-    """Return the factor of a lower order, or of some of the atoms, over the same rows.
-
-    Parameters
-    ----------
-    data : from `compress`.
-    order : at most the order of `data`; None keeps it.
-    atoms : indices of the atoms to keep, in the order of the result; None keeps all.
-    """
+def restrict(data: Compressed, *, order: int) -> Compressed:
+    """Return the factor of an order, at most that of `data`, over the same rows."""
     whole = data.columns
-    order = whole.order if order is None else order
     if not 1 <= order <= whole.order:
         raise ValueError(f"order must lie in 1..{whole.order}, got {order}")
-    atoms = range(whole.n_atoms) if atoms is None else atoms
-    place = {atom: n for n, atom in enumerate(atoms)}
-    pairs = sorted((output, place[j], n) for n, (output, j) in enumerate(whole.signals) if j in place)
-    kept = [n for _, _, n in pairs]
-    signals = tuple((output, atom) for output, atom, _ in pairs)
-    columns = replace(whole, order=order, n_atoms=len(atoms), signals=signals)
-    index = np.arange(whole.size)
+    if order == whole.order:
+        return data
+    columns, index = replace(whole, order=order), np.arange(whole.size)
     parts = (
         index[: columns.n_base],
-        index[whole.theta_lags].reshape(whole.order, -1)[:order, kept].ravel(),
+        index[whole.theta_lags][: order * len(whole.signals)],
         index[whole.y_lags][: order * whole.n_outputs],
-        index[whole.theta][kept],
+        index[whole.theta],
         index[whole.y],
     )
-    picked = np.concatenate(parts)
-    R = data.R.T[picked].T
+    R = data.R.T[np.concatenate(parts)].T
     if len(R) > columns.size:
         R = np.asarray(np.linalg.qr(R, mode="r"))
     else:
         upper = min(whole.n_base, len(R))  # rows below are zero in the columns of the constant and the inputs
         R[:upper] = triangular_first(R[:upper], columns.n_base)
-    return _frozen(R, columns, data.n_rows, data.scales[picked])
+    return _compressed(R, columns, data.n_rows)
 
 
 def with_fault(data: Compressed, magnitudes: FloatArray) -> Compressed:
@@ -621,12 +605,5 @@ def _fill(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:
 def _compressed(R: FloatArray, columns: Columns, n_rows: int) -> Compressed:
     if not np.isfinite(R).all():
         raise ValueError("u, y and theta must be finite, got NaN or infinite values; repair or cut them first")
-    norms = np.linalg.norm(R, axis=0)
-    scales = np.where(norms > np.finfo(float).eps * norms.max(), norms, 1.0)
-    return _frozen(R, columns, n_rows, scales)
-
-
-def _frozen(R: FloatArray, columns: Columns, n_rows: int, scales: FloatArray) -> Compressed:
-    for array in (R, scales):
-        array.setflags(write=False)
-    return Compressed(R=R, columns=columns, n_rows=n_rows, scales=scales)
+    R.setflags(write=False)
+    return Compressed(R=R, columns=columns, n_rows=n_rows)

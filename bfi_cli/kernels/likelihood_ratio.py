@@ -10,12 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-__all__ = ["LikelihoodRatio", "NoiseModel", "Residual", "likelihood_ratio", "noise_model", "settle"]
-
-FloatArray = NDArray[np.float64]
+from . import FloatArray
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
 # Of a nuisance column's largest, below which its part off the others is rounding.
@@ -60,7 +57,9 @@ class Residual:
 
     def whitened(self, signatures: FloatArray) -> FloatArray:
         """Return (n + n_prior, ...) signatures, (n, ...) in the residual's unit, whitened and off the nuisances."""
-        return off(self.nuisances, self.whitening @ signatures)
+        white = self.whitening @ signatures
+        rows = np.concatenate([white, np.zeros((len(self.nuisances) - len(white), *white.shape[1:]))])
+        return np.asarray(rows - self.nuisances @ (self.nuisances.T @ rows))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,12 +69,11 @@ class LikelihoodRatio:
     Attributes
     ----------
     ratio : (n_onsets,) twice the log-likelihood ratio against no fault.
-    gain : (n_onsets,) the part of it that the fault's own magnitude explains; magnitude, sd : (n_onsets,) estimates.
+    magnitude, sd : (n_onsets,) estimates.
     parts : (n_residuals, n_onsets) of `ratio`, what each residual says at the joint magnitude.
     """
 
     ratio: FloatArray
-    gain: FloatArray
     magnitude: FloatArray
     sd: FloatArray
     parts: FloatArray
@@ -90,13 +88,6 @@ def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> Noi
     of_fast = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(fast)))))
     log_det = np.log(variances).sum(axis=1) + of_fast
     return NoiseModel(levels=levels, modes=np.ascontiguousarray(vectors.T), variances=variances, log_det=log_det)
-
-
-def off(nuisances: FloatArray, whitened: FloatArray) -> FloatArray:
-    """Return whitened columns, (n, ...), stacked over zeros for the priors, off orthonormal nuisances."""
-    missing = nuisances.shape[0] - whitened.shape[0]
-    rows = np.concatenate([whitened, np.zeros((missing, *whitened.shape[1:]))]) if missing else whitened
-    return np.asarray(rows - nuisances @ (nuisances.T @ rows))
 
 
 def settle(
@@ -157,10 +148,8 @@ def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatAr
     magnitude = np.where(seen, shown.sum(axis=0) / safe, 0.0)
     costs = np.array([residual.cost for residual in residuals])
     parts = costs[:, None] + 2.0 * magnitude * shown - magnitude**2 * power
-    gain = np.where(seen, shown.sum(axis=0) ** 2 / safe, 0.0)
     return LikelihoodRatio(
-        ratio=costs.sum() + gain,
-        gain=gain,
+        ratio=costs.sum() + np.where(seen, shown.sum(axis=0) ** 2 / safe, 0.0),
         magnitude=magnitude,
         sd=np.where(seen, 1.0 / np.sqrt(safe), np.inf),
         parts=parts,

@@ -120,13 +120,10 @@ def search_orders(
     known : what was visited before.
     report : called with the fraction that is done.
     """
-    limit = len(candidates) if max_active is None else min(max_active, len(candidates))
     exploring, comparing = shares(report, 3, 1)
     # Nobody knows how many fits an order takes: adding PATIENCE atoms that do not help tries each so often.
     about = (PATIENCE + 1) * len(candidates) + 1
-    every = [
-        _Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)
-    ]
+    every = _visits(problems, candidates, penalty, max_active, known)
     for visits, of_order in parts(exploring, every):
         visits.step = steps(of_order, about)
         forward = visits.search_forward(candidates)
@@ -168,16 +165,13 @@ def refine_supports(
     searches : by order.
     agreed : the best support was proposed, or is part of a proposed one.
     """
-    limit = len(candidates) if max_active is None else min(max_active, len(candidates))
-    every = [
-        _Visits(problem, penalty, limit, fits) for problem, fits in zip(problems, _fits(known, problems), strict=True)
-    ]
+    every = _visits(problems, candidates, penalty, max_active, known)
     for visits in every:
         visits.visit((), [[]])
         for proposal in proposals:
             if proposal.order == visits.problem.order and len(proposal.atoms) <= visits.room:
                 visited = visits.visit(proposal.atoms, [proposal.z])
-                if len(proposal.atoms) > limit:
+                if len(proposal.atoms) > visits.limit:
                     visits.search_backward(visited)
     agreed, seen = True, set()
     while True:
@@ -199,11 +193,6 @@ def refine_supports(
             if same and same.criterion < best.criterion + penalty.per_parameter + penalty.per_atom:
                 visits.search_beside(same.fit, candidates, exchanging=visits is at)
         agreed = agreed and min(visits.result().best.criterion for visits in every) == best.criterion
-
-
-def _fits(known: Sequence[OrderSearch], problems: Sequence[ProjectedRegression]) -> list[tuple[Fit, ...]]:
-    """Return what is known of every order."""
-    return [tuple(scored.fit for scored in search.visited) for search in known] or [() for _ in problems]
 
 
 def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> ScoredFit | None:
@@ -307,6 +296,19 @@ class _Visits:
             )
             since = 0 if current.criterion < best else since + 1
             best = min(best, current.criterion) if len(current.fit.atoms) <= self.limit else current.criterion
+
+
+def _visits(
+    problems: Sequence[ProjectedRegression],
+    candidates: Sequence[int],
+    penalty: Penalty,
+    max_active: int | None,
+    known: Sequence[OrderSearch],
+) -> list[_Visits]:
+    """Return the visits of every order, with what is known of it."""
+    limit = len(candidates) if max_active is None else min(max_active, len(candidates))
+    fits = [[scored.fit for scored in search.visited] for search in known] or [[] for _ in problems]
+    return [_Visits(problem, penalty, limit, of_order) for problem, of_order in zip(problems, fits, strict=True)]
 
 
 def _criterion(scored: ScoredFit) -> float:

@@ -2,7 +2,8 @@
 
 A fault is sharp at its onset, its bends and its end; between them it is ``level + rate t + Re(amplitude exp(exponent
 t))``. So the signals of a dictionary over a day take no more memory than over a minute, and lagged or filtered copies
-of tails with the same exponents span a space of a few dimensions (`kernels.lagged` makes use of both).
+of tails with the same exponents span a space of a few dimensions (`kernels.lagged` makes use of both). The channels of
+such a record are held once, and are centred and scaled as they are asked for (`ScaledSignals`).
 """
 
 from __future__ import annotations
@@ -10,18 +11,19 @@ from __future__ import annotations
 import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from . import FloatArray
 
-__all__ = ["LONGEST_REACH", "PiecewiseSignals", "Stretch", "Tail", "signal_of"]
-
 # Time constants that a filter may reach beside a sample: e^50 of a signal is far from the largest number.
 LONGEST_REACH = 50.0
 # Samples of a signal that are evaluated at once, for memory.
 AT_ONCE = 262_144
+# Samples of which means are taken at once, likewise.
+MEAN_OF = 65_536
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -331,3 +333,48 @@ def _ends_of(stretch: Stretch) -> list[tuple[int, int]]:
     if isinstance(tail, Tail) and tail.amplitude == 0.0:  # a line has them at its ends
         return [(start, start + 1), (stop - 1, stop)]
     return [(k, min(k + AT_ONCE, stop)) for k in range(start, stop, AT_ONCE)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ScaledSignals:
+    """Signals less their centre, over their unit; as an array (n_samples, n_signals).
+
+    Attributes
+    ----------
+    values : (n_samples, n_signals); center, unit : (n_signals,).
+    """
+
+    values: FloatArray
+    center: FloatArray
+    unit: FloatArray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n_samples, n_signals)."""
+        return self.values.shape
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, rows: Any) -> FloatArray:
+        """Return the scaled signals of a slice of samples, or what else of all of them is asked for."""
+        if not isinstance(rows, slice):
+            return np.asarray(np.asarray(self)[rows])
+        scaled = self.values[rows] - self.center
+        scaled /= self.unit
+        return scaled
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> FloatArray:
+        """Return (n_samples, n_signals), which a short record has the memory for."""
+        return self[:]
+
+
+def standardised(values: FloatArray, *, centred: bool) -> ScaledSignals:
+    """Return signals (n_samples, n_signals) with standard deviation 1 and, if centred, mean 0; constants unscaled."""
+    n, parts = len(values), range(0, len(values), MEAN_OF)
+    mean = np.sum([np.sum(values[k : k + MEAN_OF], axis=0) for k in parts], axis=0) / n
+    squares = np.sum([np.sum((values[k : k + MEAN_OF] - mean) ** 2, axis=0) for k in parts], axis=0)
+    unit = np.sqrt(squares / n)
+    return ScaledSignals(
+        values=values, center=mean if centred else np.zeros(values.shape[1]), unit=np.where(unit > 0.0, unit, 1.0)
+    )

@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import accumulate, count, pairwise
 from typing import TypeVar
 
-__all__ = ["Progress", "Report", "Step", "parts", "shares", "silent", "steps", "unseen"]
-
 T = TypeVar("T")
 Report = Callable[[float], None]
 Progress = Callable[[str, float], None]

@@ -6,8 +6,6 @@ import numpy as np
 
 from . import FloatArray
 
-__all__ = ["quantum_of_plateaus"]
-
 # s; a signal that rests this long has left a recorder's low-pass of 0.4 Hz and more behind it.
 PLATEAU_S = 0.9
 # Rest is a travel below this share of the median step between samples, and within the rounding of float32.

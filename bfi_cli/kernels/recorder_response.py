@@ -14,6 +14,7 @@ import numpy as np
 
 from . import FloatArray
 from .low_pass import HIGHEST_EDGE, RECORDERS, Kind, low_pass
+from .running import travel
 
 # Levels must be flat to this share of the jump for this long on both sides of the transition.
 FLAT, PLATEAU_S = 0.02, 0.8
@@ -78,17 +79,16 @@ def recorder_from_jumps(channels: Iterable[FloatArray], rate_hz: float) -> Recor
 
 def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArray, FloatArray, int] | None:
     """Return time after the half crossing, in samples, and level from 0 to 1, of all samples around all jumps."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+    from scipy.ndimage import uniform_filter1d
 
     plateau, half = max(2, round(PLATEAU_S * rate_hz)), round((width_s + PLATEAU_S) * rate_hz)
     n = 2 * half + 2 - plateau  # from the start of one plateau to that of the other
     if half == 0 or len(values) < n + plateau or not np.abs(values).max() < LARGEST:
         return None
-    centre = slice(plateau // 2, len(values) - plateau + plateau // 2 + 1)
-    travel = (maximum_filter1d(values, plateau) - minimum_filter1d(values, plateau))[centre]
-    mean = uniform_filter1d(values, plateau)[centre]
+    moved = travel(values, plateau)
+    mean = uniform_filter1d(values, plateau)[plateau // 2 :][: len(moved)]
     before, jump = mean[:-n], mean[n:] - mean[:-n]
-    isolated = np.maximum(travel[:-n], travel[n:]) < FLAT * np.abs(jump)
+    isolated = np.maximum(moved[:-n], moved[n:]) < FLAT * np.abs(jump)
     middle, last, first = before + 0.5 * jump, values[half:][: len(before)], values[half + 1 :][: len(before)]
     at = np.flatnonzero(isolated & ((last - middle) * (first - middle) <= 0.0) & (last != first))
     if at.size < FEWEST_JUMPS:
@@ -144,9 +144,12 @@ def _misfit(edge: float, kind: Kind, grid: FloatArray, response: FloatArray) -> 
     if fine.changes_nothing:
         return np.inf
     step = np.cumsum(fine.taps)
+    k = int(np.argmax(step >= 0.5))
+    before = step[k - 1] if k else 0.0
+    half_crossing = k - 1 + (0.5 - before) / (step[k] - before)
     half = int(np.ceil(-grid[0])) + 2
     phase = np.arange(FINE) / FINE
-    at = np.arange(-half, half + 1) + _half_crossing(step) / FINE + phase[:, None]
+    at = np.arange(-half, half + 1) + half_crossing / FINE + phase[:, None]
     level = np.interp(at, np.arange(len(step)) / FINE, step, left=0.0, right=1.0)
     last = np.argmax(level >= 0.5, axis=1) - 1
     every = np.arange(FINE)
@@ -157,10 +160,3 @@ def _misfit(edge: float, kind: Kind, grid: FloatArray, response: FloatArray) -> 
     count = np.maximum(np.bincount(bins), 1)
     expected = np.interp(grid, np.bincount(bins, delay.ravel()) / count, np.bincount(bins, level.ravel()) / count)
     return float(np.sqrt(np.mean((expected - response) ** 2)))
-
-
-def _half_crossing(step: FloatArray) -> float:
-    """Return the index at which a step response reaches one half."""
-    k = int(np.argmax(step >= 0.5))
-    before = step[k - 1] if k else 0.0
-    return float(k - 1 + (0.5 - before) / (step[k] - before))

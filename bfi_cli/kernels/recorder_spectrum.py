@@ -67,10 +67,13 @@ def recorder_from_spectra(channels: Iterable[FloatArray], rate_hz: float) -> Spe
     channels : each (n_samples,), at `rate_hz`.
     """
     usable = [spectrum for values in channels if (spectrum := _spectrum(values)) is not None]
-    cliffs = [(spectrum, without) for spectrum in usable if (without := spectrum.deviation()) > CLIFF]
+    cliffs = [(n, level, without) for n, level in usable if (without := float(_off_power_law(n, level))) > CLIFF]
     if len(cliffs) < max(FEWEST_CHANNELS, COMMON * len(usable)):
         return None
-    left = [np.minimum(spectrum.deviation_behind_filters() / without, 1.0) for spectrum, without in cliffs]
+    left = [
+        np.minimum(_off_power_law(n, level - _gains(n)[:, :, : len(level)]) / without, 1.0)
+        for n, level, without in cliffs
+    ]
     mean = np.mean(left, axis=0)  # (n_kinds, n_edges)
     best = np.argsort(mean.min(axis=1))
     edges = EDGES[mean.argmin(axis=1)] * rate_hz
@@ -84,33 +87,15 @@ def recorder_from_spectra(channels: Iterable[FloatArray], rate_hz: float) -> Spe
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Spectrum:
-    """A channel's spectrum up to where noise from behind the filter begins.
-
-    Attributes
-    ----------
-    n_segment : samples of a segment.
-    level : (n_bins,) logarithm of power; power_law : (n_bins, 2) orthonormal basis of a power law.
-    """
-
-    n_segment: int
-    level: FloatArray
-    power_law: FloatArray
-
-    def deviation(self) -> float:
-        """Return the mean squared deviation from a power law."""
-        return float(self._off(self.level))
-
-    def deviation_behind_filters(self) -> FloatArray:
-        """Return that of the spectrum in front of every filter, (n_kinds, n_edges)."""
-        return self._off(self.level - _gains(self.n_segment)[:, :, : len(self.level)])
-
-    def _off(self, y: FloatArray) -> FloatArray:
-        return np.asarray(np.mean((y - (y @ self.power_law) @ self.power_law.T) ** 2, axis=-1), dtype=np.float64)
+def _off_power_law(n: int, level: FloatArray) -> FloatArray:
+    """Return the mean squared deviation (...,) of spectra (..., n_bins) of segments of n samples from a power law."""
+    frequency = _bins(n)[0][: level.shape[-1]]
+    basis, _ = np.linalg.qr(np.column_stack([np.ones(len(frequency)), np.log(frequency)]))
+    return np.asarray(np.mean((level - (level @ basis) @ basis.T) ** 2, axis=-1))
 
 
-def _spectrum(values: FloatArray) -> _Spectrum | None:
+def _spectrum(values: FloatArray) -> tuple[int, FloatArray] | None:
+    """Return samples of a segment, and (n_bins,) the logarithm of power up to where noise from behind begins."""
     n = min(SEGMENT, 2 * (len(values) - 1) // (FEWEST_SEGMENTS + 1))
     if n < 4 * LOWEST_CYCLES or not np.abs(values).max() < LARGEST or np.ptp(values) == 0.0:
         return None
@@ -119,15 +104,11 @@ def _spectrum(values: FloatArray) -> _Spectrum | None:
     segments = np.lib.stride_tricks.sliding_window_view(steps, n)[:: n // 2]
     centred = segments - segments.mean(axis=1, keepdims=True)
     power = np.mean(np.abs(np.fft.rfft(centred * _taper(n), axis=1)) ** 2, axis=0)[1:]
-    frequency, members = _bins(n)
     power = power / (2.0 * np.sin(np.pi * np.arange(1, len(power) + 1) / n)) ** 2
-    level = np.log(np.maximum([power[member].mean() for member in members], np.finfo(float).tiny))
+    level = np.log(np.maximum([power[member].mean() for member in _bins(n)[1]], np.finfo(float).tiny))
     high = level > level.min() + ABOVE_FLOOR
     end = len(level) if high.all() else int(np.argmin(high))
-    if end < FEWEST_BINS:
-        return None
-    power_law, _ = np.linalg.qr(np.column_stack([np.ones(end), np.log(frequency[:end])]))
-    return _Spectrum(n_segment=n, level=level[:end], power_law=power_law)
+    return (n, level[:end]) if end >= FEWEST_BINS else None
 
 
 def _taper(n: int) -> FloatArray:

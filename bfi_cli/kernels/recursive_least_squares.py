@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 from .lagged import add_rows
-from .running_weights import MAD
+from .normal import MAD
 
 # A coefficient is known before the record to about noise / PRIOR, that is, next to nothing is known.
 PRIOR = 1e-3

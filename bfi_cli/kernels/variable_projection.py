@@ -102,7 +102,7 @@ class Fit:
 
 def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> ProjectedRegression:
     """Return the regression of `order` on the rows of `data`, constant and inputs projected out."""
-    lower = data if order == data.columns.order else restrict(data, order=order)
+    lower = restrict(data, order=order)
     columns, rest = lower.columns, lower.R[lower.columns.n_base :]
     theta, y = (
         np.concatenate([rest.T[now], rest.T[lags]]).reshape(order + 1, -1, len(rest)).transpose(2, 0, 1)

@@ -206,7 +206,7 @@ def claims_of(
                 tolerance=tolerances[channel],
                 channel_unit=unit,
                 note=suspicion or said.note,
-                onsets_checked=() if own else _checked(record, shape, output, order),
+                onsets_checked=None if own else _checked(record, shape, output, order),
             )
         )
     return tuple(candidates)

@@ -30,7 +30,7 @@ from .magnitudes import measure
 from .result import OnsetResult, assemble_result
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import Likelihood, ScanRecord, prepare_record
-from .shapes import fault_of
+from .shapes import SCANNED_AS, fault_of
 from .thesis import find_onset_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
@@ -43,6 +43,8 @@ UNMOVED = 0.1  # of a standard deviation
 SLACK = 1e-3
 # A kind of fault is told from another where its criterion is lower by this much, ten to one by the likelihoods.
 NOT_TOLD = 2.0 * float(np.log(10.0))
+# Time constants tried between two of the grid, which are a factor of two apart: a sixth apart in their logarithm.
+FINER = 4
 # An input moves most where it changes by half of the most it ever does, if that is in no more than 5 % of the samples;
 # a fault is beside it within 1.5 s, the time in which an error of the model dies out. Chosen without tuning.
 MOST, RARE, BESIDE_S = 0.5, 0.05, 1.5
@@ -278,20 +280,43 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
     least = min(cost for cost, _ in found)
     told = [one for cost, one in found if cost - least <= NOT_TOLD * dispersion]
     best = min(told, key=lambda one: (one.form.parameter is not None, -one.statistic))
+    best = _with_likeliest_constant(record, y, best, order)
     return replace(best, among=tuple(dict.fromkeys((best.form.shape, *(one.form.shape for one in told)))))
 
 
 def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> list[Peak]:
-    """Return the best lag and the best ramp on every output on which a step stands out."""
-    outputs = {peak.form.output for peak in verdict.significant if peak.form.shape == "bias"}
-    best: dict[tuple[str, int], Peak] = {}
+    """Return the best lag and the best ramp on every output on which anything stands out."""
+    outputs = {peak.form.output for peak in verdict.significant}
+    peaks: dict[tuple[str, int], list[Peak]] = {}
     for form in record.kinds.rivals:
         if form.output in outputs:
             peak = lasting_peak(record, scan_of(record, y, order, output=form.output), form)
-            key = (form.shape, form.output)
-            if key not in best or peak.statistic > best[key].statistic:
-                best[key] = peak
-    return list(best.values())
+            peaks.setdefault((form.shape, form.output), []).append(peak)
+    return [max(own, key=lambda peak: peak.statistic) for own in peaks.values()]
+
+
+def _with_likeliest_constant(record: ScanRecord, y: FloatArray, found: Estimate, order: int) -> Estimate:
+    """Return a lag or a ramp with its likeliest time constant or duration, whose spread is in that of the magnitude.
+
+    Those tried lie between the neighbours of the one found on the grid, each weighted by its likelihood.
+    """
+    stated = len({form.parameter for form in record.kinds.rivals if form.shape == found.form.shape}) == 1
+    if found.form.shape not in SCANNED_AS or found.form.parameter is None or stated:
+        return found
+    scan = scan_of(record, y, order, output=found.form.output)
+    forms = [replace(found.form, parameter=found.form.parameter * 2.0 ** (k / FINER)) for k in range(-FINER, FINER + 1)]
+    peaks = [lasting_peak(record, scan, form) for form in forms]
+    best = max(peaks, key=lambda peak: peak.statistic)
+    likeliest = estimate(record, y, best, order=order)
+    dispersion = _dispersion(record, subtract_faults(y, likeliest), likeliest, order)
+    weight = np.array([np.exp(0.5 * (peak.statistic - best.statistic) / dispersion) for peak in peaks])
+    z = np.array([peak.profile.z[peak.profile.best] for peak in peaks])
+    spread = float(weight @ (z - best.profile.z[best.profile.best]) ** 2 / weight.sum())
+    return replace(
+        likeliest,
+        sd=float(np.sqrt(likeliest.sd**2 + spread)),
+        onset_spread=float(np.sqrt(likeliest.onset_spread**2 + spread)),
+    )
 
 
 def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, report: Report) -> list[Estimate]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.likelihood_ratio import likelihood_ratio
+from ..kernels.normal import CHI_SQUARE_95
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
 from .scan import FIRST_ONSET_S, LAST_ONSET_S, WindowScan, fault_signatures, residual_values
 
@@ -41,7 +42,6 @@ RARER = 4.6  # 2 ln 10
 # What another course than a ramp must gain: it was chosen from several (2 ln 4.5; chosen by hand, not tuned). Of these
 # so many are fitted, the best by a linear look.
 PRICE, TRIED = 3.0, 3
-CHI_SQUARE_95 = 3.84  # with one degree of freedom
 # Of the standard deviations of magnitude and onset: 95 % of the magnitudes of twelve trials on those flights lie within
 # 1.9 to 3.2 of them, in the median 2.6, where a normal distribution has 1.96.
 TAILS = 1.3

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..flightlog import FlightLog
+from ..kernels.normal import CHI_SQUARE_95
 from .braking import LEFT, brakes
 from .finding import Finding
 from .lines import (
@@ -21,7 +22,7 @@ from .lines import (
     stretches_of,
     touching_runs,
 )
-from .relaxation import ALIKE, CHI_SQUARE, Relaxation, relaxations
+from .relaxation import ALIKE, Relaxation, relaxations
 
 __all__ = ["LANDING", "begins_within", "pitot_leaks", "static_leaks"]
 
@@ -200,7 +201,7 @@ def _fall(
         return None
     at, squares, k, time_constant_s = told
     # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
-    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + ALIKE * CHI_SQUARE / len(at))) + 2]
+    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + ALIKE * CHI_SQUARE_95 / len(at))) + 2]
     onset_s = float(at[k + 2])
     half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
     return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s

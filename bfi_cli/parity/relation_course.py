@@ -15,9 +15,10 @@ from scipy.special import ndtr
 
 from ..faults import Fault, magnitude_unit
 from ..kernels.change_scan import scan_changes
+from ..kernels.normal import CHI_SQUARE_95
 from .explain import PRICE
 from .finding import Finding
-from .static_relations import AVERAGED, BLOCK_S, CI95, MARGIN_S, RelationSeries
+from .static_relations import AVERAGED, BLOCK_S, MARGIN_S, RelationSeries
 
 __all__ = ["with_course"]
 
@@ -108,7 +109,7 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     squares = sd[same] ** 2 + (magnitude[same] - magnitude[best]) ** 2
     reached = float(np.max(np.abs(_averaged(names[best], time_s))))
     steps = AVERAGED * series.noise_sd / (float(np.nanmedian(np.abs(effect))) * reached)
-    near_s = np.array([one[2] for one in names])[same & (statistic >= statistic[best] - CI95)]
+    near_s = np.array([one[2] for one in names])[same & (statistic >= statistic[best] - CHI_SQUARE_95)]
     size = Fault(shape=shape, channel="any", magnitude=1.0, onset_s=0.0)
     return replace(
         finding,

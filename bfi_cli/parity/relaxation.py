@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.normal import CHI_SQUARE_95
+
 __all__ = ["Relaxation", "relaxations"]
 
 FloatArray = NDArray[np.float64]
@@ -35,9 +37,8 @@ LARGEST_MISFIT = 0.03
 MORE_THAN_STOPPED = 3.0
 # s around a candidate in which its onset is sought: the rate after it is a mean.
 AROUND_S = 3.0
-# Of the chi-square distribution with one degree of freedom, 95 %; errors of neighbouring blocks are alike, so that a
-# fifth of them count.
-CHI_SQUARE, ALIKE = 3.84, 5.0
+# Errors of neighbouring blocks are alike, so that a fifth of them count.
+ALIKE = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +125,7 @@ def _best(
     jump = best.change / max(best.time_constant_s, AROUND_S)
     if best.loss > LARGEST_MISFIT**2 or abs(jump) < best.least_jump:
         return None
-    near = [one.onset for one in some if one.loss <= best.loss * (1.0 + ALIKE * CHI_SQUARE / best.n_blocks)]
+    near = [one.onset for one in some if one.loss <= best.loss * (1.0 + ALIKE * CHI_SQUARE_95 / best.n_blocks)]
     step_s = float(time_s[best.onset] - time_s[best.onset - 1])
     return Relaxation(
         onset=best.onset,

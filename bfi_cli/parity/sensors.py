@@ -17,7 +17,7 @@ from ..airdata import climb_angle, static_temperature
 from ..flightlog import FlightLog
 from ..flightlog.holds import find_quantum
 from ..flightlog.phases import Phase
-from ..kernels.normal import TWO_SIDED_95
+from ..kernels.normal import CHI_SQUARE_95, MAD, TWO_SIDED_95
 from .credibility import climbing_load, still_air_angle
 from .finding import Finding
 from .record import Record
@@ -45,7 +45,7 @@ UNUSUAL, LASTS_S = 10.0, 30
 LOAD_MEAN_S, LARGEST_BANK, FEWEST = 120, np.radians(20.0), 0.6
 LEAST_STEP, UNUSUAL_LOAD = 0.15, 10.0
 # s over which errors of the means are alike, where an onset is sought.
-ALIKE_S, CHI_SQUARE = 10.0, 3.84
+ALIKE_S = 10.0
 
 
 def frozen_vanes(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
@@ -136,7 +136,7 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     if np.count_nonzero(known) < LASTS_S:
         return ()
     own = warmer - follows @ np.linalg.lstsq(follows[known], warmer[known], rcond=None)[0]
-    usual = 1.4826 * float(np.median(np.abs(own[known])))
+    usual = MAD * float(np.median(np.abs(own[known])))
     least = np.maximum(AIR_K, UNUSUAL * usual) + LAYERED * np.abs(higher)
     return tuple(
         _probe_finding(record, recorded, heat, int(k), float(own[k]), usual, float(least[k]))
@@ -270,7 +270,7 @@ def _onset(values: FloatArray) -> tuple[int, int, int]:
     gained = (before - after) ** 2 * n * n[::-1] / len(x)
     k = int(np.argmax(gained))
     spread = float(np.sum((x - x.mean()) ** 2) - gained[k]) / len(x)
-    near = np.flatnonzero(gained >= gained[k] - CHI_SQUARE * ALIKE_S * spread)
+    near = np.flatnonzero(gained >= gained[k] - CHI_SQUARE_95 * ALIKE_S * spread)
     return int(known[k + 1]), int(known[near[0]]), int(known[near[-1] + 1])
 
 

@@ -29,6 +29,7 @@ from ..channels import match_name
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
+from ..kernels.normal import CHI_SQUARE_95
 from .finding import Finding, Limit
 from .sampled import Blocks, airborne, quanta_of, unit_of
 
@@ -58,7 +59,6 @@ AS_GOOD = 4.6
 # Of a step of one quantisation, in a comparison of channels: a change lies between two means, which average most of it.
 # With 1 in place of 0.5 a tenth of the errors of tas of 0.1 m/s was named with tat, with 0.5 a hundredth, none wrong.
 AVERAGED = 0.5
-CI95 = 3.84  # of chi-square with one degree of freedom
 # Pieces of this length about a line show the noise of a relation that no recorded step explains.
 PIECE_S = 20.0
 # Where some channel does not show its steps, what the known ones do not explain of that noise counts so many times: the
@@ -582,7 +582,7 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
     # The size from the relation that shows it best, whose noise alone the interval has.
     magnitude, sd = scan.amplitude[best] / effects[fault], scan.sd[best] / abs(effects[fault])
     of_shape = slice(0, onsets_s.size) if shape == "bias" else slice(onsets_s.size, None)
-    near = onsets_s[scan.statistic[of_shape] >= scan.statistic[best] - CI95]
+    near = onsets_s[scan.statistic[of_shape] >= scan.statistic[best] - CHI_SQUARE_95]
     unit = unit_of(log, fault)
     return Finding(
         fault=fault,

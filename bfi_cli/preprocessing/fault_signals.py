@@ -16,7 +16,7 @@ from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.low_pass import Response
 from ..kernels.piecewise import LONGEST_REACH, PiecewiseSignals, Stretch, Stretches, signal_of
 
-__all__ = ["PIECEWISE", "FaultSignals", "LogSignal", "decimated_fault", "decimated_stretches"]
+__all__ = ["PIECEWISE", "FaultSignals", "LogSignal"]
 
 FloatArray = NDArray[np.float64]
 
@@ -69,12 +69,6 @@ class FaultSignals:
     of_log: Mapping[int, LogSignal] = field(default_factory=dict)
     resampled: FloatArray | None = None
     _even: dict[int, bool] = field(init=False, repr=False, default_factory=dict)  # by factor, once it is known
-
-    def is_even(self, factor: int) -> bool:
-        """Say whether the samples that are left after a decimation have even steps."""
-        if factor not in self._even:
-            self._even[factor] = _is_even(self.time_s, factor)
-        return self._even[factor]
 
     def between(self, rows: slice) -> FloatArray:
         """Return (n_rows, n_outputs, n_faults) of these samples."""
@@ -146,9 +140,7 @@ class FaultSignals:
                 theta[:, :, j] = decimate(signal, factor, lowpass)
                 largest[j] = np.max(np.abs(signal[:, own]), initial=0.0)
                 continue
-            theta[:, own, j], largest[j] = decimated_fault(
-                fault, self.time_s, factor, lowpass, window_start_s=self.window_start_s, response=self.response
-            )
+            theta[:, own, j], largest[j] = self.signal_of(fault, factor, lowpass)
         return theta, largest
 
     def _stretches(self, factor: int, lowpass: Lowpass, n_rows: int) -> tuple[PiecewiseSignals, FloatArray]:
@@ -182,155 +174,117 @@ class FaultSignals:
         """The mean time step."""
         return float(self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1)
 
+    def n_rows(self, factor: int, lowpass: Lowpass) -> int:
+        """Return the number of samples that a decimation leaves."""
+        return (len(self.time_s) - lowpass_taps(factor, lowpass).size) // factor + 1
+
+    def signal_of(self, fault: Fault, factor: int, lowpass: Lowpass) -> tuple[FloatArray, float]:
+        """Return (n_rows,) the signal of a fault as the log shows it, decimated, and its largest native value.
+
+        A record of more than a block is made in stretches, see `stretches_of`.
+
+        Raises
+        ------
+        ValueError : there are fewer samples than the filter has taps.
+        """
+        if len(self.time_s) <= BLOCK or not self.is_even(factor):
+            return self._in_blocks(fault, self.time_s, factor, lowpass)
+        stretches, largest = self.stretches_of(fault, factor, lowpass)
+        n_rows, step_s = self.n_rows(factor, lowpass), factor * self.step_s
+        signal = PiecewiseSignals(n_samples=n_rows, n_outputs=1, step_s=step_s, outputs=(0,), atoms=(stretches,))
+        return signal.between(0, n_rows)[:, 0, 0], largest
+
     def stretches_of(self, fault: Fault, factor: int, lowpass: Lowpass) -> tuple[Stretches, float]:
-        """Return the signal of a fault on these samples, filtered and decimated, and its largest native value."""
-        return decimated_stretches(
-            fault,
-            self.time_s,
-            factor,
-            lowpass,
-            window_start_s=self.window_start_s,
-            response=self.response,
-            even=self.is_even(factor),
+        """Return the signal of a fault as the log shows it, decimated, and its largest native value.
+
+        What is far from the fault's onset, bends and end is not filtered but evaluated, where the time axis has even
+        steps: a filter makes of a line or an exponential another one. There the largest value of an oscillation is its
+        amplitude.
+
+        Raises
+        ------
+        ValueError : there are fewer samples than the filter has taps.
+        """
+        tail = tail_of(fault, window_start_s=self.window_start_s) if self.is_even(factor) else None
+        if tail is None:
+            column, largest = self._in_blocks(fault, self.time_s, factor, lowpass)
+            return signal_of(column), largest
+        form, since_s, holds_s = tail
+        own, delay = lowpass_taps(factor, lowpass), lost_samples(factor, lowpass)[0] if factor > 1 else 0
+        n_rows, step_s, time_s, response = self.n_rows(factor, lowpass), self.step_s, self.time_s, self.response
+        n_taps, taps = own.size, np.convolve(response.taps, own)
+        fall = -complex(form.exponent).real
+        if fall * max(factor * step_s / STEEPEST, step_s * taps.size / LONGEST_REACH) > 1.0:
+            holds_s += GONE / fall
+            form = replace(form, amplitude=0.0, exponent=0.0)
+        first = n_taps - 1 - delay + response.before
+        filtered = form.filtered(taps, step_s * np.arange(first, first - taps.size, -1, dtype=np.float64))
+        recorded = form.filtered(
+            response.taps, step_s * np.arange(response.before, -response.after - 1, -1, dtype=np.float64)
         )
+        # The first and the last time that a row holds something of, and a sample more for rounding.
+        stop_s = np.inf if fault.offset_s is None else fault.offset_s
+        earlier_s, later_s = (response.after + 1) * step_s, (response.before + 1) * step_s
 
+        def first_row(at_s: float, offset: int, shift_s: float) -> int:
+            """Return the first row of which sample `offset` is not before a time, less a shift."""
+            return bisect_left(range(n_rows), at_s, key=lambda row: float(time_s[offset + row * factor]) + shift_s)
 
-def decimated_fault(
-    fault: Fault,
-    time_s: FloatArray,
-    factor: int,
-    lowpass: Lowpass,
-    *,
-    window_start_s: float,
-    response: Response,
-) -> tuple[FloatArray, float]:
-    """Return (n_rows,) the signal of a fault as the log shows it, decimated, and its largest native value.
+        edges = [
+            first_row(fault.onset_s, n_taps - 1, later_s),
+            first_row(min(holds_s, stop_s), 0, -earlier_s),
+            first_row(stop_s, n_taps - 1, later_s),
+            first_row(stop_s, 0, -earlier_s),
+        ]
+        begin, settled, ending, over = np.maximum.accumulate(edges).tolist()
+        stretches, largest = list[Stretch](), 0.0
+        for start, stop in ((begin, settled), (ending, over)):
+            if start == ending and settled < ending:
+                origin_s = float(time_s[0]) + delay * step_s - since_s
+                stretches.append(Stretch(start=settled, stop=ending, made=filtered, origin_s=origin_s))
+                last = -1 if ending == n_rows else (ending - 1) * factor + n_taps - 1
+                ends_s = np.array([time_s[settled * factor], time_s[last]]) - since_s
+                oscillates = complex(form.exponent).imag != 0.0
+                largest = max(
+                    largest, abs(recorded.amplitude) if oscillates else float(np.max(np.abs(recorded.at(ends_s))))
+                )
+            if start < stop:
+                part = time_s[start * factor : (stop - 1) * factor + n_taps]
+                samples, own_largest = self._in_blocks(fault, part, factor, lowpass)
+                stretches.append(Stretch(start=start, stop=stop, made=samples))
+                largest = max(largest, own_largest)
+        return tuple(stretches), largest
 
-    A record of more than a block is made in stretches, see `decimated_stretches`.
+    def is_even(self, factor: int) -> bool:
+        """Say whether the times that are left after a decimation have even steps."""
+        if factor not in self._even:
+            self._even[factor] = self._has_even_steps(factor)
+        return self._even[factor]
 
-    Raises
-    ------
-    ValueError : there are fewer samples than the filter has taps.
-    """
-    if len(time_s) <= BLOCK or not _is_even(time_s, factor):
-        return _in_blocks(fault, time_s, factor, lowpass, window_start_s=window_start_s, response=response)
-    stretches, largest = decimated_stretches(
-        fault, time_s, factor, lowpass, window_start_s=window_start_s, response=response, even=True
-    )
-    n_rows, step_s = _rows_of(time_s, factor, lowpass), float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
-    signal = PiecewiseSignals(n_samples=n_rows, n_outputs=1, step_s=factor * step_s, outputs=(0,), atoms=(stretches,))
-    return signal.between(0, n_rows)[:, 0, 0], largest
+    def _has_even_steps(self, factor: int) -> bool:
+        some = self.time_s[::factor]
+        step_s = (some[-1] - some[0]) / max(len(some) - 1, 1)
+        rounding = 4.0 * float(np.spacing(np.abs(some[[0, -1]]).max()))
+        most = max(EVEN * step_s / factor, rounding)
+        for start in range(0, len(some), BLOCK):
+            part = some[start : start + BLOCK]
+            even = some[0] + step_s * np.arange(start, start + len(part), dtype=np.float64)
+            if np.max(np.abs(part - even)) > most:
+                return False
+        return True
 
-
-def _rows_of(time_s: FloatArray, factor: int, lowpass: Lowpass) -> int:
-    return (len(time_s) - lowpass_taps(factor, lowpass).size) // factor + 1
-
-
-def decimated_stretches(
-    fault: Fault,
-    time_s: FloatArray,
-    factor: int,
-    lowpass: Lowpass,
-    *,
-    window_start_s: float,
-    response: Response,
-    even: bool,
-) -> tuple[Stretches, float]:
-    """Return the signal of a fault as the log shows it, decimated, and its largest native value.
-
-    What is far from the fault's onset, bends and end is not filtered but evaluated: a filter makes of a line or an
-    exponential another one. There the largest value of an oscillation is its amplitude.
-
-    Parameters
-    ----------
-    even : the steps of the time axis are even; else every sample is made.
-
-    Raises
-    ------
-    ValueError : there are fewer samples than the filter has taps.
-    """
-
-    def made(part: FloatArray) -> tuple[FloatArray, float]:
-        return _in_blocks(fault, part, factor, lowpass, window_start_s=window_start_s, response=response)
-
-    tail = tail_of(fault, window_start_s=window_start_s) if even else None
-    if tail is None:
-        column, largest = made(time_s)
-        return signal_of(column), largest
-    form, since_s, holds_s = tail
-    own, delay = lowpass_taps(factor, lowpass), lost_samples(factor, lowpass)[0] if factor > 1 else 0
-    n_taps, taps = own.size, np.convolve(response.taps, own)
-    n_rows, step_s = _rows_of(time_s, factor, lowpass), float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
-    fall = -complex(form.exponent).real
-    if fall * max(factor * step_s / STEEPEST, step_s * taps.size / LONGEST_REACH) > 1.0:
-        holds_s += GONE / fall
-        form = replace(form, amplitude=0.0, exponent=0.0)
-    first = n_taps - 1 - delay + response.before
-    filtered = form.filtered(taps, step_s * np.arange(first, first - taps.size, -1, dtype=np.float64))
-    recorded = form.filtered(
-        response.taps, step_s * np.arange(response.before, -response.after - 1, -1, dtype=np.float64)
-    )
-    # The first and the last time that a row holds something of, and a sample more for rounding.
-    stop_s = np.inf if fault.offset_s is None else fault.offset_s
-    earlier_s, later_s = (response.after + 1) * step_s, (response.before + 1) * step_s
-
-    def first_row(at_s: float, offset: int, shift_s: float) -> int:
-        """Return the first row of which sample `offset` is not before a time, less a shift."""
-        return bisect_left(range(n_rows), at_s, key=lambda row: float(time_s[offset + row * factor]) + shift_s)
-
-    edges = [
-        first_row(fault.onset_s, n_taps - 1, later_s),
-        first_row(min(holds_s, stop_s), 0, -earlier_s),
-        first_row(stop_s, n_taps - 1, later_s),
-        first_row(stop_s, 0, -earlier_s),
-    ]
-    begin, settled, ending, over = np.maximum.accumulate(edges).tolist()
-    stretches, largest = list[Stretch](), 0.0
-    for start, stop in ((begin, settled), (ending, over)):
-        if start == ending and settled < ending:
-            origin_s = float(time_s[0]) + delay * step_s - since_s
-            stretches.append(Stretch(start=settled, stop=ending, made=filtered, origin_s=origin_s))
-            last = -1 if ending == n_rows else (ending - 1) * factor + n_taps - 1
-            ends_s = np.array([time_s[settled * factor], time_s[last]]) - since_s
-            oscillates = complex(form.exponent).imag != 0.0
-            largest = max(
-                largest, abs(recorded.amplitude) if oscillates else float(np.max(np.abs(recorded.at(ends_s))))
-            )
-        if start < stop:
-            samples, own_largest = made(time_s[start * factor : (stop - 1) * factor + n_taps])
-            stretches.append(Stretch(start=start, stop=stop, made=samples))
-            largest = max(largest, own_largest)
-    return tuple(stretches), largest
-
-
-def _is_even(time_s: FloatArray, factor: int) -> bool:
-    """Say whether times, of which those of the decimated samples are looked at, have even steps."""
-    some = time_s[::factor]
-    step_s = (some[-1] - some[0]) / max(len(some) - 1, 1)
-    rounding = 4.0 * float(np.spacing(np.abs(some[[0, -1]]).max()))
-    most = max(EVEN * step_s / factor, rounding)
-    for start in range(0, len(some), BLOCK):
-        part = some[start : start + BLOCK]
-        even = some[0] + step_s * np.arange(start, start + len(part), dtype=np.float64)
-        if np.max(np.abs(part - even)) > most:
-            return False
-    return True
-
-
-def _in_blocks(
-    fault: Fault, time_s: FloatArray, factor: int, lowpass: Lowpass, *, window_start_s: float, response: Response
-) -> tuple[FloatArray, float]:
-    """Return the same, every sample made and filtered, block by block."""
-    reach = sum(lost_samples(factor, lowpass)) if factor > 1 else 0
-    step = max(1, BLOCK // factor) * factor
-    pieces, largest = [], 0.0
-    for start in range(0, max(len(time_s) - reach, 1), step):
-        part = time_s[start : start + step + reach]
-        # Nothing of a fault shows before its onset by more than the response of the filters reaches.
-        if len(part) > max(reach, 1) and part[-1] + (response.before + 1) * (part[-1] - part[-2]) < fault.onset_s:
-            pieces.append(np.zeros((min(len(part), step - factor + 1 + reach) - reach - 1) // factor + 1))
-            continue
-        signal = recorded_signal(fault, part, response, window_start_s=window_start_s)
-        largest = max(largest, float(np.max(np.abs(signal), initial=0.0)))
-        pieces.append(decimate(signal[: step - factor + 1 + reach], factor, lowpass))
-    return np.concatenate(pieces), largest
+    def _in_blocks(self, fault: Fault, time_s: FloatArray, factor: int, lowpass: Lowpass) -> tuple[FloatArray, float]:
+        """Return signal and largest value of a fault at some times, every sample made and filtered, block by block."""
+        reach = sum(lost_samples(factor, lowpass)) if factor > 1 else 0
+        step = max(1, BLOCK // factor) * factor
+        pieces, largest, earlier = [], 0.0, self.response.before + 1
+        for start in range(0, max(len(time_s) - reach, 1), step):
+            part = time_s[start : start + step + reach]
+            # Nothing of a fault shows before its onset by more than the response of the filters reaches.
+            if len(part) > max(reach, 1) and part[-1] + earlier * (part[-1] - part[-2]) < fault.onset_s:
+                pieces.append(np.zeros((min(len(part), step - factor + 1 + reach) - reach - 1) // factor + 1))
+                continue
+            signal = recorded_signal(fault, part, self.response, window_start_s=self.window_start_s)
+            largest = max(largest, float(np.max(np.abs(signal), initial=0.0)))
+            pieces.append(decimate(signal[: step - factor + 1 + reach], factor, lowpass))
+        return np.concatenate(pieces), largest

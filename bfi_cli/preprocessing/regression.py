@@ -34,10 +34,9 @@ from ..kernels.lagged import (
     with_fault,
     with_scaled_outputs,
 )
-from ..kernels.piecewise import PiecewiseSignals
+from ..kernels.piecewise import PiecewiseSignals, ScaledSignals, standardised
 from ..kernels.progress import Report, silent
-from ..kernels.running_weights import running_weights
-from ..kernels.scaled import ScaledSignals, standardised
+from ..kernels.running import running_weights
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from .fault_signals import FaultSignals
 
@@ -157,41 +156,30 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
     LogError : the window is shorter than the filter.
     """
 
-    def decimated(inputs: Sequence[str], outputs: Sequence[str]) -> Signals:
-        bare = Signals(
+    def bare(inputs: Sequence[str], outputs: Sequence[str]) -> Signals:
+        return Signals(
             path=native.path,
             rate_hz=native.rate_hz,
             factor=1,
             time_s=native.time_s,
-            u=native.log.signals(inputs) if inputs else np.empty((native.log.n_samples, 0)),
-            y=native.log.signals(outputs) if outputs else np.empty((native.log.n_samples, 0)),
+            u=native.log.signals(inputs),
+            y=native.log.signals(outputs),
             theta=np.empty((native.log.n_samples, len(outputs), 0)),
             scaling=native.faults.scaling,
             slopes=native.faults.slopes,
         )
-        return decimate_signals(bare, factor, lowpass)
 
     if factor == 1:  # nothing is copied
-        signals = Signals(
-            path=native.path,
-            rate_hz=native.rate_hz,
-            factor=1,
-            time_s=native.time_s,
-            u=native.u,
-            y=native.y,
-            theta=np.empty((native.log.n_samples, len(native.outputs), 0)),
-            scaling=native.faults.scaling,
-            slopes=native.faults.slopes,
-        )
+        signals = bare(native.inputs, native.outputs)
     elif native.log.n_samples > MOST_AT_ONCE:
-        signals = decimated([], [])
+        signals = decimate_signals(bare([], []), factor, lowpass)
         u, y = (np.empty((len(signals.time_s), len(names))) for names in (native.inputs, native.outputs))
         for names, made in ((native.inputs, u), (native.outputs, y)):
             for i, name in enumerate(names):
                 made[:, i] = _decimated_channel(native.log.channel(name), factor, lowpass)
         signals = replace(signals, u=u, y=y)
     else:
-        signals = decimated(native.inputs, native.outputs)
+        signals = decimate_signals(bare(native.inputs, native.outputs), factor, lowpass)
     theta, largest = native.faults.decimated(factor, lowpass)
     return replace(signals, theta=theta), largest
 
@@ -314,7 +302,7 @@ class RegressionData:
 
     def at_order(self, order: int) -> Compressed:
         """Return the factor of one order."""
-        return self.data if order == self.data.columns.order else restrict(self.data, order=order)
+        return restrict(self.data, order=order)
 
     def unfold(self, fit: Fit) -> FitRows:
         """Return a fit row by row, with the signatures of its support; of a long record without them."""
@@ -356,22 +344,12 @@ class RegressionData:
         layout, segments = replace(self.layout, theta=theta), self.segments
         if isinstance(theta, PiecewiseSignals):
             segments = _segments(layout, theta, segments)
-        data = compress(
-            layout.u,
-            layout.y,
-            theta,
-            order=layout.first,
-            feedthrough=layout.feedthrough,
-            weights=layout.weights,
-            report=report,
-            segments=segments,
-        )
         return replace(
             self,
             signals=replace(self.signals, slopes=slopes),
             atoms=tuple(atoms),
             layout=layout,
-            data=data,
+            data=_factor(layout, segments, report),
             magnitude_unit=magnitude_unit,
             segments=segments,
         )
@@ -506,16 +484,7 @@ def build_regression(
         signals=replace(signals, theta=np.empty((*signals.y.shape, 0))),
         atoms=tuple(atoms),
         layout=layout,
-        data=compress(
-            u,
-            y,
-            theta,
-            order=max(orders),
-            feedthrough=config.feedthrough,
-            weights=layout.weights,
-            report=report,
-            segments=segments,
-        ),
+        data=_factor(layout, segments, report),
         center=center,
         unit=unit,
         magnitude_unit=magnitude_unit,
@@ -547,6 +516,20 @@ def _scaled_signals(
     return theta, magnitude_unit
 
 
+def _factor(layout: Layout, segments: SegmentFactors | None, report: Report = silent) -> Compressed:
+    """Return the triangular factor of a record at its largest order."""
+    return compress(
+        layout.u,
+        layout.y,
+        layout.theta,
+        order=layout.first,
+        feedthrough=layout.feedthrough,
+        weights=layout.weights,
+        report=report,
+        segments=segments,
+    )
+
+
 def _segments(layout: Layout, theta: PiecewiseSignals, known: SegmentFactors | None = None) -> SegmentFactors:
     """Return the factors of segments of a record, the known ones where they have all exponents of the signals."""
     exponents = exponents_of(theta)
@@ -568,7 +551,7 @@ def _weights(layout: Layout, segments: SegmentFactors | None, rate_hz: float, fl
     order = layout.first
     theta = layout.theta.of([]) if isinstance(layout.theta, PiecewiseSignals) else np.zeros((*layout.y.shape, 0))
     plain = replace(layout, theta=theta)
-    data = compress(plain.u, plain.y, theta, order=order, feedthrough=layout.feedthrough, segments=segments)
+    data = _factor(plain, segments)
     fit = fit_magnitudes(project_inputs(data, order, floor=floor), ())
     if segments is None:
         error = unfold_support(plain, fit).error

@@ -24,7 +24,7 @@ from ..kernels.low_pass import Response
 from ..kernels.piecewise import PiecewiseSignals, Stretches, signal_of
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
-from .fault_signals import FaultSignals, LogSignal, decimated_fault
+from .fault_signals import FaultSignals, LogSignal
 from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
@@ -334,14 +334,7 @@ def decimated_signal(window: PreparedWindow, fault: Fault, *, size: float = 0.0)
         except (DictionaryError, LogError):
             return theta, 0.0
         return decimate(made.values, factor, lowpass), float(np.max(np.abs(made.values[:, output])))
-    theta[:, output], largest = decimated_fault(
-        fault,
-        window.native.time_s,
-        factor,
-        lowpass,
-        window_start_s=window.window_start_s,
-        response=window.response,
-    )
+    theta[:, output], largest = window.native.faults.signal_of(fault, factor, lowpass)
     return theta, largest
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from ..decision import Candidate, shown_limit, summarise
 from ..display_units import SI, Shown, Units
 from ..faults import Decision
+from ..kernels.normal import TWO_SIDED_95
 from ..printable import shortened
 from ..shapes import Kind
 from .content import Curve, Drawing, Panel, Span, Style, Table, curve
@@ -71,7 +72,7 @@ def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tupl
         factor = scale / shown.factor
         size = number(
             None if one.magnitude is None else factor * one.magnitude,
-            spread=None if one.sd is None else 1.96 * abs(factor) * one.sd,
+            spread=None if one.sd is None else TWO_SIDED_95 * abs(factor) * one.sd,
             extra=1,
         )
         limit = one.minimal_detectable if one.minimal_detectable is not None else one.minimal_detectable_scan

@@ -10,7 +10,7 @@ import numpy as np
 from ..aircraft.catalogue import B747, ELEVATORS, ENGINES
 from ..aircraft.model import LinearModel, response
 from ..kernels import FloatArray
-from ..kernels.nullspace import Criteria, criteria, data_matrices, window_criteria
+from ..kernels.nullspace import Criteria, criteria
 from ..report.content import Panel, ReportContent, curve
 from ..report.text import number
 from .page import drawing, load, report_content, table
@@ -166,8 +166,8 @@ def hankel_b747(settings: Settings) -> ReportContent:
     for case in (*single, *double):
         for k, names in case.failures:
             failed = _columns(names)
-            at_once = window_criteria(*data_matrices(case.measured, case.u, at=k, width=WIDTH))[failed]
-            shares += list(at_once / np.abs(case.measured - case.healthy)[k, failed])
+            at_once = case.null_space.channel[k] * np.abs(case.measured[1 : k + 1]).max(axis=0) * np.sqrt(WIDTH)
+            shares += list(at_once[failed] / np.abs(case.measured - case.healthy)[k, failed])
     hits = {kind: len(case.flagged & case.expected) for kind, case in flights.items()}
     values = {
         "every": page["every"][right],

@@ -16,7 +16,7 @@ from made_tlog import tlog_bytes
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.rates import boot_starts, in_order
-from bfi_cli.flightlog.topics import Track
+from bfi_cli.flightlog.raw import Track
 
 
 @settings(max_examples=60, deadline=None)

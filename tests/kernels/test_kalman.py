@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.stats import chi2, multivariate_normal
 
-from bfi_cli.kernels.kalman import FilterRun, Gaussian, StateSpace, filter_bank, predict, update
+from bfi_cli.kernels.kalman import Filtered, Gaussian, StateSpace, filter_bank, predict, update
 
 N_X, N_U, N_Y = 3, 2, 2
 START = Gaussian(mean=np.array([1.0, -2.0, 0.5]), covariance=np.diag([2.0, 1.0, 0.5]))
@@ -48,7 +48,7 @@ def flown(plant: StateSpace, n: int, rng: np.random.Generator) -> tuple[np.ndarr
     return x, x @ plant.C.T + u @ plant.D.T + v, u
 
 
-def filtered(plant: StateSpace, y: np.ndarray, u: np.ndarray, *, initial: Gaussian) -> FilterRun:
+def filtered(plant: StateSpace, y: np.ndarray, u: np.ndarray, *, initial: Gaussian) -> Filtered:
     """Return the run of one filter over a record."""
     return filter_bank((plant,), y, u, initial=(initial,), probability=(1.0,)).filters[0]
 
@@ -103,7 +103,7 @@ def test_gain_settles_at_the_solution_of_the_riccati_equation(seed):
     np.testing.assert_allclose(settled.covariance, P, rtol=0, atol=1e-9 * np.abs(P).max())
     for j, unit in enumerate(np.eye(N_Y)):
         step = update(Gaussian(mean=np.zeros(N_X), covariance=settled.covariance), plant, y=unit, u=np.zeros(N_U))
-        np.testing.assert_allclose(step.estimate.mean, gain[:, j], rtol=0, atol=1e-9 * np.abs(gain).max())
+        np.testing.assert_allclose(step.mean, gain[:, j], rtol=0, atol=1e-9 * np.abs(gain).max())
 
 
 def test_errors_and_innovations_have_the_size_the_filter_says():

@@ -83,7 +83,6 @@ def test_ratio_magnitude_and_deviation_are_those_of_dense_least_squares(seed, pr
             cost += likelihoods[int(np.argmin(np.abs(LEVELS - residual.level)))] - max(likelihoods)
         assert answer.magnitude[k] == pytest.approx(shown / power, rel=1e-7, abs=1e-9)
         assert answer.sd[k] == pytest.approx(power**-0.5, rel=1e-7)
-        assert answer.gain[k] == pytest.approx(shown**2 / power, rel=1e-7, abs=1e-7)
         assert answer.ratio[k] == pytest.approx(cost + shown**2 / power, rel=1e-7, abs=1e-6)
     np.testing.assert_allclose(answer.parts.sum(axis=0), answer.ratio, atol=1e-9)
 
@@ -126,7 +125,7 @@ def test_the_ratio_has_the_distribution_of_one_degree_of_freedom():
     one = noise_model(TIME_S, np.array([0.5]), SLOW)
     gains = np.array(
         [
-            likelihood_ratio([settle(one, drawn(seed), NUISANCES, FREE, RAMPS)], [RAMPS[:, 1:2]]).gain[0]
+            likelihood_ratio([settle(one, drawn(seed), NUISANCES, FREE, RAMPS)], [RAMPS[:, 1:2]]).ratio[0]
             for seed in range(1000)
         ]
     )
@@ -146,7 +145,7 @@ def test_a_residual_that_a_fault_leaves_alone_says_its_cost_and_no_more():
 def test_a_signature_that_a_nuisance_explains_says_nothing():
     residual = settle(NOISE, drawn(5), NUISANCES, FREE, RAMPS)
     answer = likelihood_ratio([residual], [np.column_stack([RAMPS[:, 0], np.zeros(N), 7.0 * NUISANCES[:, 1]])])
-    assert answer.gain[1:] == pytest.approx(0.0, abs=1e-12)
+    assert answer.ratio[1:] == pytest.approx(residual.cost, abs=1e-12)
     assert answer.magnitude[1:] == pytest.approx(0.0, abs=1e-12)
     assert np.isinf(answer.sd[1:]).all()
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from bfi_cli.kernels.kalman import (
     FAULT,
     NO_FAULT,
-    FilterStep,
+    Filtered,
     Gaussian,
     Reset,
     SelectiveReinitialisation,
@@ -149,7 +149,7 @@ def test_after_every_sample_the_loser_restarts_from_the_winner(fault):
     assert {winner for winner, _, _ in seen[ONSET + 5 :]} == {FAULT if fault else NO_FAULT}
     for winner, steps, (free, faulty) in seen:
         kept = (free, faulty)[winner]
-        assert kept is steps[winner].estimate
+        assert kept is steps[winner]
         np.testing.assert_array_equal(free.mean, faulty.mean[:-1])
         np.testing.assert_array_equal(free.covariance, faulty.covariance[:-1, :-1])
         if winner == NO_FAULT:
@@ -205,12 +205,12 @@ def test_adaptive_noise_is_what_the_innovations_have_too_much_of_and_stays_there
     least, state = 1.0, restart(START, Reset())
 
     def told(systems, innovation, variance):
-        free = FilterStep(estimate=START, innovation=np.zeros(2), innovation_covariance=np.eye(2), log_likelihood=0.0)
-        faulty = FilterStep(
-            estimate=state,
-            innovation=np.array([innovation, 9.0]),
-            innovation_covariance=np.diag([variance, 1.0]),
-            log_likelihood=0.0,
+        free, faulty = (
+            Filtered(mean=e.mean, covariance=e.covariance, innovation=i, innovation_covariance=c, log_likelihood=0.0)
+            for e, i, c in (
+                (START, np.zeros(2), np.eye(2)),
+                (state, np.array([innovation, 9.0]), np.diag([variance, 1.0])),
+            )
         )
         systems, _ = exchange(systems, (free, faulty), FAULT)
         return systems, systems[FAULT].Q[-1, -1]

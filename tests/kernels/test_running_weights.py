@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.kernels import running_weights as module
-from bfi_cli.kernels.running_weights import running_weights
+from bfi_cli.kernels import running as module
+from bfi_cli.kernels.running import running_weights
 
 
 def test_weights_are_inverse_to_the_size_of_the_error():

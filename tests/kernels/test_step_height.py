@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bfi_cli.kernels.lagged import lagged
+from bfi_cli.kernels.parity import StepHeight, step_height
 from bfi_cli.kernels.recursive_least_squares import recursive_residuals
-from bfi_cli.kernels.step_height import StepHeight, step_height
 
 N, START, BEGIN, FREE, SHARED = 400, 60, 330, 4, 10
 DYNAMICS = np.array([[0.8, 0.1], [-0.2, 0.7]])

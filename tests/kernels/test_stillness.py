@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.kernels.stillness import noise_of_second_differences, sd_about_lines
+from bfi_cli.kernels.running import noise_of_second_differences, sd_about_lines
 
 
 @pytest.mark.parametrize(("n_points", "stride"), [(12, 5), (3, 1), (7, 4)])

@@ -12,7 +12,7 @@ from bfi_cli.filters import recorded_signal
 from bfi_cli.kernels.decimation import SHARP, WHITE, decimate
 from bfi_cli.kernels.low_pass import IDENTITY, low_pass
 from bfi_cli.preprocessing import fault_signals
-from bfi_cli.preprocessing.fault_signals import FaultSignals, decimated_fault
+from bfi_cli.preprocessing.fault_signals import FaultSignals
 
 RATE_HZ = 20.0
 TIME_S = 300.0 + np.arange(3000) / RATE_HZ
@@ -24,6 +24,13 @@ FAULTS = (
 )
 
 
+def shown(fault: Fault, time_s: np.ndarray, response=IDENTITY) -> FaultSignals:
+    """Return what makes the signals of a fault on a log that went through filters."""
+    return FaultSignals(
+        faults=(fault,), seen=(0,), outputs=("tas",), time_s=time_s, window_start_s=time_s[0], response=response
+    )
+
+
 @pytest.mark.parametrize("block", [50, 777, 1000, 10_000])
 @pytest.mark.parametrize("factor", [1, 4, 7])
 @pytest.mark.parametrize("lowpass", [WHITE, SHARP, replace(WHITE, kind="causal")], ids=["white", "sharp", "causal"])
@@ -32,7 +39,7 @@ def test_blocks_change_nothing(monkeypatch: pytest.MonkeyPatch, block: int, fact
     monkeypatch.setattr(fault_signals, "BLOCK", block)
     for fault in FAULTS:
         whole = recorded_signal(fault, TIME_S, response, window_start_s=TIME_S[0])
-        made, largest = decimated_fault(fault, TIME_S, factor, lowpass, window_start_s=TIME_S[0], response=response)
+        made, largest = shown(fault, TIME_S, response).signal_of(fault, factor, lowpass)
         np.testing.assert_allclose(made, decimate(whole, factor, lowpass), rtol=1e-9, atol=1e-9)
         # Of a tail that is evaluated the amplitude, which no sample need have.
         assert largest == pytest.approx(np.abs(whole).max(), rel=1e-3 if fault.frequency_hz else 1e-9)
@@ -58,9 +65,9 @@ MORE = (
 def test_a_tail_that_is_evaluated_is_the_one_that_is_filtered(
     monkeypatch: pytest.MonkeyPatch, fault: Fault, factor: int, lowpass, response
 ):
-    filtered, largest = decimated_fault(fault, TIME_S, factor, lowpass, window_start_s=TIME_S[0], response=response)
+    filtered, largest = shown(fault, TIME_S, response).signal_of(fault, factor, lowpass)
     monkeypatch.setattr(fault_signals, "BLOCK", 1000)
-    evaluated, bound = decimated_fault(fault, TIME_S, factor, lowpass, window_start_s=TIME_S[0], response=response)
+    evaluated, bound = shown(fault, TIME_S, response).signal_of(fault, factor, lowpass)
     np.testing.assert_allclose(evaluated, filtered, rtol=1e-10, atol=1e-10 * max(largest, 1.0))
     rel = 0.02 if fault.frequency_hz else 1e-9  # of the highest of 28 samples of a period
     assert bound == pytest.approx(largest, rel=rel)
@@ -69,10 +76,10 @@ def test_a_tail_that_is_evaluated_is_the_one_that_is_filtered(
 def test_an_uneven_clock_is_not_evaluated(monkeypatch: pytest.MonkeyPatch):
     """Times that are off by a hundredth of a step: what is filtered is what the signal is there."""
     time_s = TIME_S + np.random.default_rng(0).uniform(-5e-4, 5e-4, TIME_S.size)
-    fault, other = FAULTS[2], {"window_start_s": time_s[0], "response": IDENTITY}
+    fault = FAULTS[2]
     whole = decimate(recorded_signal(fault, time_s, IDENTITY, window_start_s=time_s[0]), 4, WHITE)
     monkeypatch.setattr(fault_signals, "BLOCK", 1000)
-    np.testing.assert_allclose(decimated_fault(fault, time_s, 4, WHITE, **other)[0], whole, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(shown(fault, time_s).signal_of(fault, 4, WHITE)[0], whole, rtol=0, atol=1e-12)
 
 
 def test_all_entries_stand_on_their_outputs_and_those_not_seen_are_zero():
@@ -93,4 +100,4 @@ def test_all_entries_stand_on_their_outputs_and_those_not_seen_are_zero():
 
 def test_a_window_shorter_than_the_filter_is_refused():
     with pytest.raises(ValueError, match="fewer than"):
-        decimated_fault(FAULTS[1], TIME_S[:20], 20, WHITE, window_start_s=300.0, response=IDENTITY)
+        shown(FAULTS[1], TIME_S[:20]).signal_of(FAULTS[1], 20, WHITE)

@@ -23,11 +23,9 @@ from numpy.typing import NDArray
 
 from .. import BoolArray, FloatArray, IntArray
 from ..progress import Report, parts, silent
-from .profile import Minimum, profile_polynomial, screen
+from .profile import profile_polynomial, screen
 from .scan import Scan, default_onsets, in_blocks, largest_magnitude, magnitude_bound, stack_onsets, tabulate
 from .waveform import sine
-
-__all__ = ["SineScreen", "Sines", "prepare_screen", "screen_tabulated"]
 
 ComplexArray = NDArray[np.complex128]
 
@@ -100,8 +98,8 @@ def screen_tabulated(scan: Scan, frequency: float, onsets: IntArray, report: Rep
     """Return the largest screened statistic of a sine over onsets, of which there are some, by tables of all onsets."""
     waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
     tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    minimum = in_blocks(scan, bound, lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return float(-scan.n_rows * minimum.F.min())
+    F = in_blocks(scan, len(bound), lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
+    return float(-scan.n_rows * F.min())
 
 
 def prepare_screen(scan: Scan) -> SineScreen:
@@ -291,11 +289,11 @@ class Sines:
         np.maximum.accumulate(reach, axis=0, out=reach)
         bound = largest_magnitude(scan, reach[scan.n_samples - 1 - screen_of.onsets[onset], k])
 
-        def minimised(some: slice) -> Minimum:
+        def screened(some: slice) -> FloatArray:
             C, S = self.products(onset[some], k[some])
             return screen(profile_polynomial(C[scan.n_base :], S, scan.W), bound[some])
 
-        return -scan.n_rows * in_blocks(scan, bound, minimised).F
+        return -scan.n_rows * in_blocks(scan, len(bound), screened)
 
     def products(self, onset: IntArray, k: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return the inner products of the lagged copies of sines.

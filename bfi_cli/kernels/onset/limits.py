@@ -11,11 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from .. import FloatArray, IntArray
-from .profile import ProfilePolynomial, log_ratio
-from .scan import CACHE_DOUBLES, Profile, Scan, magnitude_bound, stack_onsets, tabulate
+from .profile import log_ratio
+from .scan import Profile, Scan, in_blocks, magnitude_bound, stack_onsets, tabulate
 from .waveform import Waveform
-
-__all__ = ["SPAN", "deviances", "excluded_error", "likelihood_ratios", "mean_ratios", "undeclared_magnitudes"]
 
 # Magnitudes tried, relative to the one that a parabola through the minimum gives; between them the root of the
 # deviance, which is nearly linear in the magnitude, is interpolated.
@@ -43,14 +41,13 @@ def deviances(
     Two arrays (n_magnitudes, n_onsets): n_rows log(RSS(+m) / RSS(0)), and of -m.
     """
     tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
-    size = max(1, CACHE_DOUBLES // (scan.order + scan.n_outputs) ** 2)
-    plus, minus = np.empty_like(m), np.empty_like(m)
-    for i in range(0, len(onsets), size):
-        block = slice(i, i + size)
-        stack: ProfilePolynomial = stack_onsets(scan, tables, onsets[block])
-        for k, values in enumerate(m[:, block]):
-            plus[k, block], minus[k, block] = log_ratio(stack, values), log_ratio(stack, -values)
-    return scan.n_rows * plus, scan.n_rows * minus
+
+    def of_both_signs(block: slice) -> FloatArray:
+        stack = stack_onsets(scan, tables, onsets[block])
+        return np.array([[log_ratio(stack, sign * z) for z in m[:, block]] for sign in (1.0, -1.0)])
+
+    plus, minus = scan.n_rows * in_blocks(scan, len(onsets), of_both_signs)
+    return plus, minus
 
 
 def undeclared_magnitudes(

@@ -9,6 +9,7 @@ magnitude and only the best pairs exactly; the last sweeps, around the pair retu
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -106,15 +107,16 @@ def tabulate_pairs(scan: Scan, waveform: Waveform) -> PairTables:
 def scan_pairs(scan: Scan, tables: PairTables, pairs: IntArray, report: Report = silent) -> Profile:
     """Return the exact profile over the magnitude of pairs (2, n_pairs); its `onsets` are the starts."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
-    minimum = in_blocks(scan, bound, lambda b: minimise(_stack_pairs(scan, tables, pairs[:, b]), bound[b]), report)
-    return in_units(scan, tables.waveform, onsets=pairs[0], minimum=minimum)
+    stack = partial(_stack_pairs, scan, tables)
+    minimum = in_blocks(scan, len(bound), lambda b: minimise(stack(pairs[:, b]), bound[b]), report)
+    return in_units(scan, tables.waveform, pairs[0], minimum)
 
 
 def screen_pairs(scan: Scan, tables: PairTables, pairs: IntArray, report: Report = silent) -> FloatArray:
     """Return a lower bound (n_pairs,) of the statistic of pairs (2, n_pairs), usually close."""
     bound = magnitude_bound(scan, tables.waveform, pairs[1] - pairs[0])
-    minimum = in_blocks(scan, bound, lambda b: screen(_stack_pairs(scan, tables, pairs[:, b]), bound[b]), report)
-    return -scan.n_rows * minimum.F
+    stack = partial(_stack_pairs, scan, tables)
+    return -scan.n_rows * in_blocks(scan, len(bound), lambda b: screen(stack(pairs[:, b]), bound[b]), report)
 
 
 def _stack_pairs(scan: Scan, tables: PairTables, pairs: IntArray) -> ProfilePolynomial:

@@ -69,15 +69,6 @@ class ProfilePolynomial:
         return H
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Minimum:
-    """The least F of each onset: z, F and the curvature of F there, each (n_onsets,)."""
-
-    z: FloatArray
-    F: FloatArray
-    curvature: FloatArray
-
-
 def profile_polynomial(C: FloatArray, S: FloatArray, W: FloatArray) -> ProfilePolynomial:
     """Return H1 and H2 from inner products.
 
@@ -112,8 +103,8 @@ def log_ratio(stack: ProfilePolynomial, z: FloatArray) -> FloatArray:
     return np.log(S[0, 0]) if len(S) == 1 else np.asarray(np.linalg.slogdet(S.transpose(2, 0, 1))[1])
 
 
-def minimise(stack: ProfilePolynomial, bound: FloatArray) -> Minimum:
-    """Return the global minimum over |z| <= bound (n_onsets,) of each onset."""
+def minimise(stack: ProfilePolynomial, bound: FloatArray) -> FloatArray:
+    """Return (3, n_onsets) z, F and its curvature at the global minimum over |z| <= bound (n_onsets,)."""
     grid = np.concatenate([-GRID[::-1], [0.0], GRID])[:, None] * bound
     seeds = np.concatenate([grid, np.clip(stack.start, -bound, bound)[None]])
     F = np.stack([log_ratio(stack, z) if z.any() else np.zeros_like(z) for z in seeds])
@@ -125,21 +116,18 @@ def minimise(stack: ProfilePolynomial, bound: FloatArray) -> Minimum:
     for row in further:
         onsets = np.flatnonzero(np.isfinite(F[row, every]))
         other = _newton(stack.take(onsets), seeds[row, every][onsets], bound[onsets])
-        won = best.F[onsets] > other.F
-        for old, new in ((best.z, other.z), (best.F, other.F), (best.curvature, other.curvature)):
-            old[onsets[won]] = new[won]
+        won = best[1, onsets] > other[1]
+        best[:, onsets[won]] = other[:, won]
     return best
 
 
-def screen(stack: ProfilePolynomial, bound: FloatArray) -> Minimum:
-    """Return F at the magnitude `start`, near the minimum of a fault that is well seen, or at 0 if F is less there."""
-    z = np.clip(stack.start, -bound, bound)
-    F = log_ratio(stack, z)
-    return Minimum(z=np.where(F < 0.0, z, 0.0), F=np.minimum(F, 0.0), curvature=np.zeros_like(z))
+def screen(stack: ProfilePolynomial, bound: FloatArray) -> FloatArray:
+    """Return F (n_onsets,) at the magnitude `start`, near the minimum of a fault that is well seen, at most 0."""
+    return np.minimum(log_ratio(stack, np.clip(stack.start, -bound, bound)), 0.0)
 
 
-def _newton(stack: ProfilePolynomial, z: FloatArray, bound: FloatArray) -> Minimum:
-    """Return the local minimum that Newton's method with step control reaches from z, within the bound."""
+def _newton(stack: ProfilePolynomial, z: FloatArray, bound: FloatArray) -> FloatArray:
+    """Return (3, n_onsets) z, F and curvature that Newton's method with step control reaches from z, within bounds."""
     F, slope, curvature = _derivatives(stack, z)
     radius, live = np.maximum(np.abs(z), FIRST_RADIUS * bound), np.arange(len(z))
     for _ in range(ITERATIONS):
@@ -160,7 +148,7 @@ def _newton(stack: ProfilePolynomial, z: FloatArray, bound: FloatArray) -> Minim
         for old, new in zip((F, slope, curvature), trial, strict=True):
             old[won] = new[better]
         radius[live] = np.where(better, np.maximum(radius[live], 3.0 * np.abs(step)), 0.25 * np.abs(step))
-    return Minimum(z=z, F=F, curvature=curvature)
+    return np.stack([z, F, curvature])
 
 
 def _derivatives(stack: ProfilePolynomial, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ from scipy.linalg import lapack, qr
 from .. import FloatArray, IntArray
 from ..lagged import lagged
 from ..progress import Report, parts, silent
-from .profile import Minimum, ProfilePolynomial, minimise, profile_polynomial
+from .profile import ProfilePolynomial, minimise, profile_polynomial
 from .waveform import Waveform
 
 # Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
@@ -304,8 +304,8 @@ def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *
     if onsets.size and not (first <= onsets.min() and onsets.max() <= last):
         raise ValueError(f"onsets must lie in {first}..{last}, got {onsets.min()}..{onsets.max()}")
     tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    minimum = in_blocks(scan, bound, lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return in_units(scan, waveform, onsets=onsets, minimum=minimum)
+    minimum = in_blocks(scan, len(bound), lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
+    return in_units(scan, waveform, onsets, minimum)
 
 
 def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePolynomial:
@@ -319,22 +319,21 @@ def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePo
     return profile_polynomial(C, S, scan.W)
 
 
-def in_blocks(scan: Scan, bound: FloatArray, minimised: Callable[[slice], Minimum], report: Report = silent) -> Minimum:
-    """Return the minima of a long stack, made in blocks that stay in the processor's cache."""
+def in_blocks(scan: Scan, n: int, made: Callable[[slice], FloatArray], report: Report = silent) -> FloatArray:
+    """Return (..., n) what is made of a long stack, in blocks that stay in the processor's cache."""
     size = max(1, CACHE_DOUBLES // (scan.order + scan.n_outputs) ** 2)
-    blocks = [minimised(slice(i, i + size)) for i, _ in parts(report, range(0, len(bound), size))]
-    z, F, curvature = (np.concatenate([getattr(x, name) for x in blocks]) for name in ("z", "F", "curvature"))
-    return Minimum(z=z, F=F, curvature=curvature)
+    return np.concatenate([made(slice(i, i + size)) for i, _ in parts(report, range(0, max(n, 1), size))], axis=-1)
 
 
-def in_units(scan: Scan, waveform: Waveform, *, onsets: IntArray, minimum: Minimum) -> Profile:
-    """Return minima as a profile, the magnitudes in their own unit instead of samples of the waveform."""
-    bent = np.where(minimum.curvature > 0.0, minimum.curvature, np.nan)
+def in_units(scan: Scan, waveform: Waveform, onsets: IntArray, minimum: FloatArray) -> Profile:
+    """Return what `minimise` gives as a profile, magnitudes in their own unit instead of samples of the waveform."""
+    z, F, curvature = minimum
+    bent = np.where(curvature > 0.0, curvature, np.nan)
     return Profile(
         onsets=onsets,
-        z=minimum.z / waveform.unit,
+        z=z / waveform.unit,
         sd=np.sqrt(2.0 / (bent * scan.n_rows)) / waveform.unit,
-        rss=scan.rss0 * np.exp(minimum.F),
+        rss=scan.rss0 * np.exp(F),
         rss0=scan.rss0,
-        statistic=np.maximum(-scan.n_rows * minimum.F, 0.0),
+        statistic=np.maximum(-scan.n_rows * F, 0.0),
     )

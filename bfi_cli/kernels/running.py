@@ -1,0 +1,168 @@
+"""What a record does within stretches that move along it: how far it strays from a line, from its neighbours, travels.
+
+The weights of rows whose errors change in size are made of such statistics too: gusts come and go within a flight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import FloatArray
+from .normal import MAD
+
+# Least running deviation, as a share of its median: calm stretches must not carry the whole record. Tuned with the
+# half-width of ten seconds on two recorded flights; weights from mean squares or a t-distribution take the transient
+# of a step for an outlier and lose the step (docs/theory.md, 7.5).
+LEAST = 0.35
+# Values of all windows together beyond which medians and means are taken by windows that move along; the speed only.
+MOST_VALUES = 10**6
+# Samples of which means are taken at once, for memory.
+BLOCK = 65_536
+
+
+def sd_about_lines(x: FloatArray, n_points: int, stride: int) -> FloatArray:
+    """Return the standard deviation about its own line of every stretch of a signal; NaN where a point is missing.
+
+    The points of a stretch are means of `stride` samples, so that white noise counts less than slow motion. Every
+    stretch is projected by itself: running sums of squares lose the digits of a pressure of 100 000 Pa.
+
+    Parameters
+    ----------
+    x : (n_samples,).
+    n_points : of a stretch, 3 or more.
+    stride : samples in a point.
+
+    Returns
+    -------
+    FloatArray : (n_samples - n_points * stride + 1,) by the first sample of the stretch; empty for a shorter record.
+    """
+    if len(x) < n_points * stride:
+        return np.zeros(0)
+    means = np.lib.stride_tricks.sliding_window_view(x, stride).mean(axis=1)
+    points = np.lib.stride_tricks.sliding_window_view(means, (n_points - 1) * stride + 1)[:, ::stride]
+    centred = points - points.mean(axis=1, keepdims=True)
+    at = np.arange(n_points) - 0.5 * (n_points - 1)
+    slope = centred @ at / (at @ at)
+    rest = centred - slope[:, None] * at
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", rest, rest) / (n_points - 2)))
+
+
+def noise_of_second_differences(x: FloatArray, size: int, share: float) -> float:
+    """Return the standard deviation of white noise that the calmest pieces of a record show, 0 where there are none.
+
+    Parameters
+    ----------
+    x : (n_samples,); pieces with a sample that is not finite are left out.
+    size : samples of a piece.
+    share : of the pieces that are calmer.
+    """
+    # The variance of x[k-1] - 2 x[k] + x[k+1] is 6 times that of white noise, and no line or slow motion is in it.
+    second = np.diff(x, 2) / np.sqrt(6.0)
+    pieces = second[: len(second) // size * size].reshape(-1, size)
+    sds = np.sqrt(np.mean(pieces**2, axis=1))
+    sds = sds[np.isfinite(sds)]
+    return float(np.quantile(sds, share)) if sds.size else 0.0
+
+
+def interpolation_error(x: FloatArray, half: int) -> FloatArray:
+    """Return the difference of every sample from the cubic through the samples at -3, -1, 1 and 3 times `half`.
+
+    No motion up to a cubic is in it; an excursion that is shorter than 2 `half` samples is, whole.
+
+    Parameters
+    ----------
+    x : (n_samples,).
+
+    Returns
+    -------
+    FloatArray : (n_samples,), 0 where one of the five samples is not finite or lies beyond an end.
+    """
+    error = np.zeros(len(x))
+    n = len(x) - 6 * half
+    if n > 0:
+        near, far = x[2 * half :][:n] + x[4 * half :][:n], x[:n] + x[6 * half :]
+        error[3 * half :][:n] = x[3 * half :][:n] - (9.0 * near - far) / 16.0
+    return np.where(np.isfinite(error), error, 0.0)
+
+
+def running_median(x: FloatArray, block: int, n_blocks: int) -> FloatArray:
+    """Return the median of x (n_samples,) about every sample: of the medians of `n_blocks` blocks of `block` samples.
+
+    At the ends of the record the blocks are those next to them.
+    """
+    n = max(1, len(x) // block)
+    medians = np.median(x[: n * block].reshape(n, -1), axis=1)
+    padded = np.pad(medians, n_blocks // 2, mode="edge" if n <= n_blocks // 2 else "reflect")
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, n_blocks // 2 * 2 + 1), axis=1)
+    return np.asarray(smooth[np.minimum(np.arange(len(x)) // block, n - 1)])
+
+
+def travel(x: FloatArray, size: int) -> FloatArray:
+    """Return the greatest less the least value of every stretch of `size` samples.
+
+    Parameters
+    ----------
+    x : (n_samples,) finite values.
+
+    Returns
+    -------
+    FloatArray : (n_samples - size + 1,) by the first sample of the stretch; empty for a shorter record.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    # The filters centre a stretch of an even number of samples on the sample after its middle.
+    stretches = slice(size // 2, size // 2 + max(0, len(x) - size + 1))
+    return np.asarray(maximum_filter1d(x, size)[stretches] - minimum_filter1d(x, size)[stretches])
+
+
+def running_weights(error: FloatArray, half_width: int) -> FloatArray:
+    """Return (n_rows,) weights, of mean square 1, inverse to the running deviation of an error.
+
+    Parameters
+    ----------
+    error : (n_rows, n_outputs) without a fault; outputs count alike.
+    half_width : rows on each side over which the median of the absolute error is taken, and then a mean.
+    """
+    n = len(error)
+    half = min(half_width, (n - 1) // 2)
+    typical = np.median(np.abs(error), axis=0)
+    if half < 1 or not np.all(typical > 0.0):
+        return np.ones(n)
+    size = np.sqrt(np.mean((error / typical) ** 2, axis=1)) if error.shape[1] > 1 else np.abs(error[:, 0])
+    size = _median_around(size, half)
+    size *= MAD
+    size = _mean_around(size, half)
+    np.maximum(size, LEAST * np.median(size), out=size)
+    np.divide(1.0, size, out=size)
+    size /= np.sqrt(np.mean(size**2))
+    return size
+
+
+def _mean_around(x: FloatArray, half: int) -> FloatArray:
+    """Return (n,) means of x (n,) over `half` samples on each side, at the ends over those that are there."""
+    n, width = len(x), 2 * half + 1
+    if n * width > MOST_VALUES:
+        mean = np.empty(n)
+        for start in range(0, n, BLOCK):
+            k = np.arange(start, min(start + BLOCK, n))
+            first, stop = np.maximum(k - half, 0), np.minimum(k + half + 1, n)
+            total = np.concatenate([[0.0], np.cumsum(x[first[0] : stop[-1]])])
+            mean[k] = (total[stop - first[0]] - total[first - first[0]]) / (stop - first)
+        return mean
+    box = np.ones(width)
+    return np.asarray(np.convolve(x, box, "same") / np.convolve(np.ones(n), box, "same"))
+
+
+def _median_around(x: FloatArray, half: int) -> FloatArray:
+    """Return (n,) medians of x (n,) over `half` samples on each side, at the ends over those that are there."""
+    n, width = len(x), 2 * half + 1
+    if n * width > MOST_VALUES:
+        from scipy.ndimage import median_filter  # a tenth of a second of imports that a short window does not need
+
+        median = np.asarray(median_filter(x, width), dtype=np.float64)
+        head, tail = x[: 2 * half], x[n - 2 * half :]
+        for k in range(half):
+            median[k], median[n - 1 - k] = np.median(head[: half + 1 + k]), np.median(tail[half - 1 - k :])
+        return median
+    padded = np.pad(x, half, constant_values=np.nan)
+    return np.asarray(np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1))

@@ -1,0 +1,49 @@
+"""Stretches of samples and of seconds: of each the first and the one after the last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Run = tuple[int, int]
+Number = TypeVar("Number", int, float)
+
+
+def runs(mask: BoolArray) -> list[Run]:
+    """Return the runs in which a mask is true."""
+    edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def runs_with(strong: BoolArray, weak: BoolArray) -> list[Run]:
+    """Return the runs of either mask that hold a sample of `strong`: hysteresis, forwards and backwards."""
+    return [(first, end) for first, end in runs(strong | weak) if strong[first:end].any()]
+
+
+def joined(stretches: Iterable[tuple[Number, Number]], apart: Number) -> list[tuple[Number, Number]]:
+    """Return stretches in order of their beginning, those as one that begin no further behind the end of another."""
+    whole: list[tuple[Number, Number]] = []
+    for first, end in stretches:
+        if whole and first - whole[-1][1] <= apart:
+            whole[-1] = (whole[-1][0], end)
+        else:
+            whole.append((first, end))
+    return whole
+
+
+def within(time_s: FloatArray, stretches: Iterable[tuple[float, float]]) -> BoolArray:
+    """Return (n,) which times lie in one of the stretches; the end of a stretch is no part of it."""
+    inside = np.zeros(time_s.shape, dtype=np.bool_)
+    for first, last in stretches:
+        inside |= (time_s >= first) & (time_s < last)
+    return inside
+
+
+def shared(window: tuple[float, float], stretches: Iterable[tuple[float, float]]) -> float:
+    """Return how much of a window lies in stretches that do not overlap."""
+    return float(sum(max(0.0, min(window[1], last) - max(window[0], first)) for first, last in stretches))

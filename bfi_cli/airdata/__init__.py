@@ -35,7 +35,6 @@ from .atmosphere import (
     isa_temperature,
     pressure_at,
 )
-from .distribution import fault_distribution
 from .motion import (
     EARTH_RADIUS,
     GRAVITY_LEFT_IN,
@@ -47,45 +46,22 @@ from .motion import (
     vane_angle,
     zero_lift_angle,
 )
-from .system import DEPENDS_ON, IMPACT_SOURCES, SENSORS, STATIC_SOURCES, AirData, Impossible, air_data_of, channels_of
+from .system import (
+    DEPENDS_ON,
+    IMPACT_SOURCES,
+    SENSORS,
+    STATIC_SOURCES,
+    AirData,
+    Impossible,
+    air_data_of,
+    channels_of,
+    fault_distribution,
+)
 
-__all__ = [
-    "DEPENDS_ON",
-    "EARTH_RADIUS",
-    "GRAVITY_LEFT_IN",
-    "HIGHEST",
-    "IMPACT_SOURCES",
-    "LOWEST",
-    "PRESSURES",
-    "SEA_LEVEL_PRESSURE",
-    "SEA_LEVEL_SPEED_OF_SOUND",
-    "SEA_LEVEL_TEMPERATURE",
-    "SENSORS",
-    "SONIC_RATIO",
-    "STATIC_SOURCES",
-    "AirData",
-    "G",
-    "Impossible",
-    "air_data_of",
-    "altitude_of",
-    "calibrated_airspeed",
-    "channels_of",
-    "climb_angle",
-    "constant_wind",
-    "fault_distribution",
-    "ground_velocity",
-    "impact_pressure_of_cas",
-    "impact_pressure_of_mach",
-    "isa_temperature",
-    "kinematic_acceleration",
-    "lift_speed",
-    "mach_number",
-    "mach_of_tas",
-    "pressure_at",
-    "speed_of_sound",
-    "static_temperature",
-    "total_temperature",
-    "true_airspeed",
-    "vane_angle",
-    "zero_lift_angle",
-]
+__all__ = ["DEPENDS_ON", "EARTH_RADIUS", "GRAVITY_LEFT_IN", "HIGHEST", "IMPACT_SOURCES", "LOWEST", "PRESSURES"]
+__all__ += ["SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "SEA_LEVEL_TEMPERATURE", "SENSORS", "SONIC_RATIO"]
+__all__ += ["STATIC_SOURCES", "AirData", "G", "Impossible", "air_data_of", "altitude_of", "calibrated_airspeed"]
+__all__ += ["channels_of", "climb_angle", "constant_wind", "fault_distribution", "ground_velocity"]
+__all__ += ["impact_pressure_of_cas", "impact_pressure_of_mach", "isa_temperature", "kinematic_acceleration"]
+__all__ += ["lift_speed", "mach_number", "mach_of_tas", "pressure_at", "speed_of_sound", "static_temperature"]
+__all__ += ["total_temperature", "true_airspeed", "vane_angle", "zero_lift_angle"]

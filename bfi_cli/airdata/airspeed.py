@@ -9,12 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .atmosphere import GAS_CONSTANT, SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE
-from .domain import FloatArray, checked
-
-__all__ = ["GAMMA", "SEA_LEVEL_SPEED_OF_SOUND", "calibrated_airspeed", "impact_pressure_of_cas"]
-__all__ += ["impact_pressure_of_mach", "mach_number", "mach_of_tas", "speed_of_sound", "static_temperature"]
-__all__ += ["total_temperature", "true_airspeed"]
+from .atmosphere import (
+    GAS_CONSTANT,
+    SEA_LEVEL_PRESSURE,
+    SEA_LEVEL_TEMPERATURE,
+    FloatArray,
+    checked,
+    positive_pressure,
+)
 
 GAMMA = 1.4  # of air, as ICAO Doc 7488 has it
 HALF = 0.5 * (GAMMA - 1.0)  # (gamma - 1) / 2 = 0.2
@@ -34,7 +36,8 @@ def _relative_impact(mach: FloatArray) -> FloatArray:
     return np.asarray(np.expm1(POWER * np.log1p(HALF * mach**2)))
 
 
-def _mach_of_relative(ratio: FloatArray) -> FloatArray:
+def _mach_of_relative(name: str, ratio: FloatArray) -> FloatArray:
+    checked(name, ratio, "", least=0.0, most=SONIC_RATIO * (1.0 + ROUNDING), why=SUBSONIC)
     return np.asarray(np.sqrt(np.expm1(np.log1p(ratio) / POWER) / HALF))
 
 
@@ -58,8 +61,7 @@ def calibrated_airspeed(q_impact: ArrayLike) -> FloatArray:
     ValueError : a negative impact pressure, or one of a calibrated airspeed above the speed of sound at sea level.
     """
     ratio = _impact(q_impact) / SEA_LEVEL_PRESSURE
-    checked("q_impact / p0", ratio, "", least=0.0, most=SONIC_RATIO * (1.0 + ROUNDING), why=SUBSONIC)
-    return np.asarray(SEA_LEVEL_SPEED_OF_SOUND * _mach_of_relative(ratio))
+    return np.asarray(SEA_LEVEL_SPEED_OF_SOUND * _mach_of_relative("q_impact / p0", ratio))
 
 
 def impact_pressure_of_cas(cas: ArrayLike) -> FloatArray:
@@ -81,10 +83,8 @@ def mach_number(q_impact: ArrayLike, p_static: ArrayLike) -> FloatArray:
     ------
     ValueError : a negative impact pressure, a static pressure that is not positive, or a Mach number above 1.
     """
-    p = checked("p_static", p_static, "Pa", least=0.0, above=True, why="a static pressure is positive")
-    ratio = _impact(q_impact) / p
-    checked("q_impact / p_static", ratio, "", least=0.0, most=SONIC_RATIO * (1.0 + ROUNDING), why=SUBSONIC)
-    return _mach_of_relative(ratio)
+    p = positive_pressure(p_static)
+    return _mach_of_relative("q_impact / p_static", _impact(q_impact) / p)
 
 
 def impact_pressure_of_mach(mach: ArrayLike, p_static: ArrayLike) -> FloatArray:
@@ -94,8 +94,7 @@ def impact_pressure_of_mach(mach: ArrayLike, p_static: ArrayLike) -> FloatArray:
     ------
     ValueError : a Mach number below 0 or above 1, or a static pressure that is not positive.
     """
-    p = checked("p_static", p_static, "Pa", least=0.0, above=True, why="a static pressure is positive")
-    return np.asarray(p * _relative_impact(_mach(mach)))
+    return np.asarray(positive_pressure(p_static) * _relative_impact(_mach(mach)))
 
 
 def speed_of_sound(sat: ArrayLike) -> FloatArray:

@@ -6,12 +6,9 @@ ICAO Doc 7488 (ISO 2533) in geopotential metres; the U.S. Standard Atmosphere 19
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from .domain import FloatArray, checked
-
-__all__ = ["GAS_CONSTANT", "SEA_LEVEL_PRESSURE", "SEA_LEVEL_TEMPERATURE", "G", "altitude_of", "isa_temperature"]
-__all__ += ["pressure_at"]
+FloatArray = NDArray[np.float64]
 
 # The constants of ICAO Doc 7488.
 SEA_LEVEL_PRESSURE = 101_325.0  # Pa
@@ -30,6 +27,36 @@ SCALE_HEIGHT = GAS_CONSTANT * TROPOPAUSE_TEMPERATURE / G
 # Logarithm of the pressure at the tropopause over that at sea level; the pressure is 22 632.06 Pa.
 LOG_TROPOPAUSE = EXPONENT * float(np.log1p(-LAPSE_RATE * TROPOPAUSE / SEA_LEVEL_TEMPERATURE))
 WHERE = f"the standard atmosphere is known between {LOWEST:g} and {HIGHEST:g} m"
+
+
+def checked(
+    name: str, values: ArrayLike, unit: str, *, least: float, most: float = np.inf, above: bool = False, why: str
+) -> FloatArray:
+    """Return the values, of what the equations of air data hold for, as an array of floats.
+
+    Parameters
+    ----------
+    least, most : between which they lie, in `unit`; NaN is let through.
+    above : `least` itself is refused, too.
+    why : what the equations hold for, for the message.
+
+    Raises
+    ------
+    ValueError : a value lies outside.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    wrong = array <= least if above else array < least
+    if most < np.inf:
+        wrong = wrong | (array > most)
+    if wrong.any():
+        value = float(array[wrong].flat[0] if array.ndim else array)
+        raise ValueError(f"{name}: {why}, got {value:.6g} {unit}".rstrip())
+    return array
+
+
+def positive_pressure(p_static: ArrayLike) -> FloatArray:
+    """Return a static pressure, Pa, that is positive."""
+    return checked("p_static", p_static, "Pa", least=0.0, above=True, why="a static pressure is positive")
 
 
 def isa_temperature(altitude: ArrayLike) -> FloatArray:
@@ -77,7 +104,7 @@ def altitude_of(p_static: ArrayLike) -> FloatArray:
     ------
     ValueError : a pressure that is not positive, or of an altitude below -5000 or above 20 000 m.
     """
-    p = checked("p_static", p_static, "Pa", least=0.0, above=True, why="a static pressure is positive")
+    p = positive_pressure(p_static)
     # The ends to within rounding, so that what `pressure_at` returns is taken back.
     p = checked("p_static", p, "Pa", least=PRESSURES[0] * (1.0 - 1e-12), most=PRESSURES[1] * (1.0 + 1e-12), why=WHERE)
     logarithm = np.log(p / SEA_LEVEL_PRESSURE)

@@ -9,18 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels.normal import MAD
-from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, G
-from .domain import FloatArray
-
-__all__ = [
-    "EARTH_RADIUS",
-    "GRAVITY_LEFT_IN",
-    "climb_angle",
-    "constant_wind",
-    "ground_velocity",
-    "kinematic_acceleration",
-]
-__all__ += ["lift_speed", "vane_angle", "zero_lift_angle"]
+from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
 
 # m/s^2. The median of a normal acceleration with gravity taken out is far below it in any flight, with it far above.
 GRAVITY_LEFT_IN = 5.0

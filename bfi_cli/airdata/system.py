@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .airspeed import (
     HALF,
+    POWER,
     SEA_LEVEL_SPEED_OF_SOUND,
     SONIC_RATIO,
     SONIC_SHARE,
@@ -23,19 +25,18 @@ from .airspeed import (
     total_temperature,
     true_airspeed,
 )
-from .atmosphere import HIGHEST, LOWEST, PRESSURES, altitude_of, isa_temperature, pressure_at
-from .domain import FloatArray
-
-__all__ = [
-    "DEPENDS_ON",
-    "IMPACT_SOURCES",
-    "SENSORS",
-    "STATIC_SOURCES",
-    "AirData",
-    "Impossible",
-    "air_data_of",
-    "channels_of",
-]
+from .atmosphere import (
+    GAS_CONSTANT,
+    HIGHEST,
+    LOWEST,
+    PRESSURES,
+    SEA_LEVEL_PRESSURE,
+    FloatArray,
+    G,
+    altitude_of,
+    isa_temperature,
+    pressure_at,
+)
 
 # The pressures that a channel follows from; `tas` from a temperature too, `sat` where it was made of a recorded `tat`.
 BOTH = ("p_static", "p_total")
@@ -126,12 +127,15 @@ def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
             raise ValueError(f"{name}: needs {' or '.join(sources)}, got none of them")
     left_out: list[Impossible] = []
 
+    def without(values: FloatArray, wrong: NDArray[np.bool_], channel: str, why: str) -> FloatArray:
+        if np.any(wrong):
+            left_out.append(Impossible(where=wrong, channel=channel, why=why))
+        return np.where(wrong, np.nan, values)
+
     def within(name: str, least: float, most: float, why: str) -> FloatArray:
         values = channels[name]
         wrong = (values < least - REST.get(name, 0.0)) | (values > most)
-        if np.any(wrong):
-            left_out.append(Impossible(where=wrong, channel=name, why=why))
-        return np.where(wrong, np.nan, np.clip(values, least, most))
+        return without(np.clip(values, least, most), wrong, name, why)
 
     if "p_static" in channels:
         source = "p_static"
@@ -152,10 +156,8 @@ def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
         q_impact = within("q_impact", 0.0, np.inf, "an impact pressure is not negative")
     elif source == "p_total":
         q_impact = channels["p_total"] - p_static
-        wrong = q_impact < -REST["q_impact"]
-        if np.any(wrong):
-            left_out.append(Impossible(where=wrong, channel="p_total", why="it is below the static pressure"))
-        q_impact = np.where(wrong, np.nan, np.maximum(q_impact, 0.0))
+        below = q_impact < -REST["q_impact"]
+        q_impact = without(np.maximum(q_impact, 0.0), below, "p_total", "it is below the static pressure")
     elif source in ("cas", "ias"):
         q_impact = impact_pressure_of_cas(within(source, 0.0, SEA_LEVEL_SPEED_OF_SOUND, f"0 to 340.3 m/s, {subsonic}"))
     elif source == "mach":
@@ -164,16 +166,12 @@ def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
         sound = speed_of_sound(tat if tat is not None else sat if sat is not None else isa)
         fastest = sound * (SONIC_SHARE if tat is not None else 1.0)
         tas = within("tas", 0.0, np.inf, subsonic)
-        wrong = tas > fastest
-        if np.any(wrong):
-            left_out.append(Impossible(where=wrong, channel="tas", why=subsonic))
-        tas = np.where(wrong, np.nan, tas)
+        tas = without(tas, tas > fastest, "tas", subsonic)
         q_impact = impact_pressure_of_mach(mach_of_tas(tas, tat) if tat is not None else tas / sound, p_static)
     made_of["q_impact"] = (source,)
-    wrong = q_impact > SONIC_RATIO * p_static
-    if np.any(wrong):
-        left_out.append(Impossible(where=wrong, channel=source, why=f"with the static pressure, {subsonic}"))
-        q_impact = np.where(wrong, np.nan, q_impact)
+    # Below the level of the sea it is the calibrated airspeed that reaches the speed of sound first.
+    fastest = SONIC_RATIO * np.minimum(p_static, SEA_LEVEL_PRESSURE)
+    q_impact = without(q_impact, q_impact > fastest, source, f"with the static pressure, {subsonic}")
 
     mach = mach_number(q_impact, p_static)
     if tat is not None:
@@ -228,3 +226,56 @@ def channels_of(
         for name, values in (("altitude_rate", altitude), ("tas_rate", tas)):
             made[name] = np.gradient(values, rate_of) if len(rate_of) > 1 else np.zeros(len(rate_of))
     return made
+
+
+def fault_distribution(
+    channel: Literal["p_static", "p_total", "q_impact", "cas", "mach", "tas", "sat", "altitude"],
+    p_static: ArrayLike,
+    p_total: ArrayLike,
+    tat: ArrayLike,
+    *,
+    held: Literal["total", "static"] = "total",
+) -> FloatArray:
+    """Return (..., 2) the derivatives of a channel by static and total pressure, [a11, a12] of T 2-5.
+
+    Parameters
+    ----------
+    channel : by its standard name.
+    p_static, p_total : where it is linearised, Pa.
+    tat : total temperature there, K.
+    held : the temperature that stays as it is while the pressures err. An air-data computer measures the total one;
+        T 2-3 holds the static one, through its constant A_o. It matters for `tas` (and `sat`) only.
+
+    Raises
+    ------
+    ValueError : pressures that are not those of subsonic flow, or of an aircraft at rest, where an airspeed has no
+        derivative.
+    """
+    p_static, p_total = np.asarray(p_static, dtype=np.float64), np.asarray(p_total, dtype=np.float64)
+    q_impact = p_total - p_static
+    mach = mach_number(q_impact, p_static)
+    if np.any(mach == 0.0):
+        raise ValueError("q_impact: an airspeed has no derivative at rest, got 0 Pa")
+
+    def by_ratio(ratio: FloatArray, speed: FloatArray) -> FloatArray:
+        """Return the derivative of a Mach number, or of cas / a0, by 1 + q_impact / p."""
+        return np.asarray(ratio ** (1.0 / POWER - 1.0) / (2.0 * HALF * POWER * speed))
+
+    zero, one = np.zeros(mach.shape), np.ones(mach.shape)
+    if channel in ("p_static", "p_total", "q_impact"):
+        slopes = {"p_static": (one, zero), "p_total": (zero, one), "q_impact": (-one, one)}[channel]
+    elif channel == "altitude":
+        slopes = (-GAS_CONSTANT * isa_temperature(altitude_of(p_static)) / (G * p_static), zero)
+    elif channel == "cas":
+        speed = calibrated_airspeed(q_impact) / SEA_LEVEL_SPEED_OF_SOUND
+        slope = by_ratio(1.0 + q_impact / SEA_LEVEL_PRESSURE, speed) * SEA_LEVEL_SPEED_OF_SOUND / SEA_LEVEL_PRESSURE
+        slopes = (-slope, slope)
+    else:
+        sat, warming, by_mach = static_temperature(tat, mach), 1.0 + HALF * mach**2, one
+        if channel == "tas":
+            by_mach = speed_of_sound(sat) / (warming if held == "total" else 1.0)
+        elif channel == "sat":
+            by_mach = -2.0 * HALF * mach * sat / warming if held == "total" else zero
+        slope = by_mach * by_ratio(p_total / p_static, mach) / p_static
+        slopes = (-slope * p_total / p_static, slope)
+    return np.stack(np.broadcast_arrays(*slopes), axis=-1)

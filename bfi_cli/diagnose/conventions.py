@@ -13,8 +13,6 @@ from ..flightlog.phases import Phase
 from ..parity import Record, record_of
 from ..parity.windows import flight_stretches, within
 
-__all__ = ["without", "without_other_conventions"]
-
 # m/s^2 by which the mean rate of the airspeed may differ from that of the accelerometers: two degrees of attitude.
 # Gravity that was taken out of the longitudinal acceleration is its sine of the pitch, as much in a climb.
 MEAN_RATE = 0.35
@@ -56,9 +54,9 @@ def _mean_rate(record: Record, phases: Sequence[Phase]) -> float:
     for first, last in flight_stretches(phases):
         part = record.between(first, last)
         assert part.gained is not None
-        left = np.flatnonzero(np.isfinite(part.gained - part.channels["tas"]))
+        excess = part.gained - part.channels["tas"]
+        left = np.flatnonzero(np.isfinite(excess))
         if left.size > 1:
-            excess = part.gained - part.channels["tas"]
             gained += float(excess[left[-1]] - excess[left[0]])
             seconds += float(part.time_s[left[-1]] - part.time_s[left[0]])
     return gained / seconds if seconds > 0.0 else 0.0

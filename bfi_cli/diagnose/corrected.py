@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from ..kernels.free_course import Course as SmoothedCourse
 from ..kernels.free_course import correlated_noise, smoothed_course
 from ..kernels.likelihood_ratio import FAST_S
 from ..parity import Record, WindowScan
 from ..parity.explain import course_for
 from ..parity.record import Hypothesis, hypotheses, with_fault, without_fault
-from ..parity.residuals import RESIDUALS
 from ..parity.scan import residual_values
 from .flight import Flight
 from .result import Course, Event
-
-__all__ = ["corrected_channels", "course_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -70,21 +69,12 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
     scan = flight.scan(event.window_s)
     if hypothesis is None or scan is None or event.window_s[1] - event.onset_s < FEWEST_S:
         return None
-    stacked = _stacked(without_fault(part, fault, named), scan, hypothesis)
-    if stacked is None:
-        return None
-    times, values, gains, nuisances, covariance = stacked
     try:
-        course = smoothed_course(
-            times,
-            values,
-            onset_s=event.onset_s,
-            covariance=covariance,
-            gain=gains,
-            nuisances=nuisances,
-            at_s=part.time_s,
-        )
-    except ValueError:
+        smooth = _smoother(without_fault(part, fault, named), scan, hypothesis)
+        course = None if smooth is None else smooth(onset_s=event.onset_s, at_s=part.time_s)
+    except ValueError:  # the residuals do not tell it, or the fault leaves the air that their equations hold for
+        return None
+    if course is None:
         return None
     sign = -1.0 if event.fault == "pitot_icing" else 1.0
     sides = np.sort(np.stack([sign * (named + course.low), sign * (named + course.high)]), axis=0)
@@ -100,14 +90,14 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
     )
 
 
-def _stacked(
-    part: Record, scan: WindowScan, hypothesis: Hypothesis
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray] | None:
-    """Return times, residuals, what one unit of the fault makes of each, nuisances and covariance, stacked."""
+def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callable[..., SmoothedCourse] | None:
+    """Return what smooths the course of a fault: residuals, what one unit of it makes of each, nuisances, covariance.
+
+    None where no residual shows it at once.
+    """
     other = with_fault(part, hypothesis.fault, np.full(part.time_s.shape, hypothesis.size))
     times, values, gains, columns, blocks = [], [], [], [], []
     for kind, residual, known, own in zip(scan.kinds, scan.residuals, scan.known, scan.columns, strict=True):
-        model = next(one for one in RESIDUALS if one.name == kind.name)
         if kind.rate is not None and np.any(np.nan_to_num(kind.rate(other) - kind.rate(part))):
             continue
         gain = (kind.values(other, scan.constants) - kind.values(part, scan.constants))[known] / hypothesis.size
@@ -117,21 +107,17 @@ def _stacked(
         times.append(t)
         values.append(residual_values(part, part, scan.constants, kind)[known])
         gains.append(gain)
-        columns.append(_independent(own))
-        slow = model.slow(t - t[0])
-        blocks.append(correlated_noise(t, sd=residual.level, time_constant_s=FAST_S) + slow)
+        # Independent ones: a straight flight shows the wind along its track only.
+        u, s, _ = np.linalg.svd(own / np.linalg.norm(own, axis=0).clip(min=1e-300), full_matrices=False)
+        columns.append(u[:, s > 1e-3 * s[0]])
+        blocks.append(correlated_noise(t, sd=residual.level, time_constant_s=FAST_S) + kind.slow(t - t[0]))
     if not times:
         return None
-    return (
+    return partial(
+        smoothed_course,
         np.concatenate(times),
         np.concatenate(values),
-        np.concatenate(gains),
-        np.asarray(block_diag(*columns)),
-        np.asarray(block_diag(*blocks)),
+        gain=np.concatenate(gains),
+        nuisances=np.asarray(block_diag(*columns)),
+        covariance=np.asarray(block_diag(*blocks)),
     )
-
-
-def _independent(columns: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of columns: a straight flight shows the wind along its track only."""
-    u, s, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0).clip(min=1e-300), full_matrices=False)
-    return np.asarray(u[:, s > 1e-3 * s[0]])

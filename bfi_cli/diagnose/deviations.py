@@ -11,8 +11,6 @@ from ..parity.explain import course_for
 from .events import Draft
 from .flight import Flight
 
-__all__ = ["beyond_tolerance", "largest_first"]
-
 
 def beyond_tolerance(flight: Flight, draft: Draft) -> bool | None:
     """Return whether the error of a draft surely exceeds, or surely keeps within, the tolerances of its channels.
@@ -23,10 +21,27 @@ def beyond_tolerance(flight: Flight, draft: Draft) -> bool | None:
     share, one = _share(flight, draft), draft.finding
     if share is None or one.magnitude is None or one.sd is None:
         return None
-    spread = TWO_SIDED_95 * one.sd / abs(one.magnitude) if one.magnitude else np.inf
+    return surely_beyond(share, one.sd / abs(one.magnitude) if one.magnitude else np.inf)
+
+
+def surely_beyond(share: float, relative_sd: float) -> bool | None:
+    """Return whether an error, a share of its tolerance, surely exceeds or surely keeps within that, at 95 %."""
+    spread = TWO_SIDED_95 * relative_sd
     if share * (1.0 + spread) <= 1.0:
         return False
     return True if share * (1.0 - spread) > 1.0 else None
+
+
+def growth(shape: str, constant_s: float | None, *, shown_s: float, until_s: float) -> float:
+    """Return how many times as large the error of a course is after `until_s` as after `shown_s`, at least 1.
+
+    Both are counted from the onset.
+    """
+    course = course_for(shape, constant_s)
+    if course is None:
+        return 1.0
+    shown, reached = course(np.array([shown_s, max(until_s, shown_s)]))
+    return float(reached / shown) if shown > 0.0 else 1.0
 
 
 def largest_first(flight: Flight, drafts: Sequence[Draft]) -> list[Draft]:
@@ -45,11 +60,9 @@ def _share(flight: Flight, draft: Draft) -> float | None:
     What grows in the window that describes it may grow on: until the last window that shows it.
     """
     one = draft.finding
-    course, grown = course_for(one.shape, one.constant_s), 1.0
-    if course is not None:
-        until_s = draft.until_s if one.offset_s is None else one.offset_s
-        within, reached = course(np.array([draft.window[1], max(until_s, draft.window[1])]) - one.onset_s)
-        grown = float(reached / within) if within > 0.0 else 1.0
+    until_s = draft.until_s if one.offset_s is None else one.offset_s
+    shown_s, until_s = draft.window[1] - one.onset_s, until_s - one.onset_s
+    grown = growth(one.shape, one.constant_s, shown_s=shown_s, until_s=until_s)
     shares = [
         abs(size) * grown / tolerance
         for channel, size in one.effect.items()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,7 @@ from ..decision import State, decide
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
-from ..parity import LENGTHS_S, Threshold
+from ..parity import LENGTHS_S, Finding, Threshold
 from ..parity.leaks import begins_within
 from ..parity.record import STATIC_LEAK, record_of
 from ..parity.static_relations import RelationAnswer, relation_series
@@ -29,25 +29,24 @@ from .disagreements import drafts_of_disagreements
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
 from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
-from .limits import bounds_of, limits_of
+from .limits import bounds_of, limit_courses, limits_of
 from .looks import Scanned, rate_of
 from .missing import missing_sentences
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
-from .short_defects import events_of_defects, notes_on_defects
+from .short_defects import AFTER_HOLD_S, events_of_defects, notes_on_defects
 from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import sentence_of, verdicts_of
 
-__all__ = ["diagnose_flight", "events_of", "lasting_faults"]
-
 FloatArray = NDArray[np.float64]
 
-# Shown beside a held line; after it, when a jump back is its end and no fault of its own.
-AROUND_HOLD_S, AFTER_HOLD_S = 60.0, 20.0
+AROUND_HOLD_S = 60.0  # shown beside a held line
 # Drawn over the flight, where recorded.
 SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
+# What an event says as the finding that describes it does.
+TOLD = tuple({one.name for one in fields(Finding)} & {one.name for one in fields(Event)})
 
 
 def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progress: Progress = unseen) -> DiagnoseResult:
@@ -132,6 +131,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         corrected=corrected_channels(flight.record, events),
         units={name: STANDARD[name].unit for name in shown},
         strips=_strips(slow.looks, static),
+        limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
     )
@@ -245,31 +245,16 @@ def _event(flight: Flight, draft: Draft) -> Event:
     ci95 = None
     if one.magnitude is not None and one.sd is not None:
         ci95 = (one.magnitude - TWO_SIDED_95 * one.sd, one.magnitude + TWO_SIDED_95 * one.sd)
+    told = {name: getattr(one, name) for name in TOLD}
     return Event(
-        fault=one.fault,
-        among=one.among,
-        channels=one.channels,
+        **(told | {"evidence": evidence, "effect": dict(one.effect)}),
         state=state,
         kind=SHAPES[one.shape].kind if one.shape in SHAPES else "abrupt",
         stages=stages,
-        shape=one.shape,
-        constant_s=one.constant_s,
-        frequency_hz=one.frequency_hz,
-        magnitude=one.magnitude,
-        unit=one.unit,
-        sd=one.sd,
         ci95=ci95,
-        effect=dict(one.effect),
         beyond_tolerance=beyond_tolerance(flight, draft),
-        onset_s=one.onset_s,
-        onset_ci95=one.onset_ci95,
-        offset_s=one.offset_s,
         seen_until_s=draft.until_s,
         window_s=draft.window,
-        statistic=one.statistic,
-        threshold=one.threshold,
-        p_value=one.p_value,
-        evidence=evidence,
         note=note,
         repeat=repeat_advice(one.among),
     )

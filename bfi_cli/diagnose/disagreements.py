@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..airdata import DEPENDS_ON
 from ..channels import STANDARD
 from ..flightlog.phases import Disagreement
 from ..parity import Finding
 from .events import Draft
 from .flight import Flight
-
-__all__ = ["drafts_of_disagreements"]
+from .naming import channels_of
 
 # Seconds to both sides of the onset: the smoothing of the airspeeds.
 ONSET_S = 5.0
@@ -37,15 +35,10 @@ def drafts_of_disagreements(flight: Flight, held: Sequence[Draft]) -> list[Draft
             together.setdefault((one.from_s, one.to_s), []).append(one)
     for (from_s, to_s), those in together.items():
         if not any(draft.from_s < to_s and draft.until_s > from_s for draft in held):
-            line = ("pitot_leak", "pitot_blocked") if len(those) > 1 or "p_total" in flight.recorded else None
-            found.append(
-                _draft(flight, those[0], line or (those[0].channel, "pitot_leak", "pitot_blocked"), _all(flight))
-            )
+            alone = () if len(those) > 1 or "p_total" in flight.recorded else (those[0].channel,)
+            among = (*alone, "pitot_leak", "pitot_blocked")
+            found.append(_draft(flight, those[0], among, channels_of("q_impact", flight.recorded)))
     return found
-
-
-def _all(flight: Flight) -> tuple[str, ...]:
-    return tuple(name for name in DEPENDS_ON if name in flight.recorded and "p_total" in DEPENDS_ON[name])
 
 
 def _draft(flight: Flight, one: Disagreement, among: tuple[str, ...], channels: tuple[str, ...]) -> Draft:
@@ -56,8 +49,6 @@ def _draft(flight: Flight, one: Disagreement, among: tuple[str, ...], channels: 
         channels=channels,
         stage="sensors",
         shape="bias" if among[0] in STANDARD else among[0],
-        magnitude=None,
-        sd=None,
         unit=STANDARD[one.channel].unit if among[0] in STANDARD else "",
         onset_s=one.from_s,
         # What falls slowly has begun before it says "ground".

@@ -11,8 +11,6 @@ import numpy as np
 from ..parity import Finding
 from ..parity.explain import course_for
 
-__all__ = ["Draft", "as_one", "clusters", "is_certain", "is_return", "join", "merge_stages", "with_ends"]
-
 Window = tuple[float, float]
 
 # A finding belongs to an event that began at most this long after it: onsets of slow faults are uncertain by as much.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ..airdata import DEPENDS_ON, SENSORS
+from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..channels import STANDARD
 from ..config import Config, merge
 from ..decision import Candidate, Evidence, state_of
@@ -28,16 +28,14 @@ from ..parity.explain import course_for
 from ..parity.record import STATIC_LEAK, climbing, hypotheses
 from ..parity.scan import with_small
 from ..parity.windows import LENGTHS_S, clean_up_time
-from ..preprocessing.tolerance import tolerance_of
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..units import per_second
+from .deviations import growth, surely_beyond
 from .diagnose import events_of, lasting_faults
 from .flight import Flight, flight_of
 from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
 from .result import Event
-
-__all__ = ["physics_evidence"]
 
 FloatArray = NDArray[np.float64]
 
@@ -50,6 +48,9 @@ POSITION = frozenset({"velocity_north", "velocity_east", "latitude", "longitude"
 BESIDE_S = 600.0
 # Of the rate of false alarms of a window, what physics has: the other half is that of the window's own model.
 SHARE = 0.5
+# K, and K per m of altitude, by which air departs from the standard atmosphere within minutes: a front of 3 K, and an
+# inversion of 3.5 K in 1000 m where that cools by 6.5. A probe that drifts by more shows it.
+FRONT, INVERSION = 3.0, 0.01
 # What each residual reads, and what it is called.
 _READS = {kind.name: kind.reads.union(*kind.needs) for kind in RESIDUALS}
 WORDS = {"lift": "lift", "climb": "the climb angle", "kinematics": "inertia", "ground_speed": "the ground speed"}
@@ -85,7 +86,7 @@ def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen
         events = events_of(flight, drafts)
         bounds = bounds_of(flight, slow.looks, static, events)
     outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
-    tolerances = {name: config.tolerances.get(name) or _tolerance(flight, name) for name in outputs}
+    tolerances = {name: flight.tolerance(name, (flight.from_s, flight.to_s)) or np.inf for name in outputs}
     faults: list[FaultEstimate] = []
     notes: list[str] = []
     for event in events:
@@ -122,15 +123,11 @@ def _flight_about(log: FlightLog, config: Config) -> Flight:
     about = log.window(max(from_s - BESIDE_S, first), to_s + BESIDE_S)
     tolerances = {name: size for name, size in config.tolerances.items() if name in log.channels}
     rate = SHARE * config.start_time.false_alarm
-    flight = flight_of(about, merge(config, {"tolerances": tolerances, "diagnose": {"false_alarm": rate}}))
+    flight = flight_of(about, merge(config, {"tolerances": tolerances, "diagnose.false_alarm": rate}))
     # Flaps may move from the last descent on, which may end later.
     phases = phases_of(log)
     moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, flight.record))
     return replace(flight, moved=moved, counted=flight.part_phases)
-
-
-def _tolerance(flight: Flight, channel: str) -> float:
-    return tolerance_of(flight.log, flight.log.window(flight.from_s, flight.to_s), channel)
 
 
 def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> FaultEstimate | None:
@@ -138,12 +135,10 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
     if channel not in event.channels:
         return None
     effect = event.effect.get(channel)
-    course = course_for(event.shape, event.constant_s)
-    until_s = flight.to_s if event.offset_s is None else min(event.offset_s, flight.to_s)
-    if effect is not None and course is not None:
-        # What grows in the window that describes it grows on.
-        shown, reached = course(np.array([event.window_s[1], max(until_s, event.window_s[1])]) - event.onset_s)
-        effect *= float(reached / shown) if shown > 0.0 else 1.0
+    shown_s = event.window_s[1] - event.onset_s
+    until_s = (flight.to_s if event.offset_s is None else min(event.offset_s, flight.to_s)) - event.onset_s
+    if effect is not None:
+        effect *= growth(event.shape, event.constant_s, shown_s=shown_s, until_s=until_s)
     constant_s = event.constant_s or event.evidence.get("time_constant_s")
     of_line = event.fault in SHAPES and (event.shape == "drift" or not SHAPES[event.fault].has_magnitude)
     shape = event.fault if of_line else event.shape
@@ -162,16 +157,12 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
         magnitude, relative = 1.0, np.nan
     elif event.magnitude is not None and (of_line or event.fault == channel):
         magnitude = event.magnitude
-    elif effect and course is not None:
-        magnitude = effect / float(course(np.array([max(until_s, event.window_s[1]) - event.onset_s]))[0])
+    elif effect and (course := course_for(event.shape, event.constant_s)) is not None:
+        magnitude = effect / float(course(np.array([max(until_s, shown_s)]))[0])
     else:
         return None
     sd = abs(magnitude) * relative
     meant, unit = physical(fault, magnitude, STANDARD[channel].unit)
-    beyond = None
-    if effect is not None and np.isfinite(relative):
-        share, spread = abs(effect) / tolerance, TWO_SIDED_95 * relative
-        beyond = True if share * (1.0 - spread) > 1.0 else False if share * (1.0 + spread) <= 1.0 else None
     return FaultEstimate(
         name=event.fault if of_line else f"{event.shape} of {channel}",
         fault=replace(fault, magnitude=magnitude),
@@ -185,7 +176,9 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
         statistic=event.statistic,
         p_value=event.p_value,
         effect=None if effect is None else abs(effect),
-        beyond_tolerance=beyond,
+        beyond_tolerance=None
+        if effect is None or np.isnan(relative)
+        else surely_beyond(abs(effect) / tolerance, relative),
         among=event.among,
         source=SOURCE,
     )
@@ -257,22 +250,38 @@ def _candidate(
 def _hidden_errors(flight: Flight, bounds: Sequence[Bounds], channel: str, starts: FloatArray) -> FloatArray:
     """Return (n_starts,) the largest error of an output at the window's end that may begin there unseen.
 
-    A fault of the channel alone is bounded by what bounds its error, and by relations to others, where these share no
-    sensor with it that nothing else bounds: of the pressure lines those of lift, climb and inertia count.
+    A fault of the channel alone is bounded by what bounds its error, or by its relations to others: these say nothing
+    of the sensors that they share with it, of which the lines of pressure have bounds of their own, and the temperature
+    probe that of the air.
     """
     part = flight.record.between(flight.from_s, flight.to_s)
     slopes = {(one.fault, one.bounds): hidden_slopes(one, starts) for one in bounds if one.shape == "drift"}
     nothing = np.full(len(starts), np.inf)
-    own = slopes.get((channel, "error"), nothing)
-    if "temperature probe" not in SENSORS.get(channel, frozenset()):
-        own = np.minimum(own, slopes.get((channel, "disagreement"), nothing))
     since_s = flight.to_s - starts
-    errors = own * since_s
+    related = slopes.get((channel, "disagreement"), nothing) * since_s
+    if "temperature probe" in SENSORS.get(channel, frozenset()):
+        related = np.maximum(related, error_of_probe(part, channel))
+    errors = np.minimum(slopes.get((channel, "error"), nothing) * since_s, related)
     for line, name in (("q_impact", PITOT_LINE), (STATIC_LEAK, STATIC_LEAK)):
         grown, at_once = _reach(part, line, channel)
         if grown or at_once:
             errors = np.maximum(errors, slopes.get((name, "error"), nothing) * (grown * since_s + at_once))
     return np.asarray(errors)
+
+
+def error_of_probe(part: Record, channel: str) -> float:
+    """Return the largest error of the true airspeed by a temperature probe that drifts within a window."""
+    if channel != "tas" or not ("altitude" in part.channels and {"tat", "sat"} & part.channels.keys()):
+        return np.inf
+    height = part.channels["altitude"]
+    sat = part.air.sat
+    warmth, speed = sat - isa_temperature(height), part.channels["tas"] / sat
+    if not (np.isfinite(warmth).any() and np.isfinite(speed).any()):
+        return np.inf
+    change = (
+        float(np.nanmax(warmth) - np.nanmin(warmth)) + FRONT + INVERSION * float(np.nanmax(height) - np.nanmin(height))
+    )
+    return 0.5 * float(np.nanmax(speed)) * change
 
 
 def _reach(part: Record, fault: str, channel: str) -> tuple[float, float]:

@@ -34,11 +34,9 @@ from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
 from ..parity.sensors import accelerometer_steps, frozen_vanes, probe_steps, without_frozen
 from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
-from ..preprocessing.tolerance import tolerance_of
+from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
 from .conventions import without, without_other_conventions
 from .glances import INPUTS
-
-__all__ = ["Flight", "LastingFault", "flight_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -157,8 +155,11 @@ class Flight:
         """Return the largest error of a channel that may stay unseen in a window, None where it has none."""
         if channel in self.tolerances:
             return self.tolerances[channel]
-        part = self.log.window(*window)
-        return tolerance_of(self.log, part, channel) if channel in part.channels else None
+        if channel not in self.log.channels:
+            return None
+        names = {channel, *AIRSPEEDS} & self.log.channels.keys()
+        slim = replace(self.log, channels={name: self.log.channels[name] for name in names})
+        return tolerance_of(slim, slim.window(*window), channel)
 
     def windows(self, length_s: float, step_s: float | None = None) -> list[Window]:
         """Return the windows of a length within the part that is diagnosed."""

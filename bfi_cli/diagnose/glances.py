@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -15,11 +16,8 @@ from ..errors import BfiError
 from ..flightlog import FlightLog
 from ..kernels.progress import Report, silent
 from ..onset.glance import Glance, glance
+from ..parity.windows import Window
 from ..preprocessing.window import TRUSTED
-
-__all__ = ["GLANCE_S", "INPUTS", "STEP_S", "glance_at_flight", "inputs_for", "summary_of"]
-
-Window = tuple[float, float]
 
 # Windows of this length and step: with a quarter of overlap a step lies 15 s inside of one of them.
 GLANCE_S, STEP_S = 120.0, 90.0
@@ -51,10 +49,10 @@ def glance_at_flight(
     names = dict.fromkeys((*config.inputs, *config.outputs, *(name for name in TRUSTED if name in log.channels)))
     slim = replace(log, channels={name: log.channels[name] for name in names}, truth=None, notes=())
     parts = [slim.window(from_s, to_s) for from_s, to_s in windows]
-    work = partial(_glance_in, config=config)
+    whole = merge(config, {"window": {"from_s": None, "to_s": None}})
     found: list[tuple[Window, Glance | str]] = []
     workers = workers if len(parts) >= FEWEST_FOR_WORKERS else 1
-    with closing(in_order(work, parts, workers=workers, chunk=CHUNK)) as results:
+    with closing(in_order(partial(_glance_in, config=whole), parts, workers=workers, chunk=CHUNK)) as results:
         for window, (answer, _) in zip(windows, results, strict=True):
             found.append((window, answer))
             report(len(found) / len(parts))
@@ -63,15 +61,11 @@ def glance_at_flight(
 
 def _glance_in(part: FlightLog, *, config: Config) -> Glance | str:
     try:
-        return glance(part, merge(config, {"window": {"from_s": None, "to_s": None}}))
+        return glance(part, config)
     except BfiError as unusable:
         return str(unusable)
 
 
 def summary_of(found: Sequence[tuple[Window, Glance | str]]) -> Mapping[str, int]:
     """Return how many windows failed for each reason."""
-    counts: dict[str, int] = {}
-    for _, answer in found:
-        if isinstance(answer, str):
-            counts[answer] = counts.get(answer, 0) + 1
-    return counts
+    return Counter(answer for _, answer in found if isinstance(answer, str))

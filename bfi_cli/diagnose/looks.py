@@ -21,8 +21,6 @@ from ..parity.windows import Window, windows_in
 from .flight import Flight
 from .result import Look
 
-__all__ = ["Scanned", "look_at", "rate_of", "scale_of", "scan_flight"]
-
 FloatArray = NDArray[np.float64]
 
 # Where a flight shows mostly more than the tables, its thresholds rise. Fewer windows of this length do not say so: a
@@ -44,7 +42,7 @@ class Scanned:
     Attributes
     ----------
     statistic, fault, onset_s : the largest ratio, and where it is.
-    magnitude, sd : by fault, (n_onsets,) of ramps; cost : of the levels.
+    magnitude, sd : by fault, (n_onsets,) of ramps, with what healthy flight shows beyond the noise models.
     onsets_s : (n_onsets,) of these.
     lasting : faults that began before it, which its statistic leaves out.
     """
@@ -60,19 +58,11 @@ class Scanned:
     onsets_s: FloatArray
     magnitude: Mapping[str, FloatArray]
     sd: Mapping[str, FloatArray]
-    cost: float
     lasting: tuple[str, ...]
 
     @property
     def length_s(self) -> float:
         return self.to_s - self.from_s
-
-    def hidden_slopes(self, fault: str, level: float) -> FloatArray:
-        """Return (n_onsets,) the steepest ramps, per second and of either sign, that may hide under a threshold.
-
-        With a ramp z the ratio grows by ((|z| - |z^|) / sd)^2; it is hidden while that stays below the threshold.
-        """
-        return np.asarray(np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault])
 
 
 def rate_of(false_alarm: float, n_windows: int) -> float:
@@ -113,6 +103,7 @@ def scan_flight(
 
 def _reduced(scan: WindowScan, from_s: float, to_s: float, *, lasting: tuple[str, ...]) -> Scanned:
     best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
+    estimates = {fault: one.weighted(scan.weights) for fault, one in scan.ratios.items()}
     return Scanned(
         from_s=from_s,
         to_s=to_s,
@@ -123,9 +114,8 @@ def _reduced(scan: WindowScan, from_s: float, to_s: float, *, lasting: tuple[str
         fault=best,
         onset_s=float(scan.onsets_s[int(np.argmax(scan.ratios[best].ratio))]),
         onsets_s=scan.onsets_s,
-        magnitude={fault: one.magnitude for fault, one in scan.ratios.items()},
-        sd={fault: one.sd for fault, one in scan.ratios.items()},
-        cost=sum(residual.cost for residual in scan.residuals),
+        magnitude={fault: magnitude for fault, (magnitude, _) in estimates.items()},
+        sd={fault: sd for fault, (_, sd) in estimates.items()},
         lasting=lasting,
     )
 

@@ -12,8 +12,6 @@ from .limits import PITOT_LINE
 from .looks import Scanned
 from .result import FlightLimit
 
-__all__ = ["missing_sentences"]
-
 # By residual, what it bounds and what it is made of.
 BOUNDS = {
     "lift": "the lift does not bound the airspeed and the angle of attack",

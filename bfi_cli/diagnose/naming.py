@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES
-from ..faults import Fault, magnitude_unit
 from ..onset.glance import Glance
 from ..parity import Finding, Fit, Record, Threshold, WindowScan, effects
 from ..parity.record import STATIC_LEAK, hypotheses
@@ -13,8 +12,6 @@ from ..shapes import SHAPES
 
 # s, to both sides of an onset of the scan, which stands on the samples of its analysis at 2 Hz.
 ONSET_STEP_S = 0.5
-
-__all__ = ["contradicted", "finding_of_fit", "finding_of_glance", "hypotheses_of", "repeat_advice"]
 
 
 def fault_name(fit: Fit) -> str:
@@ -49,10 +46,9 @@ def hypotheses_of(finding: Finding) -> tuple[str, ...]:
 
 def channels_of(fault: str, recorded: Collection[str]) -> tuple[str, ...]:
     """Return the recorded channels that a fault makes wrong."""
-    if fault in ("pitot_icing", "pitot_water", "q_impact"):
-        return tuple(name for name in DEPENDS_ON if name in recorded and "p_total" in DEPENDS_ON[name])
-    if fault == STATIC_LEAK:
-        return tuple(name for name in DEPENDS_ON if name in recorded and "p_static" in DEPENDS_ON[name])
+    line = "p_static" if fault == STATIC_LEAK else "p_total"
+    if fault in ("pitot_icing", "pitot_water", "q_impact", STATIC_LEAK):
+        return tuple(name for name in DEPENDS_ON if name in recorded and line in DEPENDS_ON[name])
     if fault == "ground_speed":
         return tuple(name for name in ("velocity_north", "velocity_east", "latitude", "longitude") if name in recorded)
     return (fault,)
@@ -71,8 +67,6 @@ def finding_of_fit(
     fit = fits[0]
     name = fault_name(fit)
     sign = -1.0 if name == "pitot_icing" else 1.0
-    unit = magnitude_unit(Fault(shape=fit.shape, channel="any", magnitude=1.0, onset_s=0.0), fit.fault.unit)
-    evidence = {kind: round(part, 2) for kind, part in fit.parts.items()}
     return Finding(
         fault=name,
         among=names_of(fits, record),
@@ -82,14 +76,14 @@ def finding_of_fit(
         constant_s=fit.constant_s,
         magnitude=sign * fit.magnitude,
         sd=fit.sd,
-        unit=unit or "1",
+        unit=SHAPES[fit.shape].magnitude_unit(fit.fault.unit, slope=None) or "1",
         effect={channel: size for channel, size in effects(record, fit).items() if channel in recorded},
         onset_s=fit.onset_s,
         onset_ci95=fit.onset_ci95,
         statistic=scan.statistic,
         threshold=threshold.level,
         p_value=threshold.p_value(scan.statistic),
-        evidence=evidence,
+        evidence={kind: round(part, 2) for kind, part in fit.parts.items()},
     )
 
 
@@ -105,7 +99,6 @@ def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bo
     line = "pitot_water" if SHAPES[found.shape].kind == "oscillating" else "q_impact"
     among = (line,) if relations and others else (found.channel, line)
     seconds = to_s - found.onset_s if found.shape == "drift" else 1.0
-    shape = Fault(shape=found.shape, channel="any", magnitude=1.0, onset_s=0.0, frequency_hz=found.frequency_hz)
     return Finding(
         fault=among[0],
         among=among,
@@ -115,7 +108,7 @@ def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bo
         frequency_hz=found.frequency_hz,
         magnitude=found.magnitude,
         sd=found.sd,
-        unit=magnitude_unit(shape, unit),
+        unit=SHAPES[found.shape].magnitude_unit(unit, slope=None),
         effect={found.channel: found.magnitude * seconds},
         onset_s=found.onset_s,
         onset_ci95=(found.onset_s - ONSET_STEP_S, found.onset_s + ONSET_STEP_S),

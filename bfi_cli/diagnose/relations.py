@@ -8,15 +8,12 @@ from dataclasses import replace
 from ..kernels.progress import Report, silent
 from ..parity.relation_course import with_course
 from ..parity.sampled import unit_of
-from ..parity.static_relations import RelationSeries, StaticRelations, find_static
+from ..parity.static_relations import Series, StaticRelations, find_static
 from ..parity.windows import Window, flight_stretches, overlaps
 from .events import Draft, clusters, join
 from .flight import Flight
 
-__all__ = ["StaticWindows", "drafts_of_relations", "find_relations", "intact_channels"]
-
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
-Series = tuple[tuple[RelationSeries, ...], tuple[str, ...]]  # of the whole log, and what was not compared
 
 # Windows of two minutes in a row in which a drift is described: a longer one tells a slow onset better, and holds more
 # of what a healthy relation follows.
@@ -55,12 +52,12 @@ def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:
     A ramp that still grows where the window ends may stop later: the window goes on while it does.
     """
     one = draft.finding
-    shown = [relation for relation in series[0] if relation.declares and one.fault in relation.effects]
-    relation = max(shown, key=lambda relation: one.evidence.get(relation.name, 0.0))
+    shown = [told for told in series[0] if told.relation.declares and one.fault in told.effects]
+    best = max(shown, key=lambda told: one.evidence.get(told.relation.name, 0.0))
     (first_s, last_s), length_s = draft.window, draft.window[1] - draft.window[0]
     _, end_s = _stretch(flight, draft.window)
     while True:
-        told = with_course(relation, one, (first_s, last_s), unit_of(flight.log, one.fault))
+        told = with_course(best, one, (first_s, last_s), unit_of(flight.log, one.fault))
         if told.shape != "drift" or last_s >= min(end_s, first_s + LONGEST * length_s):
             return replace(draft, finding=told, window=(first_s, last_s), until_s=max(draft.until_s, last_s))
         last_s = min(last_s + 0.5 * length_s, end_s)
@@ -86,10 +83,6 @@ def _from_the_start(flight: Flight, series: Series, joined: Draft, first: Draft)
 
 def intact_channels(static: StaticWindows, window: Window) -> dict[str, bool]:
     """Return by channel whether every static relation that it stands in is intact over a window."""
-    found: dict[str, bool] = {}
-    for where, answer in static:
-        for relation in answer.relations if overlaps(window, [where]) else ():
-            whole = relation.statistic < relation.threshold or relation.effect < relation.least_effect
-            for name in relation.channels:
-                found[name] = found.get(name, True) and whole
-    return found
+    beside = [relation for where, answer in static if overlaps(window, [where]) for relation in answer.relations]
+    broken = {name for relation in beside if relation.changes for name in relation.channels}
+    return {name: name not in broken for relation in beside for name in relation.channels}

@@ -19,8 +19,6 @@ from ..report.text import change, instant, number, with_unit
 from ..serialization import to_plain
 from .result import DiagnoseResult
 
-__all__ = ["SCHEMA", "diagnose_content", "diagnose_document"]
-
 SCHEMA = 2
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
@@ -43,11 +41,18 @@ TIMELINE = (
     "flight; its correction ends with the window that describes it."
 )
 
+LIMITS = (
+    "What the flight excludes at 95 %: drifts of an airspeed, and losses of impact pressure by icing, that begin at a "
+    "time and are steeper than the line. Dashed: what 95 % of the watched time exclude, and the worst. Where there is "
+    "no line nothing bounds them."
+)
+
 
 def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
     body = to_plain(result)
-    series = {key: body.pop(key) for key in ("time_s", "measured", "corrected", "units", "strips", "courses")}
+    keys = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
+    series = {key: body.pop(key) for key in keys}
     last = {key: body.pop(key) for key in ("missing", "notes")}
     return {
         "kind": "diagnose",
@@ -76,6 +81,7 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
     suspected = [_sentence(one, units) for one in events if one["state"] == "suspected"]
     small = [_sentence(one, units) for one in document["deviations"]]
     drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
+    drawings += [_limits_figure(document, units)] if document["series"].get("limit_courses") else []
     drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
     return ReportContent(
         category="Diagnosis of a flight",
@@ -340,6 +346,32 @@ def _timeline(document: Plain, units: Units) -> Drawing:
                 )
             )
     return Drawing(name="timeline", caption=TIMELINE, panels=tuple(panels), shared_x=True)
+
+
+def _limits_figure(document: Plain, units: Units) -> Drawing:
+    """Return the limits of drifts over the flight, what 95 % of it exclude, and the worst."""
+    limits = (float(document["log"]["start_s"]), float(document["log"]["stop_s"]))
+    panels = []
+    for one in document["series"]["limit_courses"]:
+        shown = units.of(one["unit"], channel=_channel(one["fault"]))
+        slopes = shown.changes(_floats(one["excluded_above"]))
+        levels = (
+            ("95 %", float(shown.change(one["mostly"]) or 0.0)),
+            ("worst", float(shown.change(one["worst"]) or 0.0)),
+        )
+        panels.append(
+            Panel(
+                x_label="onset [s]",
+                y_label=f"{_name(one)}\n[{shown.unit}]",
+                curves=(curve("", _floats(one["time_s"]), slopes),),
+                levels=levels,
+                log_y=True,
+                bands=tuple(bands_of(document["phases"])),
+                x_limits=limits,
+                height=0.7,
+            )
+        )
+    return Drawing(name="limits", caption=LIMITS, panels=tuple(panels), shared_x=True)
 
 
 def _floats(values: Sequence[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]:

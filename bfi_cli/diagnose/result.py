@@ -15,8 +15,6 @@ from ..parity.finding import Bound, Stage
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 
-__all__ = ["Course", "DiagnoseResult", "Event", "FlightLimit", "Look", "Strip"]
-
 FloatArray = NDArray[np.float64]
 
 
@@ -109,6 +107,24 @@ class FlightLimit:
     to_s: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LimitCourse:
+    """The limit of a drift over the flight.
+
+    Attributes
+    ----------
+    time_s, excluded_above : (n,) by onset every ten seconds, in `unit`; NaN where nothing bounds it.
+    mostly, worst : what 95 % of the watched time exclude, and all of it.
+    """
+
+    fault: str
+    unit: str
+    time_s: FloatArray
+    excluded_above: FloatArray
+    mostly: float
+    worst: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
     """One window of the parity scan.
@@ -195,6 +211,7 @@ class DiagnoseResult:
     corrected: Mapping[str, FloatArray]
     units: Mapping[str, str]
     strips: tuple[Strip, ...]
+    limit_courses: tuple[LimitCourse, ...]
     courses: tuple[Course, ...]
     notes: tuple[str, ...]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..flightlog.defects import Defect, sentence_of_defect
@@ -9,15 +11,35 @@ from ..preprocessing.tolerance import tolerance_of
 from .flight import Flight
 from .result import Event
 
-__all__ = ["events_of_defects", "notes_on_defects"]
-
 # Shown beside them.
 AROUND_S = 30.0
+# After a held line, when a jump back is its end and no fault of its own.
+AFTER_HOLD_S = 20.0
 
 
 def events_of_defects(flight: Flight) -> tuple[Event, ...]:
-    """Return an event for each channel and kind of short defect in the part that is diagnosed."""
-    return tuple(_event(flight, one) for one in _in_part(flight))
+    """Return an event for each channel and kind of short defect in the part that is diagnosed.
+
+    What begins while a pressure line is held, or where it lets go, is no defect of the channels that follow from it.
+    """
+    found = []
+    for one in _in_part(flight):
+        lines = [line for line in flight.held.findings if one.channel in line.channels and not line.doubt]
+        held = [(line.onset_ci95[0], np.inf if line.offset_s is None else line.offset_s) for line in lines]
+        own = [
+            k
+            for k, time_s in enumerate(one.times_s)
+            if not any(first_s <= time_s <= last_s + AFTER_HOLD_S for first_s, last_s in held)
+        ]
+        if own:
+            kept = replace(
+                one,
+                times_s=tuple(one.times_s[k] for k in own),
+                durations_s=tuple(one.durations_s[k] for k in own),
+                hidden=tuple(one.hidden[k] for k in own),
+            )
+            found.append(_event(flight, kept))
+    return tuple(found)
 
 
 def notes_on_defects(flight: Flight) -> list[str]:
@@ -31,8 +53,8 @@ def _in_part(flight: Flight) -> list[Defect]:
 
 def _event(flight: Flight, one: Defect) -> Event:
     tolerance = flight.tolerances.get(one.channel) or tolerance_of(flight.log, flight.log, one.channel)
-    last_s = one.times_s[-1] + one.durations_s[-1]
-    beside_s = max(one.times_s[0] - one.hidden[0][0], 1.0 / flight.log.rate_hz)
+    onset_s, last_s = one.times_s[0], one.times_s[-1] + one.durations_s[-1]
+    beside_s = max(onset_s - one.hidden[0][0], 1.0 / flight.log.rate_hz)
     return Event(
         fault=one.channel,
         among=(one.channel,),
@@ -48,11 +70,11 @@ def _event(flight: Flight, one: Defect) -> Event:
         sd=None,
         ci95=None,
         effect={one.channel: one.largest},
-        onset_s=one.times_s[0],
-        onset_ci95=(one.times_s[0] - beside_s, one.times_s[0] + beside_s),
+        onset_s=onset_s,
+        onset_ci95=(onset_s - beside_s, onset_s + beside_s),
         offset_s=last_s,
         seen_until_s=last_s,
-        window_s=(max(one.times_s[0] - AROUND_S, flight.from_s), min(last_s + AROUND_S, flight.to_s)),
+        window_s=(max(onset_s - AROUND_S, flight.from_s), min(last_s + AROUND_S, flight.to_s)),
         statistic=one.statistic,
         threshold=1.0,
         p_value=None,

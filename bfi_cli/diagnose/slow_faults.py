@@ -27,8 +27,6 @@ from .naming import contradicted, finding_of_fit, hypotheses_of
 from .relations import StaticWindows, intact_channels
 from .result import Look
 
-__all__ = ["SlowFaults", "find_slow_faults"]
-
 # A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier
 # where the one moved would lose too much of the fault.
 NEAR_START_S = 20.0

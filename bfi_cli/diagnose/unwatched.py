@@ -13,8 +13,6 @@ from .glances import GLANCE_S
 from .limits import AIRSPEEDS, PITOT_LINE, Bounds
 from .result import Event
 
-__all__ = ["Unwatched", "flown_of", "left_of", "unwatched_by_lines", "unwatched_by_scan", "unwatched_by_steps"]
-
 # Half a minute of flight: what is shorter narrows a claim by less than the onsets of slow faults are uncertain.
 LEAST_S = 30.0
 ON_GROUND = ("ground", "take-off", "landing")
@@ -44,11 +42,11 @@ def flown_of(flight: Flight) -> list[Window]:
     Time without a phase has no airspeed; it counts as flight where it follows or precedes flight.
     """
     parts = sorted((one for one in flight.part_phases if one.phase in PARTS), key=lambda one: one.from_s)
-    flown = [(one.from_s, one.to_s) for one in parts if one.phase in AIRBORNE]
-    edges = [(flight.from_s, None), *((one.to_s, one) for one in parts)]
-    follow = [*((one.from_s, one) for one in parts), (flight.to_s, None)]
-    for (first, before), (last, after) in zip(edges, follow, strict=True):
-        if last > first and any(one is not None and one.phase in AIRBORNE for one in (before, after)):
+    airborne = [one.phase in AIRBORNE for one in parts]
+    flown = [(one.from_s, one.to_s) for one, flies in zip(parts, airborne, strict=True) if flies]
+    gaps = pairwise([flight.from_s, *(time_s for one in parts for time_s in (one.from_s, one.to_s)), flight.to_s])
+    for (first, last), beside in zip([*gaps][::2], pairwise([False, *airborne, False]), strict=True):
+        if last > first and any(beside):
             flown.append((first, last))
     return _joined(flown)
 
@@ -79,14 +77,20 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
         for one in events
         if one.state == "declared"
     ]
+    reasons = _reasons(flight, declared)
     parts = [(one.from_s, one.to_s) for one in flight.part_phases]
-    stretches = [*parts, *(piece for piece, _ in found), *(window for window, _ in _reasons(flight, declared))]
-    cuts = sorted({time_s for stretch in stretches for time_s in stretch})
+    stretches = [*parts, *(piece for piece, _ in found), *(window for window, _ in reasons)]
+    known = [(one.from_s, one.to_s) for one in flight.part_phases if one.phase in PARTS]
     pieces = []
-    for first, last in pairwise(cuts):
+    # A reason holds in all of a piece between two cuts, or in none of it; so does a phase.
+    for first, last in pairwise(sorted({time_s for stretch in stretches for time_s in stretch})):
         names = [name for piece, name in found if piece[0] <= first and last <= piece[1]]
+        why = next((why for window, why in reasons if window[0] <= first and last <= window[1]), None)
+        if left_of([(first, last)], known) == [(first, last)]:
+            why = NO_SPEED
         if names:
-            pieces.append(Unwatched(from_s=first, to_s=last, why=_why(flight, (first, last), declared, names)))
+            why = why or f"nothing bounds a slow fault of {', '.join(names)} that begins there"
+            pieces.append(Unwatched(from_s=first, to_s=last, why=why))
     return _long(pieces)
 
 
@@ -104,17 +108,6 @@ def _reasons(flight: Flight, declared: Sequence[Window]) -> list[tuple[Window, s
     ]
 
 
-def _why(flight: Flight, piece: Window, declared: Sequence[Window], names: Sequence[str]) -> str:
-    """Return why a piece, which no reason holds in part, is not watched."""
-    parts = [(one.from_s, one.to_s) for one in flight.part_phases if one.phase in PARTS]
-    if left_of([piece], parts) == [piece]:
-        return NO_SPEED
-    for (first, last), why in _reasons(flight, declared):
-        if first <= piece[0] and piece[1] <= last:
-            return why
-    return f"nothing bounds a slow fault of {', '.join(names)} that begins there"
-
-
 def unwatched_by_steps(flight: Flight, windows: Sequence[Window]) -> list[Unwatched]:
     """Return where no window of the scan for steps looked; `windows` are those that were scanned."""
     covered = [(first + STEP_MARGIN_S, last - STEP_MARGIN_S) for first, last in windows]
@@ -126,12 +119,15 @@ def unwatched_by_steps(flight: Flight, windows: Sequence[Window]) -> list[Unwatc
 
 def unwatched_by_lines(flight: Flight) -> list[Unwatched]:
     """Return where a blocked pressure line would not have been seen."""
-    found = []
-    for one in flight.held.unseen:
-        first, last = max(one.from_s, flight.from_s), min(one.to_s, flight.to_s)
-        if last - first >= LEAST_S:
-            found.append(Unwatched(from_s=first, to_s=last, why=f"{one.fault} {one.what}: {one.why}"))
-    return sorted(found, key=lambda one: one.from_s)
+    found = [
+        Unwatched(
+            from_s=max(one.from_s, flight.from_s),
+            to_s=min(one.to_s, flight.to_s),
+            why=f"{one.fault} {one.what}: {one.why}",
+        )
+        for one in flight.held.unseen
+    ]
+    return sorted((one for one in found if one.seconds >= LEAST_S), key=lambda one: one.from_s)
 
 
 def _joined(windows: Iterable[Window]) -> list[Window]:

@@ -11,8 +11,6 @@ from .limits import AIRSPEEDS, PITOT_LINE
 from .result import Event, FlightLimit
 from .unwatched import Unwatched
 
-__all__ = ["sentence_of", "verdicts_of"]
-
 STEPS: Mapping[Kind, tuple[str, str]] = {"abrupt": ("step", "a step"), "oscillating": ("oscillation", "an oscillation")}
 SPEEDS = ("tas", "cas", "ias")
 SHOWN = 3  # of what was not watched, in a sentence

@@ -71,12 +71,27 @@ class LikelihoodRatio:
     ratio : (n_onsets,) twice the log-likelihood ratio against no fault.
     magnitude, sd : (n_onsets,) estimates.
     parts : (n_residuals, n_onsets) of `ratio`, what each residual says at the joint magnitude.
+    shown, power : (n_residuals, n_onsets) inner products of the signature with the residual, and with itself.
     """
 
     ratio: FloatArray
     magnitude: FloatArray
     sd: FloatArray
     parts: FloatArray
+    shown: FloatArray
+    power: FloatArray
+
+    def weighted(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return magnitude and sd, (n_onsets,), where the noise of each residual is not what its model says.
+
+        Parameters
+        ----------
+        weights : (n_residuals,) of log-likelihoods: the variance that the noise model says over the true one.
+        """
+        power = weights @ self.power
+        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), np.finfo(float).tiny)
+        safe = np.where(seen, power, 1.0)
+        return np.where(seen, weights @ self.shown / safe, 0.0), np.where(seen, 1.0 / np.sqrt(safe), np.inf)
 
 
 def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> NoiseModel:
@@ -153,6 +168,8 @@ def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatAr
         magnitude=magnitude,
         sd=np.where(seen, 1.0 / np.sqrt(safe), np.inf),
         parts=parts,
+        shown=shown,
+        power=power,
     )
 
 

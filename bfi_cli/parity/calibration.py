@@ -21,8 +21,6 @@ from .thresholds import ParityTable
 from .windows import LENGTHS_S, clean_up_time, configuration_changes, overlaps, windows_in
 from .zero_lift import zero_lift_of
 
-__all__ = ["AirDataCalibration", "air_data_in", "calibrate_air_data", "load_air_data"]
-
 # Windows of a short flight follow each other more closely, so that there are enough for a table.
 CLOSEST_S = 5.0
 # rad; cambered wings and their incidence on the fuselage make a few degrees.

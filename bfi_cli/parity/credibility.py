@@ -26,9 +26,6 @@ from .record import STEP_S, Record
 from .residuals import geometric_climb_rate
 from .windows import Window, clean_up_time, configuration_changes, flight_stretches, within
 
-__all__ = ["Agreement", "Credibility", "agreements", "climbing_load", "coarse_positions", "credibility_of"]
-__all__ += ["still_air_angle"]
-
 FloatArray = NDArray[np.float64]
 
 # Length of a piece, V / g (a phugoid takes 4.4), and its bounds, s.
@@ -56,18 +53,18 @@ GUSTS = 1.5
 COARSE = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class _Relation:
     """What a channel should read by others.
 
     Attributes
     ----------
+    residual : of the parity scan that compares the same channels.
     accuses : the channels that may be wrong where it fails, the likeliest first; confirms : those that are right where
         it holds; words : what it holds them against.
     reference, reading : (n,) what it should be and is, of a record; beside : (n, m) what else the reading may follow.
     has_scale : whether the reading should be the reference itself, and not only proportional to it.
     least : of the reference in a piece, a standard deviation below which nothing is told, in its unit.
-    residual : of the parity scan that compares the same channels.
     """
 
     residual: str
@@ -75,11 +72,15 @@ class _Relation:
     accuses: tuple[str, ...]
     confirms: tuple[str, ...]
     words: str
-    reference: Callable[[Record], FloatArray]
     reading: Callable[[Record], FloatArray]
-    beside: Callable[[Record], FloatArray] | None = None
+    reference: Callable[[Record], FloatArray]
+    least: float
     has_scale: bool = True
-    least: float = 0.0
+    beside: Callable[[Record], FloatArray] = lambda record: np.empty((len(record.time_s), 0))
+
+
+def _channel(name: str) -> Callable[[Record], FloatArray]:
+    return lambda record: record.channels[name]
 
 
 def still_air_angle(record: Record) -> FloatArray:
@@ -134,56 +135,56 @@ AIRSPEED = "airspeed"
 GROUND_SPEED = ("ground_speed", "velocity_north", "velocity_east", "latitude", "longitude")
 RELATIONS = (
     _Relation(
-        residual="climb",
-        needs=(("aoa",), ("tas",), ("pitch",), ("roll",), ("altitude_rate",)),
-        accuses=("aoa", "pitch", "altitude_rate", AIRSPEED),
-        confirms=("aoa", "pitch", "altitude_rate"),
-        words="pitch minus flight path",
-        reference=still_air_angle,
-        reading=lambda record: record.channels["aoa"],
-        least=FIXED["aoa"],
+        "climb",
+        (("aoa",), ("tas",), ("pitch",), ("roll",), ("altitude_rate",)),
+        ("aoa", "pitch", "altitude_rate", AIRSPEED),
+        ("aoa", "pitch", "altitude_rate"),
+        "pitch minus flight path",
+        _channel("aoa"),
+        still_air_angle,
+        FIXED["aoa"],
     ),
     _Relation(
-        residual="lift",
-        needs=(("aoa",), ("normal_acc",), STATIC_SOURCES, IMPACT_SOURCES),
-        accuses=("aoa", "normal_acc", AIRSPEED),
-        confirms=("aoa", AIRSPEED),
-        words="the lift per impact pressure",
-        reference=_lift_share,
-        reading=lambda record: record.channels["aoa"],
+        "lift",
+        (("aoa",), ("normal_acc",), STATIC_SOURCES, IMPACT_SOURCES),
+        ("aoa", "normal_acc", AIRSPEED),
+        ("aoa", AIRSPEED),
+        "the lift per impact pressure",
+        _channel("aoa"),
+        _lift_share,
+        LEAST_LIFT,
         has_scale=False,
-        least=LEAST_LIFT,
     ),
     _Relation(
-        residual="load",
-        needs=(("normal_acc",), ("altitude_rate",), ("pitch",), ("roll",)),
-        accuses=("normal_acc", "altitude_rate"),
-        confirms=("normal_acc", "altitude_rate"),
-        words="the climb and the bank",
-        reference=climbing_load,
-        reading=lambda record: record.channels["normal_acc"],
-        least=FIXED["normal_acc"],
+        "load",
+        (("normal_acc",), ("altitude_rate",), ("pitch",), ("roll",)),
+        ("normal_acc", "altitude_rate"),
+        ("normal_acc", "altitude_rate"),
+        "the climb and the bank",
+        _channel("normal_acc"),
+        climbing_load,
+        FIXED["normal_acc"],
     ),
     _Relation(
-        residual="kinematics",
-        needs=(("longitudinal_acc",), ("normal_acc",), ("tas",), ("pitch",), ("roll",)),
-        accuses=("longitudinal_acc", "pitch", AIRSPEED),
-        confirms=("longitudinal_acc", "pitch", AIRSPEED),
-        words="the airspeed's rate and the pitch",
-        reference=_ahead,
-        reading=lambda record: record.channels["longitudinal_acc"],
-        least=FIXED["longitudinal_acc"],
+        "kinematics",
+        (("longitudinal_acc",), ("normal_acc",), ("tas",), ("pitch",), ("roll",)),
+        ("longitudinal_acc", "pitch", AIRSPEED),
+        ("longitudinal_acc", "pitch", AIRSPEED),
+        "the airspeed's rate and the pitch",
+        _channel("longitudinal_acc"),
+        _ahead,
+        FIXED["longitudinal_acc"],
     ),
     _Relation(
-        residual="ground_speed",
-        needs=(("velocity_north",), ("velocity_east",), ("tas",)),
-        accuses=("ground_speed", AIRSPEED),
-        confirms=("ground_speed", AIRSPEED),
-        words="the airspeed in a steady wind",
-        reference=lambda record: record.channels["tas"],
-        reading=_ground_speed,
+        "ground_speed",
+        (("velocity_north",), ("velocity_east",), ("tas",)),
+        ("ground_speed", AIRSPEED),
+        ("ground_speed", AIRSPEED),
+        "the airspeed in a steady wind",
+        _ground_speed,
+        _channel("tas"),
+        AIRSPEED_LEAST,
         beside=_track,
-        least=AIRSPEED_LEAST,
     ),
 )
 
@@ -194,16 +195,11 @@ class Agreement:
 
     Attributes
     ----------
-    residual, accuses, confirms, words, has_scale : of the relation.
     moments : (n_pieces, 3) means of the square of the reference, of the product, of the square of the reading.
     gusts : standard deviation of what gusts may add to one of both and not to the other.
     """
 
-    residual: str
-    accuses: tuple[str, ...]
-    confirms: tuple[str, ...]
-    words: str
-    has_scale: bool
+    relation: _Relation
     moments: FloatArray
     gusts: float
 
@@ -215,13 +211,13 @@ class Agreement:
     @property
     def scale(self) -> float:
         """Slope of the reading over the reference, of all pieces: errors of the reference lower it."""
-        return _slope(self.moments.sum(axis=0))
+        return float(_slope(self.moments.sum(axis=0)))
 
     @property
     def scale_sd(self) -> float:
         """Of the slope, by leaving out one piece at a time."""
-        n, total = len(self.moments), self.moments.sum(axis=0)
-        slopes = np.array([_slope(total - piece) for piece in self.moments])
+        n = len(self.moments)
+        slopes = _slope(self.moments.sum(axis=0) - self.moments)
         return float(np.sqrt((n - 1) / n * np.sum((slopes - slopes.mean()) ** 2)))
 
     @property
@@ -233,33 +229,34 @@ class Agreement:
     @property
     def fails(self) -> bool:
         """Whether the reading does not follow, or in another scale, in every third of the flight."""
-        wrong = np.array([self._is_wrong(piece) for piece in self.moments])
-        if len(wrong) < FEWEST_PIECES or not self._is_wrong(self.moments.sum(axis=0)):
+        wrong = self._are_wrong(self.moments)
+        if len(wrong) < FEWEST_PIECES or not self._are_wrong(self.moments.sum(axis=0)):
             return False
         return all(bool(np.mean(third) >= FAILING) for third in np.array_split(wrong, THIRDS))
 
     @property
     def holds(self) -> bool:
         """Whether the reading follows in most pieces, so that none of what stands in the relation fails throughout."""
-        wrong = [self._is_wrong(piece) for piece in self.moments]
-        return bool(wrong) and float(np.mean(wrong)) < 0.5
+        wrong = self._are_wrong(self.moments)
+        return bool(len(wrong)) and float(np.mean(wrong)) < 0.5
 
-    def _is_wrong(self, moments: FloatArray) -> bool:
-        correlation = _correlation(moments)
-        if not correlation >= LEAST_CORRELATION:
-            return True
-        reference, product, reading = moments
-        return self.has_scale and (product / reference > LARGEST_SCALE or reading / product < 1.0 / LARGEST_SCALE)
+    def _are_wrong(self, moments: FloatArray) -> NDArray[np.bool_]:
+        """Return (...,) where the moments (..., 3) of pieces say that the reading does not follow."""
+        lost = ~(_correlation(moments) >= LEAST_CORRELATION)
+        reference, product, reading = np.moveaxis(moments, -1, 0)
+        scaled = (product > LARGEST_SCALE * reference) | (LARGEST_SCALE * reading < product)
+        return np.asarray(lost | (scaled & self.relation.has_scale))
 
 
-def _correlation(moments: FloatArray) -> float:
-    reference, product, reading = moments
+def _correlation(moments: FloatArray) -> FloatArray:
+    reference, product, reading = np.moveaxis(moments, -1, 0)
     power = reference * reading
-    return float(product / np.sqrt(power)) if power > 0.0 else 0.0
+    return np.asarray(np.divide(product, np.sqrt(power), out=np.zeros(power.shape), where=power > 0.0))
 
 
-def _slope(moments: FloatArray) -> float:
-    return float(moments[1] / moments[0]) if moments[0] > 0.0 else 0.0
+def _slope(moments: FloatArray) -> FloatArray:
+    reference, product, _ = np.moveaxis(moments, -1, 0)
+    return np.asarray(np.divide(product, reference, out=np.zeros(reference.shape), where=reference > 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,7 +302,7 @@ def _agreement(one: _Relation, record: Record, used: NDArray[np.bool_], stretche
     speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else np.inf
     piece_s = float(np.clip(PIECE * speed / G, SHORTEST_PIECE_S, LONGEST_PIECE_S))
     reference, reading = (_smoothed(np.where(used, make(record), np.nan)) for make in (one.reference, one.reading))
-    beside = np.empty((len(record.time_s), 0)) if one.beside is None else one.beside(record)
+    beside = one.beside(record)
     moments = []
     for first, last in stretches:
         for start in np.arange(first, last - piece_s + 1e-6, piece_s):
@@ -319,15 +316,8 @@ def _agreement(one: _Relation, record: Record, used: NDArray[np.bool_], stretche
             x, y = (both - design @ np.linalg.lstsq(design, both, rcond=None)[0]).T
             if x @ x >= n * (MOVES * one.least) ** 2:
                 moments.append((x @ x / n, x @ y / n, y @ y / n))
-    return Agreement(
-        residual=one.residual,
-        accuses=one.accuses,
-        confirms=one.confirms,
-        words=one.words,
-        has_scale=one.has_scale,
-        moments=np.array(moments).reshape(-1, 3),
-        gusts=GUSTS / speed if one.residual == "climb" else 0.0,
-    )
+    gusts = GUSTS / speed if one.residual == "climb" else 0.0
+    return Agreement(relation=one, moments=np.array(moments).reshape(-1, 3), gusts=gusts)
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
@@ -376,13 +366,15 @@ def credibility_of(
         if not one.fails:
             continue
         # The lift says that a vane follows, not in what scale.
-        follows = one.correlation >= LEAST_CORRELATION
-        confirmed = {name for other in holding if other.has_scale or not follows for name in other.confirms}
-        left = [name for name in one.accuses if name not in confirmed]
+        follows, relation = one.correlation >= LEAST_CORRELATION, one.relation
+        telling = [other.relation for other in holding if other.relation.has_scale or not follows]
+        confirmed = {name for other in telling for name in other.confirms}
+        left = [name for name in relation.accuses if name not in confirmed]
         if not left:
-            unusable.append(one.residual)
+            unusable.append(relation.residual)
             sentences.append(
-                f"{one.accuses[0]} does not agree with {one.words}, and others confirm both: they are not compared"
+                f"{relation.accuses[0]} does not agree with {relation.words}, and others confirm both: "
+                "they are not compared"
             )
         for name in left:
             suspects.setdefault(name, []).append(one)
@@ -395,27 +387,34 @@ def credibility_of(
             for other in suspects
             if {id(one) for one in failing} <= {id(one) for one in suspects[other]}
         )
-        suspects = {
-            other: rest
-            for other, ones in suspects.items()
-            if (rest := [one for one in ones if all(one is not known for known in failing)])
-        }
+        known = {id(one) for one in failing}
+        rest = {other: [one for one in ones if id(one) not in known] for other, ones in suspects.items()}
+        suspects = {other: ones for other, ones in rest.items() if ones}
         if name == AIRSPEED:  # which the analyses are for that follow
             continue
         findings.append(_finding(name, rivals, failing, record, window))
-        sentences.append(_sentence(name, failing))
+        words = " and ".join(
+            f"{one.relation.words} ({f'scale {one.scale:.2f}, ' if one.relation.has_scale else ''}"
+            f"correlation {one.correlation:.2f})"
+            for one in failing
+        )
+        sentences.append(f"'{name}' does not follow {words}: it was not used")
     return Credibility(findings=tuple(findings), sentences=tuple(sentences), unusable=tuple(unusable))
 
 
 def _finding(
     name: str, rivals: tuple[str, ...], failing: Sequence[Agreement], record: Record, window: Window
 ) -> Finding:
-    told = next((one for one in failing if one.has_scale), None)
-    magnitude = None if told is None else told.scale - 1.0
-    # Of what it should move within a piece, two standard deviations.
+    told = next((one for one in failing if one.relation.has_scale), None)
     effect: Mapping[str, float] = {}
     if told is not None:
+        # Of what it should move within a piece, two standard deviations.
         effect = {name: 2.0 * (told.scale - 1.0) * float(np.sqrt(told.moments[:, 0].mean()))}
+    doubt = ""
+    if rivals:
+        doubt = f"it or {' or '.join(rivals)} does not follow the others"
+    elif all(one.by_gusts for one in failing):
+        doubt = "gusts could hide that it follows the flight"
     correlation = min(one.correlation for one in failing)
     return Finding(
         fault=name,
@@ -423,7 +422,7 @@ def _finding(
         channels=GROUND_SPEED if name == "ground_speed" else (name,),
         stage="sensors",
         shape="scale",
-        magnitude=magnitude,
+        magnitude=None if told is None else told.scale - 1.0,
         sd=None if told is None else told.scale_sd,
         unit="1",
         onset_s=window[0],
@@ -431,18 +430,6 @@ def _finding(
         statistic=LEAST_CORRELATION / max(correlation, 1e-3),
         threshold=1.0,
         effect=effect,
-        evidence={f"correlation with {one.words}": round(one.correlation, 2) for one in failing},
-        doubt=f"it or {' or '.join(rivals)} does not follow the others"
-        if rivals
-        else "gusts could hide that it follows the flight"
-        if all(one.by_gusts for one in failing)
-        else "",
+        evidence={f"correlation with {one.relation.words}": round(one.correlation, 2) for one in failing},
+        doubt=doubt,
     )
-
-
-def _sentence(name: str, failing: Sequence[Agreement]) -> str:
-    words = " and ".join(
-        f"{one.words} ({f'scale {one.scale:.2f}, ' if one.has_scale else ''}correlation {one.correlation:.2f})"
-        for one in failing
-    )
-    return f"'{name}' does not follow {words}: it was not used"

@@ -11,17 +11,11 @@ from numpy.typing import NDArray
 from ..kernels.likelihood_ratio import likelihood_ratio
 from ..kernels.normal import CHI_SQUARE_95
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
-from .scan import FIRST_ONSET_S, LAST_ONSET_S, WindowScan, fault_signatures, residual_values
-
-__all__ = ["COURSES", "Fit", "corrected", "course_for", "effects", "explain"]
+from .scan import FIRST_ONSET_S, WindowScan, fault_signatures, residual_values
 
 FloatArray = NDArray[np.float64]
 Course = Callable[[FloatArray], FloatArray]
 
-# Standard deviation of what healthy windows of 120 s show of a ramp in each residual, in those of its noise model, and
-# how it grows with the length: gusts, turns and changes of trim are no stationary noise. Root mean squares over 190
-# windows of 60 to 240 s of two flights of a Cessna Citation, which agree within a fifth (docs/theory.md, 15.7).
-DISPERSION, DISPERSION_GROWTH = {"lift": 1.9, "climb": 2.1, "kinematics": 1.3, "ground_speed": 2.8}, 0.3
 # Twice a log-likelihood ratio, so dispersed, by which a fault may explain a window worse and still be the one: so much,
 # or that share of the best; but none that explains less than half. Tried on those flights with a drift of the airspeed
 # where nothing but `tas` tells it: it keeps the truth in 95 % of the sets; 10 makes half of them sets of three.
@@ -159,9 +153,11 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     best = max(nearest.values())
     least = best - FITTED_WITHIN * max(CLOSE, CLOSE_SHARE * best)
     contenders = [one for one, ratio in nearest.items() if ratio >= least]
-    fits = [_best_course(scan, record, one, looks[one]) for one in contenders if one.fault not in ruled_out]
-    if not fits:
-        fits = [_best_course(scan, record, one, looks[one]) for one in contenders]
+    # Where none of those that may be is a candidate after all, those that are ruled out are, then the others.
+    for group in ([one for one in contenders if one.fault not in ruled_out], contenders, list(looks)):
+        fits = [_best_course(scan, record, one, looks[one]) for one in group]
+        if any(np.isfinite(fit.ratio) for fit in fits):
+            break
     fits.sort(key=lambda fit: -fit.ratio)
     close = min(max(CLOSE, CLOSE_SHARE * fits[0].ratio), LEAST_SHARE * max(fits[0].ratio, 0.0))
     likeliest = max(_with_odds(fit) for fit in fits)
@@ -202,16 +198,6 @@ def effects(record: Record, fit: Fit) -> dict[str, float]:
     return found
 
 
-def _weights(scan: WindowScan) -> FloatArray:
-    """Return by residual what a log-likelihood is worth of what its noise model says."""
-    growth = (_length_s(scan) / 120.0) ** DISPERSION_GROWTH
-    return np.array([(growth * DISPERSION[kind.name]) ** -2.0 for kind in scan.kinds])
-
-
-def _length_s(scan: WindowScan) -> float:
-    return FIRST_ONSET_S + float(scan.onsets_s[-1] - scan.onsets_s[0]) + LAST_ONSET_S
-
-
 Look = tuple[float, float, tuple[str, float | None]]  # ratio, onset in s, course
 
 
@@ -222,7 +208,7 @@ def _linear_looks(
     since_s = record.time_s[:, None] - scan.onsets_s[None, :]
     every = np.hstack([_course(*one)(since_s) for one in courses])
     small = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, every))
-    ratios = (_weights(scan) @ small.parts).reshape(len(courses), -1)
+    ratios = (scan.weights @ small.parts).reshape(len(courses), -1)
     best = np.argmax(ratios, axis=1)
     return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), one) for k, one in enumerate(courses)]
 
@@ -248,7 +234,7 @@ def _with_best_constant(scan: WindowScan, record: Record, fit: Fit) -> Fit:
         return fit
     best, besides = fit, []
     for ratio in (step**sign for step in FINER for sign in (1.0, -1.0)):
-        while FIRST_ONSET_S / 10.0 <= (constant := ratio * (best.constant_s or 0.0)) <= _length_s(scan):
+        while FIRST_ONSET_S / 10.0 <= (constant := ratio * (best.constant_s or 0.0)) <= scan.length_s:
             tried = fit_course(scan, record, fit.fault, fit.shape, constant, near_s=best.onset_s)
             besides.append(min(tried, best, key=lambda one: one.ratio).alike)
             if tried.ratio <= best.ratio:
@@ -274,6 +260,8 @@ def fit_course(
 ) -> Fit:
     """Return a fault of one course, fitted by Gauss-Newton steps at the onsets about `near_s`.
 
+    One that leaves what the equations of air data hold for has ratios of minus infinity.
+
     Parameters
     ----------
     near_s : s on the log's axis; None for the onset that a linear look finds the best.
@@ -281,9 +269,9 @@ def fit_course(
     if near_s is None:
         ((_, near_s, _),) = _linear_looks(scan, record, hypothesis, [(shape, constant)])
     first, last = float(scan.onsets_s[0]), float(scan.onsets_s[-1])
-    weights = _weights(scan)
+    weights = scan.weights
     # Whole seconds from there, also where the window ends the stretch.
-    reach_s = np.floor(REFINED * _length_s(scan))
+    reach_s = np.floor(REFINED * scan.length_s)
     before_s, after_s = min(reach_s, np.floor(near_s - first)), min(reach_s, np.floor(last - near_s))
     onsets_s = near_s + np.arange(-before_s, after_s + 1.0)
     courses = _course(shape, constant)(record.time_s[:, None] - onsets_s[None, :])
@@ -296,14 +284,19 @@ def fit_course(
     k, magnitude = 0, 0.0
     for step in range(STEPS):
         amount = magnitude * courses[:, k]
-        clean = without_fault(record, hypothesis.fault, amount) if step else record
-        shown, power, left = (np.zeros((len(scan.kinds), len(onsets_s))) for _ in range(3))
         # A loss of the pressure that is taken out divides by what is left of it: its slope is steeper by as much.
         left_over = 1.0 + amount if hypothesis.fault == "q_impact" else np.ones(len(amount))
-        signatures = fault_signatures(scan, clean, hypothesis, courses / left_over[:, None])
-        for j, (kind, seen) in enumerate(zip(scan.kinds, scan.known, strict=True)):
-            residual, signature = scan.residuals[j], signatures[j]
-            values = residual_values(clean, record, scan.constants, kind)[seen]
+        try:
+            clean = without_fault(record, hypothesis.fault, amount) if step else record
+            signatures = fault_signatures(scan, clean, hypothesis, courses / left_over[:, None])
+            corrected_values = [residual_values(clean, record, scan.constants, kind) for kind in scan.kinds]
+        except ValueError:
+            # Without such a fault the record would leave the air that the equations hold for: it is no candidate.
+            ratios, magnitudes = np.full(len(onsets_s), -np.inf), np.zeros(len(onsets_s))
+            break
+        shown, power, left = (np.zeros((len(scan.kinds), len(onsets_s))) for _ in range(3))
+        for j, seen in enumerate(scan.known):
+            residual, signature, values = scan.residuals[j], signatures[j], corrected_values[j][seen]
             # A correction that takes all lift or airspeed away explains nothing by it.
             y = residual.whitened(np.where(np.isfinite(values), values, recorded[j]))
             if signature is None:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-__all__ = ["Bound", "Finding", "Limit", "Stage"]
-
 Bound = Literal["error", "disagreement"]
 Stage = Literal["sensors", "static relations", "holds", "parity", "scan"]
+
+CHI_SQUARE = 3.84  # with one degree of freedom, 95 %: twice what a log-likelihood may lose of an interval's middle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +24,7 @@ class Finding:
     stage : which analysis found it.
     shape : course of the error over time, by the name of a fault's shape; constant_s : its time constant or duration;
         frequency_hz : of an oscillation.
-    magnitude, sd : of that shape, in `unit`; None where the fault has none.
+    magnitude, sd : of that shape, in `unit`; None where the fault has none, or none is told.
     effect : largest error in the window by channel, in the channel's unit.
     onset_s, offset_s : on the log's axis; onset_ci95 : interval of the onset. offset_s is None where it lasts.
     statistic, threshold, p_value : that it was declared by; p_value is None where no distribution is known.
@@ -39,9 +39,9 @@ class Finding:
     shape: str
     constant_s: float | None = None
     frequency_hz: float | None = None
-    magnitude: float | None
-    sd: float | None
-    unit: str
+    magnitude: float | None = None
+    sd: float | None = None
+    unit: str = ""
     onset_s: float
     onset_ci95: tuple[float, float]
     offset_s: float | None = None

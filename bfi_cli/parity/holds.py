@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..flightlog import FlightLog
-from .braking import LEFT, brakes
+from ..kernels.runs import runs
 from .finding import Finding
-from .leaks import LANDING, begins_within, pitot_leaks, static_leaks
+from .leaks import LANDING, LEFT, begins_within, brakes, pitot_leaks, static_leaks
 from .lines import (
     BAND,
     CALMEST,
@@ -29,14 +29,10 @@ from .lines import (
     Stretches,
     channels_after,
     edge_of,
-    line_finding,
     lines_of,
-    runs_of,
     stretches_of,
     touching_runs,
 )
-
-__all__ = ["Holds", "LineReport", "UnseenLine", "doubt_of", "find_holds"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -54,6 +50,8 @@ COARSE_M = 0.35
 # Pa with the 0.032 m/s of a recorded Citation, of which no stretch is still; from 0.05 m/s on some are.
 COARSE_PA = 1.5
 LANDED, STEADY = "the aircraft has landed", "a steady climb or descent is a line too"
+AT_REST = "nothing moves beyond the noise of the record: calm air, an aircraft at rest or a record that stands still"
+TOO_CALM = "the calmest flight of the log moves by {:.2g} Pa, too calm to tell"
 STEPS_HIDE = "the steps or the noise of the record hide how calm flight moves"
 TOO_LITTLE = "the log has too little flight that moves to tell it from calm air"
 FEWEST_MOVING_S = 60.0  # of moving stretches; with fewer the log does not say how still its flight is
@@ -75,18 +73,12 @@ class LineReport:
     Attributes
     ----------
     pressure : "p_total" or "p_static"; made_of : the channels that it was taken from.
-    limit_pa : standard deviation about a line, Pa, below which a stretch is still: from the steps of the record and the
-        noise of the transducer, the median over the window. NaN where there is no flight in it.
-    calm_pa : the same of the calmest twentieth of the log's moving stretches (for the static pressure, in level
-        flight); None where the log has too few.
     watched_s : time within stretches that moved; unwatched : in flight, between gaps too short for a stretch.
     untold : (from_s, to_s, why) of stretches that are still, but not told from calm air.
     """
 
     pressure: str
     made_of: tuple[str, ...]
-    limit_pa: float
-    calm_pa: float | None
     watched_s: float
     unwatched: tuple[tuple[float, float], ...]
     untold: tuple[tuple[float, float, str], ...]
@@ -195,8 +187,8 @@ def _unseen(lines: Lines, report: LineReport) -> Iterator[UnseenLine]:
 def _stretches(lines: Lines, marked: BoolArray) -> tuple[tuple[float, float], ...]:
     """Return the times from which to which blocks are marked."""
     return tuple(
-        (float(lines.time_s[first]) - 0.5 * lines.step_s, float(lines.time_s[last]) + 0.5 * lines.step_s)
-        for first, last in runs_of(marked)
+        (float(lines.time_s[first]) - 0.5 * lines.step_s, float(lines.time_s[end - 1]) + 0.5 * lines.step_s)
+        for first, end in runs(marked)
     )
 
 
@@ -228,18 +220,7 @@ def _holds_of(
         # The stillest stretch of a run tells whether the line holds, and where.
         best = first + int(np.argmin(own.sd[first : last + 1] / own.limit[first : last + 1]))
         onset = edge_of(lines, line, first + own.n // 2, -1)
-        coarse = _altitude_step_m(lines, best) > COARSE_M
-        coarse_airspeed = line.pressure == "p_total" and _airspeed_step_sd(lines, best) > COARSE_PA
-        if coarse_airspeed or (line.pressure == "p_static" and coarse):
-            # The other still stretches are calm flight within a step as well as holds.
-            run = np.zeros(len(own.sd), dtype=bool)
-            run[first : last + 1] = True
-            usual = _calm(lines, line, own, run)
-        else:
-            usual = calm
-        why = doubt_of(log, lines, line, own, beside, usual, best, onset, moving=1.0 / HIDDEN if coarse else 1.0)
-        if not why and coarse_airspeed and not _motionless(own, usual, best):
-            why = STEPS_HIDE
+        why = doubt_of(log, lines, line, own, beside, calm, (first, best, last), onset)
         if why:
             untold.append((float(lines.time_s[first]), float(lines.time_s[last + own.n - 1]), why))
             continue
@@ -255,10 +236,13 @@ def _holds_of(
         # Seen backwards in time the pressure leaves the line at the onset, or later where it moves slowly: at most so
         # much as it took to leave such a band in the flight before.
         latest_s = left_s + _passage_s(lines, line, onset) + lines.step_s
-        hold = line_finding(
-            log,
-            line.pressure,
-            FAULT[line.pressure],
+        fault = FAULT[line.pressure]
+        hold = Finding(
+            fault=fault,
+            among=(fault,),
+            channels=channels_after(log, line.pressure),
+            stage="holds",
+            shape=fault,
             onset_s=left_s,
             onset_ci95=(left_s - SMEARED_S - lines.step_s, latest_s),
             offset_s=end_s,
@@ -272,8 +256,6 @@ def _holds_of(
     report = LineReport(
         pressure=line.pressure,
         made_of=line.made_of,
-        limit_pa=float(np.median(own.limit[own.inside])) if own.inside.any() else np.nan,
-        calm_pa=calm,
         watched_s=float(np.count_nonzero(_covered(lines, watched, own.n)) * lines.step_s),
         unwatched=_stretches(lines, flies & ~_covered(lines, own.inside, own.n)),
         untold=tuple(untold),
@@ -288,36 +270,45 @@ def doubt_of(
     own: Stretches,
     beside: Stretches | None,
     calm: float | None,
-    best: int,
+    run: tuple[int, int, int],
     onset: int,
-    *,
-    moving: float,
 ) -> str:
-    """Return why a stretch that is still from a block on is no hold for certain, "" for one that is.
+    """Return what else than a trapped pressure keeps a run of stretches still, "" where nothing else does.
+
+    The rivals of a trapped line are a landing, a record or an aircraft at rest, a steady climb, and flight that is calm
+    or that the steps and the noise of the record hide. How still flight is the log tells, or, where it does not, the
+    total pressure by the static one, and the static pressure by how fast it stops.
 
     Parameters
     ----------
-    moving : times its limit by which the other line strays at least.
+    calm : how far the calmest flight strays from a line, Pa, None where the log has too little.
+    run : its first stretch, the stillest, and the last.
     """
-    sd, limit = float(own.sd[best]), float(own.limit[best])
-    if line.pressure == "p_static" and _has_landed(log, lines, line, onset):
-        return LANDED
-    if beside is not None and not beside.sd[best] > moving * beside.limit[best]:
-        return (
-            "nothing moves beyond the noise of the record: calm air, an aircraft at rest or a record that stands still"
-        )
-    if own.rise[best] > LEVEL_M:
-        return STEADY
-    if line.pressure == "p_static" and (calm is None or limit > HIDDEN * calm):
-        if _stopped(lines, line, onset):
-            return ""
-        return TOO_LITTLE if calm is None else STEPS_HIDE
-    if calm is None:
-        # The total pressure moves at least as the static one does, unless speed is traded for it.
-        return "" if beside is not None and limit <= HIDDEN * beside.sd[best] else TOO_LITTLE
-    if sd > calm * (STILL if limit <= HIDDEN * calm else MOTIONLESS):
-        return f"the calmest flight of the log moves by {calm:.2g} Pa, too calm to tell"
-    return ""
+    first, best, last = run
+    sd, limit, static = float(own.sd[best]), float(own.limit[best]), line.pressure == "p_static"
+    coarse = _altitude_step_m(lines, best) > COARSE_M
+    coarse_airspeed = not static and _airspeed_step_sd(lines, line, best) > COARSE_PA
+    if coarse_airspeed or (static and coarse):
+        # The other still stretches are calm flight within a step as well as holds.
+        stretches = np.arange(len(own.sd))
+        calm = _calm(lines, line, own, (stretches >= first) & (stretches <= last))
+    # The total pressure moves at least as the static one does, unless speed is traded for it.
+    stirred = beside is not None and limit <= HIDDEN * float(beside.sd[best])
+    told = _stopped(lines, line, onset) if static else stirred
+    moving = 1.0 / HIDDEN if coarse else 1.0  # times its limit, by which the other line strays at least
+    hidden = calm is None or limit > HIDDEN * calm
+    calmest = np.inf if calm is None else calm
+    stillest = MOTIONLESS * calmest if hidden else STILL * calmest
+    rivals = (
+        (LANDED, static and _has_landed(log, lines, line, onset)),
+        (AT_REST, beside is not None and not beside.sd[best] > moving * beside.limit[best]),
+        (STEADY, own.rise[best] > LEVEL_M),
+        (TOO_LITTLE, calm is None and not told),
+        (STEPS_HIDE, static and hidden and not told),
+        (TOO_CALM.format(calmest), sd > stillest and not (static and hidden)),
+        (STEPS_HIDE, coarse_airspeed and not (limit <= calmest < np.inf and sd <= MOTIONLESS * calmest)),
+    )
+    return next((why for why, explains in rivals if explains), "")
 
 
 def _altitude_step_m(lines: Lines, at: int) -> float:
@@ -327,25 +318,16 @@ def _altitude_step_m(lines: Lines, at: int) -> float:
     return 0.0 if static is None else float(METRES * np.sqrt(12.0) * static.step_sd[at] / static.values[at])
 
 
-def _airspeed_step_sd(lines: Lines, at: int) -> float:
+def _airspeed_step_sd(lines: Lines, total: PressureLine, at: int) -> float:
     """Return what the steps of airspeed and temperature make of the total pressure in a block, Pa."""
-    static, total = lines.of("p_static"), lines.of("p_total")
+    static = lines.of("p_static")
     assert static is not None
-    assert total is not None
     return float(np.sqrt(max(total.step_sd[at] ** 2 - static.step_sd[at] ** 2, 0.0)))
-
-
-def _motionless(own: Stretches, calm: float | None, best: int) -> bool:
-    """Say whether a stretch is without the motion that calm flight shows through the steps of the record."""
-    return calm is not None and bool(own.limit[best] <= calm and own.sd[best] <= MOTIONLESS * calm)
 
 
 def _covered(lines: Lines, marked: BoolArray, n: int) -> BoolArray:
     """Return the blocks that lie within marked stretches of n blocks."""
-    edges = np.zeros(len(lines.time_s) + 1)
-    np.add.at(edges, np.flatnonzero(marked), 1.0)
-    np.add.at(edges, np.minimum(np.flatnonzero(marked) + n, len(lines.time_s)), -1.0)
-    return np.asarray(np.cumsum(edges)[:-1] > 0.5)
+    return np.convolve(marked, np.ones(n)) > 0.5 if marked.size else np.zeros(len(lines.time_s), dtype=bool)
 
 
 def _calm(lines: Lines, line: PressureLine, own: Stretches, still: BoolArray) -> float | None:
@@ -355,8 +337,8 @@ def _calm(lines: Lines, line: PressureLine, own: Stretches, still: BoolArray) ->
     moving = own.whole & (held[first + own.n] == held[first])
     if line.pressure == "p_static":
         moving &= own.rise < LEVEL_M
-    runs = sum(last - first + own.n for first, last in runs_of(moving))
-    if runs * lines.step_s < FEWEST_MOVING_S:
+    moving_samples = sum(end - 1 - first + own.n for first, end in runs(moving))
+    if moving_samples * lines.step_s < FEWEST_MOVING_S:
         return None
     return float(np.quantile(own.sd[moving], CALMEST))
 

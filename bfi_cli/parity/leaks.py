@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..airdata import G
 from ..flightlog import FlightLog
-from ..kernels.normal import CHI_SQUARE_95
-from .braking import LEFT, brakes
+from ..kernels.runs import runs
 from .finding import Finding
 from .lines import (
     LENGTH_S,
@@ -16,19 +16,22 @@ from .lines import (
     STOPPED_AT,
     Lines,
     PressureLine,
+    channels_after,
     edge_of,
-    line_finding,
-    runs_of,
     stretches_of,
     touching_runs,
 )
+from .onsets import as_good, squares_by_onset
 from .relaxation import ALIKE, Relaxation, relaxations
-
-__all__ = ["LANDING", "begins_within", "pitot_leaks", "static_leaks"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+# Less than this share of the impact pressure in flight is left on the ground, and in a tube with an open drain.
+LEFT = 0.15
+# Shares of the loss of airspeed that the ground speed, or the accelerometer, shows up to which the aircraft does not
+# brake, and from which it does.
+SLOWED = (0.25, 0.5)
 # What names no other source was set with 137 windows of two Citation flights, their landings and those of a Cessna 172
 # and a drone in view (docs/theory.md, 15.6): what is counted there is in-sample.
 FREED = "the static pressure rests before it too: a blocked port that opens jumps as well, to a level within a step"
@@ -70,6 +73,32 @@ def begins_within(finding: Finding, leak: Finding) -> bool:
     return leak.onset_s - BEFORE_LEAK_S <= finding.onset_s <= end_s
 
 
+def brakes(log: FlightLog, from_s: float, to_s: float, level: float, p_static: float) -> bool | None:
+    """Say whether ground speed or acceleration show that the aircraft slows down with its airspeed; None for neither.
+
+    Parameters
+    ----------
+    level : impact pressure before, Pa; about 0.4 of the speed is left at `to_s`.
+    p_static : static pressure, Pa.
+    """
+    has = {name: one.values for name, one in log.channels.items()}
+    speed = has.get("ground_speed")
+    if speed is None and {"velocity_north", "velocity_east"} <= has.keys():
+        speed = np.hypot(has["velocity_north"], has["velocity_east"])
+    if speed is not None:
+        before, after = np.interp([from_s, to_s], log.time_s, speed)
+        share = (before - after) / max((1.0 - np.sqrt(LEFT)) * before, 1e-9)
+    elif {"longitudinal_acc", "pitch"} <= has.keys():
+        meanwhile = (log.time_s >= from_s) & (log.time_s <= to_s)
+        if not meanwhile.any() or not level > 0.0:
+            return None
+        ahead = float(np.mean(has["longitudinal_acc"][meanwhile] - G * np.sin(has["pitch"][meanwhile])))
+        share = -ahead * (to_s - from_s) / ((1.0 - np.sqrt(LEFT)) * np.sqrt(2.0 * level * G * METRES / p_static))
+    else:
+        return None
+    return None if SLOWED[0] < share < SLOWED[1] else bool(share >= SLOWED[1])
+
+
 def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> list[Finding]:
     """Return the static pressures that go from their course to the cabin's at once, and hold it.
 
@@ -99,10 +128,12 @@ def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> li
             continue
         # The line that is held goes on to the last of the stretches that touch.
         last = next(last for _, last in held if last >= first)
-        leak = line_finding(
-            log,
-            "p_static",
-            "static_leak",
+        leak = Finding(
+            fault="static_leak",
+            among=("static_leak",),
+            channels=channels_after(log, "p_static"),
+            stage="holds",
+            shape="static_leak",
             onset_s=float(t[one.onset]),
             onset_ci95=(one.from_s - SMEARED_S, one.to_s + SMEARED_S),
             offset_s=lines.offset_s(edge_of(lines, line, last + own.n // 2, 1), to_s),
@@ -145,7 +176,8 @@ def pitot_leaks(
     typical = float(np.nanmedian(q[lines.flies]))
     within = (t >= from_s - 1e-6) & (t < to_s)
     found, untold = [], []
-    for first, last in runs_of((q < LEFT * typical) & within):
+    for first, end in runs((q < LEFT * typical) & within):
+        last = end - 1
         fall = _fall(t, q, first, last, LEFT * typical, within)
         if fall is None:
             continue
@@ -166,10 +198,12 @@ def pitot_leaks(
         gained, gone = float(static.values[first] - static.values[at]), float(q[at] - q[first])
         of_port = gained > LARGEST_SHARE_OF_TOTAL * gone > 0.0
         line, fault = ("p_static", "static_leak") if of_port else ("p_total", "pitot_leak")
-        finding = line_finding(
-            log,
-            line,
-            fault,
+        finding = Finding(
+            fault=fault,
+            among=(fault,),
+            channels=channels_after(log, line),
+            stage="holds",
+            shape=fault,
             onset_s=onset_s,
             onset_ci95=onset_ci95,
             offset_s=lines.offset_s(last, to_s),
@@ -193,24 +227,23 @@ def _fall(
     ending = first
     while ending < last and q[ending + 1] > FITTED_TO * low and q[ending + 1] <= q[ending]:
         ending += 1
-    for longest_s in TIME_CONSTANTS_S:
-        told = _kink(t, q, first, ending, low, within, longest_s)
-        if told is not None and told[3] <= longest_s:
-            break
-    else:
+    fits = (_kink(t, q, first, ending, low, within, longest_s) for longest_s in TIME_CONSTANTS_S)
+    lasting = zip(TIME_CONSTANTS_S, fits, strict=True)
+    fit = next((one for longest_s, one in lasting if one is not None and one[2] <= longest_s), None)
+    if fit is None:
         return None
-    at, squares, k, time_constant_s = told
+    at, squares, time_constant_s = fit
+    onset_s = float(at[int(np.argmin(squares)) + 2])
     # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
-    near = at[np.flatnonzero(squares <= squares[k] * (1.0 + ALIKE * CHI_SQUARE_95 / len(at))) + 2]
-    onset_s = float(at[k + 2])
+    near_s = at[as_good(squares, len(at), ALIKE) + 2]
     half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
-    return onset_s, (min(float(near[0]), onset_s - half_s), max(float(near[-1]), onset_s + half_s)), time_constant_s
+    return onset_s, (min(float(near_s[0]), onset_s - half_s), max(float(near_s[-1]), onset_s + half_s)), time_constant_s
 
 
 def _kink(
     t: FloatArray, q: FloatArray, first: int, ending: int, low: float, within: BoolArray, longest_s: float
-) -> tuple[FloatArray, FloatArray, int, float] | None:
-    """Return the times of a fall, the squares left by every onset, the best of these and its time constant, s.
+) -> tuple[FloatArray, FloatArray, float] | None:
+    """Return the times of a fall, the squares left by every onset, and the time constant of the best of these, s.
 
     Parameters
     ----------
@@ -219,45 +252,39 @@ def _kink(
     """
     before_s = max((FALL + LEVEL) * longest_s, FALL * longest_s + LEAST_LEVEL_S)
     part = np.flatnonzero(within & (t >= t[first] - before_s) & (t <= t[ending]) & (q > FITTED_TO * low))
-    flown = np.flatnonzero(q[part] < low)
     # What was slow before, as in a take-off, is no level to fall from.
-    slow = part[flown[part[flown] < first]]
+    slow = part[(q[part] < low) & (part < first)]
     part = part[part > slow[-1]] if slow.size else part
     if len(part) < FEWEST_OF_FALL:
         return None
     # The speed before the onset is a constant for a while only, which the second fit takes.
-    squares, _ = _kinks(t[part], np.log(q[part]))
-    part = part[t[part] >= t[part[int(np.argmin(squares)) + 2]] - max(LEAST_LEVEL_S, LEVEL * longest_s)]
+    onset_s = t[part[int(np.argmin(_kinks(t[part], np.log(q[part]))[0])) + 2]]
+    part = part[t[part] >= onset_s - max(LEAST_LEVEL_S, LEVEL * longest_s)]
     if len(part) < FEWEST_OF_FALL:
         return None
-    squares, fits = _kinks(t[part], np.log(q[part]))
+    at, y = t[part], np.log(q[part])
+    squares, rates = _kinks(at, y)
     k = int(np.argmin(squares))
-    rate, misfit = fits[k]
-    return (t[part], squares, k, 1.0 / rate) if rate > 0.0 and misfit <= LARGEST_MISFIT else None
+    falls = rates[k] * np.maximum(at - at[k + 2], 0.0)
+    rest = y + falls - (y + falls).mean()
+    if not rates[k] > 0.0 or np.sqrt(np.mean(rest[k + 2 :] ** 2)) > LARGEST_MISFIT:
+        return None
+    return at, squares, float(1.0 / rates[k])
 
 
 def _grows_evenly(t: FloatArray, q: FloatArray, onset_s: float, first: int) -> bool:
     """Say whether a loss in proportion to the time since some onset, as that of ice, explains q better than a leak."""
     seconds = float(t[first]) - onset_s
-    part = np.flatnonzero(
-        (t >= onset_s - max(LEAST_LEVEL_S, LEVEL * seconds)) & (np.arange(len(t)) <= first) & (q > 0.0)
-    )
+    from_s = onset_s - max(LEAST_LEVEL_S, LEVEL * seconds)
+    part = np.flatnonzero((t >= from_s) & (np.arange(len(t)) <= first) & (q > 0.0))
     if len(part) < FEWEST_OF_FALL or seconds < FASTEST_ICE_S:
         return False
     at, y = t[part], q[part]
     design = np.column_stack([np.ones(len(at)), -np.maximum(at - onset_s, 0.0)])
     leak = np.exp(design @ np.linalg.lstsq(design, np.log(y), rcond=None)[0])
-    ice = float(_kinks(at, y)[0].min())
-    return len(part) / ALIKE * float(np.log(np.sum((y - leak) ** 2) / ice)) > AS_GOOD
+    return len(part) / ALIKE * float(np.log(np.sum((y - leak) ** 2) / _kinks(at, y)[0].min())) > AS_GOOD
 
 
-def _kinks(at: FloatArray, y: FloatArray) -> tuple[FloatArray, list[tuple[float, float]]]:
-    """Return what is left of squares by a constant that becomes a line at each inner point, its slope and misfit."""
-    squares, fits = [], []
-    for k in range(2, len(at) - 2):
-        design = np.column_stack([np.ones(len(at)), -np.maximum(at - at[k], 0.0)])
-        fitted = np.linalg.lstsq(design, y, rcond=None)[0]
-        rest = y - design @ fitted
-        squares.append(float(rest @ rest))
-        fits.append((float(fitted[1]), float(np.sqrt(np.mean(rest[k:] ** 2)))))
-    return np.array(squares), fits
+def _kinks(at: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what is left of squares by a constant that falls along a line from each inner point on, and how fast."""
+    return squares_by_onset(y, -np.maximum(at[:, None] - at[2:-2], 0.0))

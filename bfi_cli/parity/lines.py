@@ -5,7 +5,6 @@ A trapped pressure is a line in time but for the noise of its transducer and the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,22 +14,8 @@ from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ..flightlog import FlightLog
 from ..flightlog.holds import find_hold
 from ..kernels.running import noise_of_second_differences, sd_about_lines
-from .finding import Finding
+from ..kernels.runs import runs
 from .sampled import Blocks, airborne, quanta_of
-
-__all__ = [
-    "Lines",
-    "PressureLine",
-    "Stretches",
-    "channels_after",
-    "edge_of",
-    "line_finding",
-    "lines_of",
-    "renewed_every_s",
-    "runs_of",
-    "stretches_of",
-]
-__all__ += ["touching_runs"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -109,63 +94,62 @@ def lines_of(log: FlightLog) -> Lines:
     step_s = max(BLOCK_S, float(np.median(np.diff(blocks.time_s))) if len(blocks.time_s) > 1 else BLOCK_S)
     flies = airborne(log, blocks.time_s)
     names = {*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"} & log.channels.keys()
-    missing: list[str] = []
-    unwatched = Lines(
-        time_s=blocks.time_s, flies=flies, borne=flies, step_s=step_s, q_impact=None, lines=(), missing=()
-    )
+    t = blocks.time_s
+    unwatched = Lines(time_s=t, flies=flies, borne=flies, step_s=step_s, q_impact=None, lines=(), missing=())
+    why = ""
     if not set(STATIC_SOURCES) & names:
-        missing.append("the pressure lines are not watched: the log lacks altitude or p_static")
+        why = "the log lacks altitude or p_static"
     elif not flies.any():
-        missing.append("the pressure lines are not watched: the log shows no flight")
+        why = "the log shows no flight"
     elif step_s > POINT_S:
         why = f"it has a sample every {step_s:g} s, one every {POINT_S:g} s at least is needed"
-        missing.append(f"the pressure lines are not watched: {why}")
-    if missing:
-        return replace(unwatched, missing=tuple(missing))
+    if why:
+        return replace(unwatched, missing=(f"the pressure lines are not watched: {why}",))
     values = {name: blocks.mean(log.channels[name].values) for name in names}
+    missing: list[str] = []
     has_impact = bool(set(IMPACT_SOURCES) & names)
     if not has_impact:
         values["q_impact"] = np.zeros(len(blocks.time_s))
         missing.append("the pitot tube is not watched: the log lacks an airspeed, mach, q_impact or p_total")
     air = air_data_of(values)
-    if not np.isfinite(air.p_static + air.q_impact)[flies].any():
+    if not np.isfinite(air.p_total)[flies].any():
         missing.append("the pressure lines are not watched: no sample in flight has both pressures")
         return replace(unwatched, missing=tuple(missing))
-    if air.made_of["q_impact"] == ("tas",) and has_impact:
-        heat = [name for name in ("tat", "sat") if name in names]
+    heats = tuple(name for name in ("tat", "sat") if name in names)
+    impact = air.made_of["q_impact"]
+    if has_impact and impact == ("tas",):
+        impact = ("tas", *(air.made_of["tat"] or heats))
+        warmth = (
+            f"{heats[0]}, whose steps hide what moves less" if heats else "the temperature of the standard atmosphere"
+        )
         missing.append(
-            "the total pressure is that of tas, altitude and "
-            + (f"{heat[0]}, whose steps hide what moves less" if heat else "the temperature of the standard atmosphere")
-            + ": a blocked pitot tube is found less often than with cas or mach"
+            f"the total pressure is that of tas, altitude and {warmth}: a blocked pitot tube is found less often than "
+            "with cas or mach"
         )
     quanta = quanta_of(log, names)
     lines = []
-    for pressure, sources in (("p_static", ()), ("p_total", air.made_of["q_impact"])):
-        if pressure == "p_total" and not has_impact:
-            continue
-        used = dict.fromkeys((*air.made_of["p_static"], *sources))
-        if sources == ("tas",):
-            used |= dict.fromkeys(
-                air.made_of["tat"] if air.made_of["tat"] else [n for n in ("tat", "sat") if n in names]
-            )
+    made_of = {"p_static": air.made_of["p_static"]}
+    if has_impact:
+        made_of["p_total"] = (*air.made_of["p_static"], *impact)
+    for pressure, used in made_of.items():
         renewed = {name: renewed_every_s(log, name) for name in used}
-        slowest = max(renewed, key=lambda name: renewed[name])
+        slowest = max(used, key=renewed.__getitem__)
         if renewed[slowest] > max(RENEWED_S, 1.5 / log.rate_hz):
             watched = "static port" if pressure == "p_static" else "pitot tube"
             missing.append(f"the {watched} is not watched: '{slowest}' is renewed every {renewed[slowest]:.3g} s only")
             continue
         own = np.asarray(getattr(air, pressure))
         steps = np.zeros(len(own))
-        for name in used.keys() & quanta.keys():
+        for name in {*used} & quanta.keys():
             moved = air_data_of({**values, name: values[name] + quanta[name]})
             steps = steps + (np.asarray(getattr(moved, pressure)) - own) ** 2 / 12.0
         noise = noise_of_second_differences(np.where(flies, own, np.nan), max(2, round(PIECE_S / step_s)), CALMEST)
         # A step that the log does not show may be as slow as a stretch is long: its noise then does not average.
-        averaged = max(1, round(POINT_S / step_s)) if used.keys() <= quanta.keys() else 1
+        averaged = max(1, round(POINT_S / step_s)) if {*used} <= quanta.keys() else 1
         lines.append(
             PressureLine(
                 pressure=pressure,
-                made_of=tuple(used),
+                made_of=used,
                 values=own,
                 step_sd=np.sqrt(steps + (ROUNDING * own) ** 2),
                 noise_sd=noise,
@@ -230,21 +214,13 @@ def stretches_of(lines: Lines, line: PressureLine, length_s: float, from_s: floa
     return Stretches(sd=sd, limit=limit, rise=rise, whole=whole, inside=inside, n=n)
 
 
-def runs_of(marked: BoolArray) -> list[tuple[int, int]]:
-    """Return the first and last index of every run of true values."""
-    edges = np.flatnonzero(np.diff(marked.astype(np.int8), prepend=0, append=0))
-    return [(int(first), int(end) - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def touching_runs(marked: BoolArray, n: int) -> list[tuple[int, int]]:
-    """Return the runs of marked stretches of n blocks, those joined whose stretches touch."""
-    runs: list[tuple[int, int]] = []
-    for first, last in runs_of(marked):
-        if runs and first <= runs[-1][1] + n:
-            runs[-1] = (runs[-1][0], last)
-        else:
-            runs.append((first, last))
-    return runs
+    """Return the first and last of every run of marked stretches of n blocks, those joined whose stretches touch."""
+    touching: list[tuple[int, int]] = []
+    for first, end in runs(marked):
+        before = touching.pop()[0] if touching and first <= touching[-1][1] + n else first
+        touching.append((before, end - 1))
+    return touching
 
 
 def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
@@ -269,42 +245,4 @@ def channels_after(log: FlightLog, pressure: str) -> tuple[str, ...]:
         name
         for name in log.channels
         if pressure in DEPENDS_ON.get(name, ()) and not (name == "sat" and "tat" not in log.channels)
-    )
-
-
-def line_finding(
-    log: FlightLog,
-    pressure: str,
-    fault: str,
-    *,
-    onset_s: float,
-    onset_ci95: tuple[float, float],
-    offset_s: float | None,
-    statistic: float,
-    threshold: float,
-    evidence: Mapping[str, float],
-    doubt: str = "",
-) -> Finding:
-    """Return the finding of a fault of a line, which has no size, with the channels that follow from the line.
-
-    Parameters
-    ----------
-    doubt : why it is no fault for certain.
-    """
-    return Finding(
-        fault=fault,
-        among=(fault,),
-        channels=channels_after(log, pressure),
-        stage="holds",
-        shape=fault,
-        magnitude=None,
-        sd=None,
-        unit="",
-        onset_s=onset_s,
-        onset_ci95=onset_ci95,
-        offset_s=offset_s,
-        statistic=statistic,
-        threshold=threshold,
-        evidence=evidence,
-        doubt=doubt,
     )

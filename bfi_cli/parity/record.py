@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from ..airdata import (
     SEA_LEVEL_PRESSURE,
     SONIC_RATIO,
     STATIC_SOURCES,
+    AirData,
     air_data_of,
     altitude_of,
     channels_of,
@@ -25,23 +27,12 @@ from ..airdata import (
 )
 from ..flightlog import FlightLog
 
-__all__ = [
-    "STATIC_LEAK",
-    "USED",
-    "Hypothesis",
-    "Record",
-    "climbing",
-    "hypotheses",
-    "record_of",
-    "with_fault",
-    "without_fault",
-]
-
 FloatArray = NDArray[np.float64]
 
 STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them
 LONGEST_GAP_S = 3.0  # bridged by a straight line before an acceleration is integrated
 STATIC_LEAK = "static_leak"
+LINES = {"q_impact": "p_total", STATIC_LEAK: "p_static"}  # the pressure that a fault of a line changes
 USED: tuple[str, ...] = (
     "tas",
     "cas",
@@ -62,7 +53,7 @@ USED += ("flaps", "gear")  # what moves the lift at an angle of attack
 KINEMATICS = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its air data
 class Record:
     """Samples a second apart.
 
@@ -78,6 +69,16 @@ class Record:
     channels: Mapping[str, FloatArray]
     gained: FloatArray | None
     airspeed: str
+
+    @cached_property
+    def air(self) -> AirData:
+        """The pressures and the temperature that the channels stand for."""
+        return air_data_of(self.channels)
+
+    @cached_property
+    def made(self) -> Mapping[str, FloatArray]:
+        """The channels that follow from these."""
+        return channels_of(self.air.p_static, self.air.q_impact, self.air.tat)
 
     def between(self, from_s: float, to_s: float) -> Record:
         """Return the seconds of a window."""
@@ -186,28 +187,21 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
     rate by how fast it does.
     """
     channels = dict(record.channels)
-    if fault == "q_impact":
-        air = air_data_of(channels)
-        old = channels_of(air.p_static, air.q_impact, air.tat)
-        impact = air.q_impact * np.maximum(1.0 + amount, 0.0)
+    if fault in LINES:
+        p_static, q_impact = record.air.p_static, record.air.q_impact
+        if fault == "q_impact":
+            q_impact = q_impact * np.maximum(1.0 + amount, 0.0)
+        else:
+            p_static, q_impact = p_static + amount, np.maximum(q_impact - amount, 0.0)
         # Beyond subsonic flight there is nothing that the channels could show.
-        subsonic = impact <= SONIC_RATIO * np.minimum(air.p_static, SEA_LEVEL_PRESSURE)
-        new = channels_of(air.p_static, np.where(subsonic, impact, np.nan), air.tat)
-        for name, depends in DEPENDS_ON.items():
-            if name in channels and name in new and "p_total" in depends:
-                channels[name] = channels[name] + new[name] - old[name]
-    elif fault == STATIC_LEAK:
-        air = air_data_of(channels)
-        old = channels_of(air.p_static, air.q_impact, air.tat)
-        p_static, q_impact = air.p_static + amount, np.maximum(air.q_impact - amount, 0.0)
         subsonic = (p_static > PRESSURES[0]) & (p_static < PRESSURES[1])
         subsonic &= q_impact <= SONIC_RATIO * np.minimum(p_static, SEA_LEVEL_PRESSURE)
-        new = channels_of(np.where(subsonic, p_static, np.nan), np.where(subsonic, q_impact, np.nan), air.tat)
+        new = channels_of(np.where(subsonic, p_static, np.nan), np.where(subsonic, q_impact, np.nan), record.air.tat)
         for name, depends in DEPENDS_ON.items():
-            if name in channels and name in new and "p_static" in depends:
-                channels[name] = channels[name] + new[name] - old[name]
-        if "altitude_rate" in channels:
-            rate = np.gradient(new["altitude"] - old["altitude"], STEP_S)
+            if name in channels and name in new and LINES[fault] in depends:
+                channels[name] = channels[name] + new[name] - record.made[name]
+        if fault == STATIC_LEAK and "altitude_rate" in channels:
+            rate = np.gradient(new["altitude"] - record.made["altitude"], STEP_S)
             channels["altitude_rate"] = channels["altitude_rate"] + rate
     elif fault == "ground_speed":
         north, east = channels["velocity_north"], channels["velocity_east"]
@@ -225,7 +219,7 @@ def climbing(record: Record, slope: float) -> Record:
     """Return a record whose static pressure, and nothing else yet, changes by `slope`, Pa/s: its altitude's rate."""
     if "altitude_rate" not in record.channels:
         return record
-    p_static = air_data_of(record.channels).p_static
+    p_static = record.air.p_static
     sizes = np.where(p_static + slope > PRESSURES[0], slope, np.nan)
     rate = altitude_of(p_static + sizes) - altitude_of(p_static)
     channels = {**record.channels, "altitude_rate": record.channels["altitude_rate"] + rate}

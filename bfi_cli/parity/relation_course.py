@@ -13,14 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from ..faults import Fault, magnitude_unit
-from ..kernels.change_scan import scan_changes
-from ..kernels.normal import CHI_SQUARE_95
+from ..shapes import SHAPES
 from .explain import PRICE
-from .finding import Finding
+from .finding import CHI_SQUARE, Finding
 from .static_relations import AVERAGED, BLOCK_S, MARGIN_S, RelationSeries
-
-__all__ = ["with_course"]
 
 FloatArray = NDArray[np.float64]
 Candidate = tuple[str, float | None, float]  # shape; duration, or what draws a step out, in s; onset in s
@@ -47,34 +43,16 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     unit : of the channel that errs.
     """
     from_s, to_s = window
-    inside = (series.time_s >= from_s) & (series.time_s < to_s)
-    time_s, effect = series.time_s[inside], series.effects[finding.fault][inside]
-    nuisances = series.nuisances[inside]
-    nuisances = np.column_stack([nuisances[:, 0], nuisances[:, 1:] - nuisances[:, 1:].mean(axis=0)])
-    known = np.isfinite(effect)
-    if np.count_nonzero(known) <= nuisances.shape[1] + 1:
+    part = series.between(from_s, to_s, shows=finding.fault)
+    time_s, effect = part.time_s, part.effects[finding.fault]
+    if len(time_s) <= part.nuisances.shape[1] + 1:
         return finding
-    columns: dict[Candidate, FloatArray] = {}
-    statistic, magnitude, sd = (np.empty(0) for _ in range(3))
+    told: dict[Candidate, tuple[float, float, float]] = {}  # statistic, magnitude and its standard deviation
 
     def look(candidates: list[Candidate]) -> None:
-        nonlocal statistic, magnitude, sd
-        new = [one for one in dict.fromkeys(candidates) if one not in columns]
-        if not new:
-            return
-        for one in new:
-            columns[one] = effect * _averaged(one, time_s)
-        made = np.column_stack([columns[one] for one in new])
-        scan = scan_changes(
-            series.values[inside][known],
-            time_s[known],
-            nuisances[known],
-            made[known],
-            floor=series.noise_sd,
-            sizes=series.sizes,
-        )
-        statistic, magnitude = np.append(statistic, scan.statistic), np.append(magnitude, scan.amplitude)
-        sd = np.append(sd, scan.sd)
+        if new := [one for one in dict.fromkeys(candidates) if one not in told]:
+            scan = part.scan(np.column_stack([effect * _averaged(one, time_s) for one in new]))
+            told.update(zip(new, zip(scan.statistic, scan.amplitude, scan.sd, strict=True), strict=True))
 
     first_s, last_s = from_s + MARGIN_S, to_s - MARGIN_S
 
@@ -92,15 +70,11 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
         every_s = np.arange(first_s, to_s, COARSE_S if family == "ramp_hold" else FINER_S[0]).tolist()
         look(around(family, every_s, every_s))
         for step_s in FINER_S:
-            names = list(columns)
-            _, constant, onset_s = names[
-                max((k for k, one in enumerate(names) if one[0] == family), key=statistic.item)
-            ]
+            _, constant, onset_s = max((one for one in told if one[0] == family), key=lambda one: told[one][0])
             about = step_s * np.arange(-SPREAD, SPREAD + 1)
             look(around(family, (onset_s + about).tolist(), (onset_s + (constant or 0.0) + about).tolist()))
-    names = list(columns)
-    prices = np.array([PRICE if shape == "ramp_hold" else 0.0 for shape, _, _ in names])
-    best = int(np.argmax(statistic - prices))
+    names, (statistic, magnitude, sd) = list(told), np.array([*told.values()]).T
+    best = int(np.argmax(statistic - [PRICE if shape == "ramp_hold" else 0.0 for shape, _, _ in names]))
     shape, constant, onset_s = names[best]
     same = np.array([one[0] == shape for one in names]) & np.isfinite(sd)
     if not same[best]:
@@ -108,16 +82,15 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     share = np.exp(0.5 * (statistic[same] - statistic[best]))
     squares = sd[same] ** 2 + (magnitude[same] - magnitude[best]) ** 2
     reached = float(np.max(np.abs(_averaged(names[best], time_s))))
-    steps = AVERAGED * series.noise_sd / (float(np.nanmedian(np.abs(effect))) * reached)
-    near_s = np.array([one[2] for one in names])[same & (statistic >= statistic[best] - CHI_SQUARE_95)]
-    size = Fault(shape=shape, channel="any", magnitude=1.0, onset_s=0.0)
+    steps = AVERAGED * series.noise_sd / (float(np.median(np.abs(effect))) * reached)
+    near_s = np.array([one[2] for one in names])[same & (statistic >= statistic[best] - CHI_SQUARE)]
     return replace(
         finding,
         shape=shape,
         constant_s=constant if shape == "ramp_hold" else None,
         magnitude=float(magnitude[best]),
         sd=float(np.hypot(np.sqrt(share @ squares / share.sum()), steps)),
-        unit=magnitude_unit(size, unit),
+        unit=SHAPES[shape].magnitude_unit(unit, slope=None),
         effect={finding.fault: abs(float(magnitude[best])) * reached},
         onset_s=onset_s,
         onset_ci95=(float(near_s.min()) - 0.5 * BLOCK_S, float(near_s.max()) + 0.5 * BLOCK_S),

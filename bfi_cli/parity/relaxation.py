@@ -6,14 +6,12 @@ as it did before, and of a cabin's c, which stays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.normal import CHI_SQUARE_95
-
-__all__ = ["Relaxation", "relaxations"]
+from .onsets import as_good
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -43,14 +41,14 @@ ALIKE = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
-    """One that was found.
+    """The exponential that fits best from an onset.
 
     Attributes
     ----------
     onset : index of the block; from_s, to_s : its interval, 95 %.
     time_constant_s : of the exponential.
-    change : of the pressure, Pa; level : to which it goes, Pa.
-    jump : of its rate, Pa/s; of a shorter time constant than the rate can be told in, the change over that time.
+    change : of the pressure, Pa; level : to which it goes, Pa; rate : of the pressure before, Pa/s.
+    loss : mean square of what is left, over that of the change, in n_blocks.
     """
 
     onset: int
@@ -58,8 +56,15 @@ class Relaxation:
     to_s: float
     time_constant_s: float
     change: float
-    jump: float
     level: float
+    rate: float
+    loss: float
+    n_blocks: int
+
+    @property
+    def jump(self) -> float:
+        """Of the rate, Pa/s; of a shorter time constant than the rate can be told in, the change over that time."""
+        return self.change / max(self.time_constant_s, AROUND_S)
 
 
 def relaxations(
@@ -94,22 +99,6 @@ def relaxations(
     return sorted(found, key=lambda one: one.onset)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Fit:
-    """The exponential that fits best from one onset: its loss, relative to the change, and the blocks it was fitted to.
-
-    least_jump : Pa/s, by which the rate must change here.
-    """
-
-    onset: int
-    loss: float
-    n_blocks: int
-    time_constant_s: float
-    change: float
-    level: float
-    least_jump: float
-
-
 def _best(
     time_s: FloatArray, pressure: FloatArray, onsets: NDArray[np.intp], before: int, least_jump: FloatArray
 ) -> Relaxation | None:
@@ -117,59 +106,50 @@ def _best(
 
     None too where the rate jumps by little more than it was: the pressure then stops, as that of a blocked port does.
     """
-    fits = [_fitted(time_s, pressure, int(onset), before, float(least_jump[onset])) for onset in onsets]
-    some = [one for one in fits if one is not None]
-    if not some:
+    fits = [one for onset in onsets.tolist() if (one := _fitted(time_s, pressure, onset, before)) is not None]
+    if not fits:
         return None
-    best = min(some, key=lambda one: one.loss)
-    jump = best.change / max(best.time_constant_s, AROUND_S)
-    if best.loss > LARGEST_MISFIT**2 or abs(jump) < best.least_jump:
+    best = min(fits, key=lambda one: one.loss)
+    least = max(least_jump[best.onset], MORE_THAN_STOPPED * abs(best.rate))
+    if best.loss > LARGEST_MISFIT**2 or abs(best.jump) < least:
         return None
-    near = [one.onset for one in some if one.loss <= best.loss * (1.0 + ALIKE * CHI_SQUARE_95 / best.n_blocks)]
+    near = as_good(np.array([one.loss for one in fits]), best.n_blocks, ALIKE)
     step_s = float(time_s[best.onset] - time_s[best.onset - 1])
-    return Relaxation(
-        onset=best.onset,
-        from_s=float(time_s[near[0]]) - step_s,
-        to_s=float(time_s[near[-1]]) + step_s,
-        time_constant_s=best.time_constant_s,
-        change=best.change,
-        jump=jump,
-        level=best.level,
-    )
+    return replace(best, from_s=fits[near[0]].from_s - step_s, to_s=fits[near[-1]].to_s + step_s)
 
 
-def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int, least_jump: float) -> _Fit | None:
+def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int) -> Relaxation | None:
     """Return the best of the exponentials from an onset, None where samples for it are missing."""
     earlier = slice(onset - before, onset + 1)
     if not np.isfinite(pressure[earlier]).all():
         return None
     at = time_s[earlier] - time_s[onset]
-    start, rate = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at]), pressure[earlier], rcond=None)[0]
+    start, rate = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at]), pressure[earlier], rcond=None)[0].tolist()
     gap_s = GAP * float(np.median(np.diff(time_s)))
-    best: _Fit | None = None
+    fits = []
     for constant_s in STEPS.tolist():
         last = int(np.searchsorted(time_s, time_s[onset] + max(FITTED * constant_s, LEAST_FITTED_S)))
-        if last >= len(time_s) or np.diff(time_s[onset - before : last + 1]).max() > gap_s:
-            break
         at, later = time_s[onset : last + 1] - time_s[onset], pressure[onset : last + 1]
-        if not np.isfinite(later).all():
+        if last >= len(time_s) or np.diff(time_s[onset - before : last + 1]).max() > gap_s or np.isnan(later).any():
             break
-        gone = -np.expm1(-at / constant_s)
         fitted = at >= ROUNDED_S
         if np.count_nonzero(fitted) < FEWEST:
             continue
-        gone, rest = gone[fitted], (later - (1.0 - gone) * (start + rate * at))[fitted]
+        gone = -np.expm1(-at[fitted] / constant_s)
+        rest = later[fitted] - (1.0 - gone) * (start + rate * at[fitted])
         level = float(gone @ rest / (gone @ gone))
-        change = level - float(start)
-        loss = float(np.mean((rest - gone * level) ** 2)) / max(change**2, np.finfo(float).tiny)
-        if best is None or loss < best.loss:
-            best = _Fit(
+        change = level - start
+        fits.append(
+            Relaxation(
                 onset=onset,
-                loss=loss,
-                n_blocks=len(at),
+                from_s=float(time_s[onset]),
+                to_s=float(time_s[onset]),
                 time_constant_s=constant_s,
                 change=change,
                 level=level,
-                least_jump=max(least_jump, MORE_THAN_STOPPED * abs(float(rate))),
+                rate=rate,
+                loss=float(np.mean((rest - gone * level) ** 2)) / max(change**2, np.finfo(float).tiny),
+                n_blocks=len(at),
             )
-    return best
+        )
+    return min(fits, key=lambda one: one.loss, default=None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,15 +12,12 @@ from ..airdata import (
     IMPACT_SOURCES,
     STATIC_SOURCES,
     G,
-    air_data_of,
     climb_angle,
     constant_wind,
     isa_temperature,
     kinematic_acceleration,
 )
 from .record import KINEMATICS, Record
-
-__all__ = ["RESIDUALS", "Constants", "ResidualKind", "available", "constants_of", "geometric_climb_rate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -53,6 +50,9 @@ class ResidualKind:
     nuisances : (n, m) columns beside the constant, and the prior standard deviation of each.
     levels : of the fast noise, from which one is chosen; slow : from times, (n, n) covariance of the slow noise.
         The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.7).
+    dispersion : standard deviation of what healthy windows of 120 s show of a ramp, in those of the noise model: gusts,
+        turns and changes of trim are no stationary noise. Root mean squares over 190 windows of 60 to 240 s of the
+        flights, which agree within a fifth.
     """
 
     name: str
@@ -64,6 +64,7 @@ class ResidualKind:
     nuisances: Callable[[Record, Constants], tuple[FloatArray, FloatArray]] | None
     levels: FloatArray
     slow: Callable[[FloatArray], FloatArray]
+    dispersion: float
 
 
 def _exponential(sd: float, seconds: float) -> Callable[[FloatArray], FloatArray]:
@@ -76,7 +77,7 @@ def _random_walk(sd: float) -> Callable[[FloatArray], FloatArray]:
 
 def _lift(record: Record, constants: Constants) -> FloatArray:
     channels = record.channels
-    impact, force = air_data_of(channels).q_impact, channels["normal_acc"] + G
+    impact, force = record.air.q_impact, channels["normal_acc"] + G
     angle = channels["aoa"] - constants.zero_lift
     known = (impact > 0.0) & (force > 0.0) & (angle > 0.0)
     logarithm = np.log(
@@ -98,7 +99,7 @@ def geometric_climb_rate(record: Record) -> FloatArray:
     channels = record.channels
     if not ({"tat", "sat"} & channels.keys() and "altitude" in channels and channels.keys() & set(IMPACT_SOURCES)):
         return channels["altitude_rate"]
-    warmth = air_data_of(channels).sat / isa_temperature(channels["altitude"])
+    warmth = record.air.sat / isa_temperature(channels["altitude"])
     return np.asarray(channels["altitude_rate"] * warmth)
 
 
@@ -157,8 +158,10 @@ def _wind_columns(record: Record, constants: Constants) -> tuple[FloatArray, Flo
 # 1/s, of the wind over altitude: 10 m/s in 1000 m are common outside of the lowest layers.
 SHEAR_SD = 0.01
 AIR = (STATIC_SOURCES, IMPACT_SOURCES)
-# What `air_data_of` makes pressures and temperature of.
+# What pressures and temperature are made of.
 AIR_DATA = frozenset((*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"))
+# How the dispersion grows with the length of a window, on the same flights.
+DISPERSION_GROWTH = 0.3
 # Levels and slow parts: METHOD of the trials on two flights of a Cessna Citation, tried on two further ones.
 RESIDUALS = (
     ResidualKind(
@@ -171,6 +174,7 @@ RESIDUALS = (
         nuisances=_zero_lift_column,
         levels=np.geomspace(0.1, 5.0, 12),
         slow=_exponential(0.3, 30.0),
+        dispersion=1.9,
     ),
     ResidualKind(
         name="climb",
@@ -182,6 +186,7 @@ RESIDUALS = (
         nuisances=None,
         levels=np.geomspace(0.1, 5.0, 12),
         slow=_exponential(0.15, 30.0),
+        dispersion=2.1,
     ),
     ResidualKind(
         name="kinematics",
@@ -193,6 +198,7 @@ RESIDUALS = (
         nuisances=_bias_column,
         levels=np.geomspace(0.1, 2.0, 8),
         slow=_random_walk(0.3),
+        dispersion=1.3,
     ),
     ResidualKind(
         name="ground_speed",
@@ -204,6 +210,7 @@ RESIDUALS = (
         nuisances=_wind_columns,
         levels=np.geomspace(0.05, 2.0, 10),
         slow=_exponential(0.6, 120.0),
+        dispersion=2.8,
     ),
 )
 
@@ -218,6 +225,12 @@ def available(has: Mapping[str, object]) -> tuple[tuple[ResidualKind, ...], dict
         else:
             kinds.append(kind)
     return tuple(kinds), lacking
+
+
+def weights_of(kinds: Sequence[ResidualKind], length_s: float) -> FloatArray:
+    """Return (n_kinds,) what a log-likelihood is worth of what the noise model says, in a window of a length."""
+    growth = (length_s / 120.0) ** DISPERSION_GROWTH
+    return np.array([(growth * kind.dispersion) ** -2.0 for kind in kinds])
 
 
 def constants_of(record: Record, *, zero_lift: float | None) -> Constants:

@@ -14,8 +14,6 @@ from ..flightlog.holds import find_quantum
 from ..flightlog.phases import airborne_stretches
 from ..kernels.quantisation import quantum_of_plateaus
 
-__all__ = ["Blocks", "airborne", "quanta_of", "unit_of"]
-
 FloatArray = NDArray[np.float64]
 
 

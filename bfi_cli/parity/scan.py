@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 
 from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model, settle
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
-from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of
-
-__all__ = ["WindowScan", "fault_signatures", "residual_values", "scan_window", "with_lasting"]
-__all__ += ["without_lasting"]
+from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
 
 FloatArray = NDArray[np.float64]
 
@@ -59,6 +56,15 @@ class WindowScan:
         """The largest ratio over faults and onsets."""
         return max(float(one.ratio.max()) for one in self.ratios.values())
 
+    @property
+    def length_s(self) -> float:
+        return FIRST_ONSET_S + float(self.onsets_s[-1] - self.onsets_s[0]) + LAST_ONSET_S
+
+    @property
+    def weights(self) -> FloatArray:
+        """(n_residuals,) what their log-likelihoods are worth of what their noise models say."""
+        return weights_of(self.kinds, self.length_s)
+
 
 def ramps(time_s: FloatArray, onsets_s: FloatArray) -> FloatArray:
     """Return (n, n_onsets) of ramps of one a second."""
@@ -79,8 +85,6 @@ def scan_window(
     zero_lift: float | None,
     only: Collection[str] | None = None,
     lasting: Collection[str] = (),
-    fault: str | None = None,
-    onset_s: float | None = None,
 ) -> WindowScan | None:
     """Return the scan of a window; None where the log allows no residual.
 
@@ -90,7 +94,6 @@ def scan_window(
     zero_lift : angle of attack of zero lift, rad, where it is known.
     only : names of the residuals to use; None for all that the log allows.
     lasting : faults that began before the window. Whatever constant and drift they may have in it is no evidence.
-    fault, onset_s : the one to look for; None for all faults, and all onsets.
     """
     kinds, lacking = available(record.channels)
     kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
@@ -103,8 +106,6 @@ def scan_window(
     constants = constants_of(record, zero_lift=zero_lift)
     first, last = record.time_s[0] - 0.5 * STEP_S, record.time_s[-1] + 0.5 * STEP_S
     onsets_s = np.arange(first + FIRST_ONSET_S, last - LAST_ONSET_S + 1e-6, ONSET_STEP_S)
-    if onset_s is not None:
-        onsets_s = np.array([onset_s])
     if not len(onsets_s):
         return None
     courses = ramps(record.time_s, onsets_s)
@@ -148,8 +149,6 @@ def scan_window(
     )
     ratios, healthy = {}, [level_of(kind, record, constants) for kind in used]
     for hypothesis in hypotheses(record):
-        if fault not in (None, hypothesis.fault):
-            continue
         signatures = fault_signatures(scan, record, hypothesis, courses, healthy)
         if any(one is not None for one in signatures):
             ratios[hypothesis.fault] = likelihood_ratio(residuals, signatures)

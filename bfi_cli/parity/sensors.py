@@ -13,20 +13,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import climb_angle, static_temperature
+from ..airdata import air_data_of, climb_angle
 from ..flightlog import FlightLog
 from ..flightlog.holds import find_quantum
 from ..flightlog.phases import Phase
-from ..kernels.normal import CHI_SQUARE_95, MAD, TWO_SIDED_95
+from ..kernels.normal import MAD, TWO_SIDED_95
+from ..kernels.runs import runs
 from .credibility import climbing_load, still_air_angle
 from .finding import Finding
+from .onsets import as_good, squares_by_onset
 from .record import Record
 from .windows import flight_stretches, within
 
-__all__ = ["accelerometer_steps", "frozen_vanes", "probe_steps", "without_frozen"]
-
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # s that a vane rests at least, and times the longest rest in 99 % of the flight beside: coarse vanes rest in calm air.
 RESTS_S, RESTS, USUAL = 30.0, 5.0, 0.99
@@ -44,8 +43,7 @@ UNUSUAL, LASTS_S = 10.0, 30
 # not known well enough. Such means of both Citations differ by at most 0.10 m/s^2, nine tenths by less than 0.03.
 LOAD_MEAN_S, LARGEST_BANK, FEWEST = 120, np.radians(20.0), 0.6
 LEAST_STEP, UNUSUAL_LOAD = 0.15, 10.0
-# s over which errors of the means are alike, where an onset is sought.
-ALIKE_S = 10.0
+ALIKE_S = 10.0  # over which errors of the means are alike, where an onset is sought
 
 
 def frozen_vanes(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
@@ -55,12 +53,14 @@ def frozen_vanes(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tup
     values, rate_hz = log.channels["aoa"].values, log.rate_hz
     quantum = find_quantum(values[np.isfinite(values)]) or 0.0
     flies = within(log.time_s, flight_stretches(phases))
-    runs = [run for run in _rests(values) if flies[run[0] : run[1]].mean() > 0.5]
-    seconds = np.array([(end - first) / rate_hz for first, end in runs])
+    # From its first sample on; the last one that repeats it is a part of a rest.
+    rests = [(first, end + 1) for first, end in runs(values[1:] == values[:-1])]
+    flown = [(first, end) for first, end in rests if flies[first:end].mean() > 0.5]
+    seconds = np.array([(end - first) / rate_hz for first, end in flown])
     reference = still_air_angle(record)
     found = []
     for k in np.flatnonzero(seconds >= RESTS_S).tolist():
-        first, end = runs[k]
+        first, end = flown[k]
         others = np.delete(seconds, k)
         usual_s = _usual(others, float(np.count_nonzero(flies)) / rate_hz - float(seconds[k]))
         onset_s, until_s = float(log.time_s[first]), float(log.time_s[end - 1])
@@ -79,9 +79,6 @@ def frozen_vanes(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tup
                 channels=("aoa",),
                 stage="sensors",
                 shape="frozen",
-                magnitude=None,
-                sd=None,
-                unit="",
                 onset_s=onset_s,
                 onset_ci95=(onset_s - 1.0 / rate_hz - PROBE_GAP_S, onset_s + 1.0 / rate_hz),
                 offset_s=None if lasts else until_s,
@@ -94,21 +91,13 @@ def frozen_vanes(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tup
     return tuple(found)
 
 
-def _rests(values: FloatArray) -> list[tuple[int, int]]:
-    """Return first and end of every run of samples that are the same."""
-    same = np.concatenate([[False], values[1:] == values[:-1], [False]])
-    edges = np.flatnonzero(np.diff(same.astype(np.int8)))
-    return [(int(first), int(last) + 1) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def _usual(seconds: FloatArray, flown_s: float) -> float:
     """Return the length of rest that all but a hundredth of the time flown lies below."""
+    if not len(seconds):
+        return 0.0
     order = np.sort(seconds)[::-1]
-    return (
-        float(order[min(int(np.searchsorted(np.cumsum(order), (1.0 - USUAL) * flown_s)), len(order) - 1)])
-        if len(order)
-        else 0.0
-    )
+    k = int(np.searchsorted(np.cumsum(order), (1.0 - USUAL) * flown_s))
+    return float(order[min(k, len(order) - 1)])
 
 
 def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[str]) -> tuple[Finding, ...]:
@@ -118,14 +107,9 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     if heat is None or "altitude" not in channels:
         return ()
     # Of a probe without a speed what it shows is taken for the air's: the speed's own steps then hide some.
-    if "sat" in channels:
-        sat = channels["sat"]
-    else:
-        sat = (
-            static_temperature(channels["tat"], np.maximum(channels["mach"], 0.0))
-            if "mach" in channels
-            else channels["tat"]
-        )
+    sat = channels["sat"] if "sat" in channels else channels["tat"]
+    if "sat" not in channels and "mach" in channels:
+        sat = air_data_of({name: channels[name] for name in ("altitude", "mach", "tat")}).sat
     speed = 340.0 * channels["mach"] if "mach" in channels else channels["tas"]
     flies = within(record.time_s, flight_stretches(phases))
     warmer, higher, faster = (
@@ -138,48 +122,31 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     own = warmer - follows @ np.linalg.lstsq(follows[known], warmer[known], rcond=None)[0]
     usual = MAD * float(np.median(np.abs(own[known])))
     least = np.maximum(AIR_K, UNUSUAL * usual) + LAYERED * np.abs(higher)
-    return tuple(
-        _probe_finding(record, recorded, heat, int(k), float(own[k]), usual, float(least[k]))
-        for k in _peaks(np.abs(own) / least, PROBE_MEAN_S + PROBE_GAP_S)
-        if _lasts(own, sat, int(k))
-    )
-
-
-def _lasts(own: FloatArray, sat: FloatArray, k: int) -> bool:
-    """Return whether a step is there half a minute later, but for half of it: a spike is none."""
-    before, after = sat[max(0, k - LASTS_S) : k - 2], sat[k + 2 : k + LASTS_S]
-    if not (np.isfinite(before).any() and np.isfinite(after).any()):
-        return False
-    return bool((np.nanmedian(after) - np.nanmedian(before)) / own[k] > 0.5)
-
-
-def _probe_finding(
-    record: Record, recorded: Collection[str], heat: str, k: int, step: float, usual: float, least: float
-) -> Finding:
-    onset_s, reach_s = float(record.time_s[k]), 0.5 * (PROBE_MEAN_S + PROBE_GAP_S)
-    warmth = record.channels["sat"][k] if "sat" in record.channels else record.channels[heat][k]
-    size = step * float(record.channels[heat][k] / warmth)
-    speed = float(record.channels["tas"][k]) if "tas" in record.channels else 0.0
-    return Finding(
-        fault=heat,
-        among=(heat,),
-        channels=tuple(name for name in ("tat", "sat", "tas") if name in recorded),
-        stage="static relations",
-        shape="bias",
-        magnitude=size,
-        sd=max(usual, 1e-3 * abs(size)),
-        unit="K",
-        onset_s=onset_s,
-        onset_ci95=(onset_s - reach_s, onset_s + reach_s),
-        statistic=abs(step) / least,
-        threshold=1.0,
-        effect={
-            name: value
-            for name, value in (("tat", size), ("sat", step), ("tas", 0.5 * speed * step / float(warmth)))
-            if name in recorded
-        },
-        evidence={"temperature against the altitude": round(abs(step) / least, 2)},
-    )
+    reach_s = 0.5 * (PROBE_MEAN_S + PROBE_GAP_S)
+    found = []
+    for k in _peaks(np.abs(own) / least, PROBE_MEAN_S + PROBE_GAP_S):
+        # A spike is none: the step is there half a minute later, but for half of it.
+        before, after = sat[max(0, k - LASTS_S) : k - 2], sat[k + 2 : k + LASTS_S]
+        if not (np.isfinite(before).any() and np.isfinite(after).any()):
+            continue
+        step, warmth = float(own[k]), float(channels["sat" if "sat" in channels else heat][k])
+        if not (np.nanmedian(after) - np.nanmedian(before)) / step > 0.5:
+            continue
+        size = step * float(channels[heat][k] / warmth)
+        faster_by = 0.5 * float(channels["tas"][k] if "tas" in channels else 0.0) * step / warmth
+        effects = {"tat": size, "sat": step, "tas": faster_by}
+        finding = _step(
+            heat,
+            size,
+            sd=max(usual, 1e-3 * abs(size)),
+            unit="K",
+            onsets_s=(float(record.time_s[k]), float(record.time_s[k]) - reach_s, float(record.time_s[k]) + reach_s),
+            statistic=abs(step) / float(least[k]),
+            words="temperature against the altitude",
+        )
+        names = tuple(name for name in ("tat", "sat", "tas") if name in recorded)
+        found.append(replace(finding, channels=names, effect={name: effects[name] for name in names}))
+    return tuple(found)
 
 
 def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
@@ -213,24 +180,46 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
         size = float(shown[first + onset])
         times = record.time_s[[first + onset, first + low, min(first + high, len(excess) - 1)]] - 0.5
         found.append(
-            Finding(
-                fault="normal_acc",
-                among=("normal_acc",),
-                channels=("normal_acc",),
-                stage="static relations",
-                shape="bias",
-                magnitude=size,
+            _step(
+                "normal_acc",
+                size,
                 sd=float(np.quantile(np.abs(shown[np.abs(shown) < 0.5 * abs(size)]), 0.95)) / TWO_SIDED_95,
                 unit="m/s^2",
-                onset_s=float(times[0]),
-                onset_ci95=(float(times[1]) - 1.0, float(times[2]) + 1.0),
+                onsets_s=(float(times[0]), float(times[1]) - 1.0, float(times[2]) + 1.0),
                 statistic=float(abs(change[first + onset])) / least,
-                threshold=1.0,
-                effect={"normal_acc": size},
-                evidence={"normal_acc against climb and bank": round(float(abs(change[first + onset])) / least, 2)},
+                words="normal_acc against climb and bank",
             )
         )
     return tuple(found)
+
+
+def _step(
+    channel: str,
+    size: float,
+    *,
+    sd: float,
+    unit: str,
+    onsets_s: tuple[float, float, float],
+    statistic: float,
+    words: str,
+) -> Finding:
+    """Return the finding of a channel that steps; `onsets_s` are the onset and the ends of its interval."""
+    return Finding(
+        fault=channel,
+        among=(channel,),
+        channels=(channel,),
+        stage="static relations",
+        shape="bias",
+        magnitude=size,
+        sd=sd,
+        unit=unit,
+        onset_s=onsets_s[0],
+        onset_ci95=onsets_s[1:],
+        statistic=statistic,
+        threshold=1.0,
+        effect={channel: size},
+        evidence={words: round(statistic, 2)},
+    )
 
 
 def _difference(values: FloatArray, n: int, gap: int) -> FloatArray:
@@ -264,14 +253,10 @@ def _peaks(ratio: FloatArray, apart: int) -> list[int]:
 def _onset(values: FloatArray) -> tuple[int, int, int]:
     """Return where a step splits values best, and the first and last place that does as well."""
     known = np.flatnonzero(np.isfinite(values))
-    x = values[known]
-    n = np.arange(1, len(x))
-    before, after = np.cumsum(x)[:-1] / n, np.cumsum(x[::-1])[:-1][::-1] / n[::-1]
-    gained = (before - after) ** 2 * n * n[::-1] / len(x)
-    k = int(np.argmax(gained))
-    spread = float(np.sum((x - x.mean()) ** 2) - gained[k]) / len(x)
-    near = np.flatnonzero(gained >= gained[k] - CHI_SQUARE_95 * ALIKE_S * spread)
-    return int(known[k + 1]), int(known[near[0]]), int(known[near[-1] + 1])
+    after = np.tri(len(known), len(known) - 1, -1)
+    squares, _ = squares_by_onset(values[known], after)
+    near = as_good(squares, len(known), ALIKE_S)
+    return tuple(known[[int(np.argmin(squares)) + 1, near[0], near[-1] + 1]].tolist())
 
 
 def without_frozen(log: FlightLog, found: Sequence[Finding]) -> FlightLog:

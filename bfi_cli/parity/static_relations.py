@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +27,12 @@ from ..airdata import (
     speed_of_sound,
     static_temperature,
 )
-from ..channels import match_name
-from ..faults import Fault, magnitude_unit
+from ..channels import STANDARD, match_name
 from ..flightlog import FlightLog
 from ..kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
-from ..kernels.normal import CHI_SQUARE_95
-from .finding import Finding, Limit
+from ..shapes import SHAPES
+from .finding import CHI_SQUARE, Bound, Finding, Limit
 from .sampled import Blocks, airborne, quanta_of, unit_of
-
-__all__ = ["RelationAnswer", "RelationSeries", "StaticRelations", "find_static", "relation_series"]
 
 FloatArray = NDArray[np.float64]
 Values = Mapping[str, FloatArray]
@@ -71,199 +70,153 @@ UNSEEN_STEPS = 3.0
 FOLLOWS = (0.05, 2e-4, 0.1, 0.02)
 # The same in units of other relations, about what 1 m/s of airspeed is worth.
 WORTH = {"m/s": 1.0, "K": 1.0, "m": 10.0, "Pa": 100.0, "rad": 0.02, "1": 0.003}
-# K, m/s, m: beyond what any flight has that these relations are for.
+# K, m/s, m, Pa: beyond what any flight has that these relations are for.
 DOMAIN: dict[str, tuple[float, float]] = {
-    "tat": (150.0, 400.0),
-    "sat": (150.0, 400.0),
+    **dict.fromkeys(("tat", "sat"), (150.0, 400.0)),
+    **dict.fromkeys(("cas", "ias"), (0.0, SEA_LEVEL_SPEED_OF_SOUND)),
     "tas": (0.0, 400.0),
     "mach": (0.0, 1.0),
+    "altitude": (-5_000.0, 20_000.0),
+    "p_static": (5_475.0, 177_000.0),
+    "q_impact": (0.0, 90_000.0),
+    "p_total": (5_475.0, 267_000.0),
 }
-DOMAIN |= {"cas": (0.0, SEA_LEVEL_SPEED_OF_SOUND), "altitude": (-5_000.0, 20_000.0), "p_static": (5_475.0, 177_000.0)}
-DOMAIN |= {"q_impact": (0.0, 90_000.0), "p_total": (5_475.0, 267_000.0), "ias": (0.0, SEA_LEVEL_SPEED_OF_SOUND)}
 # Quantities that an aircraft measures more than once with sensors that should agree; two elevators are two surfaces.
-REPEATED: tuple[str, ...] = (
-    "tas",
-    "cas",
-    "ias",
-    "mach",
-    "altitude",
-    "tat",
-    "sat",
-    "p_static",
-    "p_total",
-    "q_impact",
-    "pitch",
-    "roll",
-)
-REPEATED += ("aoa",)
+REPEATED = frozenset(("pitch", "roll", "aoa", *DOMAIN))
 NUMBERED = re.compile(r"[_ ]?(?:\d+|left|right|backup|standby)$", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Relation:
-    """A quantity that is 0, or smooth in the flight, while every channel is right.
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """A channel less what others make of it: 0, or smooth in the flight, while every channel is right.
 
     Attributes
     ----------
-    words : what it compares.
+    name, unit : of the relation.
+    channel, others : its two sides; `value` makes the one of the others.
+    scale : what one unit of the channel counts in `unit`.
     declares : whether a change of it is a fault; else it only tells channels apart.
+    beside : channels that the log must have too.
     """
 
     name: str
-    words: str
     unit: str
-    needs: tuple[str, ...]
-    make: Callable[[Values], FloatArray]
+    channel: str
+    others: tuple[str, ...]
+    value: Callable[[Values], FloatArray | float]
+    scale: float = 1.0
     declares: bool = True
+    beside: tuple[str, ...] = ()
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        return (self.channel, *self.others)
+
+    @property
+    def words(self) -> str:
+        """What it compares."""
+        channel = self.channel if self.scale == 1.0 else f"{self.scale:g} {self.unit} x {self.channel}"
+        if not self.others:
+            return f"{channel} against the altitude"
+        *most, last = self.others
+        return f"{channel} against that of {', '.join(most)}{' and ' if most else ''}{last}"
+
+    def bounds(self, channel: str) -> Bound:
+        """Return what it bounds of a channel: the error, or, where others come from one of its sensors, less."""
+        others = frozenset[str]().union(*(_sensors(name) for name in self.needs if name != channel))
+        return "disagreement" if _sensors(channel) & others else "error"
+
+    def of(self, values: Values) -> FloatArray:
+        """Return the relation, in `unit`."""
+        return np.asarray(self.scale * (values[self.channel] - self.value(values)))
 
 
-def _mach(values: Values, impact: str = "cas", static: str = "altitude") -> FloatArray:
-    p_static = pressure_at(values[static]) if static == "altitude" else values[static]
-    q_impact = impact_pressure_of_cas(values[impact]) if impact == "cas" else values[impact]
-    ratio = np.where(q_impact < 0.89 * p_static, q_impact, np.nan)  # 0.893 is Mach 1
-    return mach_number(ratio, p_static)
+def _mach(values: Values) -> FloatArray:
+    p_static = pressure_at(values["altitude"]) if "altitude" in values else values["p_static"]
+    q_impact = impact_pressure_of_cas(values["cas"])
+    return mach_number(np.where(q_impact < 0.89 * p_static, q_impact, np.nan), p_static)  # 0.893 is Mach 1
 
 
-def _relations(has: Mapping[str, object]) -> tuple[list[_Relation], list[str]]:
-    """Return the relations between the standard channels of a log, and what is missing for others."""
-    found, missing = [], []
-    static = next((name for name in ("altitude", "p_static") if name in has), None)
-    heats = tuple(name for name in ("tat", "sat") if name in has)
-    pressures = "cas" in has and static is not None
-
-    def temperature(v: Values, mach: FloatArray) -> FloatArray:
-        # The mean of two readings of one temperature: their quantisation is most of the noise.
-        each = [static_temperature(v[name], mach) if name == "tat" else v[name] for name in heats]
-        return np.asarray(sum(each) / len(each))
-
-    if "tas" in has and heats and "mach" in has:
-        needs, words = ("tas", "mach", *heats), f"tas against that of mach and {' and '.join(heats)}"
-        found.append(
-            _Relation(
-                name="tas",
-                words=words,
-                unit="m/s",
-                needs=needs,
-                make=lambda v: v["tas"] - v["mach"] * speed_of_sound(temperature(v, v["mach"])),
-            )
-        )
-    elif "tas" in has and heats and pressures and static:
-
-        def tas_of_pressures(v: Values) -> FloatArray:
-            mach = _mach(v, static=static)
-            return v["tas"] - mach * speed_of_sound(temperature(v, mach))
-
-        needs, words = ("tas", "cas", static, *heats), f"tas against that of cas, {static} and {' and '.join(heats)}"
-        found.append(_Relation(name="tas", words=words, unit="m/s", needs=needs, make=tas_of_pressures))
-    else:
-        lacks = [
-            what
-            for what, absent in (
-                ("tas", "tas" not in has),
-                ("tat or sat", not heats),
-                ("mach, or cas and altitude", "mach" not in has and not pressures),
-            )
-            if absent
-        ]
-        missing.append(f"the computation of tas is not checked: the log lacks {', '.join(lacks)}")
-    if "mach" in has and pressures and static:
-        found.append(
-            _Relation(
-                name="mach",
-                words=f"340 m/s x mach against that of cas and {static}",
-                unit="m/s",
-                needs=("mach", "cas", static),
-                make=lambda v: 340.0 * (v["mach"] - _mach(v, static=static)),
-            )
-        )
-    else:
-        lacks = [
-            what
-            for what, absent in (("mach", "mach" not in has), ("cas", "cas" not in has), ("altitude", static is None))
-            if absent
-        ]
-        missing.append(f"mach, cas and altitude are not compared: the log lacks {', '.join(lacks)}")
-    if "sat" in has and "tat" in has and "mach" in has:
-        found.append(
-            _Relation(
-                name="sat",
-                words="sat against that of tat and mach",
-                unit="K",
-                needs=("sat", "tat", "mach"),
-                make=lambda v: v["sat"] - static_temperature(v["tat"], v["mach"]),
-            )
-        )
-    elif len(heats) == 1 and "tas" in has and static:
-        found.append(
-            _Relation(
-                name="lapse",
-                words=f"{heats[0]} against the altitude",
-                unit="K",
-                needs=heats,
-                make=lambda v: v[heats[0]],
-                declares=False,
-            )
-        )
-    if "altitude" in has and "p_static" in has:
-        found.append(
-            _Relation(
-                name="altitude",
-                words="altitude against that of p_static",
-                unit="m",
-                needs=("altitude", "p_static"),
-                make=lambda v: v["altitude"] - altitude_of(v["p_static"]),
-            )
-        )
-    if "cas" in has and "q_impact" in has:
-        found.append(
-            _Relation(
-                name="cas",
-                words="cas against that of q_impact",
-                unit="m/s",
-                needs=("cas", "q_impact"),
-                make=lambda v: v["cas"] - calibrated_airspeed(v["q_impact"]),
-            )
-        )
-    if {"p_total", "p_static", "q_impact"} <= has.keys():
-        found.append(
-            _Relation(
-                name="p_total",
-                words="p_total against p_static and q_impact",
-                unit="Pa",
-                needs=("p_total", "p_static", "q_impact"),
-                make=lambda v: v["p_total"] - v["p_static"] - v["q_impact"],
-            )
-        )
-    if "ias" in has and "cas" in has:
-        found.append(_difference("ias", "cas", "m/s"))
-    return found, missing
+def _tas(values: Values) -> FloatArray:
+    mach = values["mach"] if "mach" in values else _mach(values)
+    # The mean of two readings of one temperature: their quantisation is most of the noise.
+    sat = [static_temperature(values["tat"], mach)] if "tat" in values else []
+    sat += [values["sat"]] if "sat" in values else []
+    return np.asarray(mach * speed_of_sound(sum(sat) / len(sat)))
 
 
-def _difference(one: str, other: str, unit: str) -> _Relation:
-    return _Relation(
-        name=f"{one} - {other}",
-        words=f"{one} against {other}",
-        unit=unit,
-        needs=(one, other),
-        make=lambda v: v[one] - v[other],
+def _table(static: str, heats: tuple[str, ...]) -> tuple[Relation, ...]:
+    """Return every relation, of those of one name the better one first.
+
+    Parameters
+    ----------
+    static : what shows the static pressure; heats : the temperatures.
+    """
+    return (
+        Relation("tas", "m/s", "tas", ("mach", *heats), _tas),
+        Relation("tas", "m/s", "tas", ("cas", static, *heats), _tas),
+        Relation("mach", "m/s", "mach", ("cas", static), _mach, scale=340.0),
+        Relation("sat", "K", "sat", ("tat", "mach"), lambda v: static_temperature(v["tat"], v["mach"])),
+        *(
+            Relation("lapse", "K", heat, (), lambda v: 0.0, declares=False, beside=("tas", static))
+            for heat in heats
+            if len(heats) == 1
+        ),
+        Relation("altitude", "m", "altitude", ("p_static",), lambda v: altitude_of(v["p_static"])),
+        Relation("cas", "m/s", "cas", ("q_impact",), lambda v: calibrated_airspeed(v["q_impact"])),
+        Relation("p_total", "Pa", "p_total", ("p_static", "q_impact"), lambda v: v["p_static"] + v["q_impact"]),
+        Relation("ias - cas", "m/s", "ias", ("cas",), itemgetter("cas")),
     )
 
 
-def _second_sensors(log: FlightLog) -> list[_Relation]:
+def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
+    """Return the relations between the channels of a log, and what is missing for others."""
+    has = log.channels
+    static = next((name for name in ("altitude", "p_static") if name in has), "altitude")
+    heats = tuple(name for name in ("tat", "sat") if name in has) or ("tat",)
+    found: dict[str, Relation] = {}
+    for one in _table(static, heats):
+        if {*one.needs, *one.beside} <= has.keys():
+            found.setdefault(one.name, one)
+    is_there = {name: name in has for name in ("tas", "mach", "cas")}
+    is_there |= {"altitude": static in has, "tat or sat": heats[0] in has}
+    is_there["mach, or cas and altitude"] = "mach" in has or {"cas", static} <= has.keys()
+    missing = []
+    for what, parts in (
+        ("the computation of tas is not checked", ("tas", "tat or sat", "mach, or cas and altitude")),
+        ("mach, cas and altitude are not compared", ("mach", "cas", "altitude")),
+    ):
+        if lacks := [part for part in parts if not is_there[part]]:
+            missing.append(f"{what}: the log lacks {', '.join(lacks)}")
+    return [*_second_sensors(log), *found.values()], missing
+
+
+def _second_sensors(log: FlightLog) -> list[Relation]:
     """Return the differences of channels that measure the same quantity: tas and tas_2, of two air-data computers."""
     sensors: dict[str, list[str]] = {}
     for name in log.channels:
-        match = match_name(name) or match_name(NUMBERED.sub("", name))
-        if match is not None and match.name in REPEATED:
-            sensors.setdefault(match.name, []).append(name)
+        if (quantity := _quantity(name)) in REPEATED:
+            sensors.setdefault(quantity, []).append(name)
     pairs = []
     for quantity, names in sensors.items():
-        for i, one in enumerate(names):
-            for other in names[i + 1 :]:
-                if unit_of(log, one) == unit_of(log, other):
-                    unit = unit_of(log, one)
-                    pairs.append(_difference(one, other, unit if unit in WORTH else unit_of(log, quantity)))
+        for one, other in combinations(names, 2):
+            unit = unit_of(log, one)
+            if unit == unit_of(log, other):
+                unit = unit if unit in WORTH else STANDARD[quantity].unit
+                pairs.append(Relation(f"{one} - {other}", unit, one, (other,), itemgetter(other)))
     return pairs
+
+
+def _quantity(channel: str) -> str:
+    """Return the standard name of what a channel measures, of a second sensor too; its own name where it has none."""
+    match = match_name(channel) or match_name(NUMBERED.sub("", channel))
+    return channel if match is None else match.name
+
+
+def _sensors(channel: str) -> frozenset[str]:
+    """Return the sensors of a channel; a second one of a quantity may have those of the first."""
+    quantity = _quantity(channel)
+    return SENSORS.get(quantity, frozenset({quantity}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -272,8 +225,7 @@ class RelationSeries:
 
     Attributes
     ----------
-    name, words, unit : of the relation; `declares` is false where it only tells channels apart.
-    time_s : (n,) seconds, values : (n,) in `unit`.
+    time_s : (n,) seconds, values : (n,) in the unit of the relation.
     nuisances : (n, 5) constant, Mach, altitude, and their rates: what a healthy relation may follow.
     sizes : (5,) standard deviations of the coefficients, infinite for the constant.
     effects : by channel, (n,) what one unit of its error adds to the relation.
@@ -281,10 +233,7 @@ class RelationSeries:
     resting_step : what the steps of all channels that mostly rest within one make of it together.
     """
 
-    name: str
-    words: str
-    unit: str
-    declares: bool
+    relation: Relation
     time_s: FloatArray
     values: FloatArray
     nuisances: FloatArray
@@ -293,6 +242,41 @@ class RelationSeries:
     noise_sd: float
     resting_step: float
 
+    def between(self, from_s: float, to_s: float, *, shows: str | None = None) -> RelationSeries:
+        """Return the part in a window, its nuisances about their means there.
+
+        Parameters
+        ----------
+        shows : a channel, to leave out where its effect is not known.
+        """
+        inside = (self.time_s >= from_s) & (self.time_s < to_s)
+        if shows is not None:
+            inside &= np.isfinite(self.effects[shows])
+        nuisances = self.nuisances[inside]
+        nuisances[:, 1:] -= nuisances[:, 1:].sum(axis=0) / max(1, len(nuisances))
+        return replace(
+            self,
+            time_s=self.time_s[inside],
+            values=self.values[inside],
+            nuisances=nuisances,
+            effects={name: effect[inside] for name, effect in self.effects.items()},
+        )
+
+    def scan(self, candidates: FloatArray, *, declared_at: float = np.inf) -> ChangeScan:
+        """Return how much better each of these changes, (n, n_candidates), explains the relation than none."""
+        return scan_changes(
+            self.values,
+            self.time_s,
+            self.nuisances,
+            candidates,
+            floor=self.noise_sd,
+            sizes=self.sizes,
+            declared_at=declared_at,
+        )
+
+
+Series = tuple[tuple[RelationSeries, ...], tuple[str, ...]]  # of a whole log, and what was not compared
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RelationAnswer:
@@ -300,21 +284,24 @@ class RelationAnswer:
 
     Attributes
     ----------
-    name, words, unit : of the relation, `channels` that stand in it.
+    channels : that stand in it.
     statistic, threshold : twice the gain in log-likelihood of the best change, and what it takes.
-    effect : largest error of the relation in the window under the best change, in `unit`; `least_effect` what it takes.
-    healthy_sd : of the relation without a change, beside what it may follow, in `unit`.
+    effect : largest error of the relation in the window under the best change; `least_effect` what it takes.
+    declares : whether a change of it is a fault.
     """
 
     name: str
-    words: str
-    unit: str
     channels: tuple[str, ...]
     statistic: float
     threshold: float
     effect: float
     least_effect: float
-    healthy_sd: float
+    declares: bool
+
+    @property
+    def changes(self) -> bool:
+        """Whether the relation is broken in the window: both statistic and size are asked for."""
+        return self.statistic >= self.threshold and self.effect >= self.least_effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -343,7 +330,6 @@ class _Scanned:
     ----------
     effects : by channel, what one unit of its error adds to the relation.
     reach : (n_candidates,) the largest value of each candidate in the window, of size 1.
-    best : the candidate that explains it best among those that are large enough, of all where none is.
     """
 
     series: RelationSeries
@@ -352,18 +338,13 @@ class _Scanned:
     reach: FloatArray
 
     @property
-    def by_rounding(self) -> FloatArray:
-        """Sizes of the candidates that the steps of the record make at most.
+    def least(self) -> FloatArray:
+        """Sizes of the candidates from which on a change is told.
 
         Where a channel rests, what rounding takes away may follow any course of at most half a step.
         """
         leverage = np.where(np.isfinite(self.scan.leverage), self.scan.leverage, 0.0)
-        return 0.5 * self.series.resting_step * leverage
-
-    @property
-    def least(self) -> FloatArray:
-        """Sizes of the candidates from which on a change is told."""
-        return np.maximum(LEAST_STEPS * self.series.noise_sd / self.reach, self.by_rounding)
+        return np.maximum(LEAST_STEPS * self.series.noise_sd / self.reach, 0.5 * self.series.resting_step * leverage)
 
     @property
     def hidden(self) -> FloatArray:
@@ -372,15 +353,28 @@ class _Scanned:
 
     @property
     def best(self) -> int:
+        """The candidate that explains it best among those that are large enough, of all where none is."""
         large = np.abs(self.scan.amplitude) >= self.least
         statistic = self.scan.statistic
         return int(np.argmax(np.where(large, statistic, -1.0) if large.any() else statistic))
 
+    @property
+    def answer(self) -> RelationAnswer:
+        best = self.best
+        return RelationAnswer(
+            name=self.series.relation.name,
+            channels=tuple(self.effects),
+            statistic=float(self.scan.statistic[best]),
+            threshold=THRESHOLD,
+            effect=abs(float(self.scan.amplitude[best] * self.reach[best])),
+            least_effect=float(self.least[best] * self.reach[best]),
+            declares=self.series.relation.declares,
+        )
 
-def relation_series(log: FlightLog) -> tuple[tuple[RelationSeries, ...], tuple[str, ...]]:
+
+def relation_series(log: FlightLog) -> Series:
     """Return the relations of a whole log, for `find_static` on many of its windows, and what was not compared."""
-    relations, missing = _relations(log.channels)
-    relations = _second_sensors(log) + relations
+    relations, missing = _relations(log)
     if not relations:
         return (), tuple(missing)
     names = sorted({name for one in relations for name in one.needs})
@@ -388,48 +382,40 @@ def relation_series(log: FlightLog) -> tuple[tuple[RelationSeries, ...], tuple[s
     if not flies.any():
         return (), ("no relation is checked: the log shows no flight",)
     blocks = Blocks.of(log.time_s[flies], BLOCK_S)
-    wanted = {*names, *(name for name in ("cas", "mach", "altitude", "p_static", "tas") if name in log.channels)}
-    values = {name: _possible(name, blocks.mean(log.channels[name].values[flies])) for name in wanted}
+    values: dict[str, FloatArray] = {}
+    for name in {*names, *({"cas", "mach", "altitude", "p_static", "tas"} & log.channels.keys())}:
+        x, (low, high) = blocks.mean(log.channels[name].values[flies]), DOMAIN.get(name, (-np.inf, np.inf))
+        values[name] = np.where((x >= low) & (x <= high), x, np.nan)
     follows = _follows(values, blocks.time_s)
     quanta, series = quanta_of(log, names), []
     resting = {name: step for name, step in quanta.items() if _rests(values[name], step)}
     # A temperature changes on its own; the steps of the others change with the flight that a relation may follow.
     resting |= {name: AVERAGED * step for name, step in resting.items() if name in ("tat", "sat")}
     for one in relations:
-        part = {name: values[name] for name in one.needs}
-        made = one.make(part)
+        made = one.of(values)
         kept = np.isfinite(made) & np.isfinite(follows).all(axis=1)
         if not kept.any():
             missing.append(f"{one.words}: no sample in flight has all of {', '.join(one.needs)}")
             continue
-        effects = {name: _effect(one, part, name)[kept] for name in one.needs}
-        steps = sum(
-            (np.nanmedian(np.abs(effects[name])) * quanta[name]) ** 2 / 12.0 for name in effects if name in quanta
-        )
+        effects = {name: _effect(one, values, name)[kept] for name in one.needs}
+        typical = {name: float(np.nanmedian(np.abs(effect))) for name, effect in effects.items()}
         time_s, made = blocks.time_s[kept], made[kept]
+        steps = sum((typical[name] * quanta[name]) ** 2 / 12.0 for name in effects if name in quanta)
+        unexplained = np.sqrt(max(0.0, _noise_about_lines(made, time_s) ** 2 - steps))
+        unexplained *= UNSEEN_STEPS if effects.keys() - quanta.keys() else 1.0
         numbers = float(np.finfo(np.float32).eps) * sum(
-            float(np.nanmedian(np.abs(effect * part[name][kept]))) for name, effect in effects.items()
+            float(np.nanmedian(np.abs(effect * values[name][kept]))) for name, effect in effects.items()
         )
-        seen = _noise_about_lines(made, time_s)
-        unexplained = np.sqrt(max(0.0, seen**2 - steps)) * (UNSEEN_STEPS if effects.keys() - quanta.keys() else 1.0)
-        noise = max(float(np.hypot(np.sqrt(steps), unexplained)), numbers)
         series.append(
             RelationSeries(
-                name=one.name,
-                words=one.words,
-                unit=one.unit,
-                declares=one.declares,
+                relation=one,
                 time_s=time_s,
                 values=made,
                 nuisances=follows[kept],
                 sizes=np.array([np.inf, *(WORTH[one.unit] * size for size in FOLLOWS)]),
                 effects=effects,
-                noise_sd=noise,
-                resting_step=sum(
-                    float(np.nanmedian(np.abs(effects[name]))) * step
-                    for name, step in resting.items()
-                    if name in effects
-                ),
+                noise_sd=max(float(np.hypot(np.sqrt(steps), unexplained)), numbers),
+                resting_step=sum(typical[name] * step for name, step in resting.items() if name in effects),
             )
         )
     return tuple(series), tuple(missing)
@@ -441,34 +427,25 @@ def _rests(x: FloatArray, step: float) -> bool:
     return bool(np.mean(moved[np.isfinite(moved)] < RESTS * step) > RESTING)
 
 
-def _possible(name: str, x: FloatArray) -> FloatArray:
-    low, high = DOMAIN.get(name, (-np.inf, np.inf))
-    return np.where((x >= low) & (x <= high), x, np.nan)
-
-
 def _follows(values: Values, time_s: FloatArray) -> FloatArray:
     """Return (n, 5) constant, airspeed in m/s, altitude and the rates of both, 0 for what the log does not have."""
     none = np.zeros(len(time_s))
-    height = next((values[name] for name in ("altitude",) if name in values), none)
-    if "cas" in values and "altitude" in values:
+    height = values.get("altitude", none)
+    if {"cas", "altitude"} <= values.keys():
         speed = 340.0 * _mach(values)
     else:
-        speed = next(
-            (factor * values[name] for name, factor in (("mach", 340.0), ("tas", 1.0)) if name in values), none
-        )
-    if len(time_s) < 2:
-        return np.column_stack([np.ones(len(time_s)), speed, height, none, none])
-    rates = (np.gradient(x, time_s) for x in (speed, height))
+        speed = 340.0 * values["mach"] if "mach" in values else values.get("tas", none)
+    rates = (np.gradient(x, time_s) if len(time_s) > 1 else none for x in (speed, height))
     return np.column_stack([np.ones(len(time_s)), speed, height, *rates])
 
 
-def _effect(relation: _Relation, part: Values, name: str) -> FloatArray:
+def _effect(relation: Relation, values: Values, name: str) -> FloatArray:
     """Return what one unit of a channel's error adds to a relation, by a difference."""
-    known = np.abs(part[name][np.isfinite(part[name])])
+    known = np.abs(values[name][np.isfinite(values[name])])
     size = 1e-4 * max(float(np.median(known)) if known.size else 0.0, 1e-6)
     # Downwards, away from Mach 1, where there is room.
-    step = np.where(part[name] > 2.0 * size, -size, size)
-    return np.asarray((relation.make({**part, name: part[name] + step}) - relation.make(part)) / step)
+    step = np.where(values[name] > 2.0 * size, -size, size)
+    return np.asarray((relation.of({**values, name: values[name] + step}) - relation.of(values)) / step)
 
 
 def _noise_about_lines(x: FloatArray, time_s: FloatArray) -> float:
@@ -483,13 +460,7 @@ def _noise_about_lines(x: FloatArray, time_s: FloatArray) -> float:
     return float(np.median(sds)) if sds else 0.0
 
 
-def find_static(
-    log: FlightLog,
-    from_s: float,
-    to_s: float,
-    *,
-    series: tuple[tuple[RelationSeries, ...], tuple[str, ...]] | None = None,
-) -> StaticRelations:
+def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | None = None) -> StaticRelations:
     """Return the channel that disagrees with the others in a window, from some time on, if there is one.
 
     Parameters
@@ -501,56 +472,22 @@ def find_static(
     said: list[str] = list(missing)
     scanned: list[_Scanned] = []
     onsets_s = np.arange(np.ceil(from_s + MARGIN_S), to_s - MARGIN_S + 1e-9, BLOCK_S)
-    for one in every:
-        inside = (one.time_s >= from_s) & (one.time_s < to_s)
-        n = int(np.count_nonzero(inside))
+    reach = np.concatenate([np.ones(onsets_s.size), to_s - onsets_s])
+    for part in (one.between(from_s, to_s) for one in every):
+        n = len(part.time_s)
         if n < FEWEST_BLOCKS or not onsets_s.size:
-            said.append(f"{one.words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
+            said.append(f"{part.relation.words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
             continue
-        time_s = one.time_s[inside]
-        candidates = np.hstack(steps_and_ramps(time_s, onsets_s))
-        nuisances = one.nuisances[inside]
-        nuisances = np.column_stack([nuisances[:, 0], nuisances[:, 1:] - nuisances[:, 1:].mean(axis=0)])
-        scan = scan_changes(
-            one.values[inside],
-            time_s,
-            nuisances,
-            candidates,
-            floor=one.noise_sd,
-            sizes=one.sizes,
-            declared_at=THRESHOLD,
-        )
-        effects = {name: float(np.nanmedian(effect[inside])) for name, effect in one.effects.items()}
+        scan = part.scan(np.hstack(steps_and_ramps(part.time_s, onsets_s)), declared_at=THRESHOLD)
+        effects = {name: float(np.nanmedian(effect)) for name, effect in part.effects.items()}
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
-        reach = np.concatenate([np.ones(onsets_s.size), to_s - onsets_s])
-        scanned.append(_Scanned(series=one, scan=scan, effects=effects, reach=reach))
-    answers = tuple(_answer(one) for one in scanned)
-    declared = [
-        (answer.statistic, i)
-        for i, (answer, one) in enumerate(zip(answers, scanned, strict=True))
-        if one.series.declares and answer.statistic >= answer.threshold and answer.effect >= answer.least_effect
-    ]
-    findings: tuple[Finding, ...] = ()
-    if declared:
-        findings = (_finding(log, scanned, scanned[max(declared)[1]], onsets_s),)
+        scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach))
+    answers = tuple(one.answer for one in scanned)
+    declared = [(one.statistic, i) for i, one in enumerate(answers) if one.declares and one.changes]
+    findings = (_finding(log, scanned, scanned[max(declared)[1]], onsets_s),) if declared else ()
     # Beside a change that is told no second one is looked for.
     limits = () if findings else _limits(log, scanned, onsets_s)
     return StaticRelations(findings=findings, relations=answers, limits=limits, missing=tuple(dict.fromkeys(said)))
-
-
-def _answer(one: _Scanned) -> RelationAnswer:
-    best = one.best
-    return RelationAnswer(
-        name=one.series.name,
-        words=one.series.words,
-        unit=one.series.unit,
-        channels=tuple(one.effects),
-        statistic=float(one.scan.statistic[best]),
-        threshold=THRESHOLD,
-        effect=abs(float(one.scan.amplitude[best] * one.reach[best])),
-        least_effect=float(one.least[best] * one.reach[best]),
-        healthy_sd=one.scan.noise_sd,
-    )
 
 
 def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onsets_s: FloatArray) -> Finding:
@@ -558,32 +495,29 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
     scan, effects, reach, best = strongest.scan, strongest.effects, strongest.reach, strongest.best
     shape = "bias" if best < onsets_s.size else "drift"
     onset_s = float(onsets_s[best % onsets_s.size])
-    shown = [
-        (
-            float(one.scan.amplitude[best]),
-            float(np.hypot(one.scan.sd[best], AVERAGED * one.series.noise_sd / one.reach[best])),
-            one.effects,
-        )
-        for one in scanned
-    ]
+    seen = np.array([one.scan.amplitude[best] for one in scanned])
+    sds = np.hypot(
+        [one.scan.sd[best] for one in scanned],
+        [AVERAGED * one.series.noise_sd / one.reach[best] for one in scanned],
+    )
 
-    def explained(channel: str) -> tuple[float, float, float]:
-        """Return the misfit of a channel's error in all relations, its magnitude and standard deviation."""
-        power = sum((parts.get(channel, 0.0) / sd) ** 2 for _, sd, parts in shown)
+    def misfit(channel: str) -> float:
+        """Return how badly an error of a channel, of the best size, explains what all relations show."""
+        parts = np.array([one.effects.get(channel, 0.0) for one in scanned]) / sds
+        power = float(parts @ parts)
         if power <= 0.0:
-            return np.inf, 0.0, np.inf
-        size = sum(parts.get(channel, 0.0) * seen / sd**2 for seen, sd, parts in shown) / power
-        misfit = sum(((seen - parts.get(channel, 0.0) * size) / sd) ** 2 for seen, sd, parts in shown)
-        return misfit, size, power**-0.5
+            return np.inf
+        rest = seen / sds
+        rest -= parts * (parts @ rest) / power
+        return float(rest @ rest)
 
-    ranked = sorted((explained(channel)[0], i, channel) for i, channel in enumerate(effects))
-    among = tuple(channel for misfit, _, channel in ranked if misfit <= ranked[0][0] + AS_GOOD)
+    ranked = sorted((misfit(channel), i, channel) for i, channel in enumerate(effects))
+    among = tuple(channel for loss, _, channel in ranked if loss <= ranked[0][0] + AS_GOOD)
     fault = among[0]
     # The size from the relation that shows it best, whose noise alone the interval has.
     magnitude, sd = scan.amplitude[best] / effects[fault], scan.sd[best] / abs(effects[fault])
     of_shape = slice(0, onsets_s.size) if shape == "bias" else slice(onsets_s.size, None)
-    near = onsets_s[scan.statistic[of_shape] >= scan.statistic[best] - CHI_SQUARE_95]
-    unit = unit_of(log, fault)
+    near = onsets_s[scan.statistic[of_shape] >= scan.statistic[best] - CHI_SQUARE]
     return Finding(
         fault=fault,
         among=among,
@@ -592,18 +526,14 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
         shape=shape,
         magnitude=float(magnitude),
         sd=float(sd),
-        unit=_magnitude_unit(shape, unit),
+        unit=SHAPES[shape].magnitude_unit(unit_of(log, fault), slope=None),
         onset_s=onset_s,
         onset_ci95=(float(near[0]) - BLOCK_S, float(near[-1]) + BLOCK_S),
         statistic=float(scan.statistic[best]),
         threshold=THRESHOLD,
         effect={fault: float(abs(magnitude) * reach[best])},
-        evidence={one.series.name: float(one.scan.statistic[best]) for one in scanned},
+        evidence={one.series.relation.name: float(one.scan.statistic[best]) for one in scanned},
     )
-
-
-def _magnitude_unit(shape: str, unit: str) -> str:
-    return magnitude_unit(Fault(shape=shape, channel="any", magnitude=1.0, onset_s=0.0), unit)
 
 
 def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tuple[Limit, ...]:
@@ -616,14 +546,13 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
     n = onsets_s.size
     half = max(1, n // 2)  # a drift that begins late in the window may be of nearly any size
     for one in scanned:
-        if not one.series.declares:
+        if not one.series.relation.declares:
             continue
         for shape, every, counted in (("bias", slice(0, n), n), ("drift", slice(n, 2 * n), half)):
             sizes, reach = one.hidden[every], one.reach[every]
             if not np.isfinite(sizes[:counted]).all():
                 continue
             for channel, effect in one.effects.items():
-                others = frozenset[str]().union(*(_sensors(name) for name in one.effects.keys() - {channel}))
                 # Of a drift that begins later a window holds too little.
                 last = n if shape == "bias" else max(half, int(np.searchsorted(onsets_s, onsets_s[-1] - LATE_S)) + 1)
                 limit = Limit(
@@ -631,20 +560,13 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
                     shape=shape,
                     channel=channel,
                     excluded_above=float(sizes[:counted].max()) / abs(effect),
-                    unit=_magnitude_unit(shape, unit_of(log, channel)),
+                    unit=SHAPES[shape].magnitude_unit(unit_of(log, channel), slope=None),
                     effect=float((sizes * reach)[:counted].max()) / abs(effect),
                     onsets_s=tuple(onsets_s[:last].tolist()),
                     sizes=tuple((sizes[:last] / abs(effect)).tolist()),
-                    bounds="disagreement" if _sensors(channel) & others else "error",
+                    bounds=one.series.relation.bounds(channel),
                 )
                 known = least.get((channel, shape))
                 if known is None or limit.effect < known.effect:
                     least[channel, shape] = limit
     return tuple(least.values())
-
-
-def _sensors(channel: str) -> frozenset[str]:
-    """Return the sensors of a channel; a second one of a quantity may have those of the first."""
-    match = match_name(channel) or match_name(NUMBERED.sub("", channel))
-    name = channel if match is None else match.name
-    return SENSORS.get(name, frozenset({name}))

@@ -19,16 +19,15 @@ from numpy.typing import NDArray
 from ..decision.calibration import Null, null_from
 from ..serialization import from_plain
 
-__all__ = ["SHIPPED", "ParityTable", "Threshold", "shipped_tables", "table_for", "threshold_of"]
-
 FloatArray = NDArray[np.float64]
 
 SHIPPED = Path(__file__).parent / "shipped.json"
 # Of a table's length, by which a window may differ. With twice the length the statistics of the shipped tables grow by
 # 1.7 in their upper tenth, with a tenth more by 8 %.
 LENGTH_TOLERANCE = 0.1
-# Where no table fits, the threshold of the nearest is raised by this, as in `start-time`; chosen by hand.
-UNFIT = 1.5
+# Where no table fits, the tail of the nearest counts as known from so few excesses. Chosen by hand: the threshold of
+# one false alarm in a hundred rises by a quarter, that of one in ten thousand doubles.
+EXCESSES_UNFIT = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,18 +53,16 @@ class Threshold:
     Attributes
     ----------
     level : above which a fault is declared; suspected : above which it is suspected.
-    null : the distribution without one, None where no table fits; scale : by which the table's statistics were raised.
+    null : the distribution without one; scale : by which the table's statistics were raised.
     """
 
     level: float
     suspected: float
-    null: Null | None
+    null: Null
     scale: float = 1.0
 
-    def p_value(self, statistic: float) -> float | None:
-        """Return the probability of a healthy window to show as much, None where none is known."""
-        if self.null is None:
-            return None
+    def p_value(self, statistic: float) -> float:
+        """Return the probability of a healthy window to show as much."""
         return self.null.p_value(self.null.standardised("largest", statistic / self.scale))
 
 
@@ -121,11 +118,7 @@ def threshold_of(
     """
     rates = (false_alarm, false_alarm if suspicion is None else suspicion)
     table = table_for(tables, residuals, length_s, knows_zero_lift=knows_zero_lift)
-    if table is not None:
-        null = _null_of(table, tables)
-        level, suspected = (scale * null.threshold("largest", rate) for rate in rates)
-        return Threshold(level=level, suspected=min(level, suspected), null=null, scale=scale)
-    nearest = min(
+    nearest = table or min(
         tables,
         key=lambda one: (
             len(set(one.residuals) ^ set(residuals)),
@@ -134,5 +127,7 @@ def threshold_of(
         ),
     )
     null = _null_of(nearest, tables)
-    level, suspected = (UNFIT * scale * null.threshold("largest", rate) for rate in rates)
-    return Threshold(level=level, suspected=min(level, suspected), null=None, scale=scale)
+    if table is None:
+        null = replace(null, tail=replace(null.tail, k=min(null.tail.k, EXCESSES_UNFIT)))
+    level, suspected = (scale * null.threshold("largest", rate) for rate in rates)
+    return Threshold(level=level, suspected=min(level, suspected), null=null, scale=scale)

@@ -7,20 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..flightlog.phases import Phase, flight_stretches
+from ..flightlog.phases import Phase
+from ..flightlog.phases import flight_stretches as flight_stretches
 from .record import Record
-
-__all__ = [
-    "LENGTHS_S",
-    "OVERLAP",
-    "Window",
-    "clean_up_time",
-    "configuration_changes",
-    "flight_stretches",
-    "overlaps",
-    "windows_in",
-    "within",
-]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -11,8 +11,6 @@ from ..flightlog.phases import Phase
 from .record import Record
 from .windows import Window, clean_up_time, configuration_changes, flight_stretches, within
 
-__all__ = ["LEAST_S", "zero_lift_of"]
-
 # Seconds of flight that tell it: shorter ones hold too few angles of attack.
 LEAST_S = 300.0
 # Parts of the flight in a row that must tell the same, rad: a fault that lasts through one of them moves the angle, and

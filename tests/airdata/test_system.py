@@ -89,3 +89,11 @@ def test_what_does_not_tell_the_system_is_named():
         air_data_of({"cas": CHANNELS["cas"]})
     with pytest.raises(ValueError, match="q_impact: needs q_impact or p_total or cas or mach or tas or ias"):
         air_data_of({"altitude": ALTITUDE})
+
+
+def test_an_impact_pressure_beyond_the_sound_at_sea_level_is_left_out_below_it():
+    """At 4000 m below the level of the sea Mach 0.9 has a calibrated airspeed above the speed of sound there."""
+    air = air_data_of({"altitude": np.full(2, -4000.0), "mach": np.array([0.5, 0.9])})
+    made = channels_of(air.p_static, air.q_impact, air.tat)
+    assert np.isfinite(made["cas"]).tolist() == [True, False]
+    assert [(one.channel, one.where.tolist()) for one in air.impossible] == [("mach", [False, True])]

@@ -31,7 +31,7 @@ EVENT_MORE = {"kind", "stages", "constant_s", "frequency_hz", "sd", "seen_until_
 EVENT_MORE |= {"threshold", "note", "repeat", "beyond_tolerance", "count", "times_s", "duration_s"}
 LIMIT_KEYS = {"fault", "shape", "excluded_above", "unit", "effect", "within_tolerance", "from_s", "to_s"}
 LIMIT_MORE = {"channel", "effect_unit", "tolerance", "bounds", "holds_in", "grows_on"}
-FIGURES = {"timeline", "event_1"}
+FIGURES = {"timeline", "limits", "event_1"}
 
 
 def test_the_keys_are_those_of_the_contract(diagnoses: Diagnoses):
@@ -125,7 +125,7 @@ def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
         name for figure in FIGURES for name in (f"{figure}.png", f"{figure}.svg", f"{figure}_figure.csv")
     }
     stored = json.loads((tmp_path / "a" / "result.json").read_text("utf-8"))
-    assert {"measured", "corrected", "strips", "courses"} <= stored["series"].keys()
+    assert {"measured", "corrected", "strips", "limit_courses", "courses"} <= stored["series"].keys()
     written = (tmp_path / "a" / "events.csv").read_text("utf-8").splitlines()
     assert written[0] == "# written by bfi"
     (row,) = csv.DictReader(written[1:])

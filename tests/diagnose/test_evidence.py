@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bfi_cli.airdata import isa_temperature
 from bfi_cli.config import Config
 from bfi_cli.decision import Evidence, conclude
 from bfi_cli.diagnose import flight as room
-from bfi_cli.diagnose.evidence import BESIDE_S, physics_evidence
+from bfi_cli.diagnose.evidence import BESIDE_S, FRONT, INVERSION, error_of_probe, physics_evidence
+from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
+from bfi_cli.parity import record_of
 
 WINDOW = (400.0, 520.0)
 ONSET_S = 440.0
@@ -47,7 +51,7 @@ def test_a_healthy_window_has_no_fault_and_a_limit_for_each_output(healthy: Evid
         assert one.state == ("excluded" if one.effect <= one.tolerance else "not_seen")
         # The error at the window's end by a slope from an onset that the note counts.
         since_s = one.effect / one.excluded_above
-        assert 0.0 < since_s <= WINDOW[1] - WINDOW[0]
+        assert 0.0 < since_s <= WINDOW[1] - WINDOW[0] + 1e-6
 
 
 def test_an_airspeed_is_bounded_no_better_than_the_line_that_it_comes_from(journey: FlightLog, healthy: Evidence):
@@ -91,6 +95,24 @@ def test_a_held_line_has_no_size(journey: FlightLog):
     assert (fault.fault.shape, fault.fault.channel, fault.magnitude) == ("pitot_blocked", "tas", 1.0)
     assert np.isnan([fault.sd, *fault.ci95]).all()
     assert (fault.effect, fault.beyond_tolerance) == (None, None)
+
+
+def test_a_temperature_probe_may_drift_by_what_the_air_may_change(journey: FlightLog):
+    """Relations bound what is wrong with tas alone; a probe that it shares with them has a bound of its own."""
+    part = record_of(journey).between(*WINDOW)
+    warmth = part.channels["sat"] - isa_temperature(part.channels["altitude"])
+    air = np.ptp(warmth) + FRONT + INVERSION * np.ptp(part.channels["altitude"])
+    expected = 0.5 * np.max(part.channels["tas"] / part.channels["sat"]) * air
+    assert error_of_probe(part, "tas") == pytest.approx(expected, rel=0.01)
+    for channel, log in (("cas", journey), ("tas", only(journey, "tas", "cas", "altitude", "mach"))):
+        assert error_of_probe(record_of(log).between(*WINDOW), channel) == np.inf
+
+
+def test_a_calibration_of_the_aircraft_counts(journey: FlightLog, tmp_path: Path):
+    missing = str(tmp_path / "own.json")
+    values = {"window": {"from_s": WINDOW[0], "to_s": WINDOW[1]}, "diagnose": {"calibration": missing}}
+    with pytest.raises(ConfigError, match=r"own\.json"):
+        physics_evidence(journey, Config.model_validate(values))
 
 
 def test_what_would_bound_an_output_is_named(journey: FlightLog):

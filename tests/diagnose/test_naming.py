@@ -10,6 +10,7 @@ import pytest
 
 from bfi_cli.airdata import DEPENDS_ON
 from bfi_cli.channels import STANDARD
+from bfi_cli.decision.calibration import null_from
 from bfi_cli.diagnose.naming import REPEATS, contradicted, finding_of_fit, finding_of_glance, repeat_advice
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog
@@ -19,7 +20,8 @@ from bfi_cli.parity import Finding, Threshold, explain, record_of, scan_window
 
 ONSET_S, WINDOW = 430.0, (370.0, 490.0)
 ONE_AIRSPEED = ("tas", "altitude", "altitude_rate", "aoa", "pitch", "roll", "normal_acc", "longitudinal_acc")
-THRESHOLD = Threshold(level=20.0, suspected=15.0, null=None)
+COUNTED = np.random.default_rng(1).exponential(4.0, 200)
+THRESHOLD = Threshold(level=20.0, suspected=15.0, null=null_from({"largest": COUNTED}))
 
 
 def finding(log: FlightLog, fault: str, slope: float) -> Finding:
@@ -63,7 +65,7 @@ def test_a_channel_that_errs_alone_is_named(journey: FlightLog, fault: str, slop
     assert found.magnitude == pytest.approx(slope, rel=0.1)
     assert abs(found.onset_s - ONSET_S) <= 5.0
     assert found.onset_ci95[0] <= found.onset_s <= found.onset_ci95[1]
-    assert found.p_value is None
+    assert found.p_value == pytest.approx(1.0 / (len(COUNTED) + 1))  # beyond all that was counted
 
 
 def test_one_airspeed_cannot_tell_its_channel_from_its_line(poor: FlightLog):

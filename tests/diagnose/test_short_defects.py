@@ -6,16 +6,22 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from made_flights import made_flight
 
 from bfi_cli.diagnose import diagnose_content
+from bfi_cli.diagnose.short_defects import events_of_defects, notes_on_defects
 from bfi_cli.flightlog import FlightLog, write_log
+from bfi_cli.flightlog.defects import Defect
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.parity import Finding
 
 AT_S = (420.0, 505.0)
+SPIKES_S = (300.0, 400.2, 500.0)
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +96,42 @@ def test_info_names_them(folder: Path, bfi: Callable):
     [one] = json.loads(outcome.stdout)["defects"]
     assert (one["channel"], one["shape"], one["count"]) == ("tas", "dropout", 2)
     assert "'tas' drops out 2 times, 4 s in all, first at 420 s" in bfi("info", folder / "dropouts.h5").stdout
+
+
+@pytest.mark.parametrize(("doubt", "left"), [("", (300.0, 500.0)), ("the aircraft may have landed", SPIKES_S)])
+def test_where_a_held_line_lets_go_its_channels_have_no_defect(doubt: str, left: tuple[float, ...]):
+    """A port that is freed in a climb makes a spike of the rate of climb; only a certain hold explains it."""
+    hold = Finding(
+        fault="static_blocked",
+        among=("static_blocked",),
+        channels=("altitude", "altitude_rate"),
+        stage="holds",
+        shape="static_blocked",
+        onset_s=340.0,
+        onset_ci95=(338.0, 341.0),
+        offset_s=400.0,
+        statistic=2.0,
+        threshold=1.0,
+        doubt=doubt,
+    )
+    spikes = Defect(
+        channel="altitude",
+        unit="m",
+        shape="spikes",
+        times_s=SPIKES_S,
+        durations_s=(0.2,) * 3,
+        largest=90.0,
+        statistic=3.0,
+        hidden=tuple((time_s - 1.0, time_s + 1.0) for time_s in SPIKES_S),
+    )
+    flight: Any = SimpleNamespace(
+        defects=(spikes,),
+        held=SimpleNamespace(findings=(hold,)),
+        tolerances={"altitude": 10.0},
+        log=made_flight(seconds=30.0),
+        from_s=0.0,
+        to_s=600.0,
+    )
+    (event,) = events_of_defects(flight)
+    assert (event.times_s, event.count) == (left, len(left))
+    assert len(notes_on_defects(flight)) == 1  # the samples are left out in any case

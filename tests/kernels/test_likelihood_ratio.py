@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -85,6 +87,23 @@ def test_ratio_magnitude_and_deviation_are_those_of_dense_least_squares(seed, pr
         assert answer.sd[k] == pytest.approx(power**-0.5, rel=1e-7)
         assert answer.ratio[k] == pytest.approx(cost + shown**2 / power, rel=1e-7, abs=1e-6)
     np.testing.assert_allclose(answer.parts.sum(axis=0), answer.ratio, atol=1e-9)
+
+
+def test_residuals_of_other_noise_weigh_by_what_they_truly_have():
+    """As if each of them were scaled by the standard deviation that its noise model lacks; with equal ones by that."""
+    signatures = [RAMPS, 0.3 * RAMPS]
+    residuals = [settle(NOISE, drawn(seed), NUISANCES, FREE, RAMPS) for seed in (1, 2)]
+    answer, lacks = likelihood_ratio(residuals, signatures), np.array([1.9, 0.7])
+    scaled = [
+        replace(one, values=one.values / s, whitening=one.whitening / s)
+        for one, s in zip(residuals, lacks, strict=True)
+    ]
+    magnitude, sd = answer.weighted(lacks**-2.0)
+    expected = likelihood_ratio(scaled, signatures)
+    np.testing.assert_allclose(magnitude, expected.magnitude, rtol=1e-10)
+    np.testing.assert_allclose(sd, expected.sd, rtol=1e-10)
+    plain = answer.weighted(np.array([0.25, 0.25]))
+    np.testing.assert_allclose(plain, (answer.magnitude, 2.0 * answer.sd), rtol=1e-12)
 
 
 @settings(max_examples=20, deadline=None)

@@ -260,6 +260,20 @@ def test_a_gain_beyond_mach_1_is_nan_and_no_candidate():
         assert np.isfinite(fit_course(scan, faulty, line, shape, constant).magnitude)
 
 
+def test_a_course_that_leaves_the_standard_atmosphere_is_no_candidate():
+    """An altitude just below 20 000 m, which a leak of the static line would put above it until its onset."""
+    lag = course_for("lagged_bias", 24.0)
+    assert lag is not None
+    faulty = with_fault(RECORD, "static_leak", 600.0 * lag(T - ONSET_S))
+    altitude = faulty.channels["altitude"]
+    high = replace(faulty, channels={**faulty.channels, "altitude": altitude - altitude.max() + 19_990.0})
+    scan, fits = explained(high)
+    assert all(np.isfinite([fit.ratio, fit.magnitude, fit.sd]).all() for fit in fits)
+    (leak,) = (one for one in hypotheses(high) if one.fault == "static_leak")
+    beyond = fit_course(scan, high, leak, "lagged_bias", 24.0)
+    assert (beyond.ratio, beyond.magnitude, beyond.sd) == (-np.inf, 0.0, np.inf)
+
+
 @pytest.mark.parametrize("seconds", [27.0, 57.0])
 def test_the_duration_of_a_ramp_is_fitted_with_its_onset(seconds: float):
     """It is none of those that are tried first; the interval of the size holds what onset and duration leave open."""

@@ -10,7 +10,7 @@ from made_flights import made_flight
 from made_logs import made_log
 
 from bfi_cli.airdata import SENSORS
-from bfi_cli.parity.static_relations import LEAST_STEPS, RelationSeries, find_static
+from bfi_cli.parity.static_relations import LEAST_STEPS, Relation, RelationSeries, find_static
 
 FROM_S, TO_S = 0.0, 120.0
 TIME_S = np.arange(0.5, 120.0)
@@ -23,12 +23,10 @@ def series(
     values: np.ndarray, *, noise_sd: float, resting_step: float = 0.0, gain: dict | None = None
 ) -> RelationSeries:
     flight = np.column_stack([np.ones(TIME_S.size), 100.0 + np.sin(TIME_S / 9.0), 10.0 * TIME_S])
+    channel, *others = gain or GAIN
     rates = np.column_stack([np.gradient(flight[:, 1]), np.gradient(flight[:, 2])])
     return RelationSeries(
-        name="tas",
-        words="tas against that of mach and tat",
-        unit="m/s",
-        declares=True,
+        relation=Relation("tas", "m/s", channel, tuple(others), lambda values: 0.0),
         time_s=TIME_S,
         values=values,
         nuisances=np.column_stack([flight, rates]),

@@ -116,6 +116,15 @@ def test_air_that_is_layered_and_spikes_are_no_step_of_a_probe():
     assert probe_steps(record, FLIGHT, ("sat", "altitude", "tas")) == ()
 
 
+def test_samples_that_no_subsonic_flight_has_are_no_temperature():
+    """A Mach number of 1.4 and a probe at 0 K for a second each, in a log without a static temperature."""
+    record = warmer(5.0)
+    channels = {name: values.copy() for name, values in record.channels.items() if name != "sat"}
+    channels["mach"][100], channels["tat"][200] = 1.4, 0.0
+    (found,) = probe_steps(replace(record, channels=channels), FLIGHT, ("tat", "tas", "mach", "altitude"))
+    assert (found.fault, found.onset_s) == ("tat", pytest.approx(ONSET_S, abs=3.0))
+
+
 @pytest.mark.parametrize("size", [0.2, -0.3])
 def test_an_accelerometer_that_steps_is_named_with_its_size(size: float):
     log = attitudes()

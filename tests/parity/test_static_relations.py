@@ -111,7 +111,7 @@ def test_numbered_sensors_without_a_plain_name_are_a_pair():
     flight = made_flight(names=("cas", "altitude"))
     values = flight.channels["cas"].values
     pair = with_channel(with_channel(made_flight(names=("tas", "altitude")), "cas_1", values), "cas_2", values + 0.01)
-    assert [one.name for one in relation_series(pair)[0]] == ["cas_1 - cas_2"]
+    assert [one.relation.name for one in relation_series(pair)[0]] == ["cas_1 - cas_2"]
     (found,) = find_static(with_error(pair, "cas_1", 1.0), FROM_S, TO_S).findings
     assert set(found.among) == {"cas_1", "cas_2"}
 

@@ -17,7 +17,7 @@ from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_o
 from ..shapes import ADDITIVE
 from .comparison import advised, compare, own_channel, sentences
 from .entries import AuditWindow, entries, reasons_of, remarks_of, span_of, unit_of, unknown_channels
-from .kinds import audit_of_search, nothing_stated, searched_on_log, with_kinds
+from .kinds import searched_on_log, with_kinds, without_signals
 from .result import Audit, fastest_hz
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
@@ -43,7 +43,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     ConfigError : the window is empty, or its end is given twice.
     """
     stated = dictionary.exact
-    audit = _audit_signals(stated, config, duration_s) if stated.atoms else nothing_stated(dictionary, config)
+    audit = _audit_signals(stated, config, duration_s) if stated.atoms else without_signals(dictionary, config)
     if stated.atoms == dictionary.atoms:
         return audit
     kinds = dictionary.searched.atoms
@@ -151,7 +151,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
     if stated.atoms:
         audit = _audit_entries(log, clean, stated, config)
     elif searched is not None:
-        audit = audit_of_search(searched, dictionary)
+        audit = without_signals(dictionary, config, searched)
     else:
         raise DictionaryError(f"{dictionary.path}: no live atom: {reasons[0]}")
     units = {one.channel: unit_of(one.channel) for one in dictionary.searched.atoms}

@@ -17,26 +17,6 @@ from ..onset import OnsetResult, search_onsets
 from .result import Audit, AuditedAtom
 
 
-def nothing_stated(dictionary: Dictionary, config: Config) -> Audit:
-    """Return the audit without a log of a dictionary that states no onset: there is no signal to compare."""
-    start_s = config.window.from_s or 0.0
-    return Audit(
-        path=dictionary.path,
-        relative_to=dictionary.relative_to,
-        start_s=start_s,
-        stop_s=start_s if config.window.to_s is None else config.window.to_s,
-        rate_hz=np.nan,
-        n_samples=0,
-        why="no entry states its onset",
-        log_path=None,
-        native_rate_hz=None,
-        model=None,
-        atoms=(),
-        signatures=None,
-        notes=(),
-    )
-
-
 def searched_on_log(clean: FlightLog, dictionary: Dictionary, config: Config) -> tuple[OnsetResult | None, list[str]]:
     """Return the search of a log without faults for the kinds of a dictionary, and why kinds are left out of it.
 
@@ -51,19 +31,26 @@ def searched_on_log(clean: FlightLog, dictionary: Dictionary, config: Config) ->
     return searched, reasons
 
 
-def audit_of_search(searched: OnsetResult, dictionary: Dictionary) -> Audit:
-    """Return the audit on a log of a dictionary that states no onset, its entries left out."""
+def without_signals(dictionary: Dictionary, config: Config, searched: OnsetResult | None = None) -> Audit:
+    """Return the audit of a dictionary that states no onset, its entries left out: there is no signal to compare.
+
+    Parameters
+    ----------
+    searched : the search of the log, None without a log.
+    """
+    start_s, stop_s = config.window.from_s or 0.0, config.window.to_s
+    log = None if searched is None else searched.log
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
-        start_s=searched.log.start_s,
-        stop_s=searched.log.stop_s,
-        rate_hz=searched.log.rate_hz,
-        n_samples=searched.log.n_samples,
-        why="that of the search over all onsets",
-        log_path=searched.log.path,
-        native_rate_hz=searched.log.native_rate_hz,
-        model=searched.model,
+        start_s=start_s if log is None else log.start_s,
+        stop_s=log.stop_s if log is not None else start_s if stop_s is None else stop_s,
+        rate_hz=np.nan if log is None else log.rate_hz,
+        n_samples=0 if log is None else log.n_samples,
+        why="no entry states its onset" if log is None else "that of the search over all onsets",
+        log_path=None if log is None else log.path,
+        native_rate_hz=None if log is None else log.native_rate_hz,
+        model=None if searched is None else searched.model,
         atoms=(),
         signatures=None,
         notes=(),

@@ -42,6 +42,7 @@ END = 1e-6  # s: a sample at the end of a window belongs to the next one
 
 AXES = ("roll rate", "pitch rate")
 WINDOWS = ((0.0, 4.0), (4.0, 12.0), (12.0, 20.0))  # s, those of the paper's table
+CELLS = [(axis, window) for axis in range(len(AXES)) for window in WINDOWS]  # of the paper's table
 FAULTY = {"2 deg/s": WINDOWS[1], "4 deg/s": WINDOWS[2]}
 TABLE_2, BANDWIDTHS = (np.array(load("f16_table2")[key]) for key in ("index", "bandwidth"))
 """Published: one row per axis, one column per window."""
@@ -348,12 +349,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
 def indices(flights: Sequence[Residuals], options: F16Options) -> Indices:
     """Return the indices of sets of four flights by quadrature, eq. 15."""
     scale = (1.0 if options.halves else 2.0) * (1.0 if options.log_base == "2" else np.log(2.0))
-    pairs = [
-        density_pair(flown, options, axis=axis, window=window)
-        for flown in flights
-        for axis in range(len(AXES))
-        for window in WINDOWS
-    ]
+    pairs = [density_pair(flown, options, axis=axis, window=window) for flown in flights for axis, window in CELLS]
     shape = (len(flights), len(AXES), len(WINDOWS))
     return Indices(
         index=scale * np.array([jensen_shannon_quadrature(p, q) for p, q in pairs]).reshape(shape),
@@ -365,14 +361,9 @@ def montecarlo(
     flown: Residuals, options: F16Options, n: int, *, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return J in bits by n values of each density (eq. 17), and its standard errors, both (2, 3)."""
-    pairs = [
-        [
-            jensen_shannon_montecarlo(*density_pair(flown, options, axis=axis, window=window), n, rng=rng)
-            for window in WINDOWS
-        ]
-        for axis in range(len(AXES))
-    ]
-    value, error = np.moveaxis(np.array(pairs), 2, 0)
+    pairs = (density_pair(flown, options, axis=axis, window=window) for axis, window in CELLS)
+    drawn = np.array([jensen_shannon_montecarlo(p, q, n, rng=rng) for p, q in pairs])
+    value, error = drawn.T.reshape(2, len(AXES), len(WINDOWS))
     return value, error
 
 

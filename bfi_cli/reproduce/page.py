@@ -44,6 +44,7 @@ def report_content(
     notes: Sequence[str] = (),
     who: Sequence[str] = (),
     facts: Sequence[tuple[str, str]] = (),
+    simulated: bool = False,
 ) -> ReportContent:
     """Return a page, the table of published and own numbers first.
 
@@ -58,6 +59,7 @@ def report_content(
     before, notes : notes before and after those of the page.
     who : the methods on the page, of which `who` in thesis.yaml says what they are.
     facts : after those of the page.
+    simulated : the record stands in for the thesis's own: the page's notes on that come first, and what it is last.
     """
     methods = [fill(load("thesis")["shared"]["who"][name]) for name in who]
     for one in records:
@@ -83,7 +85,13 @@ def report_content(
         facts=(*fill(page.get("facts", ()), **values), *methods, *facts),
         tables=(comparison, *tables),
         drawings=tuple(drawings),
-        notes=(*before, *fill(page["notes"], **values), *notes),
+        notes=(
+            *before,
+            *(page.get("simulated", ()) if simulated else ()),
+            *fill(page["notes"], **values),
+            *notes,
+            *([load("thesis")["shared"]["stand_in"]] if simulated else ()),
+        ),
     )
 
 

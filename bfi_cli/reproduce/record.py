@@ -17,7 +17,6 @@ from ..flightlog import FlightLog, inject
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..report.content import Panel, Span, curve
-from .page import load
 
 # White noise added to the airspeed where a page shows what noise changes; the thesis does not state that of its record.
 NOISE_M_S = 0.01
@@ -89,11 +88,6 @@ def thesis_record(settings: Settings) -> FlightLog:
 def thesis_dictionary() -> Dictionary:
     """Return the seven signals of table 5-2."""
     return load_dictionary(SHIPPED["thesis"])
-
-
-def stand_in(settings: Settings) -> tuple[str, ...]:
-    """Return the note that the record is not the thesis's own, none where the user gave a log."""
-    return (load("thesis")["shared"]["stand_in"],) if settings.log is None else ()
 
 
 def with_fault(clean: FlightLog, *faults: Fault) -> FlightLog:

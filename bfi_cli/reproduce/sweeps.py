@@ -21,7 +21,7 @@ from ..report.content import Curve, Drawing, Panel, ReportContent, Span, curve
 from ..report.text import number
 from .page import FOLDER, Page, drawing, fill, joined, load, report_content, table
 from .reconstruction import label_of
-from .record import Settings, stand_in, thesis_record
+from .record import Settings, thesis_record
 
 LEAST_ERROR = 1e-16  # what a log axis shows of an error of zero
 NEARLY_ALL = 0.99  # of the trials isolated: as published, where no miss and no false alarm is seen in 100 trials
@@ -284,7 +284,7 @@ def _sweep_page(
         rows=rows,
         tables=[table(page, "rates", body)],
         drawings=drawings,
-        before=(*stand_in(settings), page["simulated"]) if settings.log is None else (),
+        before=(load("thesis")["shared"]["stand_in"], page["simulated"]) if settings.log is None else (),
         notes=result.notes,
         who=tuple(page["methods"]),
     )

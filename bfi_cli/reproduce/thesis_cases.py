@@ -31,7 +31,7 @@ from .reconstruction import (
     label_of,
     shipped,
 )
-from .record import Settings, airspeed_panel, fault_starts, records_of, stand_in, thesis_record, true_fault, with_fault
+from .record import Settings, airspeed_panel, fault_starts, records_of, thesis_record, true_fault, with_fault
 
 Views = Mapping[str, Reconstruction]
 
@@ -63,7 +63,7 @@ def thesis_5_7(settings: Settings) -> ReportContent:
         records=[{"record": label, **views} for label, views in seen.items()],
         tables=_method_tables(seen),
         drawings=[drawing(page, "thesis_5_7", panels)],
-        notes=stand_in(settings),
+        simulated=settings.log is None,
         who=tuple(next(iter(seen.values()))),
     )
 
@@ -119,7 +119,7 @@ def thesis_5_8(settings: Settings) -> ReportContent:
         ],
         tables=[table(page, "kappa", rows, **{name: label_of(name) for name in names})],
         drawings=[drawing(page, "thesis_5_8", panels, across=len(swept))],
-        notes=stand_in(settings),
+        simulated=settings.log is None,
         who=names,
     )
 
@@ -214,8 +214,7 @@ def thesis_5_9(settings: Settings) -> ReportContent:
         ],
         tables=[table(page, "orders", rows)],
         drawings=[drawing(page, "thesis_5_9", panels, across=len(records))],
-        before=page["simulated"] if settings.log is None else (),
-        notes=stand_in(settings),
+        simulated=settings.log is None,
         who=(*READINGS, *PROGRAM),
     )
 
@@ -324,11 +323,10 @@ def _reconstructed(figure: str, settings: Settings) -> ReportContent:
         records=told,
         tables=_method_tables(seen, tabulated),
         drawings=drawings,
-        before=page.get("simulated", ()) if settings.log is None else (),
+        simulated=settings.log is None,
         notes=(
             *(shipped(settings, shapes) if shapes else page.get("quick", ())),
             *(() if settings.log is None else (shared["dmae_model"],)),
-            *stand_in(settings),
         ),
         who=tuple(next(iter(seen.values()))),
     )

@@ -16,7 +16,6 @@ from .record import (
     Settings,
     airspeed_panel,
     fault_starts,
-    stand_in,
     thesis_dictionary,
     thesis_record,
     true_fault,
@@ -45,7 +44,8 @@ def thesis_5_1(settings: Settings) -> ReportContent:
         },
         heading=given,
         drawings=[drawing(page, "thesis_5_1", panels)],
-        notes=(*stand_in(settings), *log.notes),
+        notes=log.notes,
+        simulated=settings.log is None,
     )
 
 
@@ -68,7 +68,7 @@ def thesis_5_2(settings: Settings) -> ReportContent:
         rows=rows,
         tables=[table(page, "signals", shown, noise=NOISE_M_S)],
         drawings=[drawing(page, "thesis_5_2", panels, across=2)],
-        notes=stand_in(settings),
+        simulated=settings.log is None,
     )
 
 
@@ -90,5 +90,5 @@ def thesis_table_2_1(settings: Settings) -> ReportContent:
         {"log": log},
         rows=rows,
         drawings=[drawing(page, "thesis_table_2_1", panels, across=2)],
-        notes=stand_in(settings),
+        simulated=settings.log is None,
     )

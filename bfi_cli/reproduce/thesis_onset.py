@@ -31,7 +31,6 @@ from .record import (
     airspeed_panel,
     fault_starts,
     records_of,
-    stand_in,
     thesis_record,
     true_fault,
     with_fault,
@@ -100,7 +99,8 @@ def thesis_5_13(settings: Settings) -> ReportContent:
         heading=[bool(scan.faults) for scan in scans.values()],
         records=[{"record": label, "declared": one} for label, one in told.items()],
         drawings=[drawing(page, "thesis_5_13", panels)],
-        notes=(*_about_the_scan(settings)[:1], *stand_in(settings)),
+        notes=_about_the_scan(settings)[:1],
+        simulated=settings.log is None,
         who=("scan",),
     )
 
@@ -132,8 +132,8 @@ def _right_shape(fault: Fault, figure: str, size: str, settings: Settings) -> Re
         records=[{**known, **_told(one)} for one in cases],
         tables=[_peaks(cases), _statistics(cases)],
         drawings=[drawing(page, f"thesis_{figure.replace('-', '_')}", panels)],
-        before=page["simulated"] if settings.log is None else (),
         notes=_about_the_scan(settings),
+        simulated=settings.log is None,
         who=(*METHODS, "scan"),
     )
 
@@ -173,6 +173,7 @@ def thesis_5_16(settings: Settings) -> ReportContent:
         tables=[_peaks(every), _statistics(every)],
         drawings=drawings,
         notes=_about_the_scan(settings),
+        simulated=settings.log is None,
         who=(*METHODS, "scan"),
     )
 
@@ -238,7 +239,7 @@ def _about_the_scan(settings: Settings) -> tuple[str, ...]:
     counted = fill(page["counted"], copies=COPIES, noise=NOISE_M_S)
     whole = (page["whole"],) if settings.log is None else ()
     quick = (page["quick"],) if settings.quick else ()
-    return (*(shipped(settings, SHAPES) or (counted,)), *whole, *quick, *stand_in(settings))
+    return (*(shipped(settings, SHAPES) or (counted,)), *whole, *quick)
 
 
 def _peaks(cases: Sequence[_Case]) -> Table:

@@ -186,3 +186,13 @@ def test_a_flight_without_a_manoeuvre_cannot_be_used(flight, thesis):
     still = replace(flight.channel("elevator"), values=frozen_array(np.zeros(flight.n_samples)))
     with pytest.raises(ExcitationError, match="'elevator' does not move"):
         assess(replace(flight, channels={**flight.channels, "elevator": still}), thesis, Config())
+
+
+def test_kinds_of_fault_are_left_out_and_named_in_a_note(flight):
+    stated = [{"name": f"at_{onset}", "shape": "bias", "onset_s": onset} for onset in (12.0, 20.0)]
+    kinds = [{"name": "kind", "shape": "drift"}, {"name": "part", "shape": "bias", "onset_s": {"from": 5, "to": 9}}]
+    mixed, alone = (assess(flight, dictionary(*atoms), QUICK) for atoms in ([*kinds, *stated], stated))
+    assert mixed.atoms == alone.atoms
+    assert mixed.notes == (*alone.notes, "left out, as they state no onset: 2 entries of the dictionary")
+    with pytest.raises(DictionaryError, match="no entry states its onset, and a signature is that of a fault at an"):
+        assess(flight, dictionary(*kinds), QUICK)

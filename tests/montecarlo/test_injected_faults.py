@@ -189,6 +189,20 @@ def test_kinds_of_a_dictionary_begin_at_any_time_and_are_the_right_answers(sweep
         assert late.onset_range_s is None
 
 
+def test_kinds_that_cannot_be_drawn_are_refused(sweep: Callable[..., Sweep]) -> None:
+    path = Path(sweep("null").path)
+    (path.parent / "dictionary.yaml").write_text("atoms: [{name: lag, shape: lagged_bias}]\n")
+    check_records(load_sweep(path))
+    path.write_text(f"{RECORD}active: 1\n")
+    with pytest.raises(ConfigError, match=r"active: a fault that is drawn needs a time_constant_s, and .* of 'lag'"):
+        load_sweep(path)
+    (path.parent / "dictionary.yaml").write_text("atoms: [{name: late, shape: bias, onset_s: {from: 20, to: 90}}]\n")
+    with pytest.raises(
+        ConfigError, match="dictionary: onset_s: 'late' would begin at 20 to 90 s, and the window"
+    ):
+        check_records(load_sweep(path))
+
+
 def test_a_fault_is_scored_by_its_kind(sweep: Callable[..., Sweep], written: Callable[[str], Path]) -> None:
     path = written(
         "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\nnoise: {tas: 0.05}\n"

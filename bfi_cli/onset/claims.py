@@ -52,7 +52,7 @@ BUILT_UP: Mapping[Shape, tuple[float, ...]] = {"lagged_bias": (5.0,), "ramp_hold
 # many onsets and frequencies that is several times the tolerance, while the record as a whole leaves no doubt: the
 # claim that there is no oscillation can be made in all instead of half of the fault-free windows of two recorded
 # flights (docs/theory.md, 8.5).
-WEIGHED: tuple[Shape, ...] = ("sine", "cosine", *BUILT_UP)
+WEIGHED: tuple[Shape, ...] = ("bias", "sine", "cosine", *BUILT_UP)
 # A size is excluded where the record is at most so many times as likely with such a fault as without, in the mean over
 # onsets and signs. Where one onset is known, a fault of z standard deviations is excluded with a probability of up to
 # Phi(-z / 2 - q^2 / 2 z), at most Phi(-q) = 5 %, which unknown onsets meet too (docs/theory.md, 8.5). A shape is
@@ -353,6 +353,8 @@ def _weighed(
     if shape == "sine":
         note = f"of {min(values):.2g} to {max(values):.2g} Hz"
         named = f"an oscillation of {likeliest.parameter:.3g} Hz"
+    elif shape == "bias":
+        note, named = None, "a step"
     else:
         note = f"over up to {max(values):.3g} s"
         named = f"a {'lag' if shape == 'lagged_bias' else 'ramp'} over {likeliest.parameter:.3g} s"

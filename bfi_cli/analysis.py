@@ -15,7 +15,7 @@ from .diagnose.evidence import SHARE, physics_evidence
 from .dictionary import Dictionary, dead_sentences
 from .errors import DictionaryError
 from .faults import Fault, FaultEstimate
-from .filters import response_of
+from .filters import alternatives, response_of
 from .flightlog import FlightLog, inject
 from .flightlog.injection import without_line_fault
 from .flightlog.recorder import recorder_filters
@@ -246,7 +246,9 @@ def _estimated_jointly(
         return result
     atoms = tuple(replace(one.fault, name=one.name, magnitude=1.0) for one in result.faults)
     joint = identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
-    sized = {one.name: one for one in joint.result.faults}
+    # An uncertain recorder was profiled for each fault where it was found, and is not for all of them together.
+    recorders = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]
+    sized = {} if alternatives(recorders) else {one.name: one for one in joint.result.faults}
 
     def again(one: FaultEstimate) -> FaultEstimate:
         other = sized.get(one.name)

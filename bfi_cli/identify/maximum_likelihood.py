@@ -69,6 +69,7 @@ def identify_by_likelihood(
     progress: Progress = unseen,
     *,
     given: bool = False,
+    exclusive: bool = False,
 ) -> MethodResult:
     """Select order and support by EBIC, then drop atoms that fail the overdispersion or the robustness test.
 
@@ -77,6 +78,8 @@ def identify_by_likelihood(
     Parameters
     ----------
     given : every live entry is taken to be present, and only the order is selected.
+    exclusive : entries of one output that begin within the onset tolerance of each other are rivals, of which one is
+        declared: what an uncertain recorder makes of a fault looks like another that begins with it.
 
     Raises
     ------
@@ -114,6 +117,7 @@ def identify_by_likelihood(
     while not stated:
         failed = _failed_test(regression, selection, estimates, dispersion, moved.prices)
         failed = failed or _not_whole(window, regression, selection)
+        failed = failed or (_rival(window, regression, selection, config) if exclusive else None)
         if failed is None:
             break
         atom, reason = failed
@@ -180,8 +184,27 @@ def identify_by_likelihood(
         declined=declined,
         needed=needed,
         analysed=(window, regression) if moved.shifts_s or window.sizes else None,
+        criterion=regression.n_rows * fit.log_det + fit.n_parameters * float(np.log(regression.n_rows)),
+        dispersion=float(np.max(dispersion[list(fit.atoms)], initial=1.0)),
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
+
+
+def _rival(
+    window: PreparedWindow, regression: RegressionData, selection: Selection, config: Config
+) -> tuple[int, str] | None:
+    """Return a declared entry that begins with another of its output and explains less alone; None where none does."""
+    fit, near_s = selection.best.fit, 2.0 * config.onset_tolerance_s + 1.0 / window.signals.rate_hz
+    declared = {n: window.faults[window.live[n]] for n in fit.atoms}
+    problem = regression.problem(fit.order)
+    for n, one in declared.items():
+        beside = [m for m, other in declared.items() if m != n and other.channel == one.channel]
+        for m in (m for m in beside if abs(declared[m].onset_s - one.onset_s) <= near_s):
+            without = {k: fit_magnitudes(problem, tuple(a for a in fit.atoms if a != k)).log_det for k in (n, m)}
+            dropped = min(without, key=lambda k: without[k])
+            kept = window.names[window.live[m if dropped == n else n]]
+            return dropped, f"it begins with '{kept}', which alone explains the log better; the recorder is uncertain"
+    return None
 
 
 def _estimated(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..filters import alternatives, response_of
+from ..filters import BETWEEN_RECORDERS, alternatives, response_of
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.onset import waveform as waveforms
@@ -237,6 +237,7 @@ def with_likeliest_recorder(
     weight = np.exp(0.5 * (statistic - statistic[likeliest]) / dispersion)
     spread = float(np.sqrt(np.sum(weight * (z - z[likeliest]) ** 2) / np.sum(weight)))
     chosen = records[likeliest]
+    spread = float(np.hypot(spread, BETWEEN_RECORDERS * z[likeliest]))
     return chosen, lasting_peak(chosen, scan, peak.form) if likeliest else peak, spread
 
 

@@ -197,9 +197,7 @@ def test_kinds_that_cannot_be_drawn_are_refused(sweep: Callable[..., Sweep]) -> 
     with pytest.raises(ConfigError, match=r"active: a fault that is drawn needs a time_constant_s, and .* of 'lag'"):
         load_sweep(path)
     (path.parent / "dictionary.yaml").write_text("atoms: [{name: late, shape: bias, onset_s: {from: 20, to: 90}}]\n")
-    with pytest.raises(
-        ConfigError, match="dictionary: onset_s: 'late' would begin at 20 to 90 s, and the window"
-    ):
+    with pytest.raises(ConfigError, match="dictionary: onset_s: 'late' would begin at 20 to 90 s, and the window"):
         check_records(load_sweep(path))
 
 

@@ -1,0 +1,88 @@
+"""The recorder as a nuisance parameter: where its low-pass is uncertain, the fault itself tells it best.
+
+A step shows the response of the recorder, which the spectra of an excerpt tell to a few tens of per cent only; without
+a fault nothing depends on it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..config import Config, merge
+from ..dictionary import Dictionary
+from ..errors import DictionaryError, LogError
+from ..filters import BETWEEN_RECORDERS, alternatives
+from ..flightlog import FlightLog
+from ..kernels.progress import Progress, unseen
+from ..preprocessing.regression import RegressionData
+from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
+from .magnitudes import MethodResult
+from .maximum_likelihood import identify_by_likelihood
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Trial:
+    """An identification with one recorder."""
+
+    window: PreparedWindow
+    regression: RegressionData
+    outcome: MethodResult
+
+
+def with_likeliest_recorder(
+    log: FlightLog,
+    dictionary: Dictionary,
+    config: Config,
+    window: PreparedWindow,
+    regression: RegressionData,
+    outcome: MethodResult,
+    progress: Progress = unseen,
+) -> tuple[PreparedWindow, RegressionData, MethodResult]:
+    """Return window, regression and outcome with the recorder of least criterion, where the log's is uncertain.
+
+    The variance of every magnitude gains its spread over the recorders, each weighted by its likelihood, and what
+    lies between them. What is
+    declared depends on the recorder, so that the faults are selected anew for each, at the rate and orders of the
+    first.
+
+    Parameters
+    ----------
+    window, regression, outcome : with the recorder that the spectra of the log suggest.
+    """
+    chains = alternatives(window.filters)
+    if not chains or not outcome.atoms:
+        return window, regression, outcome
+    rate_hz: float | str = "none" if window.rate.factor == 1 else window.signals.rate_hz
+    alike = merge(config, {"conditioning.rate_hz": rate_hz, "model.orders": regression.orders})
+    trials = [_Trial(window=window, regression=regression, outcome=outcome)]
+    for k, chain in enumerate(chains):
+        progress("the recorder", k / len(chains))
+        recorder = next(one for one in chain if one.stage == "recorder")
+        stated = merge(alike, {"recorder.edge_hz": recorder.edge_hz, "recorder.kind": recorder.kind})
+        try:
+            other = prepare_window(log, dictionary, stated)
+            factorised = regression_of(other, stated)
+            found = identify_by_likelihood(other, factorised, stated, exclusive=True)
+        except (DictionaryError, LogError):
+            continue
+        if other.live == window.live and factorised.n_rows == regression.n_rows:
+            trials.append(_Trial(window=other, regression=factorised, outcome=found))
+    best = min(trials, key=lambda one: one.outcome.criterion)
+    value = best.outcome.magnitudes.value
+    loss = np.array([one.outcome.criterion - best.outcome.criterion for one in trials])
+    weight = np.exp(-0.5 * loss / best.outcome.dispersion)
+    same = np.array([one.outcome.atoms == best.outcome.atoms for one in trials])
+    others = np.array([one.outcome.magnitudes.value for one in trials])[same]
+    spread = (weight[same, None] * (others - value) ** 2).sum(axis=0) / weight[same].sum()
+    sizes = replace(
+        best.outcome.magnitudes, variance=best.outcome.magnitudes.variance + spread + (BETWEEN_RECORDERS * value) ** 2
+    )
+    recorder = next(one for one in best.window.filters if one.stage == "recorder")
+    note = (
+        f"the recorder's low-pass is uncertain; the fault suits {recorder.kind} with gain one half at "
+        f"{recorder.edge_hz:.3g} Hz best of {len(trials)}, and the intervals hold their spread"
+    )
+    chosen = replace(best.outcome, magnitudes=sizes, notes=(*best.outcome.notes, note))
+    return replace(best.window, recorder=window.recorder), best.regression, chosen

@@ -8,7 +8,7 @@ import math
 import reprlib
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -100,7 +100,8 @@ class FaultEstimate:
     effect : the largest error that it makes on its channel within the window.
     beyond_tolerance : whether that is surely more, or surely no more, than the channel's tolerance.
     among : faults that explain the log about as well.
-    source : of the evidence that declares it, see `bfi_cli.decision.Evidence`.
+    source : of the evidence that names it, see `bfi_cli.decision.Evidence`.
+    evidence : by source that declares it, the statistic there; None where the source has none.
     """
 
     name: str
@@ -118,6 +119,7 @@ class FaultEstimate:
     beyond_tolerance: bool | None = None
     among: tuple[str, ...] = ()
     source: str = ""
+    evidence: Mapping[str, float | None] = field(default_factory=dict)
 
 
 def has_channel(shape: Shape) -> bool:

@@ -66,9 +66,14 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
         replace(fault, source=one.source) for one in evidence for fault in one.faults if id(fault) not in refuted
     ]
     for fault in sorted(declared, key=lambda one: -math.inf if one.statistic is None else -one.statistic):
-        if not _told(fault, faults):
-            faults.append(fault)
-    faults.sort(key=lambda one: declared.index(one))
+        same = _told(fault, faults)
+        if same is None:
+            faults.append(replace(fault, evidence={fault.source: fault.statistic}))
+        else:
+            known = faults[same]
+            faults[same] = replace(known, evidence={**known.evidence, fault.source: fault.statistic})
+    order = {one.source: k for k, one in enumerate(evidence)}
+    faults.sort(key=lambda one: order[one.source])
     for one in evidence:
         suspected = {(fault.fault.shape, fault.fault.channel) for fault in one.faults if id(fault) in refuted}
         for candidate in one.candidates:
@@ -90,21 +95,22 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     )
 
 
-def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> bool:
-    """Say whether another source declares a fault already: on its channel, while both build up, or both being slow."""
+def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
+    """Return which fault of another source is the same: on its channel, while both build up, or both being slow."""
 
     def span(one: FaultEstimate) -> tuple[float, float]:
         low, high = one.onset_ci95 or (one.fault.onset_s, one.fault.onset_s)
         return low, high + (build_up_s(one.fault) or 0.0)
 
     low, high = span(fault)
-    alike = (one for one in known if fault.fault.channel in (one.fault.channel, *one.among))
-    slow = SHAPES[fault.fault.shape].kind == "slow"
-    return any(
-        (span(one)[0] <= high and low <= span(one)[1]) or (slow and SHAPES[one.fault.shape].kind == "slow")
-        for one in alike
-        if one.source != fault.source
-    )
+    is_slow = SHAPES[fault.fault.shape].kind == "slow"
+    for k, one in enumerate(known):
+        if one.source == fault.source or fault.fault.channel not in (one.fault.channel, *one.among):
+            continue
+        both_slow = is_slow and SHAPES[one.fault.shape].kind == "slow"
+        if both_slow or (span(one)[0] <= high and low <= span(one)[1]):
+            return k
+    return None
 
 
 def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str, Candidate] | None:

@@ -74,6 +74,12 @@ def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen
     if log.channels.keys().isdisjoint(INDEPENDENT | POSITION):
         return Evidence(source=SOURCE)
     progress("physics", 0.0)
+    said = _evidence(log, config)
+    progress("physics", 1.0)
+    return said
+
+
+def _evidence(log: FlightLog, config: Config) -> Evidence:
     try:
         flight = _flight_about(log, config)
     except LogError as error:
@@ -102,7 +108,6 @@ def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen
     else:
         notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
     candidates = [candidate for candidate in found.values() if candidate is not None]
-    progress("physics", 1.0)
     return Evidence(source=SOURCE, faults=tuple(faults), candidates=tuple(candidates), notes=tuple(notes))
 
 

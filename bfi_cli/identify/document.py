@@ -24,7 +24,7 @@ GIVE = "give the result.json of bfi identify --out"
 # Series of an output that the document has beside those it is made of.
 DERIVED = ("corrected", "predicted")
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
-ESTIMATE_KEYS = ("onset_ci95", "statistic", "p_value", "effect", "beyond_tolerance", "among", "source")
+ESTIMATE_KEYS = ("onset_ci95", "statistic", "p_value", "effect", "beyond_tolerance", "among", "source", "evidence")
 FAULT_KEYS = tuple(
     field.name for field in fields(Fault) if field.name not in ("name", "magnitude", "onset_range_s", "parameter_range")
 )

@@ -28,7 +28,7 @@ Plain = Mapping[str, Any]
 
 SCHEMA = 2
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
-ESTIMATE_KEYS = ("statistic", "p_value", "effect", "beyond_tolerance", "among", "source")
+ESTIMATE_KEYS = ("statistic", "p_value", "effect", "beyond_tolerance", "among", "source", "evidence")
 DECISION_KEYS = (
     "log",
     "decision",

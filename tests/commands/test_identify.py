@@ -147,6 +147,12 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
     ("window.to_s", "window: {to_s: 28}", "log.stop_s", lambda stop: 27.5 < stop <= 28.0),
     ("tolerances.tas", "tolerances: {tas: 0.5}", "candidates", lambda c: c[0]["tolerance"] == 0.5),
     ("onset_tolerance_s", "onset_tolerance_s: 0", "candidates", lambda c: c[1]["minimal_detectable"] < 0.1),
+    (
+        "require",
+        "require: [slow]\nselection: {evidence: 1e4}\nwindow: {to_s: 12}",
+        "decision",
+        "inconclusive",
+    ),
     ("recorder.edge_hz", "recorder: {edge_hz: 3}", "notes", lambda notes: "gain one half at 3 Hz" in " ".join(notes)),
     ("recorder.kind", "recorder: {edge_hz: 3, kind: fir}", "notes", lambda notes: "(fir, gain" in " ".join(notes)),
     ("conditioning.variance", "conditioning: {variance: constant}", "decision", "fault"),

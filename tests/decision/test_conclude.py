@@ -1,0 +1,141 @@
+"""One conclusion of several sources: what one declares, what another refutes, and the smallest of their limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from bfi_cli.decision import KINDS, Candidate, Evidence, beyond_tolerance, conclude
+from bfi_cli.faults import Fault, FaultEstimate
+
+
+def estimate(shape: str = "bias", onset_s: float = 50.0, **changes: Any) -> FaultEstimate:
+    parameters = {key: changes.pop(key) for key in ("duration_s", "time_constant_s") if key in changes}
+    return FaultEstimate(
+        name=shape,
+        fault=Fault(shape=shape, channel="tas", onset_s=onset_s, **parameters),
+        magnitude=3.0,
+        unit="m/s",
+        physical_value=3.0,
+        physical_unit="m/s",
+        sd=0.1,
+        ci95=(2.8, 3.2),
+        **{"onset_ci95": (onset_s - 0.5, onset_s + 0.5), "statistic": 100.0, "effect": 3.0, **changes},
+    )
+
+
+def candidate(kind: str, effect: float | None, state: str | None = None, **changes: Any) -> Candidate:
+    shape = {"abrupt": "bias", "oscillating": "sine", "slow": "drift"}[kind]
+    tolerance = 2.0
+    excluded = effect is not None and effect <= tolerance
+    return Candidate(
+        name=shape,
+        shape=shape,
+        channel="tas",
+        kind=kind,  # type: ignore[arg-type]
+        state=state or ("excluded" if excluded else "not_seen"),  # type: ignore[arg-type]
+        magnitude=None,
+        unit="m/s",
+        sd=None,
+        effect=effect,
+        tolerance=tolerance,
+        channel_unit="m/s",
+        **changes,
+    )
+
+
+QUIET = tuple(candidate(kind, 1.0) for kind in KINDS)
+
+
+def test_sources_without_a_fault_that_exclude_all_kinds_say_no_fault():
+    said = conclude([Evidence(source="scan", candidates=QUIET)], KINDS)
+    assert (said.decision, said.faults, said.notes) == ("no_fault", (), ())
+
+
+@pytest.mark.parametrize("source", [0, 1])
+def test_a_fault_of_either_source_decides_whatever_the_other_excludes_of_other_kinds(source):
+    sources = [Evidence(source="scan", candidates=QUIET), Evidence(source="physics")]
+    sources[source] = replace(sources[source], faults=(estimate(),))
+    said = conclude(sources, ["slow"])
+    assert (said.decision, said.verdicts["abrupt"], said.verdicts["oscillating"]) == ("fault", "fault", "no_fault")
+    assert said.faults[0].evidence == {sources[source].source: 100.0}
+
+
+def test_what_two_sources_declare_at_one_time_is_named_by_the_one_with_more_evidence():
+    step, ramp = estimate(), estimate("ramp_hold", 47.0, duration_s=6.0, statistic=150.0)
+    said = conclude([Evidence(source="scan", faults=(step,)), Evidence(source="physics", faults=(ramp,))], KINDS)
+    (fault,) = said.faults
+    assert (fault.fault.shape, fault.source, fault.evidence) == (
+        "ramp_hold",
+        "physics",
+        {"physics": 150.0, "scan": 100.0},
+    )
+
+
+def test_faults_of_one_source_and_faults_apart_in_time_stay_apart():
+    first, second, later = estimate(), estimate("sine"), estimate(onset_s=80.0)
+    said = conclude(
+        [Evidence(source="scan", faults=(first, second)), Evidence(source="physics", faults=(later,))], KINDS
+    )
+    assert [one.fault.onset_s for one in said.faults] == [50.0, 50.0, 80.0]
+
+
+def test_an_entry_at_a_stated_onset_keeps_its_name():
+    stated = estimate(statistic=None, onset_ci95=None)
+    said = conclude(
+        [Evidence(source="scan", faults=(estimate(),)), Evidence(source="dictionary", faults=(stated,))], KINDS
+    )
+    assert [one.source for one in said.faults] == ["dictionary"]
+
+
+def test_two_slow_faults_of_one_channel_are_one():
+    one, other = estimate("drift", 30.0), estimate("drift", 60.0, statistic=20.0)
+    said = conclude([Evidence(source="scan", faults=(one,)), Evidence(source="physics", faults=(other,))], KINDS)
+    assert [fault.fault.onset_s for fault in said.faults] == [30.0]
+
+
+@pytest.mark.parametrize(("limit", "declared"), [(2.9, False), (3.1, True)])
+def test_a_slow_fault_that_another_source_excludes_is_suspected(limit, declared):
+    drift = estimate("drift", effect=3.0)
+    own = candidate("slow", None, "declared")
+    sources = [
+        Evidence(source="scan", faults=(drift,), candidates=(own, *QUIET[:2])),
+        Evidence(source="physics", candidates=(candidate("slow", limit),)),
+    ]
+    said = conclude(sources, KINDS)
+    assert bool(said.faults) == declared
+    assert said.candidates[0].state == ("declared" if declared else "suspected")
+    assert said.verdicts["slow"] == ("fault" if declared else "inconclusive")
+    assert len(said.notes) == (not declared)
+
+
+def test_the_smallest_limit_of_a_slow_error_counts_for_all_sources():
+    loose, tight = candidate("slow", 20.0, excluded_above=0.2), candidate("slow", 1.5)
+    sources = [Evidence(source="scan", candidates=(loose, *QUIET[:2])), Evidence(source="physics", candidates=(tight,))]
+    said = conclude(sources, KINDS)
+    assert said.decision == "no_fault"
+    first = said.candidates[0]
+    assert (first.state, first.effect, first.excluded_above) == ("excluded", 1.5, pytest.approx(0.015))
+
+
+def test_a_limit_bounds_no_step():
+    step, slow = candidate("abrupt", 20.0), candidate("slow", 1.0)
+    said = conclude(
+        [Evidence(source="scan", candidates=(step,)), Evidence(source="physics", candidates=(slow,))], KINDS
+    )
+    assert said.candidates[0].effect == 20.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "sd", "expected"),
+    [(1.0, 0.1, False), (4.0, 0.1, True), (2.0, 0.1, None), (1.9, 2.0, None), (1.0, float("nan"), None)],
+)
+def test_an_error_is_beyond_the_tolerance_where_its_whole_interval_is(effect, sd, expected):
+    assert beyond_tolerance(effect, 3.0, sd, 2.0) is expected
+    assert beyond_tolerance(effect, -3.0, sd, 2.0) is expected
+
+
+def test_without_a_tolerance_nothing_is_beyond_it():
+    assert beyond_tolerance(1.0, 3.0, 0.1, None) is None

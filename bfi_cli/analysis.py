@@ -98,7 +98,9 @@ def _live_kinds(part: FlightLog, searched: Dictionary, config: Config) -> tuple[
             live.append(one)
     if kinds and not live:
         one = kinds[0]
-        dead = dead_sentences([one], start_s, stop_s, outputs=config.outputs)
+        dead = dead_sentences(
+            [replace(one, onset_range_s=None, onset_s=start_s)], start_s, stop_s, outputs=config.outputs
+        )
         first_s, last_s = one.onset_range_s or (start_s, stop_s)
         outside = (
             f"'{one.name}' begins between {first_s:.6g} and {last_s:.6g} s, outside of the window "

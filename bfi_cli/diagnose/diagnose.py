@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from ..channels import STANDARD
 from ..config import Config, merge
-from ..decision import State, decide
+from ..decision import State, conclude
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
@@ -38,7 +38,7 @@ from .result import DiagnoseResult, Event, Look, Strip
 from .short_defects import AFTER_HOLD_S, events_of_defects, notes_on_defects
 from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
-from .verdict import sentence_of, verdicts_of
+from .verdict import evidence_of, sentence_of
 
 FloatArray = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     limits = limits_of(flight, bounds)
     unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
     without_steps = unwatched_by_steps(flight, stepped) if stepped else []
-    verdicts = verdicts_of(events, limits, unwatched, flight.recorded)
+    said = conclude([evidence_of(events, limits, unwatched, flight.recorded)], config.require)
     missing = (
         *flight.unused,
         *missing_sentences(flight, slow.scanned, limits),
@@ -113,9 +113,9 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     inside = log.window(flight.from_s, flight.to_s)
     return DiagnoseResult(
         log=log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz),
-        decision=decide(verdicts, config.require),
-        verdicts=verdicts,
-        summary=sentence_of(verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)),
+        decision=said.decision,
+        verdicts=said.verdicts,
+        summary=sentence_of(said.verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)),
         events=events,
         deviations=deviations,
         limits=limits,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
-from ..decision import KINDS, two_digits
+from ..decision import Candidate, Evidence, State, two_digits
 from ..faults import Decision
 from ..shapes import Kind
 from .limits import AIRSPEEDS, PITOT_LINE
@@ -16,13 +16,13 @@ SPEEDS = ("tas", "cas", "ias")
 SHOWN = 3  # of what was not watched, in a sentence
 
 
-def verdicts_of(
+def evidence_of(
     events: Sequence[Event],
     limits: Sequence[FlightLimit],
     unwatched: Sequence[Unwatched],
     recorded: Collection[str],
-) -> dict[Kind, Decision]:
-    """Return the verdict on every kind: a slow fault is excluded where all limits on the airspeeds are tolerable.
+) -> Evidence:
+    """Return what the flight says of every kind: its events, and slow faults of the airspeeds and of their line.
 
     Relations between airspeeds say nothing of the line that all are made of, so that its own limit is needed, and each
     recorded airspeed needs one; of one that only a relation reads (mach beside cas) that relation excludes what is its
@@ -30,19 +30,21 @@ def verdicts_of(
 
     Parameters
     ----------
+    events : without those that are surely within the tolerances.
     unwatched : flight in which a slow fault would not have been seen.
     """
-    verdicts: dict[Kind, Decision] = dict.fromkeys(KINDS, "inconclusive")
-    suspected = {one.kind for one in events if one.state == "suspected"}
+
+    def candidate(name: str, kind: Kind, state: State) -> Candidate:
+        shape = "drift" if kind == "slow" else "bias" if kind == "abrupt" else "sine"
+        return Candidate(name=name, shape=shape, channel=name, kind=kind, state=state, magnitude=None, unit="", sd=None)
+
+    found = [candidate(one.fault, one.kind, one.state) for one in events]
+    only_found = [candidate(noun, kind, "not_seen") for kind, (noun, _) in STEPS.items()]
     needed = (PITOT_LINE, *(name for name in AIRSPEEDS if name in recorded))
     rows = {name: _deciding(limits, name) for name in needed}
-    excluded = all(of_fault and all(one.within_tolerance for one in of_fault) for of_fault in rows.values())
-    if excluded and not unwatched and "slow" not in suspected:
-        verdicts["slow"] = "no_fault"
-    for one in events:
-        if one.state == "declared" and one.beyond_tolerance is not False:
-            verdicts[one.kind] = "fault"
-    return verdicts
+    bounded = {name: bool(own) and all(one.within_tolerance for one in own) for name, own in rows.items()}
+    slow = [candidate(name, "slow", "excluded" if bounded[name] and not unwatched else "not_seen") for name in needed]
+    return Evidence(source="flight", candidates=(*found, *only_found, *slow))
 
 
 def _deciding(limits: Sequence[FlightLimit], fault: str) -> list[FlightLimit]:

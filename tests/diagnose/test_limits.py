@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.config import Config
-from bfi_cli.decision import KINDS, decide
+from bfi_cli.decision import KINDS, conclude, decide
 from bfi_cli.diagnose import DiagnoseResult, FlightLimit, diagnose_flight
 from bfi_cli.diagnose.flight import Flight, flight_of
 from bfi_cli.diagnose.limits import (
@@ -25,7 +25,7 @@ from bfi_cli.diagnose.limits import (
 )
 from bfi_cli.diagnose.looks import Scanned, look_at, rate_of, scan_flight
 from bfi_cli.diagnose.unwatched import Unwatched, flown_of, left_of, unwatched_by_lines, unwatched_by_steps
-from bfi_cli.diagnose.verdict import sentence_of, verdicts_of
+from bfi_cli.diagnose.verdict import evidence_of, sentence_of
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
@@ -288,6 +288,12 @@ def test_a_line_that_could_hide_counts_in_the_part_only(flight: Flight):
 
 
 EXCLUDED = (row(), row(fault="pitot_icing"))
+
+
+def slow_verdict(limits, unwatched, recorded) -> str:
+    return conclude([evidence_of((), limits, unwatched, recorded)], KINDS).verdicts["slow"]
+
+
 GAP = Unwatched(from_s=1500.0, to_s=4000.0, why="no airspeed is recorded")
 
 
@@ -306,13 +312,13 @@ GAP = Unwatched(from_s=1500.0, to_s=4000.0, why="no airspeed is recorded")
     ],
 )
 def test_a_slow_fault_is_excluded_where_every_airspeed_is_bounded_all_the_time(limits, unwatched, slow: str):
-    assert verdicts_of((), limits, unwatched, {"tas", "aoa"})["slow"] == slow
+    assert slow_verdict(limits, unwatched, {"tas", "aoa"}) == slow
 
 
 def test_an_airspeed_that_no_residual_reads_needs_its_relation():
-    assert verdicts_of((), EXCLUDED, (), {"tas", "mach"})["slow"] == "inconclusive"
+    assert slow_verdict(EXCLUDED, (), {"tas", "mach"}) == "inconclusive"
     beside = row(fault="mach", channel="mach", bounds="disagreement")
-    assert verdicts_of((), (*EXCLUDED, beside), (), {"tas", "mach"})["slow"] == "no_fault"
+    assert slow_verdict((*EXCLUDED, beside), (), {"tas", "mach"}) == "no_fault"
 
 
 def test_a_suspicion_of_a_kind_that_is_not_required_decides_nothing():

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 
+from .channels import INDEPENDENT
 from .config import Config, merge
 from .decision import KINDS, UNTESTED, Evidence, decide, verdicts_of
-from .diagnose.evidence import SHARE, physics_evidence
 from .dictionary import Dictionary, dead_sentences
 from .errors import DictionaryError
 from .faults import Fault, FaultEstimate
@@ -47,8 +47,11 @@ def start_time(log: FlightLog, config: Config, progress: Progress = unseen) -> O
 
 def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Evidence, Config]:
     """Return what physics says of the window, and the configuration of a search with its share of the level."""
-    if config.method != "ml":
+    if config.method != "ml" or log.channels.keys().isdisjoint(INDEPENDENT):
         return Evidence(source="physics"), config
+    # What is imported here takes as long as a short log without such channels.
+    from .diagnose.evidence import SHARE, physics_evidence
+
     physics = physics_evidence(log, config, progress)
     if not physics.candidates and not physics.faults:
         return physics, config

@@ -11,7 +11,17 @@ from dataclasses import dataclass
 
 from .units import si_unit, to_si
 
-__all__ = ["INPUTS", "LARGEST_ERROR", "STANDARD", "NameMatch", "StandardChannel", "match_name", "split_unit", "to_si"]
+__all__ = [
+    "INDEPENDENT",
+    "INPUTS",
+    "LARGEST_ERROR",
+    "STANDARD",
+    "NameMatch",
+    "StandardChannel",
+    "match_name",
+    "split_unit",
+    "to_si",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +44,11 @@ LARGEST_ERROR = {
     "altitude": 30_000.0,
     **dict.fromkeys(("p_static", "p_total", "q_impact"), 110_000.0),
 }
+# Without one of these nothing but another airspeed bounds an airspeed, and nothing a vane or an attitude.
+INDEPENDENT = frozenset(
+    {"altitude", "p_static", "altitude_rate", "normal_acc", "longitudinal_acc"}
+    | {"velocity_north", "velocity_east", "latitude", "longitude"}
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

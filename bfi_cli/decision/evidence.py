@@ -15,7 +15,7 @@ class Evidence:
     Attributes
     ----------
     source : "dictionary" (entries at stated onsets), "scan" (every onset of the window), "physics" (relations between
-        channels, pressure lines, lift and inertia).
+        channels, pressure lines, lift and inertia), "detector" and "flight" (`bfi detect`, `bfi diagnose`).
     faults : that it declares.
     candidates : what it looked for, declared, suspected, excluded or not seen; its limits hold at its share.
     notes : what limits the source, in sentences.

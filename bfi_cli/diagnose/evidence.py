@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
-from ..channels import STANDARD
+from ..channels import INDEPENDENT, STANDARD
 from ..config import Config, merge
 from ..decision import Candidate, Evidence, state_of
 from ..errors import LogError
@@ -40,9 +40,6 @@ from .result import Event
 FloatArray = NDArray[np.float64]
 
 SOURCE = "physics"
-# Beside airspeeds one of these is needed, or nothing but another airspeed bounds them.
-INDEPENDENT = frozenset({"altitude", "p_static", "altitude_rate", "pitch", "roll", "normal_acc", "longitudinal_acc"})
-POSITION = frozenset({"velocity_north", "velocity_east", "latitude", "longitude"})
 # Beside the window: what tells the angle of zero lift (five minutes of clean flight), how far calm air moves a pressure
 # line, and whether this flight is rougher than those of the tables (ten windows of two minutes).
 BESIDE_S = 600.0
@@ -71,7 +68,7 @@ def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen
     -------
     Empty where the log has no channels that physics could compare, and with a note where it cannot.
     """
-    if log.channels.keys().isdisjoint(INDEPENDENT | POSITION):
+    if log.channels.keys().isdisjoint(INDEPENDENT):
         return Evidence(source=SOURCE)
     progress("physics", 0.0)
     said = _evidence(log, config)

@@ -23,7 +23,7 @@ from .identify.identify import Identification, concluded, identification
 from .identify.methods import METHODS
 from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .kernels.progress import Progress, unseen
-from .onset import OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
+from .onset import STANDS_FOR, OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
 from .preprocessing.advice import require_one_trim
 from .preprocessing.window import with_inputs_of
 from .report.text import instant, quantity
@@ -123,6 +123,8 @@ def _identify_kinds(
     """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
     physics, scanning = _physics(log, config, progress)
     searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=kinds)
+    if dictionary is not None:
+        searched = replace(searched, faults=tuple(_named(one, dictionary, searched) for one in searched.faults))
     sources = [searched.evidence, physics]
     proposed = _as_dictionary(searched, dictionary)
     if searched.faults:
@@ -142,6 +144,18 @@ def _identify_kinds(
     notes = (said, *told, *(note for note in result.notes if note not in told))
     result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
     return _with_scan(result, searched, "it proposed the faults"), proposed
+
+
+def _named(found: FaultEstimate, dictionary: Dictionary, searched: OnsetResult) -> FaultEstimate:
+    """Return a fault with the name of its entry; one without a name of its own is called shape_channel_onset."""
+    channel, shape = found.fault.channel, found.fault.shape
+    stem = f"{shape}_{channel}"
+    names = [one.name or stem for one in dictionary.searched.atoms if (one.shape, one.channel) == (shape, channel)]
+    name = next(iter(names), stem)
+    if name == stem:
+        from_s = searched.log.start_s if dictionary.relative_to == "window" else 0.0
+        name = f"{stem}_{found.fault.onset_s - from_s:.6g}"
+    return replace(found, name=name, fault=replace(found.fault, name=name))
 
 
 def _as_dictionary(searched: OnsetResult, dictionary: Dictionary | None) -> Dictionary:
@@ -203,13 +217,13 @@ def _identify_entries(
             stated,
             progress,
             kinds=kinds,
-            claims=[kind for kind in KINDS if kind not in looked_for or kinds],
+            claims=[kind for kind in KINDS if kind not in looked_for or kinds or found.result.faults],
             as_measured=part if found.result.faults else None,
         )
     if isinstance(searched, str):
         found = found if exact else _within_tolerance(found, None, config)
         return _with_scan(concluded(log, config, found), None, searched)
-    found = _within_tolerance(found, searched, config)
+    found = _as_measured(_within_tolerance(found, searched, config), searched)
     physics, _ = _physics(log, config, progress)
     sources = [found.evidence, _beside_entries(searched, looked_for), physics]
     result = concluded(log, config, found, sources)
@@ -229,6 +243,24 @@ def _within_tolerance(found: Identification, searched: OnsetResult | None, confi
     covered_s = None if searched is None else searched.covered_s
     candidates = tuple(
         with_limit_of_scan(one, limit, covered_s) for one, limit in zip(found.result.candidates, limits, strict=True)
+    )
+    return replace(found, result=replace(found.result, candidates=candidates))
+
+
+def _as_measured(found: Identification, searched: OnsetResult) -> Identification:
+    """Return an identification with no claim on a kind of which the search of the window as measured makes none.
+
+    What is declared may stand for another fault, as a lag and a step do for a slow oscillation, of another frequency than
+    the entries'. The window less it does not show that fault any more.
+    """
+    if not found.result.faults:
+        return found
+    open_kinds = {one.kind for one in searched.candidates if one.state == "not_seen"}
+    candidates = tuple(
+        replace(one, state="not_seen", excluded_above=None, effect=None, note=STANDS_FOR)
+        if one.kind in open_kinds and one.state == "excluded"
+        else one
+        for one in found.result.candidates
     )
     return replace(found, result=replace(found.result, candidates=candidates))
 

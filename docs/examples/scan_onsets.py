@@ -14,9 +14,9 @@ config = merge(Config(), {"conditioning.rate_hz": 10.0, "model.order": 4, "start
 result = find_onset(log, config)
 
 for found in result.faults:
-    fault = found.estimate.fault
+    fault = found.fault
     low, high = found.onset_ci95
-    print(f"{fault.shape} of {found.estimate.magnitude:.3f} from {fault.onset_s:.2f} s ({low:.2f} to {high:.2f} s)")
+    print(f"{fault.shape} of {found.magnitude:.3f} from {fault.onset_s:.2f} s ({low:.2f} to {high:.2f} s)")
 for profile in result.profiles:
     best = int(profile.statistic.argmax())
     print(f"{profile.shape}: statistic {profile.statistic[best]:.1f} at {profile.onset_s[best]:.1f} s", end="")

@@ -81,7 +81,7 @@ def identify(
     part = log.window(config.window.from_s, config.window.to_s)
     kinds = () if dictionary is None else _live_kinds(part, dictionary.searched, config)
     if dictionary is None or (kinds and not dictionary.exact.atoms):
-        return _identify_kinds(log, dictionary, kinds, config, progress)
+        return _identify_kinds(log, part, dictionary, kinds, config, progress)
     return _identify_entries(log, part, dictionary, kinds, config, progress), dictionary
 
 
@@ -115,6 +115,7 @@ def _live_kinds(part: FlightLog, searched: Dictionary, config: Config) -> tuple[
 
 def _identify_kinds(
     log: FlightLog,
+    part: FlightLog,
     dictionary: Dictionary | None,
     kinds: Sequence[Fault],
     config: Config,
@@ -124,7 +125,8 @@ def _identify_kinds(
     physics, scanning = _physics(log, config, progress)
     searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=kinds)
     if dictionary is not None:
-        searched = replace(searched, faults=tuple(_named(one, dictionary, searched) for one in searched.faults))
+        from_s = float(part.time_s[0]) if dictionary.relative_to == "window" else 0.0
+        searched = replace(searched, faults=tuple(_named(one, dictionary, from_s) for one in searched.faults))
     sources = [searched.evidence, physics]
     proposed = _as_dictionary(searched, dictionary)
     if searched.faults:
@@ -146,15 +148,19 @@ def _identify_kinds(
     return _with_scan(result, searched, "it proposed the faults"), proposed
 
 
-def _named(found: FaultEstimate, dictionary: Dictionary, searched: OnsetResult) -> FaultEstimate:
-    """Return a fault with the name of its entry; one without a name of its own is called shape_channel_onset."""
+def _named(found: FaultEstimate, dictionary: Dictionary, from_s: float) -> FaultEstimate:
+    """Return a fault with the name of its entry; one without a name of its own is called shape_channel_second.
+
+    Parameters
+    ----------
+    from_s : what the times of the dictionary count from, on the axis of the log.
+    """
     channel, shape = found.fault.channel, found.fault.shape
     stem = f"{shape}_{channel}"
     names = [one.name or stem for one in dictionary.searched.atoms if (one.shape, one.channel) == (shape, channel)]
     name = next(iter(names), stem)
     if name == stem:
-        from_s = searched.log.start_s if dictionary.relative_to == "window" else 0.0
-        name = f"{stem}_{found.fault.onset_s - from_s:.6g}"
+        name = f"{stem}_{found.fault.onset_s - from_s:.0f}"
     return replace(found, name=name, fault=replace(found.fault, name=name))
 
 
@@ -250,12 +256,15 @@ def _within_tolerance(found: Identification, searched: OnsetResult | None, confi
 def _as_measured(found: Identification, searched: OnsetResult) -> Identification:
     """Return an identification with no claim on a kind of which the search of the window as measured makes none.
 
-    What is declared may stand for another fault, as a lag and a step do for a slow oscillation, of another frequency than
-    the entries'. The window less it does not show that fault any more.
+    What is declared may stand for another fault, as a lag and a step do for a slow oscillation of another frequency
+    than the entries'. The window less it does not show that fault any more.
     """
     if not found.result.faults:
         return found
-    open_kinds = {one.kind for one in searched.candidates if one.state == "not_seen"}
+    verdicts = verdicts_of(found.result.candidates)
+    open_kinds = {
+        one.kind for one in searched.candidates if one.state == "not_seen" and verdicts[one.kind] == "no_fault"
+    }
     candidates = tuple(
         replace(one, state="not_seen", excluded_above=None, effect=None, note=STANDS_FOR)
         if one.kind in open_kinds and one.state == "excluded"

@@ -28,7 +28,16 @@ from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
 from .magnitudes import measure
 from .result import OnsetResult, assemble_result
-from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
+from .scan import (
+    HypothesisScan,
+    Peak,
+    bic_change,
+    fault_free_bic,
+    lasting_peak,
+    scan_hypotheses,
+    scan_hypothesis,
+    scan_of,
+)
 from .scan_record import Likelihood, ScanRecord, prepare_record
 from .shapes import SCANNED_AS, fault_of
 from .thesis import find_onset_as_published
@@ -148,13 +157,17 @@ def search_onsets(
         of_limits = partial(progress, "what could not have been seen")
         limiting, of_faults = shares(of_limits, 2, len(entries) / 8)
         views = views_of(record, estimates, order=order, order_as_measured=first.order)
+        of_entries = tuple(views)
         if as_measured is not None:
             measured = prepare_record(as_measured, config, entries=kinds)
             if measured.y.shape == record.y.shape:
+                orders, last_order = measured.orders, max(measured.orders)
                 for i, view in enumerate(views):
-                    # The same model of the outputs before any fault was taken off, scaled alike.
+                    # The outputs before any fault was taken off, scaled alike, at an order that suits them.
                     y = measured.y * (measured.unit / record.unit)
-                    views[i] = (*view, scan_of(measured, y, first.order, output=i))
+                    scans = [scan_of(measured, y, order, output=i, first=last_order) for order in orders]
+                    suits = min(zip(scans, orders, strict=True), key=lambda pair: fault_free_bic(measured, pair[0]))[1]
+                    views[i] = (*view, scan_of(measured, y, suits, output=i))
         candidates = claims_of(
             record,
             first,
@@ -168,7 +181,7 @@ def search_onsets(
             report=limiting,
         )
         of_dictionary = limits_near_onsets(
-            record, rule, entries, config.onset_tolerance_s, tolerances, views, report=of_faults
+            record, rule, entries, config.onset_tolerance_s, tolerances, of_entries, report=of_faults
         )
         of_limits(1.0)
     verdict = verdicts[0] if verdicts else rule.verdict(first)

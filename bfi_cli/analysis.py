@@ -24,6 +24,7 @@ from .identify.methods import METHODS
 from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .kernels.progress import Progress, unseen
 from .onset import STANDS_FOR, OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
+from .onset.shapes import scanned_shape
 from .preprocessing.advice import require_one_trim
 from .preprocessing.window import with_inputs_of
 from .report.text import instant, quantity
@@ -123,7 +124,8 @@ def _identify_kinds(
 ) -> tuple[IdentifyResult, Dictionary]:
     """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
     physics, scanning = _physics(log, config, progress)
-    searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=kinds)
+    scanned = [one for one in kinds if scanned_shape(one) is not None]
+    searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=scanned)
     if dictionary is not None:
         from_s = float(part.time_s[0]) if dictionary.relative_to == "window" else 0.0
         searched = replace(searched, faults=tuple(_named(one, dictionary, from_s) for one in searched.faults))
@@ -142,10 +144,21 @@ def _identify_kinds(
     else:
         percent = 100.0 * config.start_time.false_alarm
         said += f": the search over all onsets finds no fault at a false-alarm rate of {percent:.3g} %"
-    told = (*searched.notes, *physics.notes)
+    told = (*searched.notes, *physics.notes, *_left_out(dictionary, kinds, physics))
     notes = (said, *told, *(note for note in result.notes if note not in told))
     result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
     return _with_scan(result, searched, "it proposed the faults"), proposed
+
+
+def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evidence) -> tuple[str, ...]:
+    """Return sentences on kinds of a dictionary that cannot begin in the window, or that nothing in the log tells."""
+    names = {one.name for one in live}
+    late = [f"'{one.name}'" for one in (dictionary.searched.atoms if dictionary else ()) if one.name not in names]
+    untold = [f"'{one.name}'" for one in live if scanned_shape(one) is None]
+    sentences = [f"no onset of {', '.join(late)} is in the window: left out"] if late else []
+    if untold and not physics.candidates and not physics.faults:
+        sentences.append(f"nothing in the log tells {', '.join(untold)} from other slow faults: left out")
+    return tuple(sentences)
 
 
 def _named(found: FaultEstimate, dictionary: Dictionary, from_s: float) -> FaultEstimate:
@@ -204,6 +217,7 @@ def _identify_entries(
     """Identify entries that state their onsets, and search the window less these for what they do not explain."""
     stated = dictionary.exact.resolved(float(part.time_s[0]))
     require_one_trim(part, stated, config)
+    physics, scanning = _physics(log, config, progress)
     found = identification(log, dictionary.exact, config, progress)
     if not found.converged:
         return _with_scan(concluded(log, config, found), None, "not scanned: the solver did not converge")
@@ -219,7 +233,7 @@ def _identify_entries(
     else:
         searched = scan_beside(
             _corrected(part, found.result, config),
-            config,
+            scanning,
             stated,
             progress,
             kinds=kinds,
@@ -228,9 +242,9 @@ def _identify_entries(
         )
     if isinstance(searched, str):
         found = found if exact else _within_tolerance(found, None, config)
-        return _with_scan(concluded(log, config, found), None, searched)
+        result = concluded(log, config, found, [found.evidence, physics])
+        return _with_scan(replace(result, notes=(*result.notes, *physics.notes)), None, searched)
     found = _as_measured(_within_tolerance(found, searched, config), searched)
-    physics, _ = _physics(log, config, progress)
     sources = [found.evidence, _beside_entries(searched, looked_for), physics]
     result = concluded(log, config, found, sources)
     result = replace(result, notes=(*result.notes, *physics.notes))

@@ -15,8 +15,8 @@ from ..faults import Decision
 from ..shapes import Kind
 from .candidate import KINDS, Candidate, State, shown_limit
 
-# The note of a scan on the frequencies that it covers.
-BAND = re.compile(r"of \S+ to \S+ Hz")
+# The note of a scan on the frequencies, and on the onsets where a dictionary narrows them, that its claim covers.
+BAND = re.compile(r"(of \S+ to \S+ Hz)?( ?that begins from \S+ to \S+ s)?")
 NOUNS: Mapping[Kind, tuple[str, str]] = {
     "abrupt": ("step", "a step"),
     "oscillating": ("oscillation", "an oscillation"),
@@ -62,7 +62,9 @@ def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], uni
     limit = shown_limit(worst, units)
     if verdict == "no_fault":
         # The claim of a scan ends with the frequencies that it looked at; those of a dictionary are in its table.
-        band = next((f" {one.note}" for one in of_kind if one.onset_s is None and BAND.fullmatch(one.note or "")), "")
+        band = next(
+            (f" {one.note}" for one in of_kind if one.onset_s is None and one.note and BAND.fullmatch(one.note)), ""
+        )
         return f"no {noun}{band} above {limit}{on}"
     if suspects:
         return f"{one_noun} is suspected ({', '.join(suspects[:3])}{', ...' if len(suspects) > 3 else ''})"

@@ -18,7 +18,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from ..decision import KINDS, Candidate, kind_of, state_of
+from ..decision import KINDS, UNTESTED, Candidate, kind_of, state_of
 from ..faults import Fault, magnitude_unit
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
@@ -205,7 +205,7 @@ def claims_of(
                 effect=effect,
                 tolerance=tolerances[channel],
                 channel_unit=unit,
-                note=suspicion or said.note,
+                note=suspicion or _narrowed(record, shape, output, order, said.note),
                 onsets_checked=None if own else _checked(record, shape, output, order),
             )
         )
@@ -234,6 +234,17 @@ class Said:
 def _peak_of(first: HypothesisScan, shape: str, output: int) -> Peak:
     of_shape = (one for one in first.peaks if (one.form.shape, one.form.output) == (shape, output))
     return max(of_shape, key=lambda one: one.statistic)
+
+
+def _narrowed(record: ScanRecord, shape: Shape, output: int, order: int, note: str | None) -> str | None:
+    """Return the note of a claim with its onsets, where those of the dictionary are less than the window could tell."""
+    spans, (earliest_s, latest_s) = _checked(record, shape, output, order), covered_s(record, order)
+    if not spans:
+        return UNTESTED
+    if spans[0] == (earliest_s, latest_s):
+        return note
+    said = f"that begins from {spans[0][0]:.6g} to {spans[0][1]:.6g} s"
+    return f"{note} {said}" if note and shape == "sine" else said
 
 
 def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple[tuple[float, float], ...]:

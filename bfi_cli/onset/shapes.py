@@ -159,6 +159,12 @@ def every_kind(wanted: StartTime, n_outputs: int, duration_s: float) -> KindsOfF
     )
 
 
+def scanned_shape(entry: Fault) -> Shape | None:
+    """Return the shape that a scan looks for where a dictionary has an entry, None where other sources tell it."""
+    shape: Shape = "sine" if entry.shape == "pitot_water" else entry.shape
+    return shape if SHAPES[shape].is_scanned else None
+
+
 def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_s: float) -> KindsOfFault:
     """Return the kinds of entries of a dictionary without an onset; other sources tell faults of pressure lines.
 
@@ -173,8 +179,8 @@ def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_
     names: dict[tuple[Shape, int], str] = {}
     bands: list[tuple[float, float] | None] = []
     for entry in entries:
-        shape: Shape = "sine" if entry.shape == "pitot_water" else entry.shape
-        if not SHAPES[shape].is_scanned or entry.onset_range_s is None:
+        shape = scanned_shape(entry)
+        if shape is None or entry.onset_range_s is None:
             continue
         key = (shape, outputs.index(entry.channel))
         first, last = ranges_s.get(key, entry.onset_range_s)

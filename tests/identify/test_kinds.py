@@ -65,3 +65,25 @@ def test_an_interval_outside_of_the_window_is_refused(log):
 def test_a_kind_of_a_channel_that_is_no_output_is_refused(log):
     with pytest.raises(DictionaryError, match="add --output aoa"):
         answer(log, {"shape": "bias", "channel": "aoa"})
+
+
+def test_a_claim_of_an_interval_says_its_onsets(log):
+    """The step at 13.8 s is outside of it: no sentence may say that there is none."""
+    result = answer(log, {"shape": "bias", "onset_s": {"from": 5.5, "to": 9}}, require=("abrupt",))
+    (candidate,) = (one for one in result.candidates if one.shape == "bias")
+    assert candidate.onsets_checked is not None
+    assert "that begins from" in (candidate.note or "")
+    if result.verdicts["abrupt"] == "no_fault":
+        assert "that begins from" in result.summary
+
+
+def test_kinds_that_cannot_begin_or_that_nothing_tells_are_named(log):
+    late = {"name": "late", "shape": "drift", "onset_s": {"from": 300}}
+    result = answer(log, {"shape": "bias"}, late, {"name": "ice", "shape": "pitot_icing"})
+    assert any("no onset of 'late'" in note for note in result.notes)
+    assert any("nothing in the log tells 'ice'" in note for note in result.notes)
+
+
+def test_a_dictionary_of_line_faults_alone_is_searched_for_whatever_is_there(log):
+    result = answer(log, {"name": "ice", "shape": "pitot_icing"})
+    assert [one.fault.shape for one in result.faults] == ["bias"]

@@ -23,10 +23,6 @@ FREQUENCY_TOLERANCE = 0.05
 # nothing, standard deviations of both where they do, and never more than that share, which would be a part of a return.
 # Chosen by hand, not tuned.
 STEP_BACK, SURE, MOST_LEFT = 0.1, 3.0, 0.5
-# While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
-# half of its angle leaves 1.8 in a phugoid (tests/measurements/test_lasting_faults.py).
-# The factor is that and a third more.
-TRACE = 2.5
 # The order of trust: what a line or a relation shows is exact, what windows of a regression show is not. A line that is
 # held goes before the relations that it disturbs.
 STAGES = ("sensors", "holds", "static relations", "parity", "scan")
@@ -120,10 +116,9 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
 
 
 def is_certain(draft: Draft) -> bool:
-    """Return whether a draft is above its threshold, more than a trace of a fault that lasts, and beyond doubt."""
-    if draft.finding.doubt or draft.finding.stage != "parity":
-        return not draft.finding.doubt
-    return draft.finding.statistic > (TRACE if draft.lasting else 1.0) * draft.finding.threshold
+    """Return whether a draft is above its threshold and beyond doubt."""
+    one = draft.finding
+    return not one.doubt and (one.stage != "parity" or one.statistic > one.threshold)
 
 
 def as_one(events: Sequence[Draft]) -> list[Draft]:

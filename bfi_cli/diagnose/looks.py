@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.progress import Report, silent
-from ..parity import (
-    LENGTHS_S,
-    ParityTable,
-    Threshold,
-    WindowScan,
-    table_for,
-    threshold_of,
-)
+from ..parity import LENGTHS_S, ParityTable, ScanKey, Threshold, WindowScan, table_for, threshold_of
 from ..parity.windows import Window, windows_in
 from .flight import Flight
 from .result import Look
@@ -29,10 +22,6 @@ SCALE_S, ENOUGH_WINDOWS = 120.0, 10
 # The share of windows that say so: a fault that lasts to the end of a short log is in more than half of them. Both by
 # this reasoning; no flight was used to set them.
 CALM = 0.25
-# Times its threshold, what a window shows in which another fault lasts: columns for that take away noise of a window as
-# well, so that less is held against the tables'. Of 469 windows of two flights without a fault, any of five faults left
-# out, 12 exceed their threshold, one and a half times it 5, all of these in one phugoid.
-SECOND = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +52,16 @@ class Scanned:
     @property
     def length_s(self) -> float:
         return self.to_s - self.from_s
+
+    @property
+    def key(self) -> ScanKey:
+        """What its statistic depends on."""
+        return ScanKey(
+            residuals=self.residuals,
+            length_s=float(round(self.length_s)),
+            knows_zero_lift=self.knows_zero_lift,
+            beside=bool(self.lasting),
+        )
 
 
 def rate_of(false_alarm: float, n_windows: int) -> float:
@@ -131,7 +130,7 @@ def scale_of(flight: Flight) -> float:
     free = replace(flight, zero_lift=None)
     shares = []
     for one in scan_flight(free, windows_in(flight.phases, SCALE_S, step_s=SCALE_S)):
-        table = table_for(flight.tables, one.residuals, one.length_s, knows_zero_lift=False)
+        table = table_for(flight.tables, replace(one.key, beside=False))
         if table is not None:
             shares.append(one.statistic / max(float(np.quantile(table.statistics, CALM)), 1.0))
     return max(1.0, float(np.quantile(shares, CALM))) if len(shares) >= ENOUGH_WINDOWS else 1.0
@@ -151,20 +150,13 @@ def look_at(
     ----------
     rates, suspicions : by length of a window, of false alarms and of suspicions.
     """
-    cache: dict[tuple[Collection[str], float, bool, bool], Threshold] = {}
+    cache: dict[ScanKey, Threshold] = {}
     for one in scanned:
-        key = (one.residuals, round(one.length_s), one.knows_zero_lift, bool(one.lasting))
+        key = one.key
         if key not in cache:
             nearest = min(LENGTHS_S, key=lambda length_s: abs(length_s - one.length_s))
-            cache[key] = threshold_of(
-                tables,
-                one.residuals,
-                one.length_s,
-                knows_zero_lift=one.knows_zero_lift,
-                false_alarm=rates[nearest],
-                suspicion=suspicions[nearest],
-                scale=scale * (SECOND if one.lasting else 1.0),
-            )
+            rate, suspicion = rates[nearest], suspicions[nearest]
+            cache[key] = threshold_of(tables, key, false_alarm=rate, suspicion=suspicion, scale=scale)
         threshold = cache[key]
         yield (
             one,

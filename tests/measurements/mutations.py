@@ -69,7 +69,7 @@ LINES = (
         ),
         RELATIONS,
     ),
-    Line("diagnose/looks.py", "SECOND = 1.5", ("SECOND = 1.0", "SECOND = 2.0"), FLIGHT_LIMITS),
+    Line("diagnose/looks.py", "beside=bool(self.lasting),", ("beside=False,", "beside=True,"), FLIGHT_LIMITS),
     Line(
         "diagnose/looks.py",
         "np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]",
@@ -111,12 +111,6 @@ LINES = (
             "all(all(one.within_tolerance for one in of_fault) for of_fault in rows.values())",
         ),
         FLIGHT_LIMITS,
-    ),
-    Line(
-        "diagnose/events.py",
-        "TRACE = 2.5",
-        ("TRACE = 1.5", "TRACE = 2.0", "TRACE = 3.0"),
-        ("tests/diagnose/test_events.py",),
     ),
     Line(
         "onset/claims.py",

@@ -165,11 +165,10 @@ LINES = (
     ),
     Line(
         "detect/parity.py",
-        "threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS if gusty else 1.0)",
+        "threshold = _threshold(model, drops, window, false_alarm, patch=patch)",
         (
-            "threshold = _threshold(model, drops, window, false_alarm, gusts=1.0)",
-            "threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS)",
-            "threshold = _threshold(model, drops, window, false_alarm, gusts=1.0 if gusty else UNSEEN_GUSTS)",
+            "threshold = _threshold(model, drops, window, false_alarm, patch=0)",
+            "threshold = _threshold(model, drops, window, false_alarm, patch=2 * patch)",
         ),
         ("tests/detect/test_limits.py",),
     ),

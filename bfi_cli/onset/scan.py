@@ -18,7 +18,7 @@ from ..kernels.onset.frequency import (
     scan_frequency,
     scan_frequency_ends,
     screen_grid,
-    screen_sine,
+    screen_sines,
 )
 from ..kernels.onset.pairs import peaks, scan_ends
 from ..kernels.onset.scan import Profile, Scan, default_onsets, prepare_scan, scan_shape
@@ -159,7 +159,7 @@ def _bic_with_fault(
             scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
             sampling = replace(record.sampling, n_samples=scan.n_samples)
             if form.shape == "sine":
-                statistic = max(screen_sine(scan, f, part) for f, part in parts(own, candidates[form.output]))
+                statistic = float(screen_sines(scan, candidates[form.output], own).max())
             elif record.settings.ends:
                 statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
                 n_parameters += 1

@@ -169,11 +169,22 @@ def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: S
     report : called with the fraction that is done.
     bounds : from `prepare_screen`, where they are known already.
     """
+    key = grid.tobytes()
+    if key not in scan.screened:
+        short = len(grid) * scan.n_samples <= FEW
+        scan.screened[key] = (
+            screen_sines(scan, grid.tolist(), report)
+            if short
+            else _screen_bounded(scan, grid, report, bounds or prepare_screen(scan))
+        )
+    report(1.0)
+    return scan.screened[key]
+
+
+def _screen_bounded(scan: Scan, grid: FloatArray, report: Report, bounds: SineScreen) -> FloatArray:
+    """Return `screen_grid` of a long record: only sines whose bound exceeds what the best peaks have are screened."""
     n = len(grid)
-    piloting, screening, again = shares(report, *((1, 0, 0) if n * scan.n_samples <= FEW else (5, 90, 5)))
-    if n * scan.n_samples <= FEW:
-        return screen_sines(scan, grid.tolist(), piloting)
-    bounds = bounds or prepare_screen(scan)
+    piloting, screening, again = shares(report, 5, 90, 5)
     first, passes = bounds.onsets[0], -(-n // TOGETHER)
     statistic, above = np.zeros(n), np.full(n, np.inf)
 

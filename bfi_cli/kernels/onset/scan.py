@@ -54,6 +54,7 @@ class Scan:
     order : s; n_outputs : of the record; degree : highest difference of the lag columns.
     rss0 : without a fault: the residual sum of squares, for several outputs the determinant of the residuals' products.
     span : peak to peak of the scanned channel.
+    screened : statistics of the grids of frequencies that were screened.
     """
 
     Q: FloatArray
@@ -65,6 +66,7 @@ class Scan:
     degree: int
     rss0: float
     span: float
+    screened: dict[bytes, FloatArray] = field(init=False, repr=False, default_factory=dict)
     _spectra: dict[str, NDArray[np.complex128]] = field(init=False, repr=False, default_factory=dict)
 
     def spectrum(self, name: Literal["Q", "weights"]) -> NDArray[np.complex128]:
@@ -268,6 +270,11 @@ class Profile:
     def best(self) -> int:
         """Index of the largest statistic."""
         return int(np.argmax(self.statistic))
+
+    def take(self, some: IntArray) -> Profile:
+        """Return the profile at some of its onsets, (n_some,) indices."""
+        of_onsets = {name: getattr(self, name)[some] for name in ("onsets", "z", "sd", "rss", "statistic")}
+        return Profile(rss0=self.rss0, **of_onsets)
 
 
 def default_onsets(scan: Scan) -> IntArray:

@@ -26,6 +26,7 @@ from ..kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
 from ..kernels.onset.limits import excluded_error, likelihood_ratios, mean_ratios, undeclared_magnitudes
 from ..kernels.onset.pairs import peaks
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
+from ..kernels.onset.waveform import Waveform
 from ..kernels.progress import Report, parts, shares, silent
 from ..preprocessing.tolerance import is_any
 from ..shapes import SHAPES, Kind, Shape
@@ -44,6 +45,8 @@ __all__ = ["OLDER_NOTE", "STANDS_FOR", "claims_of", "covered_s", "limits_near_on
 CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0
 # Frequencies spread over the band, for the sizes that a claim covers; those that stand out are looked at beside them.
 FREQUENCIES = 8
+# Onsets, spread over the window, at which the size that would be declared is sought: its median over them is stated.
+SIZED = 25
 # Lags and ramps that a claim about steps covers, with their time constants and durations: by their longest, since what
 # builds up faster stands out more. The same answers in 340 runs on two recorded flights with ramps of 5 s beside; with
 # 10 s alone a ramp over 12.3 s of 2.4 tolerances was excluded.
@@ -103,6 +106,7 @@ class Likeliness:
         each.
     tolerance : of the channel, scaled.
     parameter : of the hypothesis: frequency, time constant or duration.
+    detected : magnitude that would be declared with 90 % power at half of the onsets; None where it was not asked for.
     """
 
     profile: Profile
@@ -111,6 +115,7 @@ class Likeliness:
     errors: FloatArray
     ratios: FloatArray
     tolerance: float
+    detected: float | None
 
     def excluded(self, near: BoolArray | None = None) -> float | None:
         """Return the largest error that may hide at 95 %, at the onsets `near` (n_onsets,) or at all; None for any."""
@@ -342,20 +347,16 @@ def _weighed(
     peak : of the shape where it is looked for.
     tolerance : of the channel, SI.
     """
-    searching, sizing, weighing = shares(report, 1, 1, 1)
+    searching, weighing = shares(report, 1, 2)
     forms = _claimed(record, scan, shape, output, peak, searching)
     if not forms:
         return Said(note="the window is too short for an oscillation")
-    detectable = None
-    if peak is not None:
-        limits = [_limits(record, scan, form, rule.threshold(shape)) for form, _ in parts(sizing, forms)]
-        seen = [float(np.median(one.detected)) for one in limits if one is not None]
-        detectable = float(np.median(seen)) if seen else None
-    scale = float(record.unit[output])
-    every = [_likeliness(record, scan, form, tolerance / scale) for form, _ in parts(weighing, forms)]
+    scale, threshold = float(record.unit[output]), None if peak is None else rule.threshold(shape)
+    every = [_likeliness(record, scan, form, tolerance / scale, threshold) for form, _ in parts(weighing, forms)]
     known = [one for one in every if one is not None]
     if not known:
-        return Said(detectable=detectable)
+        return Said()
+    detectable = None if peak is None else float(np.median([one.detected for one in known]))
     likeliest = max(known, key=lambda one: one.beyond)
     best, profile = likeliest.profile.best, likeliest.profile
     errors = [one.excluded() for one in known]
@@ -386,24 +387,35 @@ def _weighed(
     )
 
 
-def _likeliness(record: ScanRecord, scan: Scan, form: ShapeHypothesis, tolerance: float) -> Likeliness | None:
-    """Return the likelihood of a hypothesis at every onset and error, scaled; None where no onset is covered."""
+def _likeliness(
+    record: ScanRecord, scan: Scan, form: ShapeHypothesis, tolerance: float, threshold: float | None = None
+) -> Likeliness | None:
+    """Return the likelihood of a hypothesis at every onset and error, scaled; None where no onset is covered.
+
+    Parameters
+    ----------
+    threshold : of the statistic, of which `detected` is the size; None where it is not asked for.
+    """
     wave = waveform(form, replace(record.sampling, n_samples=scan.n_samples))
     onsets = _covered(record, scan, form)
     if onsets.size == 0:
         return None
     profile = scan_shape(scan, wave, onsets)
+    dispersion = max(1.0, float(np.mean(profile.statistic)))
     reach: FloatArray = np.maximum.accumulate(np.abs(wave.samples * wave.unit))[scan.n_samples - 1 - onsets]
     errors = tolerance * ERRORS
+    detected = None
+    if threshold is not None:
+        some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
+        detected = float(np.median(_sizes(scan, wave, some, threshold, dispersion)[0]))
     return Likeliness(
         profile=profile,
         parameter=form.parameter or 0.0,
         onset_s=_onsets_s(record, onsets),
         errors=errors,
-        ratios=likelihood_ratios(
-            scan, wave, onsets, errors[:, None] / reach, dispersion=max(1.0, float(np.mean(profile.statistic)))
-        ),
+        ratios=likelihood_ratios(scan, wave, onsets, errors[:, None] / reach, dispersion=dispersion),
         tolerance=tolerance,
+        detected=detected,
     )
 
 
@@ -499,8 +511,9 @@ def _claimed(
     if low >= high:
         return []
     rate_hz = record.sampling.rate_hz
-    grid = frequency_grid(scan, (low / rate_hz, high / rate_hz))
-    stands_out = peaks(screen_grid(scan, grid, report), PEAKS)
+    grid = frequency_grid(scan, (record.band_hz[0] / rate_hz, high / rate_hz))
+    stands_out = peaks(np.where(rate_hz * grid < low, 0.0, screen_grid(scan, grid, report)), PEAKS)
+    stands_out = stands_out[rate_hz * grid[stands_out] >= low]
     values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *(rate_hz * grid[stands_out]).tolist()}
     likeliest = None if peak is None else peak.form.parameter
     values |= set() if likeliest is None or not low <= likeliest <= high else {likeliest}
@@ -537,14 +550,7 @@ def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: fl
     if onsets.size == 0:
         return None
     profile = scan_shape(scan, wave, onsets)
-    dispersion = max(1.0, float(np.mean(profile.statistic)))
-    detected, admitted = undeclared_magnitudes(
-        scan,
-        wave,
-        profile,
-        power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,
-        doubt=ONE_SIDED_95**2 * dispersion,
-    )
+    detected, admitted = _sizes(scan, wave, profile, threshold, max(1.0, float(np.mean(profile.statistic))))
     excluded = np.maximum(detected, admitted)
     reach: FloatArray = np.maximum.accumulate(np.abs(wave.samples * wave.unit))[scan.n_samples - 1 - onsets]
     return Limits(
@@ -553,6 +559,19 @@ def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: fl
         detected=detected,
         excluded=excluded,
         effect=excluded * reach,
+    )
+
+
+def _sizes(
+    scan: Scan, wave: Waveform, profile: Profile, threshold: float, dispersion: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the magnitudes (n_onsets,) declared with 90 % power, and those that the record excludes at 95 %."""
+    return undeclared_magnitudes(
+        scan,
+        wave,
+        profile,
+        power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,
+        doubt=ONE_SIDED_95**2 * dispersion,
     )
 
 

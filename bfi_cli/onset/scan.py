@@ -18,7 +18,7 @@ from ..kernels.onset.frequency import (
     scan_frequency,
     scan_frequency_ends,
     screen_grid,
-    screen_sine,
+    screen_sines,
 )
 from ..kernels.onset.pairs import peaks, scan_ends
 from ..kernels.onset.scan import Profile, Scan, default_onsets, prepare_scan, scan_shape
@@ -28,6 +28,8 @@ from .shapes import ShapeHypothesis, waveform
 
 # How long the search for a frequency takes, in scans of one shape; for the estimate of the time left only.
 SEARCH = 20
+# Factorised records that are remembered: of some orders and outputs, as measured and less the faults found last.
+REMEMBERED = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -159,7 +161,7 @@ def _bic_with_fault(
             scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
             sampling = replace(record.sampling, n_samples=scan.n_samples)
             if form.shape == "sine":
-                statistic = max(screen_sine(scan, f, part) for f, part in parts(own, candidates[form.output]))
+                statistic = float(screen_sines(scan, candidates[form.output], own).max())
             elif record.settings.ends:
                 statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
                 n_parameters += 1
@@ -178,22 +180,27 @@ def _scan_at_order(record: ScanRecord, y: FloatArray, order: int, report: Report
 
 
 def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first: int | None = None) -> Scan:
-    """Return the factorised record for faults of one output.
+    """Return the factorised record for faults of one output, that of an earlier call where the outputs are the same.
 
     Parameters
     ----------
     first : the first row of the regression is this sample; `order` if None. The same for all orders to be compared.
     """
-    rows = slice((first or order) - order, None)
-    return prepare_scan(
-        record.u[rows],
-        y[rows],
-        order=order,
-        feedthrough=record.feedthrough,
-        channel=output,
-        weights=None if record.weights is None else record.weights[rows],
-        floor=record.floor,
-    )
+    key = hash(y.tobytes()), order, output, first or order
+    if key not in record.scans:
+        rows = slice((first or order) - order, None)
+        while len(record.scans) >= REMEMBERED:
+            del record.scans[next(iter(record.scans))]
+        record.scans[key] = prepare_scan(
+            record.u[rows],
+            y[rows],
+            order=order,
+            feedthrough=record.feedthrough,
+            channel=output,
+            weights=None if record.weights is None else record.weights[rows],
+            floor=record.floor,
+        )
+    return record.scans[key]
 
 
 def fault_free_bic(record: ScanRecord, scan: Scan) -> float:

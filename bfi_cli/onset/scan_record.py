@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.covariance import FitRows, Layout, unfold
 from ..kernels.lagged import compress
-from ..kernels.onset.scan import ENDING, FLOOR, STARTING
+from ..kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
 from ..kernels.progress import Report, Step, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
@@ -49,6 +49,7 @@ class ScanRecord:
     forms : hypotheses to test; kinds : that may be named.
     band_hz : lowest and highest frequency of an oscillation.
     settings : of the scan, as a calibration table states them.
+    scans : the factorised records of this one that were made last, by what they were made of.
     """
 
     window: PreparedWindow
@@ -64,6 +65,7 @@ class ScanRecord:
     kinds: KindsOfFault
     band_hz: tuple[float, float]
     settings: CalibrationSettings
+    scans: dict[Hashable, Scan] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def time_s(self) -> FloatArray:

@@ -8,7 +8,7 @@ long record only those sines are screened whose bound exceeds what the best peak
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -144,8 +144,18 @@ def sine_onsets(scan: Scan, frequency: float, per_period: int) -> IntArray:
 
 def screen_sine(scan: Scan, frequency: float, report: Report, *, per_period: int = ONSETS_PER_PERIOD) -> float:
     """Return the largest screened statistic of a sine over a few onsets per period, 0 where all are too late."""
-    onsets = sine_onsets(scan, frequency, per_period)
-    return screen_tabulated(scan, frequency, onsets, report) if onsets.size else 0.0
+    return float(screen_sines(scan, [frequency], report, per_period=per_period)[0])
+
+
+def screen_sines(
+    scan: Scan, frequencies: Sequence[float], report: Report = silent, *, per_period: int = ONSETS_PER_PERIOD
+) -> FloatArray:
+    """Return `screen_sine` of several frequencies."""
+    onsets = [sine_onsets(scan, frequency, per_period) for frequency in frequencies]
+    some = [k for k, of_sine in enumerate(onsets) if of_sine.size]
+    statistic = np.zeros(len(frequencies))
+    statistic[some] = screen_tabulated(scan, [frequencies[k] for k in some], [onsets[k] for k in some], report)
+    return statistic
 
 
 def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: SineScreen | None = None) -> FloatArray:
@@ -159,11 +169,22 @@ def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: S
     report : called with the fraction that is done.
     bounds : from `prepare_screen`, where they are known already.
     """
+    key = grid.tobytes()
+    if key not in scan.screened:
+        short = len(grid) * scan.n_samples <= FEW
+        scan.screened[key] = (
+            screen_sines(scan, grid.tolist(), report)
+            if short
+            else _screen_bounded(scan, grid, report, bounds or prepare_screen(scan))
+        )
+    report(1.0)
+    return scan.screened[key]
+
+
+def _screen_bounded(scan: Scan, grid: FloatArray, report: Report, bounds: SineScreen) -> FloatArray:
+    """Return `screen_grid` of a long record: only sines whose bound exceeds what the best peaks have are screened."""
     n = len(grid)
-    piloting, screening, again = shares(report, *((1, 0, 0) if n * scan.n_samples <= FEW else (5, 90, 5)))
-    if n * scan.n_samples <= FEW:
-        return np.array([screen_sine(scan, f, own) for f, own in parts(piloting, grid.tolist())])
-    bounds = bounds or prepare_screen(scan)
+    piloting, screening, again = shares(report, 5, 90, 5)
     first, passes = bounds.onsets[0], -(-n // TOGETHER)
     statistic, above = np.zeros(n), np.full(n, np.inf)
 
@@ -176,8 +197,7 @@ def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: S
         return max(float(statistic[peaks(statistic, count)][-1]), LEAST)
 
     pilot = np.unique(np.linspace(0, n - 1, PILOT).astype(np.intp))
-    for k, own in parts(piloting, pilot.tolist()):
-        statistic[k], above[k] = screen_sine(scan, float(grid[k]), own), 0.0
+    statistic[pilot], above[pilot] = screen_sines(scan, grid[pilot].tolist(), piloting), 0.0
     for k, own in parts(screening, range(passes)):
         rank = int(np.ceil(SPARE * PEAKS * np.isfinite(above).mean()))
         some = np.arange(k, n, passes)

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from .. import BoolArray, FloatArray, IntArray
 from ..progress import Report, parts, silent
-from .profile import profile_polynomial, screen
-from .scan import Scan, default_onsets, in_blocks, largest_magnitude, magnitude_bound, stack_onsets, tabulate
+from .profile import CACHE_DOUBLES, profile_polynomial, screen
+from .scan import Scan, default_onsets, in_blocks, inner_products, largest_magnitude, magnitude_bound, tabulate
 from .waveform import sine
 
 ComplexArray = NDArray[np.complex128]
@@ -86,20 +86,52 @@ class SineScreen:
             sines = Sines.at(self, frequencies[some])
             likely = sines.may_exceed(onset, of, above)
             crowded = np.bincount(of[likely], minlength=within.shape[1]) > CROWDED * within.sum(axis=0)
-            for k in (first + np.flatnonzero(crowded)).tolist():
-                found[k] = screen_tabulated(self.scan, float(frequencies[k]), self.onsets[allowed[k]])
+            several = (first + np.flatnonzero(crowded)).tolist()
+            found[several] = screen_tabulated(
+                self.scan, frequencies[several].tolist(), [self.onsets[allowed[k]] for k in several]
+            )
             likely &= ~crowded[of]
             if likely.any():
                 np.maximum.at(found, first + of[likely], sines.screened(onset[likely], of[likely]))
         return np.where(found > above, found, 0.0)
 
 
-def screen_tabulated(scan: Scan, frequency: float, onsets: IntArray, report: Report = silent) -> float:
-    """Return the largest screened statistic of a sine over onsets, of which there are some, by tables of all onsets."""
-    waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
-    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    F = in_blocks(scan, len(bound), lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return float(-scan.n_rows * F.min())
+def screen_tabulated(
+    scan: Scan, frequencies: Sequence[float], onsets: Sequence[IntArray], report: Report = silent
+) -> FloatArray:
+    """Return the largest screened statistic of each sine over its onsets, of which there are some, by tables.
+
+    Short stacks of several sines are screened as one.
+
+    Parameters
+    ----------
+    frequencies : (n_frequencies,) cycles per sample; onsets : per frequency, samples.
+    report : called with the fraction that is done.
+    """
+    most = max(1, CACHE_DOUBLES // (scan.order + scan.n_outputs) ** 2)
+    lowest = np.zeros(len(frequencies))
+    stacked: list[tuple[int, tuple[FloatArray, FloatArray], FloatArray]] = []
+    waiting = 0
+
+    def screen_stacked() -> None:
+        C, S = (np.concatenate([products[i] for _, products, _ in stacked], axis=-1) for i in range(2))
+        bounds = [bound for *_, bound in stacked]
+        F = screen(profile_polynomial(C, S, scan.W), np.concatenate(bounds))
+        begins = np.cumsum([0, *map(len, bounds[:-1])])
+        np.minimum.at(lowest, [k for k, *_ in stacked], np.minimum.reduceat(F, begins))
+
+    for (k, (frequency, at)), _ in parts(report, list(enumerate(zip(frequencies, onsets, strict=True)))):
+        waveform = sine(scan.n_samples, angle=2.0 * np.pi * frequency)
+        tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - at)
+        for some in (slice(first, first + most) for first in range(0, len(at), most)):
+            if stacked and waiting + len(bound[some]) > most:
+                screen_stacked()
+                stacked, waiting = [], 0
+            stacked.append((k, inner_products(scan, tables, at[some]), bound[some]))
+            waiting += len(bound[some])
+    if stacked:
+        screen_stacked()
+    return -scan.n_rows * lowest
 
 
 def prepare_screen(scan: Scan) -> SineScreen:

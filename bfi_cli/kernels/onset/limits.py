@@ -44,7 +44,7 @@ def deviances(
 
     def of_both_signs(block: slice) -> FloatArray:
         stack = stack_onsets(scan, tables, onsets[block])
-        return np.array([[log_ratio(stack, sign * z) for z in m[:, block]] for sign in (1.0, -1.0)])
+        return np.array([log_ratio(stack, sign * m[:, block]) for sign in (1.0, -1.0)])
 
     plus, minus = scan.n_rows * in_blocks(scan, len(onsets), of_both_signs)
     return plus, minus

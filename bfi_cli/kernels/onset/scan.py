@@ -24,7 +24,7 @@ from scipy.linalg import lapack, qr
 from .. import FloatArray, IntArray
 from ..lagged import lagged
 from ..progress import Report, parts, silent
-from .profile import ProfilePolynomial, minimise, profile_polynomial
+from .profile import CACHE_DOUBLES, ProfilePolynomial, minimise, profile_polynomial
 from .waveform import Waveform
 
 # Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
@@ -38,8 +38,6 @@ SPARSE = 4
 STARTING, ENDING = 3, 2
 # Bound on a fault, in peak-to-peak ranges of its output (docs/theory.md, 9.2).
 GENEROUS = 10.0
-# Numbers per table of a stack that stays in the processor's cache: 1 MB.
-CACHE_DOUBLES = 120_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,6 +54,7 @@ class Scan:
     order : s; n_outputs : of the record; degree : highest difference of the lag columns.
     rss0 : without a fault: the residual sum of squares, for several outputs the determinant of the residuals' products.
     span : peak to peak of the scanned channel.
+    screened : statistics of the grids of frequencies that were screened.
     """
 
     Q: FloatArray
@@ -67,6 +66,7 @@ class Scan:
     degree: int
     rss0: float
     span: float
+    screened: dict[bytes, FloatArray] = field(init=False, repr=False, default_factory=dict)
     _spectra: dict[str, NDArray[np.complex128]] = field(init=False, repr=False, default_factory=dict)
 
     def spectrum(self, name: Literal["Q", "weights"]) -> NDArray[np.complex128]:
@@ -271,6 +271,11 @@ class Profile:
         """Index of the largest statistic."""
         return int(np.argmax(self.statistic))
 
+    def take(self, some: IntArray) -> Profile:
+        """Return the profile at some of its onsets, (n_some,) indices."""
+        of_onsets = {name: getattr(self, name)[some] for name in ("onsets", "z", "sd", "rss", "statistic")}
+        return Profile(rss0=self.rss0, **of_onsets)
+
 
 def default_onsets(scan: Scan) -> IntArray:
     """Return the onsets at which the minimum over z is well defined: 3 s from the start, 2 s before the end."""
@@ -309,14 +314,19 @@ def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *
 
 
 def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePolynomial:
-    """Gather the inner products of some onsets from the tables of a shape."""
+    """Return RSS over the magnitude at some onsets, from the tables of a shape."""
+    return profile_polynomial(*inner_products(scan, tables, onsets), scan.W)
+
+
+def inner_products(scan: Scan, tables: ShapeTables, onsets: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Gather C and S of `profile_polynomial` at some onsets from the tables of a shape."""
     s, degrees = scan.order, scan.degrees
     C = np.stack([tables.P[a][scan.n_base :, onsets + s - j] for j, a in enumerate(degrees)], axis=1)
     S = np.empty((s + 1, s + 1, len(onsets)))
     for i, a in enumerate(degrees):
         for j in range(i, s + 1):
             S[i, j] = S[j, i] = tables.G[a, degrees[j], j - i][onsets + s - i]
-    return profile_polynomial(C, S, scan.W)
+    return C, S
 
 
 def in_blocks(scan: Scan, n: int, made: Callable[[slice], FloatArray], report: Report = silent) -> FloatArray:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..kernels.normal import TWO_SIDED_95
+from ..decision import beyond_tolerance
 from ..parity.explain import course_for
 from .events import Draft
 from .flight import Flight
 
 
-def beyond_tolerance(flight: Flight, draft: Draft) -> bool | None:
+def beyond_its_tolerance(flight: Flight, draft: Draft) -> bool | None:
     """Return whether the error of a draft surely exceeds, or surely keeps within, the tolerances of its channels.
 
     The ends of the 95 % interval of its size decide, by the channel that is nearest to its tolerance or furthest beyond
@@ -21,15 +21,7 @@ def beyond_tolerance(flight: Flight, draft: Draft) -> bool | None:
     share, one = _share(flight, draft), draft.finding
     if share is None or one.magnitude is None or one.sd is None:
         return None
-    return surely_beyond(share, one.sd / abs(one.magnitude) if one.magnitude else np.inf)
-
-
-def surely_beyond(share: float, relative_sd: float) -> bool | None:
-    """Return whether an error, a share of its tolerance, surely exceeds or surely keeps within that, at 95 %."""
-    spread = TWO_SIDED_95 * relative_sd
-    if share * (1.0 + spread) <= 1.0:
-        return False
-    return True if share * (1.0 - spread) > 1.0 else None
+    return beyond_tolerance(share, one.magnitude, one.sd, 1.0)
 
 
 def growth(shape: str, constant_s: float | None, *, shown_s: float, until_s: float) -> float:

@@ -24,7 +24,7 @@ from ..parity.windows import Window, overlaps, windows_in
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from .corrected import corrected_channels, course_of
-from .deviations import beyond_tolerance, largest_first
+from .deviations import beyond_its_tolerance, largest_first
 from .disagreements import drafts_of_disagreements
 from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
 from .flight import Flight, flight_of
@@ -179,7 +179,7 @@ def _measured(recorded: FlightLog, flight: Flight, shown: Sequence[str]) -> dict
 
 def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft], list[Draft]]:
     """Return the drafts that may be beyond the tolerances, and those that are surely within: these hide no other."""
-    within = [beyond_tolerance(flight, draft) is False for draft in drafts]
+    within = [beyond_its_tolerance(flight, draft) is False for draft in drafts]
     pairs = list(zip(drafts, within, strict=True))
     return [draft for draft, is_small in pairs if not is_small], [draft for draft, is_small in pairs if is_small]
 
@@ -252,7 +252,7 @@ def _event(flight: Flight, draft: Draft) -> Event:
         kind=SHAPES[one.shape].kind if one.shape in SHAPES else "abrupt",
         stages=stages,
         ci95=ci95,
-        beyond_tolerance=beyond_tolerance(flight, draft),
+        beyond_tolerance=beyond_its_tolerance(flight, draft),
         seen_until_s=draft.until_s,
         window_s=draft.window,
         note=note,

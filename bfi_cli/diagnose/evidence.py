@@ -30,8 +30,8 @@ from ..parity.windows import LENGTHS_S, clean_up_time
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..units import per_second
-from .deviations import growth
 from .diagnose import events_of, lasting_faults
+from .events import growth
 from .flight import Flight, flight_of
 from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
 from .result import Event

@@ -19,8 +19,7 @@ from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
 from ..parity.explain import course_for
 from ..parity.scan import without_lasting
 from ..parity.windows import Window, flight_stretches, overlaps, windows_in
-from .deviations import beyond_its_tolerance
-from .events import Draft, clusters, is_certain, is_return
+from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import Scanned, look_at, rate_of, scale_of, scan_flight
 from .naming import contradicted, finding_of_fit, hypotheses_of

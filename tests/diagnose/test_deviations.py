@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from bfi_cli.diagnose.deviations import beyond_its_tolerance, largest_first
-from bfi_cli.diagnose.events import Draft
+from bfi_cli.diagnose.events import Draft, beyond_its_tolerance, largest_first
 from bfi_cli.diagnose.looks import rate_of
 from bfi_cli.parity import LENGTHS_S, Finding
 

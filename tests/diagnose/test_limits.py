@@ -30,8 +30,8 @@ from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.parity import LENGTHS_S, shipped_tables
+from bfi_cli.parity.calibration import EXCESSES_UNFIT
 from bfi_cli.parity.holds import UnseenLine
-from bfi_cli.parity.thresholds import EXCESSES_UNFIT
 
 AIRSPEEDS = ("tas", "cas", "mach")
 RATES = dict.fromkeys(LENGTHS_S, 0.01)

@@ -49,7 +49,7 @@ WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
 BEFORE, BESIDE = "the flight before the fault", "the flight before and after the fault"
 ORIGINS = (OUTSIDE, WHOLE, BEFORE, BESIDE, NOWHERE)
-# The inputs of the scan for steps, those of its shipped tables: the surface, and what bounds the airspeed whatever the surface does.
+# The inputs of the scan for steps and its tables: the surface, and what bounds the airspeed whatever the surface does.
 INPUTS = ("elevator", "pitch", "longitudinal_acc")
 # Faults that spoil the angle of zero lift where they last.
 TELL_ZERO_LIFT = {"aoa", "normal_acc", *IMPACT_SOURCES}

@@ -1,4 +1,4 @@
-"""The parts of a flight in which lift, attitude and wind bound the air data, the windows cut from them, and the angle of zero lift."""
+"""The parts of a flight in which its air data are bounded, the windows cut from them, and the angle of zero lift."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from ..decision import State, conclude
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
-from ..parity import LENGTHS_S, Finding, Threshold
+from ..parity import LENGTHS_S, Finding
 from ..parity.leaks import begins_within
 from ..parity.record import STATIC_LEAK, record_of
 from ..parity.static_relations import RelationAnswer, relation_series
@@ -30,7 +30,7 @@ from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice
 from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
-from .result import DiagnoseResult, Event, Look, Strip
+from .result import DiagnoseResult, Event, Strip
 from .short_defects import AFTER_HOLD_S, events_of_defects, notes_on_defects
 from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import missing_sentences, unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
@@ -95,7 +95,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     events = tuple(one for one in found if one.beyond_tolerance is not False)
     deviations = tuple(one for one in found if one.beyond_tolerance is False)
     shown = [name for name in SHOWN if name in flight.record.channels]
-    bounds = bounds_of(flight, slow.looks, static, lasting)
+    bounds = bounds_of(flight, slow.scanned, static, lasting)
     limits = limits_of(flight, bounds)
     unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
     without_steps = unwatched_by_steps(flight, stepped) if stepped else []
@@ -117,7 +117,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         limits=limits,
         unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
         phases=flight.part_phases,
-        windows=tuple(look for _, _, look in slow.looks),
+        windows=tuple(one.look for one in slow.scanned),
         missing=missing,
         false_alarm=flight.false_alarm,
         zero_lift_rad=flight.zero_lift,
@@ -126,7 +126,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         measured=_measured(recorded, flight, shown),
         corrected=corrected_channels(flight.record, events),
         units={name: STANDARD[name].unit for name in shown},
-        strips=_strips(slow.looks, static),
+        strips=_strips(slow.scanned, static),
         limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
@@ -272,20 +272,17 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     return "declared", ""
 
 
-def _strips(
-    judgements: Sequence[tuple[Scanned, Threshold, Look]],
-    static: StaticWindows,
-) -> tuple[Strip, ...]:
+def _strips(scanned: Sequence[Scanned], static: StaticWindows) -> tuple[Strip, ...]:
     """Return how near every analysis came to its threshold, once for a window in its middle."""
     found = []
     for length_s in LENGTHS_S:
-        of_length = [look for one, _, look in judgements if round(one.length_s) == length_s]
+        of_length = [one for one in scanned if round(one.to_s - one.from_s) == length_s]
         if of_length:
             found.append(
                 Strip(
                     name=f"parity {length_s:g} s",
-                    time_s=np.array([0.5 * (look.from_s + look.to_s) for look in of_length]),
-                    share=np.array([look.statistic / look.threshold for look in of_length]),
+                    time_s=np.array([0.5 * (one.from_s + one.to_s) for one in of_length]),
+                    share=np.array([one.statistic / one.threshold.level for one in of_length]),
                 )
             )
     names = dict.fromkeys(relation.name for _, answer in static for relation in answer.relations)

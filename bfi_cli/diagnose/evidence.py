@@ -86,7 +86,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
         drafts, static, slow = lasting_faults(flight, unseen)
         flight = slow.flight
         events = events_of(flight, drafts)
-        bounds = bounds_of(flight, slow.looks, static, events)
+        bounds = bounds_of(flight, slow.scanned, static, events)
     outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
     tolerances = {name: flight.tolerance(name, (flight.from_s, flight.to_s)) or np.inf for name in outputs}
     faults: list[FaultEstimate] = []

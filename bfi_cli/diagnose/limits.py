@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import LARGEST_ERROR, STANDARD
-from ..parity import Bound, Threshold
+from ..parity import Bound
 from ..parity.lines import METRES
 from ..parity.record import STATIC_LEAK
 from ..parity.windows import Window, flight_stretches, overlaps, within
 from .flight import Flight
 from .looks import Scanned
 from .relations import StaticWindows
-from .result import Event, FlightLimit, LimitCourse, Look
+from .result import Event, FlightLimit, LimitCourse
 
 FloatArray = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ class Bounds:
 
 def bounds_of(
     flight: Flight,
-    looks: Sequence[tuple[Scanned, Threshold, Look]],
+    scanned: Sequence[Scanned],
     static: StaticWindows,
     events: Sequence[Event],
 ) -> tuple[Bounds, ...]:
@@ -121,13 +121,13 @@ def bounds_of(
         known = found.get(key, kind)
         found[key] = replace(known, windows=(*known.windows, hidden))
 
-    for one, threshold, _ in looks:
-        window = (one.from_s, one.to_s)
+    for one in scanned:
+        window = one.window
         told = () if overlaps(window, left_out) else one.magnitude
         for name in [name for name in told if name not in one.lasting]:
             kind, scale = _drift_of(flight, name, window)
             # The statistic, which a rougher flight raises, goes with the square of a slope.
-            spreads = EXCEEDED_BY * np.sqrt(threshold.scale) * one.sd[name]
+            spreads = EXCEEDED_BY * np.sqrt(one.threshold.scale) * one.sd[name]
             sizes = np.abs(one.magnitude[name]) + spreads
             offer(kind, window, one.onsets_s, sizes, spreads, scale)
             if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in one.magnitude:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ FEWEST_FOR_WORKERS = 8  # a worker takes a second to start
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scanned:
-    """One window scanned.
+    """One window scanned, and the threshold that it is held against.
 
     Attributes
     ----------
@@ -53,7 +53,6 @@ class Scanned:
     to_s: float
     residuals: tuple[str, ...]
     lacking: Mapping[str, str]
-    knows_zero_lift: bool
     statistic: float
     fault: str
     onset_s: float
@@ -61,19 +60,24 @@ class Scanned:
     magnitude: Mapping[str, FloatArray]
     sd: Mapping[str, FloatArray]
     lasting: tuple[str, ...]
+    threshold: Threshold
 
     @property
-    def length_s(self) -> float:
-        return self.to_s - self.from_s
+    def window(self) -> Window:
+        return self.from_s, self.to_s
 
     @property
-    def key(self) -> ScanKey:
-        """What its statistic depends on."""
-        return ScanKey(
+    def look(self) -> Look:
+        """What is reported of it."""
+        return Look(
+            from_s=self.from_s,
+            to_s=self.to_s,
             residuals=self.residuals,
-            length_s=float(round(self.length_s)),
-            knows_zero_lift=self.knows_zero_lift,
-            beside=bool(self.lasting),
+            statistic=self.statistic,
+            threshold=self.threshold.level,
+            p_value=self.threshold.p_value(self.statistic),
+            fault=self.fault,
+            onset_s=self.onset_s,
         )
 
 
@@ -90,46 +94,81 @@ def rate_of(false_alarm: float, n_windows: int) -> float:
     return false_alarm / (len(LENGTHS_S) + 1) / max(n_windows, 1)
 
 
+def key_of(scan: WindowScan, window: Window, *, beside: bool = False) -> ScanKey:
+    """Return what the statistic of a window depends on; `beside` whether faults that last are left out of it."""
+    return ScanKey(
+        residuals=tuple(kind.name for kind in scan.kinds),
+        length_s=float(round(window[1] - window[0])),
+        knows_zero_lift=scan.constants.knows_zero_lift,
+        beside=beside,
+    )
+
+
+def thresholds_of(
+    tables: Sequence[ParityTable], rates: Mapping[float, float], suspicions: Mapping[float, float], scale: float
+) -> Callable[[ScanKey], Threshold]:
+    """Return what gives the threshold of a window by its key.
+
+    Parameters
+    ----------
+    rates, suspicions : by length of a window, of false alarms and of suspicions.
+    """
+
+    @cache
+    def threshold(key: ScanKey) -> Threshold:
+        nearest = min(LENGTHS_S, key=lambda length_s: abs(length_s - key.length_s))
+        rate, suspicion = rates[nearest], suspicions[nearest]
+        return threshold_of(tables, key, false_alarm=rate, suspicion=suspicion, scale=scale)
+
+    return threshold
+
+
 def scan_flight(
-    flight: Flight, windows: Sequence[Window], *, kept: Sequence[Scanned] = (), report: Report = silent
+    flight: Flight,
+    windows: Sequence[Window],
+    threshold: Callable[[ScanKey], Threshold],
+    *,
+    kept: Sequence[Scanned] = (),
+    report: Report = silent,
 ) -> list[Scanned]:
     """Return the scans of windows in their order; those without a residual are left out.
 
     Parameters
     ----------
+    threshold : of a window, see `thresholds_of`.
     kept : scans at the same angle of zero lift, used again where the same faults last.
     """
-    done = {(one.from_s, one.to_s, one.lasting): one for one in kept}
+    done = {(one.window, one.lasting): one for one in kept}
     found = []
     for k, window in enumerate(windows):
         report(k / len(windows))
         lasting = flight.lasting_in(window)
-        if (*window, lasting) in done:
-            found.append(done[*window, lasting])
+        if (window, lasting) in done:
+            found.append(done[window, lasting])
             continue
         scan = flight.scan(window)
-        if scan is not None:
-            found.append(_reduced(scan, *window, lasting=lasting))
+        if scan is None:
+            continue
+        best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
+        estimates = {fault: one.weighted(scan.weights) for fault, one in scan.ratios.items()}
+        key = key_of(scan, window, beside=bool(lasting))
+        found.append(
+            Scanned(
+                from_s=window[0],
+                to_s=window[1],
+                residuals=key.residuals,
+                lacking=scan.lacking,
+                statistic=scan.statistic,
+                fault=best,
+                onset_s=float(scan.onsets_s[int(np.argmax(scan.ratios[best].ratio))]),
+                onsets_s=scan.onsets_s,
+                magnitude={fault: magnitude for fault, (magnitude, _) in estimates.items()},
+                sd={fault: sd for fault, (_, sd) in estimates.items()},
+                lasting=lasting,
+                threshold=threshold(key),
+            )
+        )
     return found
-
-
-def _reduced(scan: WindowScan, from_s: float, to_s: float, *, lasting: tuple[str, ...]) -> Scanned:
-    best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
-    estimates = {fault: one.weighted(scan.weights) for fault, one in scan.ratios.items()}
-    return Scanned(
-        from_s=from_s,
-        to_s=to_s,
-        residuals=tuple(kind.name for kind in scan.kinds),
-        lacking=scan.lacking,
-        knows_zero_lift=scan.constants.knows_zero_lift,
-        statistic=scan.statistic,
-        fault=best,
-        onset_s=float(scan.onsets_s[int(np.argmax(scan.ratios[best].ratio))]),
-        onsets_s=scan.onsets_s,
-        magnitude={fault: magnitude for fault, (magnitude, _) in estimates.items()},
-        sd={fault: sd for fault, (_, sd) in estimates.items()},
-        lasting=lasting,
-    )
 
 
 def scale_of(flight: Flight) -> float:
@@ -140,51 +179,13 @@ def scale_of(flight: Flight) -> float:
     is rougher throughout raises them. The whole flight counts, also where a part of it is diagnosed. The angle of zero
     lift is free in every window: a vane that is wrong in half of a flight would make that of the flight wrong in all.
     """
-    free = replace(flight, zero_lift=None)
-    shares = []
-    for one in scan_flight(free, windows_in(flight.phases, SCALE_S, step_s=SCALE_S)):
-        table = table_for(flight.tables, replace(one.key, beside=False))
-        if table is not None:
-            shares.append(one.statistic / max(float(np.quantile(table.statistics, CALM)), 1.0))
+    free, shares = replace(flight, zero_lift=None), []
+    for window in windows_in(flight.phases, SCALE_S, step_s=SCALE_S):
+        scan = free.scan(window)
+        table = None if scan is None else table_for(flight.tables, key_of(scan, window))
+        if scan is not None and table is not None:
+            shares.append(scan.statistic / max(float(np.quantile(table.statistics, CALM)), 1.0))
     return max(1.0, float(np.quantile(shares, CALM))) if len(shares) >= ENOUGH_WINDOWS else 1.0
-
-
-def look_at(
-    scanned: Sequence[Scanned],
-    tables: Sequence[ParityTable],
-    *,
-    rates: Mapping[float, float],
-    suspicions: Mapping[float, float],
-    scale: float,
-) -> Iterator[tuple[Scanned, Threshold, Look]]:
-    """Yield every window with its threshold and what is reported of it.
-
-    Parameters
-    ----------
-    rates, suspicions : by length of a window, of false alarms and of suspicions.
-    """
-    cache: dict[ScanKey, Threshold] = {}
-    for one in scanned:
-        key = one.key
-        if key not in cache:
-            nearest = min(LENGTHS_S, key=lambda length_s: abs(length_s - one.length_s))
-            rate, suspicion = rates[nearest], suspicions[nearest]
-            cache[key] = threshold_of(tables, key, false_alarm=rate, suspicion=suspicion, scale=scale)
-        threshold = cache[key]
-        yield (
-            one,
-            threshold,
-            Look(
-                from_s=one.from_s,
-                to_s=one.to_s,
-                residuals=one.residuals,
-                statistic=one.statistic,
-                threshold=threshold.level,
-                p_value=threshold.p_value(one.statistic),
-                fault=one.fault,
-                onset_s=one.onset_s,
-            ),
-        )
 
 
 def inputs_for(log: FlightLog) -> tuple[str, ...]:

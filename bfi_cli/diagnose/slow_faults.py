@@ -21,10 +21,9 @@ from ..parity.scan import without_lasting
 from ..parity.windows import Window, flight_stretches, overlaps, windows_in
 from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
-from .looks import Scanned, look_at, rate_of, scale_of, scan_flight
+from .looks import Scanned, rate_of, scale_of, scan_flight, thresholds_of
 from .naming import contradicted, finding_of_fit, hypotheses_of
 from .relations import StaticWindows, intact_channels
-from .result import Look
 
 # A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier
 # where the one moved would lose too much of the fault.
@@ -48,7 +47,7 @@ class SlowFaults:
     Attributes
     ----------
     flight : with the faults that may last.
-    scanned : every window; looks : of each its threshold and what is reported of it.
+    scanned : every window.
     scale : by how much the thresholds are raised.
     notes : what was set aside.
     """
@@ -56,7 +55,6 @@ class SlowFaults:
     flight: Flight
     drafts: tuple[Draft, ...]
     scanned: tuple[Scanned, ...]
-    looks: tuple[tuple[Scanned, Threshold, Look], ...]
     scale: float
     notes: tuple[str, ...] = ()
 
@@ -85,14 +83,16 @@ def find_slow_faults(
     for _ in range(2 * MOST):
         drafts = [fault.as_told for fault in named]
         ends = [fault.back for fault in named if fault.back is not None]
+        told_already = [draft.finding.onset_ci95 for draft in (*known, *drafts, *ends)]
         flagged = [
-            (one, threshold)
-            for one, threshold, _ in answer.looks
-            if one.statistic > threshold.suspected
-            and not overlaps((one.from_s, one.to_s), held)
-            and not any(_holds_onset(one, draft) for draft in (*known, *drafts, *ends))
+            one
+            for one in answer.scanned
+            if one.statistic > one.threshold.suspected
+            and not overlaps(one.window, held)
+            # A window that may hold the onset of a fault that is named already shows that.
+            and not any(one.from_s < last_s and first_s < one.to_s for first_s, last_s in told_already)
         ]
-        runs = [[flagged[k] for k in run] for run in clusters([(one.from_s, one.to_s) for one, _ in flagged])]
+        runs = [[flagged[k] for k in run] for run in clusters([one.window for one in flagged])]
         told = [one for run in runs if (one := _described(flight, run, static)) is not None]
         found = [one.draft for one in told]
         certain = [one for one in told if is_certain(one.draft) and not any(_same(one.draft, other) for other in gone)]
@@ -206,9 +206,9 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
     length_s = draft.window[1] - draft.window[0]
     last_s = draft.window[1] + length_s if one.shape == "drift" else stretch[1]
     explained = 0
-    for look, threshold, _ in scanned.looks:
-        window = (look.from_s, look.to_s)
-        if round(look.length_s) != RETURN_S or window[1] <= one.onset_s + NEAR_START_S or window[0] >= last_s:
+    for look in scanned.scanned:
+        window, threshold = look.window, look.threshold
+        if round(window[1] - window[0]) != RETURN_S or window[1] <= one.onset_s + NEAR_START_S or window[0] >= last_s:
             continue
         part = flight.record.between(*window)
         amount = sign * one.magnitude * course(part.time_s - one.onset_s)
@@ -261,14 +261,14 @@ def _scan_all(flight: Flight, report: Report, *, before: SlowFaults | None = Non
     """
     every = [window for length_s in LENGTHS_S for window in flight.windows(length_s)]
     kept = before.scanned if before is not None and before.flight.zero_lift == flight.zero_lift else ()
-    scanned = scan_flight(flight, every, kept=kept, report=report)
     scale = scale_of(flight) if before is None else before.scale
     n_windows = {length_s: len(windows_in(flight.counted, length_s)) for length_s in LENGTHS_S}
     rates = {length_s: rate_of(flight.false_alarm, n) for length_s, n in n_windows.items()}
     # What a healthy flight shows once in the mean is suspected.
     suspicions = {length_s: rate_of(1.0, n) for length_s, n in n_windows.items()}
-    looks = tuple(look_at(scanned, flight.tables, rates=rates, suspicions=suspicions, scale=scale))
-    return SlowFaults(flight=flight, drafts=(), scanned=tuple(scanned), looks=looks, scale=scale)
+    threshold = thresholds_of(flight.tables, rates, suspicions, scale)
+    scanned = scan_flight(flight, every, threshold, kept=kept, report=report)
+    return SlowFaults(flight=flight, drafts=(), scanned=tuple(scanned), scale=scale)
 
 
 def _lasting(draft: Draft, back: Draft | None = None) -> LastingFault:
@@ -278,23 +278,17 @@ def _lasting(draft: Draft, back: Draft | None = None) -> LastingFault:
     return LastingFault(faults=hypotheses_of(draft.finding), begun_s=first_s, from_s=last_s, until_s=until_s)
 
 
-def _holds_onset(one: Scanned, draft: Draft) -> bool:
-    """Return whether a window may hold the onset of a fault that is named already, and so shows that."""
-    first_s, last_s = draft.finding.onset_ci95
-    return one.from_s < last_s and first_s < one.to_s
-
-
-def _described(flight: Flight, run: Sequence[tuple[Scanned, Threshold]], static: StaticWindows) -> Named | None:
+def _described(flight: Flight, run: Sequence[Scanned], static: StaticWindows) -> Named | None:
     """Return what the windows of a run say, in the window in which their fault begins well inside.
 
     Of these it is the one with the most evidence: a long window may be nearer its threshold and tell more. A window
     that begins after the fault shows a ramp from its own start on, and often more of it.
     """
-    first_s, until_s = min(one.from_s for one, _ in run), max(one.to_s for one, _ in run)
-    early = [pair for pair in run if pair[0].from_s <= first_s + max(LENGTHS_S)]
-    inside = [pair for pair in early if _well_inside(pair[0].onset_s, (pair[0].from_s, pair[0].to_s))]
-    one, threshold = max(inside or early, key=lambda pair: pair[0].statistic)
-    return _told(flight, (one.from_s, one.to_s), one.onset_s, threshold, static, until_s=until_s)
+    first_s, until_s = min(one.from_s for one in run), max(one.to_s for one in run)
+    early = [one for one in run if one.from_s <= first_s + max(LENGTHS_S)]
+    inside = [one for one in early if _well_inside(one.onset_s, one.window)]
+    clearest = max(inside or early, key=lambda one: one.statistic)
+    return _told(flight, clearest.window, clearest.onset_s, clearest.threshold, static, until_s=until_s)
 
 
 def _told(

@@ -23,18 +23,19 @@ from bfi_cli.diagnose.limits import (
     limit_courses,
     limits_of,
 )
-from bfi_cli.diagnose.looks import Scanned, look_at, rate_of, scan_flight
+from bfi_cli.diagnose.looks import Scanned, rate_of, scan_flight, thresholds_of
 from bfi_cli.diagnose.unwatched import Unwatched, flown_of, left_of, unwatched_by_lines, unwatched_by_steps
 from bfi_cli.diagnose.verdict import evidence_of, sentence_of
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity import LENGTHS_S, shipped_tables
+from bfi_cli.parity import LENGTHS_S, ScanKey, shipped_tables
 from bfi_cli.parity.calibration import EXCESSES_UNFIT
 from bfi_cli.parity.holds import UnseenLine
 
 AIRSPEEDS = ("tas", "cas", "mach")
 RATES = dict.fromkeys(LENGTHS_S, 0.01)
+KEY = ScanKey(residuals=("lift",), length_s=120.0, knows_zero_lift=True)
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +174,7 @@ def test_limits_over_the_flight_end_at_the_worst_and_are_mostly_below_the_other(
 def test_a_window_with_a_declared_fault_bounds_no_other(flight: Flight):
     """It shows that fault: its size, nor that of any other, is no limit."""
     windows = [(380.0, 440.0), (540.0, 600.0)]
-    looks = list(look_at(scan_flight(flight, windows), shipped_tables(), rates=RATES, suspicions=RATES, scale=1.0))
+    looks = scan_flight(flight, windows, thresholds_of(shipped_tables(), RATES, RATES, 1.0))
     fault = SimpleNamespace(onset_s=400.0, seen_until_s=430.0, offset_s=None, state="declared", stages=("parity",))
 
     def bounded(*events: SimpleNamespace) -> set[tuple[float, float]]:
@@ -189,8 +190,8 @@ def test_what_hides_is_the_estimate_and_what_its_noise_allows(flight: Flight):
     one = made_scan(from_s=380.0, to_s=500.0, magnitude=np.array([-0.2, 0.01]), sd=np.array([0.05, 0.02]))
     one = replace(one, onsets_s=np.array([390.0, 400.0]))
     for scale, noise in ((1.0, 1.0), (4.0, 2.0)):
-        looks = look_at([one], shipped_tables(), rates=RATES, suspicions=RATES, scale=scale)
-        (kind,) = (one for one in bounds_of(flight, list(looks), (), ()) if one.fault == "tas")
+        held = replace(one, threshold=thresholds_of(shipped_tables(), RATES, RATES, scale)(KEY))
+        (kind,) = (one for one in bounds_of(flight, [held], (), ()) if one.fault == "tas")
         np.testing.assert_allclose(kind.windows[0].spreads, EXCEEDED_BY * noise * one.sd["tas"])
         np.testing.assert_allclose(kind.windows[0].sizes - kind.windows[0].spreads, [0.2, 0.01])
 
@@ -213,7 +214,6 @@ def made_scan(**changes: Any) -> Scanned:
         "to_s": 120.0,
         "residuals": ("lift",),
         "lacking": {},
-        "knows_zero_lift": True,
         "statistic": 1.0,
         "fault": "tas",
         "onset_s": 30.0,
@@ -221,6 +221,7 @@ def made_scan(**changes: Any) -> Scanned:
         "magnitude": {"tas": np.zeros(1)},
         "sd": {"tas": np.ones(1)},
         "lasting": (),
+        "threshold": thresholds_of(shipped_tables(), RATES, RATES, 1.0)(KEY),
         **changes,
     }
     return Scanned(**values)
@@ -228,10 +229,8 @@ def made_scan(**changes: Any) -> Scanned:
 
 def test_a_window_in_which_a_fault_lasts_fits_no_table():
     """No table is of windows with columns for a fault: the tail is less sure, and the slopes are as they were."""
-    looks = look_at(
-        [made_scan(), made_scan(lasting=("aoa",))], shipped_tables(), rates=RATES, suspicions=RATES, scale=1.0
-    )
-    plain, lasting = (threshold for _, threshold, _ in looks)
+    threshold = thresholds_of(shipped_tables(), RATES, RATES, 1.0)
+    plain, lasting = threshold(KEY), threshold(replace(KEY, beside=True))
     assert lasting.level > 1.3 * plain.level
     assert lasting.null.tail.k == EXCESSES_UNFIT < plain.null.tail.k
     assert lasting.scale == plain.scale == 1.0

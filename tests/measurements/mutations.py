@@ -69,7 +69,7 @@ LINES = (
         ),
         RELATIONS,
     ),
-    Line("diagnose/looks.py", "beside=bool(self.lasting),", ("beside=False,", "beside=True,"), FLIGHT_LIMITS),
+    Line("diagnose/looks.py", "beside=bool(lasting))", ("beside=False)", "beside=True)"), FLIGHT_LIMITS),
     Line(
         "diagnose/looks.py",
         "np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]",

@@ -16,7 +16,7 @@ from bfi_cli.diagnose import diagnose_flight
 from bfi_cli.diagnose.evidence import physics_evidence
 from bfi_cli.diagnose.flight import Flight, flight_of
 from bfi_cli.diagnose.limits import Hidden, bounds_of
-from bfi_cli.diagnose.looks import look_at, scan_flight
+from bfi_cli.diagnose.looks import scan_flight, thresholds_of
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.injection import inject
@@ -88,9 +88,9 @@ def test_of_faults_through_the_recorder_5_percent_are_beyond_the_limit_of_a_wind
 def hidden_in(flight: Flight, window: tuple[float, float], fault: str) -> tuple[Hidden | None, bool]:
     """Return what a window leaves unseen of a fault, and whether it stands out, so that it excludes nothing."""
     rates = dict.fromkeys(LENGTHS_S, 0.01)
-    looks = list(look_at(scan_flight(flight, [window]), flight.tables, rates=rates, suspicions=rates, scale=1.0))
-    found = [one.windows[0] for one in bounds_of(flight, looks, (), ()) if one.fault == fault]
-    return (found[0] if found else None), any(one.statistic > threshold.level for one, threshold, _ in looks)
+    scanned = scan_flight(flight, [window], thresholds_of(flight.tables, rates, rates, 1.0))
+    found = [one.windows[0] for one in bounds_of(flight, scanned, (), ()) if one.fault == fault]
+    return (found[0] if found else None), any(one.statistic > one.threshold.level for one in scanned)
 
 
 @pytest.mark.slow

@@ -113,6 +113,55 @@ class AirData:
         return static_temperature(self.tat, self.mach)
 
 
+SUBSONIC = "the equations hold below Mach 1"
+
+
+class _Domain:
+    """Channels within what their equations hold for, and what was left out of them."""
+
+    def __init__(self, channels: Mapping[str, FloatArray]) -> None:
+        self.channels = channels
+        self.left_out: list[Impossible] = []
+
+    def without(self, values: FloatArray, wrong: NDArray[np.bool_], channel: str, why: str) -> FloatArray:
+        """Return values without wrong ones, which are said to be of a channel."""
+        if np.any(wrong):
+            self.left_out.append(Impossible(where=wrong, channel=channel, why=why))
+        return np.where(wrong, np.nan, values)
+
+    def within(self, name: str, least: float, most: float, why: str) -> FloatArray:
+        """Return a channel between two values, and what an instrument at rest shows beyond the first as that."""
+        values = self.channels[name]
+        wrong = (values < least - REST.get(name, 0.0)) | (values > most)
+        return self.without(np.clip(values, least, most), wrong, name, why)
+
+
+def _impact_pressure(
+    known: _Domain, source: str, p_static: FloatArray, tat: FloatArray | None, otherwise: FloatArray
+) -> FloatArray:
+    """Return the impact pressure that a channel stands for, of a true airspeed at `tat`, or at a static temperature."""
+    if source == "q_impact":
+        q_impact = known.within("q_impact", 0.0, np.inf, "an impact pressure is not negative")
+    elif source == "p_total":
+        q_impact = known.channels["p_total"] - p_static
+        below = q_impact < -REST["q_impact"]
+        q_impact = known.without(np.maximum(q_impact, 0.0), below, "p_total", "it is below the static pressure")
+    elif source in ("cas", "ias"):
+        why = f"0 to 340.3 m/s, {SUBSONIC}"
+        q_impact = impact_pressure_of_cas(known.within(source, 0.0, SEA_LEVEL_SPEED_OF_SOUND, why))
+    elif source == "mach":
+        q_impact = impact_pressure_of_mach(known.within("mach", 0.0, 1.0, SUBSONIC), p_static)
+    else:
+        sound = speed_of_sound(otherwise if tat is None else tat)
+        fastest = sound * (SONIC_SHARE if tat is not None else 1.0)
+        tas = known.within("tas", 0.0, np.inf, SUBSONIC)
+        tas = known.without(tas, tas > fastest, "tas", SUBSONIC)
+        q_impact = impact_pressure_of_mach(mach_of_tas(tas, tat) if tat is not None else tas / sound, p_static)
+    # Below the level of the sea it is the calibrated airspeed that reaches the speed of sound first.
+    fastest = SONIC_RATIO * np.minimum(p_static, SEA_LEVEL_PRESSURE)
+    return known.without(q_impact, q_impact > fastest, source, f"with the static pressure, {SUBSONIC}")
+
+
 def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
     """Return the pressures and the temperature that recorded channels, (n_samples,) by standard name, stand for.
 
@@ -125,53 +174,25 @@ def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
     for name, sources in (("p_static", STATIC_SOURCES), ("q_impact", IMPACT_SOURCES)):
         if not set(sources) & channels.keys():
             raise ValueError(f"{name}: needs {' or '.join(sources)}, got none of them")
-    left_out: list[Impossible] = []
-
-    def without(values: FloatArray, wrong: NDArray[np.bool_], channel: str, why: str) -> FloatArray:
-        if np.any(wrong):
-            left_out.append(Impossible(where=wrong, channel=channel, why=why))
-        return np.where(wrong, np.nan, values)
-
-    def within(name: str, least: float, most: float, why: str) -> FloatArray:
-        values = channels[name]
-        wrong = (values < least - REST.get(name, 0.0)) | (values > most)
-        return without(np.clip(values, least, most), wrong, name, why)
-
+    known = _Domain(channels)
     if "p_static" in channels:
         source = "p_static"
         low, high = PRESSURES
         why = f"a static pressure lies between {low:.0f} and {high:.0f} Pa ({HIGHEST:g} and {LOWEST:g} m)"
-        p_static = within("p_static", low, high, why)
+        p_static = known.within("p_static", low, high, why)
     else:
         source = "altitude"
-        p_static = pressure_at(within("altitude", LOWEST, HIGHEST, f"known between {LOWEST:g} and {HIGHEST:g} m"))
+        p_static = pressure_at(known.within("altitude", LOWEST, HIGHEST, f"known between {LOWEST:g} and {HIGHEST:g} m"))
     made_of: dict[str, tuple[str, ...]] = {"p_static": (source,)}
 
     isa = isa_temperature(altitude_of(p_static))
-    tat = within("tat", COLDEST, HOTTEST, "no air temperature in kelvin") if "tat" in channels else None
-    sat = within("sat", COLDEST, HOTTEST, "no air temperature in kelvin") if "sat" in channels else None
-    subsonic = "the equations hold below Mach 1"
+    tat, sat = (
+        known.within(name, COLDEST, HOTTEST, "no air temperature in kelvin") if name in channels else None
+        for name in ("tat", "sat")
+    )
     source = next(name for name in IMPACT_SOURCES if name in channels)
-    if source == "q_impact":
-        q_impact = within("q_impact", 0.0, np.inf, "an impact pressure is not negative")
-    elif source == "p_total":
-        q_impact = channels["p_total"] - p_static
-        below = q_impact < -REST["q_impact"]
-        q_impact = without(np.maximum(q_impact, 0.0), below, "p_total", "it is below the static pressure")
-    elif source in ("cas", "ias"):
-        q_impact = impact_pressure_of_cas(within(source, 0.0, SEA_LEVEL_SPEED_OF_SOUND, f"0 to 340.3 m/s, {subsonic}"))
-    elif source == "mach":
-        q_impact = impact_pressure_of_mach(within("mach", 0.0, 1.0, subsonic), p_static)
-    else:
-        sound = speed_of_sound(tat if tat is not None else sat if sat is not None else isa)
-        fastest = sound * (SONIC_SHARE if tat is not None else 1.0)
-        tas = within("tas", 0.0, np.inf, subsonic)
-        tas = without(tas, tas > fastest, "tas", subsonic)
-        q_impact = impact_pressure_of_mach(mach_of_tas(tas, tat) if tat is not None else tas / sound, p_static)
     made_of["q_impact"] = (source,)
-    # Below the level of the sea it is the calibrated airspeed that reaches the speed of sound first.
-    fastest = SONIC_RATIO * np.minimum(p_static, SEA_LEVEL_PRESSURE)
-    q_impact = without(q_impact, q_impact > fastest, source, f"with the static pressure, {subsonic}")
+    q_impact = _impact_pressure(known, source, p_static, tat, isa if sat is None else sat)
 
     mach = mach_number(q_impact, p_static)
     if tat is not None:
@@ -185,7 +206,7 @@ def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
     else:
         made_of["tat"] = ()
         tat = total_temperature(isa, mach)
-    return AirData(p_static=p_static, q_impact=q_impact, tat=tat, made_of=made_of, impossible=tuple(left_out))
+    return AirData(p_static=p_static, q_impact=q_impact, tat=tat, made_of=made_of, impossible=tuple(known.left_out))
 
 
 def _temperature_of(tas: FloatArray, mach: FloatArray, standard: FloatArray) -> FloatArray:

@@ -27,7 +27,9 @@ FREQUENCY_TOLERANCE = 0.05
 STEP_BACK, SURE, MOST_LEFT = 0.1, 3.0, 0.5
 # The order of trust: what a line or a relation shows is exact, what windows of a regression show is not. A line that is
 # held goes before the relations that it disturbs.
-STAGES = ("sensors", "holds", "static relations", "parity", "scan")
+RANK = {stage: rank for rank, stage in enumerate(("sensors", "holds", "static relations", "parity", "scan"))}
+# Those that see errors which last; a line that is held is told with its end, and a step or an oscillation is over.
+LASTING = ("sensors", "static relations", "parity")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,11 +87,10 @@ def merge_stages(drafts: Sequence[Draft], small: Sequence[Draft] = ()) -> list[D
     """
     events: list[Draft] = []
     # What is only suspected describes no event that is certain.
-    ranks = {stage: k for k, stage in enumerate(STAGES)}
-    order = partial(sorted, key=lambda one: (not is_certain(one), ranks[one.finding.stage], one.finding.onset_s))
+    order = partial(sorted, key=lambda one: (not is_certain(one), RANK[one.finding.stage], one.finding.onset_s))
     for one in (*order(drafts), *order(small)):
         for k, event in enumerate(events):
-            if _belongs(one, event):
+            if explains(event, one):
                 events[k] = replace(
                     event,
                     until_s=max(event.until_s, one.until_s),
@@ -150,8 +151,7 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
 
 def _fails_further(one: Finding, earlier: Finding) -> bool:
     """Return whether an event of the slow kind names the sensor of an earlier one, or cannot tell it from that."""
-    lasting = ("sensors", "static relations", "parity")
-    if one.stage not in lasting or earlier.stage not in lasting:
+    if one.stage not in LASTING or earlier.stage not in LASTING:
         return False
     return _line_of(one.fault) == _line_of(earlier.fault) or (len(one.among) > 1 and earlier.fault in one.among)
 
@@ -197,7 +197,8 @@ def _same_frequency(one: Finding, other: Finding) -> bool:
     return abs(one.frequency_hz - other.frequency_hz) <= FREQUENCY_TOLERANCE * one.frequency_hz
 
 
-def _belongs(one: Draft, event: Draft) -> bool:
+def explains(event: Draft, one: Draft) -> bool:
+    """Return whether an event accounts for what another analysis found at its time: by its stage, or by what errs."""
     overlaps = one.from_s <= event.until_s and one.until_s >= event.from_s - BEFORE_S
     if not overlaps:
         return False

@@ -5,6 +5,7 @@ A trapped pressure is a line in time but for the noise of its transducer and the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,42 +127,53 @@ def lines_of(log: FlightLog) -> Lines:
             f"the total pressure is that of tas, altitude and {warmth}: a blocked pitot tube is found less often than "
             "with cas or mach"
         )
-    quanta = quanta_of(log, names)
-    lines = []
     made_of = {"p_static": air.made_of["p_static"]}
     if has_impact:
         made_of["p_total"] = (*air.made_of["p_static"], *impact)
+    quanta, lines = quanta_of(log, names), []
     for pressure, used in made_of.items():
         renewed = {name: renewed_every_s(log, name) for name in used}
         slowest = max(used, key=renewed.__getitem__)
-        if renewed[slowest] > max(RENEWED_S, 1.5 / log.rate_hz):
-            watched = "static port" if pressure == "p_static" else "pitot tube"
-            missing.append(f"the {watched} is not watched: '{slowest}' is renewed every {renewed[slowest]:.3g} s only")
+        if renewed[slowest] <= max(RENEWED_S, 1.5 / log.rate_hz):
+            lines.append(_line(pressure, used, values, quanta, unwatched))
             continue
-        own = np.asarray(getattr(air, pressure))
-        steps = np.zeros(len(own))
-        for name in {*used} & quanta.keys():
-            moved = air_data_of({**values, name: values[name] + quanta[name]})
-            steps = steps + (np.asarray(getattr(moved, pressure)) - own) ** 2 / 12.0
-        noise = noise_of_second_differences(np.where(flies, own, np.nan), max(2, round(PIECE_S / step_s)), CALMEST)
-        # A step that the log does not show may be as slow as a stretch is long: its noise then does not average.
-        averaged = max(1, round(POINT_S / step_s)) if {*used} <= quanta.keys() else 1
-        lines.append(
-            PressureLine(
-                pressure=pressure,
-                made_of=used,
-                values=own,
-                step_sd=np.sqrt(steps + (ROUNDING * own) ** 2),
-                noise_sd=noise,
-                point_noise_sd=noise / np.sqrt(averaged),
-            )
-        )
+        watched = "static port" if pressure == "p_static" else "pitot tube"
+        missing.append(f"the {watched} is not watched: '{slowest}' is renewed every {renewed[slowest]:.3g} s only")
     return replace(
         unwatched,
         borne=air.q_impact >= BORNE * np.nanmedian(air.q_impact[flies]) if has_impact else flies,
         q_impact=np.asarray(air.q_impact) if has_impact else None,
         lines=tuple(lines),
         missing=tuple(missing),
+    )
+
+
+def _line(
+    pressure: str, used: tuple[str, ...], values: Mapping[str, FloatArray], quanta: Mapping[str, float], blocks: Lines
+) -> PressureLine:
+    """Return a pressure with its steps and its noise.
+
+    Parameters
+    ----------
+    used : channels that it is made of; values : (n,) by channel, in blocks; quanta : their steps, where they are known.
+    blocks : their times, and in which of them the aircraft flies.
+    """
+    own = np.asarray(getattr(air_data_of(values), pressure))
+    steps = np.zeros(len(own))
+    for name in {*used} & quanta.keys():
+        moved = air_data_of({**values, name: values[name] + quanta[name]})
+        steps = steps + (np.asarray(getattr(moved, pressure)) - own) ** 2 / 12.0
+    piece = max(2, round(PIECE_S / blocks.step_s))
+    noise = noise_of_second_differences(np.where(blocks.flies, own, np.nan), piece, CALMEST)
+    # A step that the log does not show may be as slow as a stretch is long: its noise then does not average.
+    averaged = max(1, round(POINT_S / blocks.step_s)) if {*used} <= quanta.keys() else 1
+    return PressureLine(
+        pressure=pressure,
+        made_of=used,
+        values=own,
+        step_sd=np.sqrt(steps + (ROUNDING * own) ** 2),
+        noise_sd=noise,
+        point_noise_sd=noise / np.sqrt(averaged),
     )
 
 

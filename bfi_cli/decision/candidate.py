@@ -164,6 +164,11 @@ def shown_limit(one: Candidate, units: Units = SI) -> str | None:
     return two_digits(value) if shown.unit == "1" else f"{two_digits(value)} {shown.unit}".rstrip()
 
 
+def finite(value: float) -> float | None:
+    """Return a number, None for one that is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
 def two_digits(value: float) -> str:
     """Return a size to two digits, from a hundred on to the whole number: it has no exponent."""
     return f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"

@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
-from ..decision import Candidate, Evidence, conclude, shown_limit, state_of
+from ..decision import Candidate, Evidence, conclude, finite, shown_limit, state_of
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
@@ -101,10 +101,10 @@ def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[
         bounded = limits is not None and len(limits.onset_s) > 0 and channel not in declared
         size, sd, detectable, hidden = declared.get(channel), None, None, None
         if limits is not None and bounded:
-            detectable, hidden = _finite(np.median(limits.detectable[:, i])), _finite(limits.hidden[:, i].max())
+            detectable, hidden = finite(np.median(limits.detectable[:, i])), finite(limits.hidden[:, i].max())
             clearest = int(np.argmax(np.abs(limits.size[:, i]) / np.maximum(limits.sd[:, i], np.finfo(float).tiny)))
             if limits.sd[clearest, i] > 0.0:
-                size, sd = _finite(limits.size[clearest, i]), _finite(limits.sd[clearest, i])
+                size, sd = finite(limits.size[clearest, i]), finite(limits.sd[clearest, i])
         one = Candidate(
             name="bias" if len(prepared.outputs) == 1 else f"bias on {channel}",
             shape="bias",
@@ -127,10 +127,6 @@ def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[
             one = replace(one, note=note)
         candidates.append(one)
     return tuple(candidates)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: list[str]) -> tuple[str, ...]:

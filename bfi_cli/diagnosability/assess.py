@@ -9,6 +9,7 @@ import numpy as np
 
 from ..config import Config
 from ..config.document import Diagnosability
+from ..decision import finite
 from ..dictionary import Dictionary
 from ..errors import ConfigError
 from ..faults import did_you_mean, meaning
@@ -222,8 +223,3 @@ def result_of(
         best=manoeuvres[0].name if manoeuvres else None,
         notes=(*notes, *hard, *dict.fromkeys(note for record in records for note in record.notes)),
     )
-
-
-def finite(value: float) -> float | None:
-    """Return None for a number that is not finite."""
-    return float(value) if np.isfinite(value) else None

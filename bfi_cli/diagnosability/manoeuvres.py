@@ -8,10 +8,11 @@ import numpy as np
 
 from ..aircraft import find_model, flight_of
 from ..config import Config
+from ..decision import finite
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
-from .assess import DiagnosabilityResult, ManoeuvreScore, finite, magnitudes_of, result_of
+from .assess import DiagnosabilityResult, ManoeuvreScore, magnitudes_of, result_of
 from .signatures import FaultSignatures, apart_bits, divergences, minimal_detectable, signatures
 
 # Standard errors of the paired difference, about 95 % confidence; it only decides whether a note asks for more draws.

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..decision import UNTESTED, Candidate, State, kind_of, state_of
+from ..decision import UNTESTED, Candidate, State, finite, kind_of, state_of
 from ..faults import magnitude_unit, meaning
 from ..kernels.lagged import signals_factor
 from ..kernels.normal import ONE_SIDED_95
@@ -144,10 +144,10 @@ def _claim(
         channel=fault.channel,
         kind=kind_of(fault, declared=declared),
         state=state,
-        magnitude=_finite(z),
+        magnitude=finite(z),
         unit=magnitude_unit(fault, channel.unit),
-        sd=_finite(sd),
-        minimal_detectable=_finite(detectable),
+        sd=finite(sd),
+        minimal_detectable=finite(detectable),
         excluded_above=limit,
         effect=effect,
         tolerance=tolerance,
@@ -207,7 +207,3 @@ def _twins(window: PreparedWindow) -> dict[int, int]:
 
 # Coherence of two entries that are one signal: what `preprocessing.window` calls dependent.
 SAME = 1.0 - 1e-7
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -18,7 +18,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from ..decision import KINDS, UNTESTED, Candidate, kind_of, state_of
+from ..decision import KINDS, UNTESTED, Candidate, finite, kind_of, state_of
 from ..faults import Fault, magnitude_unit
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
@@ -120,7 +120,7 @@ class Likeliness:
     def excluded(self, near: BoolArray | None = None) -> float | None:
         """Return the largest error that may hide at 95 %, at the onsets `near` (n_onsets,) or at all; None for any."""
         ratios = self.ratios if near is None else self.ratios[:, near]
-        return _finite(excluded_error(self.errors, ratios.mean(axis=1), EXCLUDED))
+        return finite(excluded_error(self.errors, ratios.mean(axis=1), EXCLUDED))
 
     @property
     def beyond(self) -> float:
@@ -202,11 +202,11 @@ def claims_of(
                     effect=effect,
                     tolerance=tolerances[channel],
                 ),
-                magnitude=_finite(scale * said.z),
+                magnitude=finite(scale * said.z),
                 unit=magnitude_unit(fault, unit),
-                sd=_finite(scale * said.sd),
-                minimal_detectable_scan=None if said.detectable is None else _finite(scale * said.detectable),
-                excluded_above=None if said.excluded is None else _finite(scale * said.excluded),
+                sd=finite(scale * said.sd),
+                minimal_detectable_scan=None if said.detectable is None else finite(scale * said.detectable),
+                excluded_above=None if said.excluded is None else finite(scale * said.excluded),
                 effect=effect,
                 tolerance=tolerances[channel],
                 channel_unit=unit,
@@ -598,10 +598,6 @@ def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate],
             f"{explained:.3g})"
         )
     return None
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def covered_s(record: ScanRecord, order: int) -> tuple[float, float]:

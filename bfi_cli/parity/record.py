@@ -26,6 +26,7 @@ from ..airdata import (
     kinematic_acceleration,
 )
 from ..flightlog import FlightLog
+from ..kernels.runs import bridged
 
 FloatArray = NDArray[np.float64]
 
@@ -171,8 +172,8 @@ def _integral(rate: FloatArray, time_s: FloatArray) -> FloatArray:
     known = np.isfinite(rate)
     if not known.any():
         return np.full(rate.shape, np.nan)
-    bridged = np.interp(time_s, time_s[known], rate[known])
-    steps = 0.5 * (bridged[1:] + bridged[:-1]) * np.diff(time_s)
+    rate = bridged(rate, time_s)
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s)
     integral = np.concatenate([[0.0], np.cumsum(steps)])
     before = np.maximum.accumulate(np.where(known, time_s, -np.inf))
     after = np.minimum.accumulate(np.where(known, time_s, np.inf)[::-1])[::-1]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model, settle
+from ..kernels.runs import bridged
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
 
@@ -199,7 +200,7 @@ def residual_values(record: Record, original: Record, constants: Constants, kind
         gained = gained - np.nanmean(gained)
     values = values - gained
     if record is not original:
-        values = values - _integral(_bridged(kind.rate(record) - kind.rate(original)))
+        values = values - _integral(kind.rate(record) - kind.rate(original))
     return values
 
 
@@ -209,21 +210,16 @@ def without_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
     if record.gained is None:
         return other
     (rate,) = (kind.rate for kind in RESIDUALS if kind.rate is not None)
-    return replace(other, gained=record.gained + _integral(_bridged(rate(other) - rate(record))))
-
-
-def _bridged(values: FloatArray) -> FloatArray:
-    """Return values with straight lines over what is not known."""
-    known = np.isfinite(values)
-    if known.all() or not known.any():
-        return np.nan_to_num(values)
-    at = np.arange(len(values))
-    return np.asarray(np.interp(at, at[known], values[known]))
+    return replace(other, gained=record.gained + _integral(rate(other) - rate(record)))
 
 
 def _integral(rates: FloatArray) -> FloatArray:
-    """Return the integral, by the trapezoidal rule as the acceleration itself is integrated, at the seconds."""
-    return np.asarray(STEP_S * (np.cumsum(rates, axis=0) - 0.5 * rates))
+    """Return the integral, by the trapezoidal rule as the acceleration itself is integrated, at the seconds.
+
+    What is not known of rates, (n,), is bridged; those of several courses, (n, n_courses), are all known.
+    """
+    known = np.nan_to_num(bridged(rates)) if rates.ndim == 1 else rates
+    return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -294,5 +290,5 @@ def _signature(healthy: Level, faulty: Level, hypothesis: Hypothesis, courses: F
     signature = moved[:, None] * courses
     if healthy.rate is None or faulty.rate is None:
         return signature
-    rates = _bridged(faulty.rate - healthy.rate) / hypothesis.size
+    rates = np.nan_to_num(bridged(faulty.rate - healthy.rate)) / hypothesis.size
     return np.asarray(signature - _integral(rates[:, None] * courses))

@@ -18,8 +18,14 @@ from pydantic import Field, model_validator
 from ..aircraft.f16 import STATES, Inversion, Observation, observe
 from ..errors import ConfigError
 from ..kernels import FloatArray
-from ..kernels.density import Density, gaussian_density, kernel_density, log_density
-from ..kernels.divergence import jensen_shannon_montecarlo, jensen_shannon_quadrature
+from ..kernels.divergence import (
+    Density,
+    gaussian_density,
+    jensen_shannon_montecarlo,
+    jensen_shannon_quadrature,
+    kernel_density,
+    log_density,
+)
 from ..report.content import Drawing, Panel, ReportContent, Span, curve
 from ..validation import Number, Positive, Rules, validate
 from ..yaml12 import load_yaml

@@ -308,14 +308,14 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
         "errors": np.max(off / error),
         "seeds": ", ".join(map(str, seeds)),
     }
-    compared: list[Sequence[str]] = []
-    for row, published, ours in (("index_row", TABLE_2, chosen.index), ("bandwidth_row", BANDWIDTHS, chosen.bandwidth)):
+    compared = []
+    for name, published, ours in (("index", TABLE_2, chosen.index), ("bandwidth", BANDWIDTHS, chosen.bandwidth)):
         for (i, j), number in np.ndenumerate(published):
             if np.isfinite(number):
-                low, high = WINDOWS[j]
+                quantity = fill(page["quantities"][name], axis=AXES[i], low=WINDOWS[j][0], high=WINDOWS[j][1])
                 sd = f" (sd {np.std(ours[:, i, j], ddof=1):.3f})" if n > 1 else ""
-                text = f"{np.mean(ours[:, i, j]):.3f}{sd}"
-                compared.append(fill(page[row], axis=AXES[i], low=low, high=high, published=number, ours=text))
+                place, text = page["places"][name], f"{np.mean(ours[:, i, j]):.3f}{sd}"
+                compared.append({"quantity": quantity, "published": number, "place": place, "ours": text})
     choices = [("published", *(f"{one:.3f}" for one in TABLE_2.ravel()), "", "")]
     for label, each in rows.items():
         cells = (f"{one:.3f}" for one in each.index.mean(axis=0).ravel())
@@ -340,7 +340,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
     return report_content(
         page,
         values,
-        rows=compared,
+        records=compared,
         tables=[
             table(page, "choices", choices),
             table(page, "robust", fill(page["robust"], ratios=ratios, **shares)),

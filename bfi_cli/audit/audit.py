@@ -95,9 +95,6 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
         rate_hz=float(rate_hz),
         n_samples=n_samples,
         why=why,
-        log_path=None,
-        native_rate_hz=None,
-        model=None,
         atoms=entries(faults, names, [unit_of(one.channel) for one in faults], reasons, remarks, signatures),
         signatures=signatures,
         notes=(*unknown_channels(faults), *warnings),
@@ -112,11 +109,8 @@ def _window(dictionary: Dictionary, config: Config, duration_s: float | None) ->
     if duration_s is not None and not 0.0 < duration_s < np.inf:
         raise ConfigError(f"--duration: must be more than 0 s, got {duration_s:g}; give the length of a window")
     shown = span_of(dictionary.resolved(from_s or 0.0), from_s, from_zero=dictionary.relative_to == "window")
-    start_s, stop_s, why = (
-        shown.start_s,
-        shown.stop_s,
-        "until every fault has shown its shape; another length is --duration S",
-    )
+    start_s, stop_s = shown.start_s, shown.stop_s
+    why = "until every fault has shown its shape; another length is --duration S"
     if duration_s is not None:
         to_s = start_s + duration_s
     if to_s is not None:

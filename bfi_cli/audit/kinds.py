@@ -51,9 +51,6 @@ def without_signals(dictionary: Dictionary, config: Config, searched: OnsetResul
         log_path=None if log is None else log.path,
         native_rate_hz=None if log is None else log.native_rate_hz,
         model=None if searched is None else searched.model,
-        atoms=(),
-        signatures=None,
-        notes=(),
     )
 
 
@@ -112,8 +109,4 @@ def _kind(fault: Fault, unit: str, reason: str, limit: Candidate | None) -> Audi
         channel_unit=unit,
         minimal_detectable=z,
         minimal_physical=None if z is None else physical(fault, z, unit),
-        minimal_peak=None,
-        visible=None,
-        most_coherent_with=None,
-        coherence=None,
     )

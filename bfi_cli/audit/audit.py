@@ -16,8 +16,18 @@ from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
 from ..shapes import ADDITIVE
 from .comparison import advised, compare, own_channel, sentences
-from .entries import AuditWindow, entries, reasons_of, remarks_of, span_of, unit_of, unknown_channels
-from .kinds import searched_on_log, with_kinds, without_signals
+from .entries import (
+    AuditWindow,
+    entries,
+    reasons_of,
+    remarks_of,
+    searched_on_log,
+    span_of,
+    unit_of,
+    unknown_channels,
+    with_kinds,
+    without_signals,
+)
 from .result import Audit, fastest_hz
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw

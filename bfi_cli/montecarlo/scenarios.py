@@ -130,7 +130,7 @@ class Sweep:
     @property
     def digest(self) -> str:
         scenarios = [(s.name, s.setting.digest, s.n_active, s.sizes, s.stream) for s in self.scenarios]
-        return _digest([__version__, self.seed, scenarios])
+        return digest_of_parts([__version__, self.seed, scenarios])
 
     def trials(self) -> Iterator[Trial]:
         """Yield the first trial of every scenario, then the second of each: a longer sweep begins with a shorter one.
@@ -207,7 +207,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         if any(name == other.name for other in scenarios):
             raise ConfigError(f"{where}: a value stands twice, got two scenarios '{name}'; keep one")
         setting = Setting(
-            digest=_digest(parts),
+            digest=digest_of_parts(parts),
             record=value["record"],
             dictionary=dictionary,
             noise=noise,
@@ -310,5 +310,6 @@ def _labelled(labels: Sequence[str], values: Sequence[Any]) -> list[tuple[str, A
     return [(f"{label}-{n}" if alike else label, value) for n, (label, value) in pairs]
 
 
-def _digest(parts: object) -> str:
+def digest_of_parts(parts: object) -> str:
+    """Return what tells plain data from any other."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()

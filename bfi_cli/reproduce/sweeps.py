@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +14,7 @@ from ..config import merge
 from ..flightlog import write_log
 from ..montecarlo import check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.definition import RecordedLog
+from ..montecarlo.scenarios import digest_of_parts
 from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
 from ..report.content import Curve, Drawing, ReportContent, Span, curve
 from ..report.text import number
@@ -107,9 +106,8 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
             for method in compare:
                 config = merge(setting.config, load("methods")[method], where="methods.yaml")
                 parts = [setting.digest, source.model_dump(mode="json"), config.model_dump(mode="json")]
-                digest = hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
                 name, axes = f"{scenario.name} method={method}", {**scenario.axes, "method": method}
-                changed = replace(setting, digest=digest, record=source, config=config)
+                changed = replace(setting, digest=digest_of_parts(parts), record=source, config=config)
                 scenarios.append(replace(scenario, name=name, axes=axes, setting=changed))
         n_trials = settings.trials_or(plain.n_trials, quick.trials)
         sweep = replace(plain, n_trials=n_trials, scenarios=tuple(scenarios))

@@ -33,12 +33,12 @@ class AuditedAtom:
     note: str | None
     unit: str
     channel_unit: str
-    minimal_detectable: float | None
-    minimal_physical: tuple[float, str] | None
-    minimal_peak: float | None
-    visible: float | None
-    most_coherent_with: str | None
-    coherence: float | None
+    minimal_detectable: float | None = None
+    minimal_physical: tuple[float, str] | None = None
+    minimal_peak: float | None = None
+    visible: float | None = None
+    most_coherent_with: str | None = None
+    coherence: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,12 +81,12 @@ class Audit:
     rate_hz: float
     n_samples: int
     why: str
-    log_path: str | None
-    native_rate_hz: float | None
-    model: ModelSummary | None
-    atoms: tuple[AuditedAtom, ...]
-    signatures: Signatures | None
-    notes: tuple[str, ...]
+    log_path: str | None = None
+    native_rate_hz: float | None = None
+    model: ModelSummary | None = None
+    atoms: tuple[AuditedAtom, ...] = ()
+    signatures: Signatures | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def fastest_hz(self) -> float | None:

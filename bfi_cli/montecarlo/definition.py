@@ -23,14 +23,6 @@ def _listed(value: object) -> object:
     return value if isinstance(value, list | tuple) else (value,)
 
 
-def _listed_or_none(value: object) -> object:
-    return None if value is None else _listed(value)
-
-
-def _mapping_or_list(value: object) -> str:
-    return "<mapping>" if isinstance(value, Mapping | Span) else "<list>"
-
-
 def _log_or_model(value: object) -> str:
     if isinstance(value, Mapping):
         return "<log>" if "log" in value else "<model>"
@@ -130,7 +122,7 @@ class InjectedFault(Rules):
     """When it recovers; default never."""
     onset_spread_s: NotNegative = 0.0
     """The fault begins, and ends, up to so many seconds before or after: drawn in every trial."""
-    right: Annotated[tuple[Text, ...] | None, BeforeValidator(_listed_or_none)] = None
+    right: Annotated[tuple[Text, ...], BeforeValidator(_listed)] | None = None
     """Entries of the dictionary any of which is the right answer; default those that are this fault."""
     slope: Number | None = None
     frequency_hz: Positive | None = None
@@ -173,7 +165,7 @@ RecordSource = Annotated[
 Magnitudes = Annotated[
     Annotated[Span, Tag("<mapping>")]
     | Annotated[tuple[Number, ...], Field(min_length=1), AfterValidator(_no_zero), Tag("<list>")],
-    Discriminator(_mapping_or_list),
+    Discriminator(lambda value: "<mapping>" if isinstance(value, Mapping | Span) else "<list>"),
 ]
 Some = Field(min_length=1)
 

@@ -219,6 +219,7 @@ def test_few_atoms_have_their_coherence_written_into_the_map():
     assert len(many.get_yticks()) <= 24
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_is_drawn_again_from_the_document(bfi, tmp_path: Path):
     out, again = tmp_path / "out", tmp_path / "again"
     assert bfi("dictionary", THESIS, BIAS, "--out", out).code == 0

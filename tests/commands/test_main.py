@@ -100,7 +100,11 @@ def test_json_on_a_terminal(bfi: Callable, line: tuple[object, ...], monkeypatch
         (LOG, ["--strict", "--fail-on", "fault"], 10),
     ],
 )
-def test_exit_codes_of_an_answer(bfi: Callable, log: Path, options: list[str], code: int):
+def test_exit_codes_of_an_answer(
+    bfi: Callable, request: pytest.FixtureRequest, log: Path, options: list[str], code: int
+):
+    if "--require" not in options:
+        request.getfixturevalue("unscanned")
     outcome = bfi("identify", log, "-d", FAULTS, *QUICK, *options, "--json")
     assert (outcome.code, outcome.stderr) == (code, "")
     quiet = "no_fault" if "--require" in options else "inconclusive"
@@ -164,7 +168,7 @@ def test_what_ends_a_run_from_outside(
     assert (outcome.code, outcome.stdout, outcome.stderr) == (code, "", line)
 
 
-@pytest.mark.parametrize("words", [[*IDENTIFY, "--json"], ["--help"]])
+@pytest.mark.parametrize("words", [["info", LOG, "--json"], ["--help"]])
 def test_a_closed_pipe_is_quiet(words: list[object]):
     program = [sys.executable, "-m", "bfi_cli", *map(str, words)]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT) as process:

@@ -85,6 +85,7 @@ def test_the_phases_are_those_of_info(bfi: Callable, log: Path) -> None:
     assert (document["phases"], document["windows"]) == (info["phases"], info["windows"])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_stored_plot_is_drawn_again_as_it_was(bfi: Callable, log: Path, tmp_path: Path) -> None:
     bfi("plot", log, "--out", tmp_path / "out")
     assert bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again").code == 0
@@ -212,6 +213,7 @@ def test_every_analysis_that_knows_a_time_has_events(
     assert (one["analysis"], one["name"], one["channels"], one["onset_s"]) == (kind, expected, ["tas"], 4.0)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.usefixtures("undrawn")
 def test_the_result_of_an_analysis_is_drawn(bfi: Callable, tmp_path: Path) -> None:
     data = Path(__file__).parents[2] / "data" / "citation_bias.csv"

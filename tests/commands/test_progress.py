@@ -28,7 +28,7 @@ pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
 ROOT = Path(__file__).parents[2]
 BIAS, TWO = ROOT / "data" / "citation_bias.h5", ROOT / "data" / "citation_two_faults.h5"
 FAULTS = ROOT / "configs" / "thesis_dictionary.yaml"
-QUICK, QUICKER = ("--rate", 10, "--order", 4), ("--rate", 4, "--order", 2)
+QUICKER = ("--rate", 4, "--order", 2)
 SLOWER = ("--rate", 1, "--order", 4)
 HIDDEN, SHOWN = "\x1b[?25l", "\x1b[?25h"
 PATIENCE_S = 60.0
@@ -100,7 +100,7 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_bar_shows_the_stages_and_leaves_stdout_alone():
-    words = ("start-time", BIAS, "--shape", "bias", *QUICK, "--json")
+    words = ("start-time", BIAS, "--shape", "bias", *QUICKER, "--json")
     shown, hidden = at_a_terminal(*words), at_a_terminal(*words, "--no-progress")
     assert (shown.code, hidden.code, hidden.terminal) == (0, 0, "")
     for stage in ("scan of all onsets", "fault 1", "scan of all onsets without 1 fault", "100%"):
@@ -112,8 +112,9 @@ def test_a_bar_shows_the_stages_and_leaves_stdout_alone():
     assert one == other
 
 
+@pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(
-    "words", [("start-time", BIAS, "--shape", "bias", *QUICK), ("identify", BIAS, "-d", FAULTS, *QUICKER)]
+    "words", [("start-time", BIAS, "--shape", "bias", *QUICKER), ("identify", BIAS, "-d", FAULTS, *QUICKER)]
 )
 def test_nothing_is_shown_where_stderr_is_no_terminal_unless_asked_for(bfi: Callable, words: tuple[object, ...]):
     assert bfi(*words).stderr == ""

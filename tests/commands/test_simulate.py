@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -187,7 +188,7 @@ def test_a_long_flight_tells_how_far_it_is(out: Path, capsys: pytest.CaptureFixt
     told: list[float] = []
     model, time_s = aircraft.MODELS["f16"], aircraft.time_axis(duration_s=0.4, rate_hz=50.0)
     u = np.zeros((len(time_s), 4))
-    aircraft.simulate(model, u, rng=np.random.default_rng(0), rate_hz=50.0, report=told.append)
+    aircraft.simulate(replace(model, report=told.append), u, rng=np.random.default_rng(0), rate_hz=50.0)
     np.testing.assert_allclose(told, np.arange(20) / 20.0)
     assert run_command(["simulate", "f16", "-o", str(out), "--duration", "0.4", "--progress"]) == 0
     assert "flight" in capsys.readouterr().err

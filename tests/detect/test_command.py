@@ -99,6 +99,7 @@ def _plain(bfi, log: Path, *options: str) -> str:
     return bfi("detect", log, "--train", "0:8", "--require", "abrupt", *options, "--json").stdout
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
     outcome = bfi("detect", failing, "--train", "0:8", "--out", tmp_path / "out", "--fail-on", "fault")
     assert outcome.code == 10
@@ -106,7 +107,7 @@ def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
     assert names >= {"result.json", "report.html", "detection.png", "detection.svg", "alarms.csv", "channels.csv"}
     assert names >= {"hidden.png", "hidden.svg", "candidates.csv"}
     assert bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again").code == 0
-    for name in ("hidden.svg", "detection.svg", "candidates.csv", "report.html"):
+    for name in ("hidden_figure.csv", "detection_figure.csv", "candidates.csv", "report.html"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
 
 

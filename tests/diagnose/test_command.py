@@ -114,6 +114,7 @@ def test_exit_codes(diagnoses: Diagnoses):
     assert diagnoses.bfi("diagnose", diagnoses.log(""), *short).code == 0
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
     part = ("--from", 300, "--to", 600, "--workers", 1)
     outcome = diagnoses.bfi("diagnose", diagnoses.log(ICING), *part, "--out", tmp_path / "a", "--progress")

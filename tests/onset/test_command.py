@@ -81,11 +81,12 @@ def test_the_files(bfi, calibrated: Path, tmp_path: Path):
     assert imread(io.BytesIO(files["profile.png"])).std() > 0.05
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_stored_result_is_drawn_again(bfi, calibrated: Path, tmp_path: Path):
     bfi("start-time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "out")
     outcome = bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again", "--json", "--series")
     assert json.loads(outcome.stdout) == json.loads((tmp_path / "out" / "result.json").read_text())
-    for name in ("profile.svg", "report.html"):
+    for name in ("profile_figure.csv", "report.html"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
     document = json.loads(outcome.stdout)
     del document["series"]

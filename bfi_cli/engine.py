@@ -20,8 +20,6 @@ from threadpoolctl import threadpool_limits
 
 from .errors import SweepError
 
-__all__ = ["CHUNK", "in_order"]
-
 T = TypeVar("T")
 R = TypeVar("R")
 

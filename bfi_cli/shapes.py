@@ -18,22 +18,6 @@ from .kernels.piecewise import Tail
 from .sample_file import read_samples
 from .units import per_second
 
-__all__ = [
-    "ADDITIVE",
-    "IN_DICTIONARY",
-    "KEY_RULES",
-    "OF_LINES",
-    "PARAMETERS",
-    "SCANNED",
-    "SEARCHED",
-    "SHAPES",
-    "FaultShape",
-    "Key",
-    "Kind",
-    "ScannedShape",
-    "Shape",
-]
-
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]
 Kind = Literal["abrupt", "oscillating", "slow"]

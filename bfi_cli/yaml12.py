@@ -12,8 +12,6 @@ import yaml
 from .errors import BfiError, ConfigError
 from .printable import shortened
 
-__all__ = ["load_yaml", "read_text"]
-
 NULL = re.compile(r"(?:~|null|Null|NULL|)\Z")
 BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z")
 INT = re.compile(r"(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)\Z")

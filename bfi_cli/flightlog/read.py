@@ -16,7 +16,6 @@ from ..channels import STANDARD, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
 from .dataflash import read_dataflash_topics
-from .filling import with_filled, with_single_samples
 from .hdf5 import read_hdf5
 from .matlab import read_matlab
 from .phases import airborne_stretches
@@ -27,6 +26,7 @@ from .rates import boot_starts
 from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
+from .resampling import with_filled, with_single_samples
 from .tdms import read_tdms
 from .text import read_csv
 from .tlog import is_tlog, read_tlog_topics

@@ -19,7 +19,7 @@ from ..faults import Decision, FaultEstimate, magnitude_unit, physical
 from ..filters import alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
-from ..preprocessing.advice import what_would_help
+from ..preprocessing.defaults import what_would_help
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.summary import model_summary
 from ..preprocessing.tolerance import tolerances_of

@@ -36,10 +36,11 @@ from ..preprocessing.magnitudes import (
     at_half_rate,
     estimate_magnitudes,
     limits_within_tolerance,
+    overdispersion,
+    overdispersion_if_declared,
     profiled_limits,
     statistic_needed,
 )
-from ..preprocessing.overdispersion import overdispersion, overdispersion_if_declared
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of, with_sizes
 from ..shapes import OF_LINES, SHAPES

@@ -1,7 +1,10 @@
 """Magnitudes in SI units, whose variances include what a single model does not know (docs/theory.md, 5.2).
 
 That is the spread between orders of the model, between a model whose roots are free and one that holds a root at 1, and
-between two rates.
+between two rates; and how much a magnitude varies beyond what white prediction errors explain, the overdispersion:
+gusts, thrust changes and nonlinear dynamics let a slow shape explain the prediction error at any onset better than
+white noise would. The mean over onsets of z^2 / var(z) is 1 for white noise; where it is more, variances and thresholds
+are multiplied by it, as in quasi-likelihood (McCullagh and Nelder 1989).
 """
 
 from __future__ import annotations
@@ -15,18 +18,16 @@ from scipy import special
 
 from ..config import Config
 from ..errors import LogError
+from ..faults import Fault
 from ..kernels.covariance import additions_and_covariance
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.normal import ONE_SIDED_90
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
-from .overdispersion import overdispersion, overdispersion_if_declared
-from .regression import RegressionData, build_regression, decimate_native
-from .window import PreparedWindow, regression_of, shifts_within, slopes_at, with_onsets
-
-__all__ = ["MagnitudeEstimates", "at_half_rate", "averaged_magnitudes", "estimate_magnitudes", "fault_free_limits"]
-__all__ += ["limits_within_tolerance", "magnitudes_of_fit", "profiled_limits", "searched", "statistic_needed"]
+from .regression import Adding, RegressionData, build_regression, decimate_native
+from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, slopes_at, with_onsets
 
 FloatArray = NDArray[np.float64]
 
@@ -44,6 +45,14 @@ LARGEST_EXPONENT = 500.0
 # entries that is done at most, since it takes some fits for each.
 MULTIPLES = (1.0, 1.2, 1.5, 1.9, 2.4, 3.0, 4.0, 6.0, 10.0)
 MOST_PROFILED = 40
+# Neighbouring onsets say much the same: 33 of them in a window of 30 to 120 s are 1 to 3 s apart. The first and the
+# last tenth are left out, where a fault acts on the lags alone or on too few samples.
+N_ONSETS = 33
+INSIDE = (0.1, 0.9)
+# Of the signals that are added at once, where they are not in stretches, for memory.
+MOST_VALUES = 10**6
+# Entries for which it is asked what the factor would be, were they declared: it takes a fit for each.
+MOST_DECLARED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,7 +136,7 @@ def averaged_magnitudes(
     ----------
     fits : of one support at every order.
     penalty : the criterion they are scored by.
-    overdispersion : (n_live,) see `bfi_cli.preprocessing.overdispersion`.
+    overdispersion : (n_live,) see `overdispersion`.
     unit_root : average with the model that holds the root.
     report : receives the progress.
     """
@@ -360,3 +369,72 @@ def at_half_rate(
         return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
     except LogError:
         return None
+
+
+def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit, report: Report = silent) -> FloatArray:
+    """Return (n_live,) factors, at least 1: how much the variance of a magnitude exceeds that of white errors.
+
+    Parameters
+    ----------
+    window : with the dictionary.
+    regression : of the window; fit : the chosen one of it.
+    report : receives the progress.
+    """
+    known = dict[Fault, float]()
+    adding = regression.adding_to(fit)
+    factors = np.ones(len(window.live))
+    for (n, entry), _ in parts(report, list(enumerate(window.live))):
+        family = _family(window.faults[entry])
+        if family not in known:
+            known[family] = _factor(window, regression, adding, family)
+        factors[n] = known[family]
+    return factors
+
+
+def overdispersion_if_declared(
+    window: PreparedWindow, regression: RegressionData, fit: Fit, dispersion: FloatArray, report: Report = silent
+) -> FloatArray:
+    """Return (n_live,) the factors that an entry would be tested by, were it declared: at least those of a fit.
+
+    Beside a slow oscillation that is fitted, what its phase leaves stands out more than before. Dictionaries with many
+    entries keep the factors of the fit.
+
+    Parameters
+    ----------
+    fit, dispersion : of the chosen support, by `overdispersion`; entries of it keep theirs.
+    report : receives the progress.
+    """
+    if len(dispersion) > MOST_DECLARED:
+        return dispersion
+    factors, problem = dispersion.copy(), regression.problem(fit.order)
+    others = [n for n in range(len(window.live)) if n not in fit.atoms]
+    for n, _ in parts(report, others):
+        declared = fit_magnitudes(problem, (*fit.atoms, n), np.append(fit.z, 0.0))
+        family = _family(window.faults[window.live[n]])
+        factors[n] = max(factors[n], _factor(window, regression, regression.adding_to(declared), family))
+    return factors
+
+
+def _family(fault: Fault) -> Fault:
+    """Return what all faults have in common that differ by their onset only."""
+    lasting = None if fault.offset_s is None else fault.offset_s - fault.onset_s
+    return replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
+
+
+def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, family: Fault) -> float:
+    """Return the mean over onsets of z^2 / var(z) of a shape that is added to a fit, at least 1."""
+    time_s = window.native.time_s
+    onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
+    is_piecewise = isinstance(window.signals.theta, PiecewiseSignals)
+    n_parts = 1 if is_piecewise else min(N_ONSETS, -(-N_ONSETS * len(window.signals.y) // MOST_VALUES))
+    lasting, squares = family.offset_s, np.empty(0)
+    # Each shifted signal is added alone to the fit.
+    for some in np.array_split(onsets, n_parts):
+        shifted = [
+            replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
+            for onset in some.tolist()
+        ]
+        added = adding.each_of(regression.over_unit(signals_of_faults(window, shifted)[0]))
+        squares = np.append(squares, added.magnitude**2 / added.variance)
+    seen = squares[np.isfinite(squares)]
+    return max(1.0, float(np.mean(seen))) if seen.size else 1.0

@@ -14,8 +14,6 @@ from ..faults import Fault
 from ..kernels.lagged import compress
 from .regression import EXACT, NativeSignals, Signals
 
-__all__ = ["SAMPLES_PER_CYCLE", "Purpose", "RateChoice", "candidate_orders", "choose_rate", "is_exact"]
-
 FloatArray = NDArray[np.float64]
 Purpose = Literal["estimate", "scan", "detect"]
 

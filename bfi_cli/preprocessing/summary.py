@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LogSummary", "ModelSummary", "log_summary", "model_summary"]
-
 FloatArray = NDArray[np.float64]
 
 # Rows whose squares are taken at once, for memory.

@@ -29,17 +29,6 @@ from .regression import NativeSignals, RegressionData, Signals, build_regression
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
 
-__all__ = ["PreparedWindow", "decimated_signal", "must_resample", "prepare_window", "regression_of", "shifted_signals"]
-__all__ += [
-    "shifts_within",
-    "signals_of_faults",
-    "slopes_at",
-    "unusable_atoms",
-    "with_inputs_of",
-    "with_onsets",
-    "with_sizes",
-]
-
 FloatArray = NDArray[np.float64]
 
 # Inputs of "auto": what moves a longitudinal motion, and what else of it a log may show. In recorded flights they cut

@@ -43,6 +43,14 @@ class LogSignal:
     values: FloatArray
     slopes: FloatArray | None = None
 
+    def at(self, time_s: FloatArray, own_s: FloatArray) -> LogSignal:
+        """Return it at other times, (n,), than its own; the slopes, which change slowly, are those between."""
+
+        def between(values: FloatArray) -> FloatArray:
+            return np.stack([np.interp(time_s, own_s, column) for column in values.T], axis=1)
+
+        return LogSignal(values=between(self.values), slopes=None if self.slopes is None else between(self.slopes))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FaultSignals:

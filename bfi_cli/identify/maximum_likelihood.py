@@ -144,17 +144,9 @@ def identify_by_likelihood(
         sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
     limits = profiled_limits(regression, fit, sized, penalty, likely)
     if not stated:
-        limits = limits_within_tolerance(
-            window,
-            regression,
-            config,
-            selection.fits,
-            limits,
-            penalty,
-            likely,
-            coarse,
-            partial(progress, "magnitudes within the onset tolerance"),
-        )
+        sizing = partial(progress, "magnitudes within the onset tolerance")
+        within = limits_within_tolerance(window, regression, config, selection.fits, penalty, likely, coarse, sizing)
+        limits = np.fmax(limits, within)
     estimates = replace(estimates, minimal_detectable=limits)
     coarse = None  # its memory is wanted for what follows
     shifts_s = {n: shift_s for n, shift_s in moved.shifts_s.items() if n in fit.atoms}

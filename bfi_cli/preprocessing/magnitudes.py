@@ -250,26 +250,24 @@ def limits_within_tolerance(
     regression: RegressionData,
     config: Config,
     fits: Sequence[ScoredFit],
-    exactly: FloatArray,
     penalty: Penalty,
     overdispersion: FloatArray,
     coarse: RegressionData | None,
     report: Report = silent,
 ) -> FloatArray:
-    """Return (n_live,) minimal detectable magnitudes for onsets as well as they are known, at least the exact ones.
+    """Return (n_live,) minimal detectable magnitudes for onsets as well as they are known, NaN where these are exact.
 
     An entry that begins otherwise than the dictionary states is found by the search of its onset
     (`identify.onset_search`), whose price it pays; the worst of the ends of the tolerance counts.
 
     Parameters
     ----------
-    fits : of the chosen support at every order; entries of it keep their limits.
-    exactly : (n_live,) limits at the onsets of the dictionary.
+    fits : of the chosen support at every order; entries of it have none.
     coarse : the regression at half the rate, None where there is none.
     report : receives the progress.
     """
     best = min(fits, key=lambda one: one.criterion).fit
-    limits = exactly.copy()
+    limits = np.full(len(window.live), np.nan)
     others = {entry: n for n, entry in enumerate(window.live) if n not in best.atoms}
     shifts = {entry: shifts_within(window, entry, config.onset_tolerance_s) for entry in others}
 
@@ -326,8 +324,8 @@ def fault_free_limits(window: PreparedWindow, config: Config, report: Report = s
     coarse = at_half_rate(window, regression, config)
     estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
     exactly = profiled_limits(regression, best, estimates, penalty, dispersion)
-    within = limits_within_tolerance(window, regression, config, scored, exactly, penalty, dispersion, coarse)
-    return within, exactly
+    within = limits_within_tolerance(window, regression, config, scored, penalty, dispersion, coarse)
+    return np.fmax(exactly, within), exactly
 
 
 def _with_unit_root(

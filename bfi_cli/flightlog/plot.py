@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,22 +98,19 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
         )
     sha256 = mapping(member(document, "provenance", where=path), where=f"{path}: provenance").get("log_sha256")
     try:
-        found = sorted(_events(document, kind, path), key=lambda one: one.onset_s)
+        declared, others = EVENTS[kind]
+        found = []
+        for entry in member(document, declared, where=path):
+            onset_s = entry.get("onset_s") if entry.get("onset_s") is not None else entry.get("time_s")
+            state = entry.get("state", "declared")
+            if onset_s is not None and state in ("declared", "suspected"):
+                found.append(_event(entry, kind, state, onset_s))
+        for entry in document.get(others, ()) if others else ():
+            if entry.get("state") == "suspected" and entry.get("onset_s") is not None:
+                found.append(_event(entry, kind, "suspected", entry["onset_s"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ConfigError(f"{path}: damaged, {error!r}; run bfi {kind} again") from None
-    return tuple(found), sha256 if isinstance(sha256, str) else ""
-
-
-def _events(document: Plain, kind: str, where: str) -> Iterator[Event]:
-    declared, others = EVENTS[kind]
-    for entry in member(document, declared, where=where):
-        onset_s = entry.get("onset_s") if entry.get("onset_s") is not None else entry.get("time_s")
-        state = entry.get("state", "declared")
-        if onset_s is not None and state in ("declared", "suspected"):
-            yield _event(entry, kind, state, onset_s)
-    for entry in document.get(others, ()) if others else ():
-        if entry.get("state") == "suspected" and entry.get("onset_s") is not None:
-            yield _event(entry, kind, "suspected", entry["onset_s"])
+    return tuple(sorted(found, key=lambda one: one.onset_s)), sha256 if isinstance(sha256, str) else ""
 
 
 def _event(entry: Plain, kind: str, state: str, onset_s: float) -> Event:

@@ -87,7 +87,14 @@ def resample_with(
             f"give --rate {log.rate_hz:.4g} or less"
         )
     part = log.window(*with_reach(rate_hz, from_s, to_s))
-    holds = _holds(part, log)
+    holds = dict[str, Hold]()
+    for name, channel in part.channels.items():
+        hold = hold_of(part, channel.values)
+        if hold is None and (whole := hold_of(log, log.channels[name].values)) is not None:  # the part is too short
+            samples_before = (part.time_s[0] - log.time_s[0]) * log.rate_hz
+            hold = replace(whole, phase=(whole.phase - samples_before) % whole.period)
+        if hold is not None:
+            holds[name] = hold
     first = int(np.searchsorted(log.time_s, part.time_s[0]))
     resampled, filtered = part, extra.reshape(log.n_samples, -1)[first : first + part.n_samples]
     if holds or not is_uniform(part.time_s) or abs(part.rate_hz / rate_hz - 1.0) >= SAME_RATE:
@@ -108,18 +115,6 @@ def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) 
     """Return a window widened by what the filter of a resampling to this rate reaches beyond it."""
     margin = MARGIN_PERIODS / rate_hz if rate_hz else 0.0
     return None if from_s is None else from_s - margin, None if to_s is None else to_s + margin
-
-
-def _holds(part: FlightLog, log: FlightLog) -> dict[str, Hold]:
-    """Return the clocks of the held channels of a part of a log, of the whole log where the part is too short."""
-    samples_before, holds = (part.time_s[0] - log.time_s[0]) * log.rate_hz, {}
-    for name, channel in part.channels.items():
-        hold = hold_of(part, channel.values)
-        if hold is None and (whole := hold_of(log, log.channels[name].values)) is not None:
-            hold = replace(whole, phase=(whole.phase - samples_before) % whole.period)
-        if hold is not None:
-            holds[name] = hold
-    return holds
 
 
 def _grid(log: FlightLog, rate_hz: float) -> FloatArray:

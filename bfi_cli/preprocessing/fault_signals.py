@@ -263,21 +263,16 @@ class FaultSignals:
 
     def is_even(self, factor: int) -> bool:
         """Say whether the times that are left after a decimation have even steps."""
-        if factor not in self._even:
-            self._even[factor] = self._has_even_steps(factor)
-        return self._even[factor]
-
-    def _has_even_steps(self, factor: int) -> bool:
+        if factor in self._even:
+            return self._even[factor]
         some = self.time_s[::factor]
         step_s = (some[-1] - some[0]) / max(len(some) - 1, 1)
         rounding = 4.0 * float(np.spacing(np.abs(some[[0, -1]]).max()))
         most = max(EVEN * step_s / factor, rounding)
-        for start in range(0, len(some), BLOCK):
-            part = some[start : start + BLOCK]
-            even = some[0] + step_s * np.arange(start, start + len(part), dtype=np.float64)
-            if np.max(np.abs(part - even)) > most:
-                return False
-        return True
+        at = (np.arange(start, min(start + BLOCK, len(some))) for start in range(0, len(some), BLOCK))
+        even = all(np.max(np.abs(some[rows] - (some[0] + step_s * rows))) <= most for rows in at)
+        self._even[factor] = even
+        return even
 
     def _in_blocks(self, fault: Fault, time_s: FloatArray, factor: int, lowpass: Lowpass) -> tuple[FloatArray, float]:
         """Return signal and largest value of a fault at some times, every sample made and filtered, block by block."""

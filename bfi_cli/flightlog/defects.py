@@ -16,11 +16,10 @@ import numpy as np
 
 from ..filters import response_of
 from ..kernels.normal import MAD
-from ..kernels.quantisation import quantum_of_plateaus
+from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, within
 from ..report.text import instant
-from .holds import find_quantum
 from .phases import phases_of
 from .quality import hold_of
 from .rates import AS_FAST

@@ -12,9 +12,9 @@ from ..airdata import DEPENDS_ON
 from ..channels import INPUTS, STANDARD
 from ..errors import LogError
 from ..filters import Filter
+from ..kernels.quantisation import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from ..kernels.runs import BoolArray, shared, within
 from .derived import DERIVED, missing_for
-from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from .phases import NO_AIRSPEED, Phase, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST

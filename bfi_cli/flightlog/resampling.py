@@ -17,8 +17,8 @@ import numpy as np
 from ..errors import ConfigError, LogError
 from ..filters import Filter
 from ..kernels.decimation import decimate, lost_samples
+from ..kernels.quantisation import Hold
 from ..kernels.runs import bridged, runs
-from .holds import Hold
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
 from .topics import ANGLES

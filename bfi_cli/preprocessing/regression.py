@@ -36,7 +36,10 @@ from ..kernels.lagged import (
 )
 from ..kernels.piecewise import PiecewiseSignals, ScaledSignals, standardised
 from ..kernels.progress import Report, silent
+from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.running import running_weights
+from ..kernels.sparsity import SparseStage
+from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from .fault_signals import FaultSignals
 
@@ -472,8 +475,7 @@ def build_regression(
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
     layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
     segments = _segments(layout, theta) if isinstance(theta, PiecewiseSignals) else None
-    published = config.method == "risro-as-published" or config.risro.as_published
-    if config.conditioning.variance == "running" and not published:
+    if config.conditioning.variance == "running" and not as_published(config):
         layout = replace(layout, weights=_weights(layout, segments, signals.rate_hz, floor))
         if segments is not None and layout.weights is not None:
             segments = replace(segments, weights=layout.weights)
@@ -597,3 +599,30 @@ def feasible_orders(
             f"{advice}, a higher --rate or a longer window"
         )
     return orders
+
+
+def solve(data: Compressed, config: Config) -> VarxSolution:
+    """Solve the regression of one order, with the published stage where the thesis is followed to the letter."""
+    return risro_varx(data, settings=stopping_of(config), as_published=as_published(config), sparse=stage_of(config))
+
+
+def stage_of(config: Config) -> SparseStage:
+    """Return the settings of the sparsity stage."""
+    rules = config.risro
+    alpha, r, p0 = (None if size == "auto" else size for size in (rules.alpha, rules.r, rules.p0))
+    return SparseStage(kind=rules.sparsity, alpha=alpha, r=r, p0=p0, updates=rules.updates)
+
+
+def stopping_of(config: Config) -> StoppingRule:
+    """Return when RISRO stops."""
+    return StoppingRule(max_iterations=config.risro.max_iterations, tolerance=config.risro.tolerance)
+
+
+def as_published(config: Config) -> bool:
+    """Say whether the thesis is followed to the letter."""
+    return config.risro.as_published or config.method == "risro-as-published"
+
+
+def decides_by_rule(config: Config) -> bool:
+    """Say whether the thesis's rule declares the faults, instead of the stage and the criterion."""
+    return as_published(config) or config.risro.sparsity == "none" or config.selection.threshold is not None

@@ -305,7 +305,7 @@ def searched(penalty: Penalty, n_onsets: int) -> Penalty:
     return replace(penalty, evidence=2.0 * penalty.evidence + 2.0 * float(np.log(n_onsets + 1)))
 
 
-def fault_free_limits(window: PreparedWindow, config: Config, report: Report = silent) -> tuple[FloatArray, FloatArray]:
+def fault_free_limits(window: PreparedWindow, config: Config) -> tuple[FloatArray, FloatArray]:
     """Return (n_live,) the minimal detectable magnitudes of a window without a fault, for onsets as well as they are
     known and for the exact ones.
 
@@ -315,14 +315,13 @@ def fault_free_limits(window: PreparedWindow, config: Config, report: Report = s
     ------
     LogError : the window has no rows for any order.
     """
-    compressing, sizing = shares(report, 1, 2)
-    regression = regression_of(window, config, compressing)
+    regression = regression_of(window, config)
     scored, penalty = fault_free_fits(regression, config, len(window.live))
     best = min(scored, key=lambda one: one.criterion).fit
     dispersion = overdispersion(window, regression, best)
     dispersion = overdispersion_if_declared(window, regression, best, dispersion)
     coarse = at_half_rate(window, regression, config)
-    estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
+    estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse)
     exactly = profiled_limits(regression, best, estimates, penalty, dispersion)
     within = limits_within_tolerance(window, regression, config, scored, penalty, dispersion, coarse)
     return np.fmax(exactly, within), exactly
@@ -390,7 +389,7 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
 
 
 def overdispersion_if_declared(
-    window: PreparedWindow, regression: RegressionData, fit: Fit, dispersion: FloatArray, report: Report = silent
+    window: PreparedWindow, regression: RegressionData, fit: Fit, dispersion: FloatArray
 ) -> FloatArray:
     """Return (n_live,) the factors that an entry would be tested by, were it declared: at least those of a fit.
 
@@ -400,13 +399,11 @@ def overdispersion_if_declared(
     Parameters
     ----------
     fit, dispersion : of the chosen support, by `overdispersion`; entries of it keep theirs.
-    report : receives the progress.
     """
     if len(dispersion) > MOST_DECLARED:
         return dispersion
     factors, problem = dispersion.copy(), regression.problem(fit.order)
-    others = [n for n in range(len(window.live)) if n not in fit.atoms]
-    for n, _ in parts(report, others):
+    for n in (n for n in range(len(window.live)) if n not in fit.atoms):
         declared = fit_magnitudes(problem, (*fit.atoms, n), np.append(fit.z, 0.0))
         family = _family(window.faults[window.live[n]])
         factors[n] = max(factors[n], _factor(window, regression, regression.adding_to(declared), family))

@@ -155,31 +155,27 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
     ------
     LogError : the window is shorter than the filter.
     """
-
-    def bare(inputs: Sequence[str], outputs: Sequence[str]) -> Signals:
-        return Signals(
-            path=native.path,
-            rate_hz=native.rate_hz,
-            factor=1,
-            time_s=native.time_s,
-            u=native.log.signals(inputs),
-            y=native.log.signals(outputs),
-            theta=np.empty((native.log.n_samples, len(outputs), 0)),
-            scaling=native.faults.scaling,
-            slopes=native.faults.slopes,
-        )
-
-    if factor == 1:  # nothing is copied
-        signals = bare(native.inputs, native.outputs)
-    elif native.log.n_samples > MOST_AT_ONCE:
-        signals = decimate_signals(bare([], []), factor, lowpass)
-        u, y = (np.empty((len(signals.time_s), len(names))) for names in (native.inputs, native.outputs))
-        for names, made in ((native.inputs, u), (native.outputs, y)):
-            for i, name in enumerate(names):
+    is_long = factor > 1 and native.log.n_samples > MOST_AT_ONCE
+    names = ((), ()) if is_long else (native.inputs, native.outputs)
+    u, y = (native.log.signals(some) for some in names)
+    signals = Signals(
+        path=native.path,
+        rate_hz=native.rate_hz,
+        factor=1,
+        time_s=native.time_s,
+        u=u,
+        y=y,
+        theta=np.empty((*y.shape, 0)),
+        scaling=native.faults.scaling,
+        slopes=native.faults.slopes,
+    )
+    signals = decimate_signals(signals, factor, lowpass)
+    if is_long:  # one channel after the other, for memory
+        u, y = (np.empty((len(signals.time_s), len(some))) for some in (native.inputs, native.outputs))
+        for some, made in ((native.inputs, u), (native.outputs, y)):
+            for i, name in enumerate(some):
                 made[:, i] = _decimated_channel(native.log.channel(name), factor, lowpass)
         signals = replace(signals, u=u, y=y)
-    else:
-        signals = decimate_signals(bare(native.inputs, native.outputs), factor, lowpass)
     theta, largest = native.faults.decimated(factor, lowpass)
     return replace(signals, theta=theta), largest
 
@@ -201,11 +197,13 @@ def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) ->
     ------
     LogError : the window is shorter than the filter.
     """
+    if factor == 1:
+        return signals
     try:
         u, y, theta = (decimate(x, factor, lowpass) for x in (signals.u, signals.y, np.asarray(signals.theta)))
     except ValueError as problem:
         raise LogError(f"{signals.path}: {problem}; give a higher --rate or a longer window") from None
-    start = lost_samples(factor, lowpass)[0] if factor > 1 else 0
+    start = lost_samples(factor, lowpass)[0]
     time_s = signals.time_s[start::factor][: len(y)]
     # They change slowly: of each sample of the analysis that in its middle counts.
     slopes = {j: one[start::factor][: len(y)] for j, one in signals.slopes.items()}

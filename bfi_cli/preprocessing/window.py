@@ -19,10 +19,10 @@ from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
 from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
-from ..kernels.decimation import WHITE, Lowpass, decimate
+from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.lagged import signals_factor
 from ..kernels.low_pass import Response
-from ..kernels.piecewise import PiecewiseSignals, Stretches, signal_of
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
 from .fault_signals import FaultSignals, LogSignal
@@ -102,10 +102,6 @@ class PreparedWindow:
         return log_summary(
             self.log.path, self.signals.time_s, rate_hz=self.signals.rate_hz, native_rate_hz=self.native_rate_hz
         )
-
-    def output_of(self, fault: Fault) -> int:
-        """Return the number of the output that a fault acts on."""
-        return [self.log.channel(name).name for name in self.outputs].index(self.log.channel(fault.channel).name)
 
 
 def prepare_window(
@@ -306,29 +302,15 @@ def signals_of_faults(
     ----------
     sizes : of each fault, see `PreparedWindow.sizes`; default 0.
     """
-    own, factor, lowpass = window.native.faults, window.rate.factor, window.lowpass
-    largest, outputs = np.zeros(len(faults)), [window.output_of(fault) for fault in faults]
-    is_piecewise = isinstance(window.signals.theta, PiecewiseSignals)
-    theta = np.zeros((*window.signals.theta.shape[:2], 0 if is_piecewise else len(faults)))
-    atoms = list[Stretches]()
-    for i, (fault, output, size) in enumerate(zip(faults, outputs, sizes or [0.0] * len(faults), strict=True)):
-        if SHAPES[fault.shape].acts_on != "channel":
-            signal = np.zeros(theta.shape[:2])
+    of_log = dict[int, LogSignal]()
+    told = [i for i, fault in enumerate(faults) if SHAPES[fault.shape].acts_on == "channel"]
+    for i, (fault, size) in enumerate(zip(faults, sizes or [0.0] * len(faults), strict=True)):
+        if i not in told:
             with contextlib.suppress(DictionaryError, LogError):
-                made = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False).values
-                signal, largest[i] = decimate(made, factor, lowpass), float(np.max(np.abs(made[:, output])))
-            if is_piecewise:
-                atoms.append(signal_of(signal[:, output]))
-            else:
-                theta[:, :, i] = signal
-        elif is_piecewise:
-            stretches, largest[i] = own.stretches_of(fault, factor, lowpass)
-            atoms.append(stretches)
-        else:
-            theta[:, output, i], largest[i] = own.signal_of(fault, factor, lowpass)
-    if isinstance(window.signals.theta, PiecewiseSignals):
-        return replace(window.signals.theta, outputs=tuple(outputs), atoms=tuple(atoms)), largest
-    return theta, largest
+                of_log[i] = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
+    made = window.native.faults.of_others(faults, (*told, *of_log), of_log)
+    in_stretches = isinstance(window.signals.theta, PiecewiseSignals)
+    return made.decimated(window.rate.factor, window.lowpass, in_stretches=in_stretches)
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:

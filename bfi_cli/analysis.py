@@ -25,7 +25,7 @@ from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .kernels.progress import Progress, unseen
 from .onset import STANDS_FOR, OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
 from .onset.shapes import scanned_shape
-from .preprocessing.advice import require_one_trim
+from .preprocessing.defaults import require_one_trim
 from .preprocessing.window import with_inputs_of
 from .report.text import instant, quantity
 from .shapes import OF_LINES, SHAPES, Kind

@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels", "printable"),
-    ("airdata", "sample_file", "units"),
+    ("airdata", "units"),
     ("channels", "shapes"),
     ("faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),
     ("filters", "jsbsim"),

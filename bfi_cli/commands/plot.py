@@ -62,8 +62,7 @@ def command(asked: Asked) -> Answer:
     Of a configuration file counts what says how the logs are read, its window and the units to show.
     """
     from ..flightlog import read_log
-    from ..flightlog.events import read_events
-    from ..flightlog.plot import MOST_PANELS, plot_content, plot_document
+    from ..flightlog.plot import MOST_PANELS, plot_content, plot_document, read_events
 
     names, window = asked.options["channels"], asked.config.window
     pages = range(1, -(-len(names) // MOST_PANELS))

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..config import Config
-from ..config.document import Diagnosability
+from ..config import Config, Diagnosability
 from ..dictionary import Dictionary
 from ..errors import ConfigError
 from ..faults import did_you_mean, meaning

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .rates import boot_starts
-from .raw import Asked, RawLog
-from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
+from .topics import Topic, fields_of, notes_on, table_of
 
 BEGIN = b"\xa3\x95"
 FMT, FMT_LENGTH = 0x80, 89  # type and bytes of the message that describes a format
@@ -51,17 +50,6 @@ class _Messages:
 
     places: list[int] = field(default_factory=list)
     bodies: list[bytes] = field(default_factory=list)
-
-
-def read_dataflash(path: str, asked: Asked) -> RawLog:
-    """Read a DataFlash log; a field that is no channel by itself is named `message.field` in the maps.
-
-    Raises
-    ------
-    LogError : no messages that are channels.
-    """
-    topics, notes = read_dataflash_topics(path, topics_of(asked.sources))
-    return log_of_topics(path, "ardupilot", topics, asked, notes=notes)
 
 
 def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:

@@ -74,12 +74,6 @@ class Derivation:
     told_by: Callable[[Sources], tuple[Callable[[Values], FloatArray], str]]
 
 
-def _static(values: Values) -> FloatArray:
-    # The impact pressure has no part in it; without one the system is not whole.
-    static = {name: one for name, one in values.items() if name in STATIC_SOURCES}
-    return air_data_of({"q_impact": np.zeros_like(next(iter(static.values()))), **static}).p_static
-
-
 def _lift(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
     """Return the airspeed that the lift shows, whose angle of zero lift and scale the flight tells."""
     recorded, earlier = sources.values, sources.earlier
@@ -130,7 +124,16 @@ STATIC, IMPACT = (tuple((name,) for name in names) for names in (STATIC_SOURCES,
 GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
 ALONG = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 DERIVED: Mapping[str, Derivation] = {
-    "p_static": _stated((STATIC,), _static),
+    # The impact pressure has no part in it; without one the system is not whole.
+    "p_static": _stated(
+        (STATIC,),
+        lambda values: (
+            air_data_of(
+                {name: one for name, one in values.items() if name in STATIC_SOURCES}
+                | {"q_impact": np.zeros_like(next(iter(values.values())))}
+            ).p_static
+        ),
+    ),
     "p_total": _stated((STATIC, IMPACT), lambda values: air_data_of(values).p_total),
     "q_impact": _stated((STATIC, IMPACT), lambda values: air_data_of(values).q_impact),
     "lift_speed": Derivation(needs=(*_each("aoa", "normal_acc", "tas"), STATIC), told_by=_lift),

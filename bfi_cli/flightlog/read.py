@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,22 +15,22 @@ import numpy as np
 from ..channels import STANDARD, match_name
 from ..errors import ConfigError, LogError
 from ..units import si_unit, to_si
-from .dataflash import read_dataflash
-from .filling import with_filled, with_single_samples
+from .dataflash import read_dataflash_topics
 from .hdf5 import read_hdf5
 from .matlab import read_matlab
 from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
+from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
 from .quality import is_uniform
 from .rates import boot_starts
 from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
+from .resampling import with_filled, with_single_samples
 from .tdms import read_tdms
 from .text import read_csv
-from .tlog import is_tlog, read_tlog
-from .ulog import read_ulog
-from .ulog2csv import folder_digest, is_topic_file, read_folder, read_topic_file
+from .tlog import is_tlog, read_tlog_topics
+from .topics import Recorder, Topic, log_of_topics, topics_of
 
 # How the first bytes of a file show its format, and its reader; of a format with groups the reader chooses one.
 HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -41,10 +41,12 @@ WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
     (lambda head: head.startswith(MATLAB), read_matlab),
     (lambda head: head.startswith(b"TDSm"), read_tdms),
 )
-WITHOUT: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
-    (lambda head: head.startswith(b"ULog\x01\x12\x35"), read_ulog),
-    (lambda head: head.startswith(b"\xa3\x95\x80"), read_dataflash),
-    (is_tlog, read_tlog),
+# Recorders of messages: what reads those of their topics that are named.
+Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[str]]]
+OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
+    (lambda head: head.startswith(b"ULog\x01\x12\x35"), "px4", read_ulog_topics),
+    (lambda head: head.startswith(b"\xa3\x95\x80"), "ardupilot", read_dataflash_topics),
+    (is_tlog, "mavlink", lambda path, _: read_tlog_topics(path)),
 )
 FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}
 # Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
@@ -141,15 +143,16 @@ def _read_file(path: str, asked: Asked) -> RawLog:
             return reader(path, asked)
     if asked.group is not None:
         raise LogError(f"{path}: no group '{asked.group}', a log of this kind has none; leave out --group")
-    for is_one, reader in WITHOUT:
+    for is_one, recorder, topics_in in OF_MESSAGES:
         if is_one(head):
-            return reader(path, asked)
+            topics, notes = topics_in(path, topics_of(asked.sources))
+            return log_of_topics(path, recorder, topics, asked, notes=notes)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
-    return read_topic_file(path, asked) if is_topic_file(path) else read_csv(path)
+    return read_topic_file(path, asked) or read_csv(path)
 
 
 def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:

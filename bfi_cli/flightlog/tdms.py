@@ -135,14 +135,15 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
     signals = []
     for channel in numbers:
         values = np.asarray(channel[:])
-        is_moment = values.dtype.kind == "M"
+        if is_moment := values.dtype.kind == "M":  # seconds since 1970
+            values = np.where(np.isnat(values), np.nan, 1e-6 * values.astype("datetime64[us]").astype(np.int64))
         units = (channel.properties.get(name) for name in UNITS)
         unit = next((one.strip() for one in units if isinstance(one, str) and one.strip()), None)
         signals.append(
             _Signal(
                 source=channel.name if names.count(channel.name) == 1 else f"{channel.group_name}/{channel.name}",
                 group=channel.group_name,
-                values=_seconds(values) if is_moment else values.astype(np.float64),
+                values=values.astype(np.float64),
                 unit="s" if is_moment else unit,
                 clock=None if is_moment else _clock(channel.properties),
                 is_moment=is_moment,
@@ -171,13 +172,6 @@ def _number(stated: object) -> float | None:
         return None
     number = float(stated)
     return number if math.isfinite(number) else None
-
-
-def _seconds(moments: np.ndarray) -> FloatArray:
-    """Return seconds since 1970 of moments, NaN where one is none."""
-    seconds = np.asarray(1e-6 * moments.astype("datetime64[us]").astype(np.int64), dtype=np.float64)
-    seconds[np.isnat(moments)] = np.nan
-    return seconds
 
 
 def _track(signal: _Signal, day: np.datetime64 | None, asked: Asked) -> Track:

@@ -17,8 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from .rates import boot_starts
-from .raw import Asked, RawLog
-from .topics import Topic, log_of_topics, notes_on
+from .topics import Topic, notes_on
 
 # Number: name, layout, extra byte of the check sum, names of the fields.
 MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
@@ -54,17 +53,6 @@ def checksum(data: bytes) -> int:
         low = (low ^ (low << 4)) & 0xFF
         crc = (crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
     return crc
-
-
-def read_tlog(path: str, asked: Asked) -> RawLog:
-    """Read a telemetry log; a field that is no channel by itself is named `MESSAGE.field` in the maps.
-
-    Raises
-    ------
-    LogError : no messages that are channels.
-    """
-    topics, notes = read_tlog_topics(path)
-    return log_of_topics(path, "mavlink", topics, asked, notes=notes)
 
 
 def read_tlog_topics(path: str) -> tuple[list[Topic], list[str]]:

@@ -19,9 +19,9 @@ from ..faults import Decision, FaultEstimate, magnitude_unit, physical
 from ..filters import alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
-from ..preprocessing.advice import what_would_help
+from ..preprocessing.defaults import what_would_help
 from ..preprocessing.regression import RegressionData
-from ..preprocessing.summary import model_summary
+from ..preprocessing.summary import ModelSummary, noise_of
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from .claims import claims_of
@@ -221,13 +221,13 @@ def _assembled(
         scan=ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED),
         faults=tuple(faults),
         candidates=candidates,
-        model=model_summary(
-            outcome.error,
+        model=ModelSummary(
             order=outcome.order,
             rate_hz=window.signals.rate_hz,
             feedthrough=outcome.feedthrough,
             inputs=config.inputs,
             outputs=config.outputs,
+            noise_sd=noise_of(outcome.error, config.outputs),
             orders=outcome.orders,
             criterion_no_fault=outcome.criterion_no_fault,
             criterion_best=outcome.criterion_best,

@@ -36,10 +36,11 @@ from ..preprocessing.magnitudes import (
     at_half_rate,
     estimate_magnitudes,
     limits_within_tolerance,
+    overdispersion,
+    overdispersion_if_declared,
     profiled_limits,
     statistic_needed,
 )
-from ..preprocessing.overdispersion import overdispersion, overdispersion_if_declared
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of, with_sizes
 from ..shapes import OF_LINES, SHAPES
@@ -143,17 +144,9 @@ def identify_by_likelihood(
         sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
     limits = profiled_limits(regression, fit, sized, penalty, likely)
     if not stated:
-        limits = limits_within_tolerance(
-            window,
-            regression,
-            config,
-            selection.fits,
-            limits,
-            penalty,
-            likely,
-            coarse,
-            partial(progress, "magnitudes within the onset tolerance"),
-        )
+        sizing = partial(progress, "magnitudes within the onset tolerance")
+        within = limits_within_tolerance(window, regression, config, selection.fits, penalty, likely, coarse, sizing)
+        limits = np.fmax(limits, within)
     estimates = replace(estimates, minimal_detectable=limits)
     coarse = None  # its memory is wanted for what follows
     shifts_s = {n: shift_s for n, shift_s in moved.shifts_s.items() if n in fit.atoms}

@@ -23,8 +23,7 @@ from ..kernels.sparsity import PUBLISHED, penalty_constants
 from ..kernels.termination import Termination
 from ..kernels.variable_projection import fit_magnitudes
 from ..preprocessing.magnitudes import magnitudes_of_fit
-from ..preprocessing.rank_one import as_published, decides_by_rule, solve, stage_of, stopping_of
-from ..preprocessing.regression import RegressionData
+from ..preprocessing.regression import RegressionData, as_published, decides_by_rule, solve, stage_of, stopping_of
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
 from .maximum_likelihood import best_of, select

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from ..aircraft import MANOEUVRES, MODELS
 from ..config import Config, DictionarySource, Natural
-from ..dictionary.document import Interval, NumberOrInterval
+from ..dictionary import Interval, NumberOrInterval
 from ..errors import DictionaryError
 from ..faults import Fault, did_you_mean, fault_from_dict
 from ..shapes import SHAPES

@@ -17,7 +17,7 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
-from ..preprocessing.advice import what_would_help
+from ..preprocessing.defaults import what_would_help
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity

@@ -13,7 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.whiteness import exceedances, robust_sd
-from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
+from ..preprocessing.summary import LogSummary, ModelSummary, noise_of
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
 from .scan import HypothesisScan
@@ -228,16 +228,16 @@ def assemble_result(
         threshold=None,
         calibration=None,
         faults=tuple(faults),
-        model=model_summary(
-            record.without_fault(y, order).error * record.unit,
+        model=ModelSummary(
             order=order,
             rate_hz=settings.rate_hz,
             feedthrough=record.feedthrough,
             inputs=settings.inputs,
             outputs=settings.outputs,
-            orders=scan.orders if several else (),
-            criterion_no_fault=scan.without_fault if several else (),
-            criterion_best=scan.with_fault if several else (),
+            noise_sd=noise_of(record.without_fault(y, order).error * record.unit, settings.outputs),
+            orders=tuple(scan.orders) if several else (),
+            criterion_no_fault=tuple(scan.without_fault) if several else (),
+            criterion_best=tuple(scan.with_fault) if several else (),
         ),
         method="scan",
         profiles=tuple(profiles),

@@ -22,7 +22,7 @@ from ..kernels.onset.scan import Profile, default_onsets
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import sparse_varx
 from ..kernels.variable_projection import project_inputs
-from ..preprocessing.rank_one import decides_by_rule, solve, stage_of
+from ..preprocessing.regression import decides_by_rule, solve, stage_of
 from ..preprocessing.tolerance import tolerances_of
 from .estimate import Estimate
 from .result import OnsetResult, assemble_result

@@ -15,7 +15,7 @@ from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows, exceedances
 from .regression import RegressionData, build_regression
-from .summary import ModelSummary, model_summary
+from .summary import ModelSummary, noise_of
 from .window import PreparedWindow
 
 FloatArray = NDArray[np.float64]
@@ -85,13 +85,13 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
         unfolded=unfolded,
         sd=np.sqrt(single_additions(best, unfolded).variance),
         deviations=detectable_at(penalty),
-        model=model_summary(
-            unfolded.error * regression.unit,
+        model=ModelSummary(
             order=best.order,
             rate_hz=window.signals.rate_hz,
             feedthrough=regression.layout.feedthrough,
             inputs=config.inputs,
             outputs=config.outputs,
+            noise_sd=noise_of(unfolded.error * regression.unit, config.outputs),
         ),
     )
 

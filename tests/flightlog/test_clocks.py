@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import Channel, FlightLog, read_log
-from bfi_cli.flightlog.filling import with_single_samples
 from bfi_cli.flightlog.plausible import time_scale
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.flightlog.resampling import with_single_samples
 
 N = 400
 

@@ -14,7 +14,7 @@ from made_logs import made_log, write_hdf5, write_text
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, inspect_log, read_log, require_usable
-from bfi_cli.flightlog.filling import with_filled
+from bfi_cli.flightlog.resampling import with_filled
 
 RATE_HZ = 10.0
 TIME_S = np.arange(200) / RATE_HZ

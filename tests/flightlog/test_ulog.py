@@ -14,8 +14,8 @@ from made_px4 import message, px4_topics, tas, ulog_bytes, write_ulog, write_ulo
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.px4 import read_ulog_topics
 from bfi_cli.flightlog.topics import fields_of
-from bfi_cli.flightlog.ulog import read_ulog_topics
 
 
 def test_the_ulog_and_its_csv_files_are_one_flight(tmp_path: Path):

@@ -14,7 +14,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.identify import identify_faults
-from bfi_cli.preprocessing.advice import require_one_trim
+from bfi_cli.preprocessing.defaults import require_one_trim
 
 
 def flown(noise: float, gusts: float = 0.0) -> FlightLog:

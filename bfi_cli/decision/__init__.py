@@ -7,6 +7,7 @@ from .candidate import (
     Candidate,
     State,
     beyond_tolerance,
+    estimate_of,
     kind_of,
     shown_limit,
     state_of,
@@ -17,5 +18,5 @@ from .evidence import Evidence
 from .verdict import decide, summarise, verdicts_of
 
 __all__ = ["BUILD_UP_S", "KINDS", "UNTESTED", "Candidate", "Conclusion", "Evidence", "State", "beyond_tolerance"]
-__all__ += ["conclude", "decide"]
+__all__ += ["conclude", "decide", "estimate_of"]
 __all__ += ["kind_of", "shown_limit", "state_of", "summarise", "two_digits", "verdicts_of"]

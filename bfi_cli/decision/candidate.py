@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from ..channels import LARGEST_ERROR
 from ..display_units import SI, Units
-from ..faults import Fault, build_up_s
+from ..faults import Fault, FaultEstimate, build_up_s, magnitude_unit, physical
 from ..kernels.normal import TWO_SIDED_95
 from ..shapes import SHAPES, Kind
 
@@ -119,6 +119,40 @@ def beyond_tolerance(effect: float, magnitude: float, sd: float, tolerance: floa
     if effect * (1.0 + spread) <= tolerance:
         return False
     return True if effect * (1.0 - spread) > tolerance else None
+
+
+def estimate_of(
+    fault: Fault,
+    magnitude: float,
+    sd: float,
+    channel_unit: str,
+    *,
+    effect: float | None = None,
+    tolerance: float | None = None,
+    quantile: float = TWO_SIDED_95,
+    **others: Any,
+) -> FaultEstimate:
+    """Return the estimate of a declared fault, its interval, and how its error compares with a tolerance.
+
+    Parameters
+    ----------
+    effect : the largest error that it makes on its channel, None where that is not known.
+    quantile : standard deviations to each side of the interval.
+    others : further attributes of `FaultEstimate`; the name is that of the fault, or its shape, where none is given.
+    """
+    value, physical_unit = physical(fault, magnitude, channel_unit)
+    told = {"name": fault.name or fault.shape, "unit": magnitude_unit(fault, channel_unit)} | others
+    return FaultEstimate(
+        fault=fault,
+        magnitude=magnitude,
+        physical_value=value,
+        physical_unit=physical_unit,
+        sd=sd,
+        ci95=(magnitude - quantile * sd, magnitude + quantile * sd),
+        effect=effect,
+        beyond_tolerance=None if effect is None else beyond_tolerance(effect, magnitude, sd, tolerance),
+        **told,
+    )
 
 
 def shown_limit(one: Candidate, units: Units = SI) -> str | None:

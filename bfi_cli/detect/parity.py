@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..kernels.exponential_tail import block_maxima, fit_tail, white_excess, white_level
+from ..kernels.exponential_tail import block_maxima, fit_tail, white_level
 from ..kernels.normal import ONE_SIDED_90
 from ..kernels.parity import Drops, StepHeight, drop_at, largest_drops, step_height
 from ..kernels.progress import Report, silent
@@ -35,15 +35,13 @@ LASTING = 2
 # went. It spreads by 1.15 at most in 150 flights of the simulated Boeing 747 with white noise, by 1.41 at least in 188
 # runs on two recorded flights.
 UNEQUAL = 1.3
-# In gusts: seconds whose typical error enlarges the variance, and rows a deviate has to last. Chosen together with the
-# factor below on two recorded flights, with four choices of channels (docs/theory.md, 11.3).
+# In gusts: seconds whose typical error enlarges the variance, and rows a deviate has to last. Chosen together on two
+# recorded flights, with four choices of channels (docs/theory.md, 11.3). What exceeds the level in such a time is of
+# one patch of gusts, and tells as much of those that the healthy time has not met as one excess.
 PATCH_S, LASTING_IN_GUSTS = 10.0, 3
-# Factor on the level in gusts, for those the healthy time has not met. Of a hundred healthy windows one exceeds 1.12
-# times the level of its own healthy time on one recorded flight, 1.32 times on the other, 1.20 times on both together;
-# at the rate of their recorder 1.00, 1.32 and 1.15 times (tests/measurements/test_detect_recorded).
-UNSEEN_GUSTS = 1.2
-# Factor on the level of white noise. With it 1 of 400 healthy flights of the Boeing 747 alarms (docs/validation.md).
-ALLOWANCE = 1.1
+# Stretches of healthy time with which the rate of false alarms can be relied on: with fewer the tail is mostly that of
+# white noise, known from five excesses.
+FEWEST_BLOCKS = 10
 # Quantile of the held-back deviates by which a channel is scaled (docs/theory.md, 11.3).
 HIGH = 0.95
 # Independent onsets in the window of a row, of which the largest deviate of white noise is the maximum.
@@ -106,14 +104,14 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
         reach_s=samples.reach_s,
         alarms=tuple(alarms),
         limits=limits,
-        is_calibrated=threshold.tail is not None,
+        is_calibrated=len(threshold.maxima) >= FEWEST_BLOCKS,
         ready_s=prepared.watched[0][0],
         calibration=Calibration(
             held_back_s=(first_held, last_held),
             n_blocks=len(threshold.maxima),
             white_level=threshold.white,
             level=threshold.common,
-            heavy=threshold.tail is not None and threshold.tail > threshold.white,
+            heavy=threshold.is_heavy,
             scale=dict(zip(outputs, threshold.scale.tolist(), strict=True)),
             block_maxima=frozen_array(threshold.maxima),
         ),
@@ -135,29 +133,27 @@ def slower(prepared: PreparedRecord, config: Config) -> list[str]:
 def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) -> list[str]:
     """Say what gusts and the held-back healthy time mean for the threshold."""
     notes = []
-    if threshold.gusts > 1.0:
+    if threshold.gusty:
         notes.append(
             "the prediction errors change in size as gusts come and go: they are measured by their size in the last "
-            f"{PATCH_S:g} s, a deviate has to last for {LASTING_IN_GUSTS} samples, and the threshold is "
-            f"{threshold.gusts:g} times that of the healthy time, which keeps the wanted rate on recorded flights; a "
-            "failure that is seen only in calm air may be missed"
+            f"{PATCH_S:g} s, a deviate has to last for {LASTING_IN_GUSTS} samples, and the healthy time tells of gusts "
+            f"that it has not met by one patch in {PATCH_S:g} s; a failure that is seen only in calm air may be missed"
         )
-    if threshold.tail is not None:
-        if threshold.tail > threshold.white:
-            notes.append(
-                f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
-                f"{threshold.white:.3g} standard deviations): the threshold follows their tail, taken to be exponential"
-            )
-        return notes
-    notes.append(
-        f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see heavy "
-        "tails: the threshold assumes white noise; give a longer --train"
-    )
-    higher = [name for name, scale in zip(prepared.outputs, threshold.scale, strict=True) if scale > 1.0]
+    if len(threshold.maxima) < FEWEST_BLOCKS:
+        notes.append(
+            f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see heavy "
+            "tails: the threshold takes that of white noise as known from few values; give a longer --train"
+        )
+    elif threshold.is_heavy:
+        notes.append(
+            f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
+            f"{threshold.white:.3g} standard deviations): the threshold follows their tail, taken to be exponential"
+        )
+    higher = [name for name, most in zip(prepared.outputs, threshold.largest, strict=True) if most > threshold.white]
     if higher:
         notes.append(
-            f"{', '.join(higher)}: the threshold is raised, since held-back healthy data came close to that of white "
-            "noise or exceeded it; the model predicts the healthy time badly"
+            f"{', '.join(higher)}: the threshold is raised, since held-back healthy data exceed that of white noise; "
+            "the model predicts the healthy time badly"
         )
     return notes
 
@@ -169,23 +165,30 @@ class DetectionThreshold:
     Attributes
     ----------
     level : (n_outputs,).
-    white : the level of white noise; tail : that of the held-back deviates, None where they are too few to tell.
-    gusts : factor on both where the errors change in size, 1 where they do not.
-    scale : (n_outputs,) factors on it.
+    white : the level of white noise; tail : that of the held-back deviates.
+    gusty : whether the errors change in size.
+    scale : (n_outputs,) factors on the larger of both.
     maxima : (n_blocks,) largest scaled deviates of blocks of the held-back rows.
+    largest : (n_outputs,) of the held-back deviates.
     """
 
     level: FloatArray
     white: float
-    tail: float | None
-    gusts: float
+    tail: float
+    gusty: bool
     scale: FloatArray
     maxima: FloatArray
+    largest: FloatArray
 
     @property
     def common(self) -> float:
         """The level before it is scaled for a channel."""
-        return self.gusts * max(self.white, self.tail or 0.0)
+        return max(self.white, self.tail)
+
+    @property
+    def is_heavy(self) -> bool:
+        """Whether the tail of the held-back deviates sets the level."""
+        return self.tail > self.white
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -234,7 +237,7 @@ def detect_sequentially(
         # The deviate that counts is the least one over the last rows.
         padded = np.vstack([np.zeros((lasting - 1, len(channels))), drops.deviate])
         drops = replace(drops, deviate=np.lib.stride_tricks.sliding_window_view(padded, lasting, axis=0).min(axis=2))
-        threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS if gusty else 1.0)
+        threshold = _threshold(model, drops, window, false_alarm, patch=patch)
         # The first row, after the onset of the failure before, whose deviate is above its level.
         at = model.samples[model.errors.start :]
         decided = np.flatnonzero((np.arange(len(at)) >= model.n_healthy - model.errors.start) & (at >= begin))
@@ -307,28 +310,30 @@ def _height(samples: DecimatedRecord, model: Predictor, onset: int, output: int)
     return first if abs(first.height - then.height) <= apart else None
 
 
-def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float, *, gusts: float) -> DetectionThreshold:
-    """Return the level of white noise, or that of the held-back deviates where these are heavier, times `gusts`."""
+def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float, *, patch: int) -> DetectionThreshold:
+    """Return the level of white noise, or that of the tail of held-back deviates where that is heavier.
+
+    Parameters
+    ----------
+    patch : rows in which gusts are of one size, 0 where there are none.
+    """
     n_held = model.n_healthy - model.errors.start
     n_watched, q = len(drops.deviate) - n_held, drops.deviate.shape[1]
-    white = ALLOWANCE * white_level(max(n_watched, 1) * q * window, false_alarm)
+    white = white_level(max(n_watched, 1) * q * window, false_alarm)
     held = drops.deviate[min(window, n_held) : n_held]
     usual = white_level(WHITE_ONSETS, 1.0 - HIGH)
     scale = np.maximum(np.quantile(held, HIGH, axis=0) / usual, 1.0) if len(held) else np.ones(q)
     maxima = block_maxima(held / scale, window)
-    tail = fit_tail(maxima, white=white_excess(WHITE_ONSETS * q * window))
-    if tail is None:
-        reached = np.maximum(ALLOWANCE * held.max(axis=0, initial=0.0) / white, 1.0)
-        scale, level = reached, None
-    else:
-        level = tail.level(false_alarm / max(n_watched / window, 1.0))
+    tail = fit_tail(maxima, WHITE_ONSETS * q * window, alike=patch / window)
+    level = tail.level(false_alarm / max(n_watched / window, 1.0))
     return DetectionThreshold(
-        level=scale * (gusts * max(white, level or 0.0)),
+        level=scale * max(white, level),
         white=white,
         tail=level,
-        gusts=gusts,
+        gusty=patch > 0,
         scale=scale,
         maxima=maxima,
+        largest=held.max(axis=0, initial=0.0),
     )
 
 

@@ -24,20 +24,16 @@ from ..parity.windows import Window, overlaps, windows_in
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from .corrected import corrected_channels, course_of
-from .deviations import beyond_tolerance, largest_first
-from .disagreements import drafts_of_disagreements
-from .events import Draft, as_one, is_certain, join, merge_stages, with_ends
+from .events import Draft, as_one, beyond_its_tolerance, is_certain, join, largest_first, merge_stages, with_ends
 from .flight import Flight, flight_of
-from .glances import GLANCE_S, STEP_S, glance_at_flight, inputs_for, summary_of
 from .limits import bounds_of, limit_courses, limits_of
-from .looks import Scanned, rate_of
-from .missing import missing_sentences
+from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice
-from .relations import StaticWindows, drafts_of_relations, find_relations, intact_channels
+from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Look, Strip
 from .short_defects import AFTER_HOLD_S, events_of_defects, notes_on_defects
 from .slow_faults import SlowFaults, find_slow_faults
-from .unwatched import unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
+from .unwatched import missing_sentences, unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import evidence_of, sentence_of
 
 FloatArray = NDArray[np.float64]
@@ -179,7 +175,7 @@ def _measured(recorded: FlightLog, flight: Flight, shown: Sequence[str]) -> dict
 
 def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft], list[Draft]]:
     """Return the drafts that may be beyond the tolerances, and those that are surely within: these hide no other."""
-    within = [beyond_tolerance(flight, draft) is False for draft in drafts]
+    within = [beyond_its_tolerance(flight, draft) is False for draft in drafts]
     pairs = list(zip(drafts, within, strict=True))
     return [draft for draft, is_small in pairs if not is_small], [draft for draft, is_small in pairs if is_small]
 
@@ -252,7 +248,7 @@ def _event(flight: Flight, draft: Draft) -> Event:
         kind=SHAPES[one.shape].kind if one.shape in SHAPES else "abrupt",
         stages=stages,
         ci95=ci95,
-        beyond_tolerance=beyond_tolerance(flight, draft),
+        beyond_tolerance=beyond_its_tolerance(flight, draft),
         seen_until_s=draft.until_s,
         window_s=draft.window,
         note=note,

@@ -8,8 +8,10 @@ from functools import partial
 
 import numpy as np
 
+from ..decision import beyond_tolerance
 from ..parity import Finding
 from ..parity.explain import course_for
+from .flight import Flight
 
 Window = tuple[float, float]
 
@@ -23,10 +25,6 @@ FREQUENCY_TOLERANCE = 0.05
 # nothing, standard deviations of both where they do, and never more than that share, which would be a part of a return.
 # Chosen by hand, not tuned.
 STEP_BACK, SURE, MOST_LEFT = 0.1, 3.0, 0.5
-# While another fault lasts, what is below so many times its threshold may be a trace of that. A vane that is wrong by
-# half of its angle leaves 1.8 in a phugoid (tests/measurements/test_lasting_faults.py).
-# The factor is that and a third more.
-TRACE = 2.5
 # The order of trust: what a line or a relation shows is exact, what windows of a regression show is not. A line that is
 # held goes before the relations that it disturbs.
 STAGES = ("sensors", "holds", "static relations", "parity", "scan")
@@ -120,10 +118,9 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
 
 
 def is_certain(draft: Draft) -> bool:
-    """Return whether a draft is above its threshold, more than a trace of a fault that lasts, and beyond doubt."""
-    if draft.finding.doubt or draft.finding.stage != "parity":
-        return not draft.finding.doubt
-    return draft.finding.statistic > (TRACE if draft.lasting else 1.0) * draft.finding.threshold
+    """Return whether a draft is above its threshold and beyond doubt."""
+    one = draft.finding
+    return not one.doubt and (one.stage != "parity" or one.statistic > one.threshold)
 
 
 def as_one(events: Sequence[Draft]) -> list[Draft]:
@@ -216,3 +213,54 @@ def _belongs(one: Draft, event: Draft) -> bool:
         return own or not (swings and event.finding.stage == "static relations")
     alike = {*one.finding.among, *one.finding.channels} & {*event.finding.among, *event.finding.channels}
     return bool(alike)
+
+
+def beyond_its_tolerance(flight: Flight, draft: Draft) -> bool | None:
+    """Return whether the error of a draft surely exceeds, or surely keeps within, the tolerances of its channels.
+
+    The ends of the 95 % interval of its size decide, by the channel that is nearest to its tolerance or furthest beyond
+    it. None where the interval holds that, and where no size or no tolerance is known.
+    """
+    share, one = _share(flight, draft), draft.finding
+    if share is None or one.magnitude is None or one.sd is None:
+        return None
+    return beyond_tolerance(share, one.magnitude, one.sd, 1.0)
+
+
+def growth(shape: str, constant_s: float | None, *, shown_s: float, until_s: float) -> float:
+    """Return how many times as large the error of a course is after `until_s` as after `shown_s`, at least 1.
+
+    Both are counted from the onset.
+    """
+    course = course_for(shape, constant_s)
+    if course is None:
+        return 1.0
+    shown, reached = course(np.array([shown_s, max(until_s, shown_s)]))
+    return float(reached / shown) if shown > 0.0 else 1.0
+
+
+def largest_first(flight: Flight, drafts: Sequence[Draft]) -> list[Draft]:
+    """Return drafts by what they make of a channel beside its tolerance; those of unknown size are the first."""
+
+    def order(draft: Draft) -> tuple[float, float]:
+        share = _share(flight, draft)
+        return (-np.inf if share is None else -share, draft.finding.onset_s)
+
+    return sorted(drafts, key=order)
+
+
+def _share(flight: Flight, draft: Draft) -> float | None:
+    """Return the largest error of a draft over the tolerance of its channel, None where nothing tells it.
+
+    What grows in the window that describes it may grow on: until the last window that shows it.
+    """
+    one = draft.finding
+    until_s = draft.until_s if one.offset_s is None else one.offset_s
+    shown_s, until_s = draft.window[1] - one.onset_s, until_s - one.onset_s
+    grown = growth(one.shape, one.constant_s, shown_s=shown_s, until_s=until_s)
+    shares = [
+        abs(size) * grown / tolerance
+        for channel, size in one.effect.items()
+        if (tolerance := flight.tolerance(channel, draft.window)) is not None and tolerance > 0.0
+    ]
+    return max(shares, default=None)

@@ -16,12 +16,11 @@ from threadpoolctl import threadpool_limits
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..channels import INDEPENDENT, STANDARD
 from ..config import Config, merge
-from ..decision import Candidate, Evidence, state_of
+from ..decision import Candidate, Evidence, estimate_of, state_of
 from ..errors import LogError
-from ..faults import Fault, FaultEstimate, physical
+from ..faults import Fault, FaultEstimate
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of
-from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, unseen
 from ..parity import RESIDUALS, Record, available, configuration_changes
 from ..parity.explain import course_for
@@ -31,8 +30,8 @@ from ..parity.windows import LENGTHS_S, clean_up_time
 from ..report.text import instant, quantity
 from ..shapes import SHAPES
 from ..units import per_second
-from .deviations import growth, surely_beyond
 from .diagnose import events_of, lasting_faults
+from .events import growth
 from .flight import Flight, flight_of
 from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
 from .result import Event
@@ -163,27 +162,22 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
         magnitude = effect / float(course(np.array([max(until_s, shown_s)]))[0])
     else:
         return None
-    sd = abs(magnitude) * relative
-    meant, unit = physical(fault, magnitude, STANDARD[channel].unit)
-    return FaultEstimate(
+    estimate = estimate_of(
+        replace(fault, magnitude=magnitude),
+        magnitude,
+        abs(magnitude) * relative,
+        STANDARD[channel].unit,
+        effect=None if effect is None else abs(effect),
+        tolerance=tolerance,
         name=event.fault if of_line else f"{event.shape} of {channel}",
-        fault=replace(fault, magnitude=magnitude),
-        magnitude=magnitude,
-        unit=event.unit if of_line or event.fault == channel else unit,
-        physical_value=meant,
-        physical_unit=unit,
-        sd=sd,
-        ci95=(magnitude - TWO_SIDED_95 * sd, magnitude + TWO_SIDED_95 * sd),
         onset_ci95=event.onset_ci95,
         statistic=event.statistic,
         p_value=event.p_value,
-        effect=None if effect is None else abs(effect),
-        beyond_tolerance=None
-        if effect is None or np.isnan(relative)
-        else surely_beyond(abs(effect) / tolerance, relative),
         among=event.among,
         source=SOURCE,
     )
+    is_own = of_line or event.fault == channel
+    return replace(estimate, unit=event.unit if is_own else estimate.physical_unit)
 
 
 _CONSTANTS = ("time_constant_s", "duration_s")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import IMPACT_SOURCES
+from ..airdata import GRAVITY_LEFT_IN, IMPACT_SOURCES
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
@@ -33,10 +33,8 @@ from ..parity.credibility import coarse_positions, credibility_of
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
 from ..parity.sensors import accelerometer_steps, frozen_vanes, probe_steps, without_frozen
-from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
+from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
 from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
-from .conventions import without, without_other_conventions
-from .glances import INPUTS
 
 FloatArray = NDArray[np.float64]
 
@@ -51,8 +49,13 @@ WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
 BEFORE, BESIDE = "the flight before the fault", "the flight before and after the fault"
 ORIGINS = (OUTSIDE, WHOLE, BEFORE, BESIDE, NOWHERE)
-# Faults that spoil that angle where they last.
+# The inputs of the scan for steps and its tables: the surface, and what bounds the airspeed whatever the surface does.
+INPUTS = ("elevator", "pitch", "longitudinal_acc")
+# Faults that spoil the angle of zero lift where they last.
 TELL_ZERO_LIFT = {"aoa", "normal_acc", *IMPACT_SOURCES}
+# m/s^2 by which the mean rate of the airspeed may differ from that of the accelerometers: two degrees of attitude.
+# Gravity that was taken out of the longitudinal acceleration is its sine of the pitch, as much in a climb.
+MEAN_RATE = 0.35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -335,3 +338,47 @@ def _reaches(hold: Finding, time_s: float) -> bool:
 def _never_moves(values: FloatArray) -> bool:
     known = values[np.isfinite(values)]
     return known.size == 0 or float(known.min()) == float(known.max())
+
+
+def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[FlightLog, tuple[str, ...]]:
+    """Return the log without accelerations whose mean over the flight no aircraft has, and a sentence on each."""
+    said = []
+    if "normal_acc" in log.channels:
+        flown = log.channels["normal_acc"].values[within(log.time_s, flight_stretches(phases))]
+        middle = float(np.nanmedian(flown)) if np.isfinite(flown).any() else 0.0
+        if abs(middle) > GRAVITY_LEFT_IN:
+            said.append(
+                f"'normal_acc' has a median of {middle:.3g} m/s^2 in flight, where it should be 0 in level flight: "
+                "it was not used"
+            )
+            log = without(log, "normal_acc")
+    record = record_of(log)
+    if record.gained is not None and "tas" in record.channels:
+        off = _mean_rate(record, phases)
+        if abs(off) > MEAN_RATE:
+            said.append(
+                f"'longitudinal_acc' and attitude give {off:.2g} m/s^2 more acceleration than the airspeed shows in "
+                "the mean over the flight: it was not used; it should be the specific force along body x, "
+                "forward, and the pitch be right"
+            )
+            log = without(log, "longitudinal_acc")
+    return log, tuple(said)
+
+
+def without(log: FlightLog, *names: str) -> FlightLog:
+    """Return a log without some of its channels."""
+    return replace(log, channels={name: one for name, one in log.channels.items() if name not in names})
+
+
+def _mean_rate(record: Record, phases: Sequence[Phase]) -> float:
+    """Return by how much the accelerometers' mean rate of the airspeed exceeds the airspeed's, m/s^2."""
+    gained, seconds = 0.0, 0.0
+    for first, last in flight_stretches(phases):
+        part = record.between(first, last)
+        assert part.gained is not None
+        excess = part.gained - part.channels["tas"]
+        left = np.flatnonzero(np.isfinite(excess))
+        if left.size > 1:
+            gained += float(excess[left[-1]] - excess[left[0]])
+            seconds += float(part.time_s[left[-1]] - part.time_s[left[0]])
+    return gained / seconds if seconds > 0.0 else 0.0

@@ -1,24 +1,26 @@
-"""The parity scan over a whole flight: every window of every length, its thresholds, and what it excludes."""
+"""The scans over a whole flight: the parity scan of every window of every length, and that for steps."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..config import Config, merge
+from ..engine import in_order
+from ..errors import BfiError
+from ..flightlog import FlightLog
 from ..kernels.progress import Report, silent
-from ..parity import (
-    LENGTHS_S,
-    ParityTable,
-    Threshold,
-    WindowScan,
-    table_for,
-    threshold_of,
-)
+from ..onset.glance import Glance, glance
+from ..parity import LENGTHS_S, ParityTable, ScanKey, Threshold, WindowScan, table_for, threshold_of
 from ..parity.windows import Window, windows_in
-from .flight import Flight
+from ..preprocessing.window import TRUSTED
+from .flight import INPUTS, Flight
 from .result import Look
 
 FloatArray = NDArray[np.float64]
@@ -29,10 +31,10 @@ SCALE_S, ENOUGH_WINDOWS = 120.0, 10
 # The share of windows that say so: a fault that lasts to the end of a short log is in more than half of them. Both by
 # this reasoning; no flight was used to set them.
 CALM = 0.25
-# Times its threshold, what a window shows in which another fault lasts: columns for that take away noise of a window as
-# well, so that less is held against the tables'. Of 469 windows of two flights without a fault, any of five faults left
-# out, 12 exceed their threshold, one and a half times it 5, all of these in one phugoid.
-SECOND = 1.5
+# Windows of the scan for steps: with a quarter of overlap a step lies 15 s inside of one of them.
+GLANCE_S, STEP_S = 120.0, 90.0
+CHUNK = 4  # windows that a worker takes at once; for the speed only
+FEWEST_FOR_WORKERS = 8  # a worker takes a second to start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +65,16 @@ class Scanned:
     @property
     def length_s(self) -> float:
         return self.to_s - self.from_s
+
+    @property
+    def key(self) -> ScanKey:
+        """What its statistic depends on."""
+        return ScanKey(
+            residuals=self.residuals,
+            length_s=float(round(self.length_s)),
+            knows_zero_lift=self.knows_zero_lift,
+            beside=bool(self.lasting),
+        )
 
 
 def rate_of(false_alarm: float, n_windows: int) -> float:
@@ -131,7 +143,7 @@ def scale_of(flight: Flight) -> float:
     free = replace(flight, zero_lift=None)
     shares = []
     for one in scan_flight(free, windows_in(flight.phases, SCALE_S, step_s=SCALE_S)):
-        table = table_for(flight.tables, one.residuals, one.length_s, knows_zero_lift=False)
+        table = table_for(flight.tables, replace(one.key, beside=False))
         if table is not None:
             shares.append(one.statistic / max(float(np.quantile(table.statistics, CALM)), 1.0))
     return max(1.0, float(np.quantile(shares, CALM))) if len(shares) >= ENOUGH_WINDOWS else 1.0
@@ -151,20 +163,13 @@ def look_at(
     ----------
     rates, suspicions : by length of a window, of false alarms and of suspicions.
     """
-    cache: dict[tuple[Collection[str], float, bool, bool], Threshold] = {}
+    cache: dict[ScanKey, Threshold] = {}
     for one in scanned:
-        key = (one.residuals, round(one.length_s), one.knows_zero_lift, bool(one.lasting))
+        key = one.key
         if key not in cache:
             nearest = min(LENGTHS_S, key=lambda length_s: abs(length_s - one.length_s))
-            cache[key] = threshold_of(
-                tables,
-                one.residuals,
-                one.length_s,
-                knows_zero_lift=one.knows_zero_lift,
-                false_alarm=rates[nearest],
-                suspicion=suspicions[nearest],
-                scale=scale * (SECOND if one.lasting else 1.0),
-            )
+            rate, suspicion = rates[nearest], suspicions[nearest]
+            cache[key] = threshold_of(tables, key, false_alarm=rate, suspicion=suspicion, scale=scale)
         threshold = cache[key]
         yield (
             one,
@@ -180,3 +185,47 @@ def look_at(
                 onset_s=one.onset_s,
             ),
         )
+
+
+def inputs_for(log: FlightLog) -> tuple[str, ...]:
+    """Return those of the inputs that the log has and that move."""
+    return tuple(
+        name
+        for name in INPUTS
+        if name in log.channels and float(np.ptp(np.nan_to_num(log.channels[name].values))) > 0.0
+    )
+
+
+def glance_at_flight(
+    log: FlightLog, windows: Sequence[Window], config: Config, *, workers: int = 1, report: Report = silent
+) -> list[tuple[Window, Glance | str]]:
+    """Return what stands out in every window, or why it could not be analysed.
+
+    Parameters
+    ----------
+    config : with inputs and outputs.
+    """
+    # What stands out is confirmed with the other trusted channels.
+    names = dict.fromkeys((*config.inputs, *config.outputs, *(name for name in TRUSTED if name in log.channels)))
+    slim = replace(log, channels={name: log.channels[name] for name in names}, truth=None, notes=())
+    parts = [slim.window(from_s, to_s) for from_s, to_s in windows]
+    whole = merge(config, {"window": {"from_s": None, "to_s": None}})
+    found: list[tuple[Window, Glance | str]] = []
+    workers = workers if len(parts) >= FEWEST_FOR_WORKERS else 1
+    with closing(in_order(partial(_glance_in, config=whole), parts, workers=workers, chunk=CHUNK)) as results:
+        for window, (answer, _) in zip(windows, results, strict=True):
+            found.append((window, answer))
+            report(len(found) / len(parts))
+    return found
+
+
+def _glance_in(part: FlightLog, *, config: Config) -> Glance | str:
+    try:
+        return glance(part, config)
+    except BfiError as unusable:
+        return str(unusable)
+
+
+def summary_of(found: Sequence[tuple[Window, Glance | str]]) -> Mapping[str, int]:
+    """Return how many windows failed for each reason."""
+    return Counter(answer for _, answer in found if isinstance(answer, str))

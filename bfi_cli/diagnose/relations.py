@@ -1,23 +1,31 @@
-"""Static relations over the windows of a flight: what they found, and which channels they clear."""
+"""Relations between channels over a flight: static ones, and airspeeds that other signs of flight overrule."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..channels import STANDARD
+from ..flightlog.phases import Disagreement
 from ..kernels.progress import Report, silent
+from ..parity import Finding
 from ..parity.relation_course import with_course
 from ..parity.sampled import unit_of
 from ..parity.static_relations import Series, StaticRelations, find_static
 from ..parity.windows import Window, flight_stretches, overlaps
 from .events import Draft, clusters, join
 from .flight import Flight
+from .naming import channels_of
 
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
 
 # Windows of two minutes in a row in which a drift is described: a longer one tells a slow onset better, and holds more
 # of what a healthy relation follows.
 LONGEST = 4
+# Seconds to both sides of the onset of an airspeed that is overruled: their smoothing.
+ONSET_S = 5.0
+# Seconds beside it that are shown.
+AROUND_S = 60.0
 
 
 def find_relations(flight: Flight, series: Series, *, report: Report = silent) -> StaticWindows:
@@ -86,3 +94,48 @@ def intact_channels(static: StaticWindows, window: Window) -> dict[str, bool]:
     beside = [relation for where, answer in static if overlaps(window, [where]) for relation in answer.relations]
     broken = {name for relation in beside if relation.changes for name in relation.channels}
     return {name: name not in broken for relation in beside for name in relation.channels}
+
+
+def drafts_of_disagreements(flight: Flight, held: Sequence[Draft]) -> list[Draft]:
+    """Return the airspeeds that are overruled as faults: one alone by itself, all together as one of their line.
+
+    Parameters
+    ----------
+    held : what the pressure lines show; where that names the line too it is the better description.
+    """
+    together: dict[tuple[float, float], list[Disagreement]] = {}
+    found = []
+    for one in flight.disagreements:
+        if one.to_s <= flight.from_s or one.from_s >= flight.to_s:
+            continue
+        if one.alone:
+            found.append(_overruled(flight, one, (one.channel,), (one.channel,)))
+        else:
+            together.setdefault((one.from_s, one.to_s), []).append(one)
+    for (from_s, to_s), those in together.items():
+        if not any(draft.from_s < to_s and draft.until_s > from_s for draft in held):
+            alone = () if len(those) > 1 or "p_total" in flight.recorded else (those[0].channel,)
+            among = (*alone, "pitot_leak", "pitot_blocked")
+            found.append(_overruled(flight, those[0], among, channels_of("q_impact", flight.recorded)))
+    return found
+
+
+def _overruled(flight: Flight, one: Disagreement, among: tuple[str, ...], channels: tuple[str, ...]) -> Draft:
+    """Return one stretch as a fault, without an end: an airspeed that may be that of a flight again may still err."""
+    finding = Finding(
+        fault=among[0],
+        among=among,
+        channels=channels,
+        stage="sensors",
+        shape="bias" if among[0] in STANDARD else among[0],
+        unit=STANDARD[one.channel].unit if among[0] in STANDARD else "",
+        onset_s=one.from_s,
+        # What falls slowly has begun before it says "ground".
+        onset_ci95=(one.from_s - one.least_s - ONSET_S, one.latest_s + ONSET_S),
+        statistic=one.to_s - one.from_s,
+        threshold=one.least_s,
+        doubt="" if one.certain else "no more signs of the log tell of flight than of the ground",
+        effect={} if one.error is None else {one.channel: abs(one.error)},
+    )
+    window = (max(flight.from_s, one.from_s - AROUND_S), min(flight.to_s, one.to_s + AROUND_S))
+    return Draft(finding=finding, window=window, until_s=min(flight.to_s, one.to_s))

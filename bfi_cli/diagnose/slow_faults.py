@@ -19,8 +19,7 @@ from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
 from ..parity.explain import course_for
 from ..parity.scan import without_lasting
 from ..parity.windows import Window, flight_stretches, overlaps, windows_in
-from .deviations import beyond_tolerance
-from .events import Draft, clusters, is_certain, is_return
+from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import Scanned, look_at, rate_of, scale_of, scan_flight
 from .naming import contradicted, finding_of_fit, hypotheses_of
@@ -75,7 +74,7 @@ def find_slow_faults(
     held = [(draft.from_s, draft.until_s) for draft in before if draft.finding.stage == "holds"]
     # What is surely small hides in no residual: nothing is left out for it.
     exact = (draft for draft in before if draft.finding.stage == "static relations")
-    known = [draft for draft in exact if beyond_tolerance(flight, draft) is not False]
+    known = [draft for draft in exact if beyond_its_tolerance(flight, draft) is not False]
     for draft in known:
         if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway
             back = next((one for one in known if is_return(one.finding, draft.finding)), None)

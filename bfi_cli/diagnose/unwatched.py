@@ -1,4 +1,4 @@
-"""Flight that no analysis covered: named, so that silence about it is not taken for health."""
+"""Flight that no analysis covered, and what a log lacks: named, so that silence is not taken for health."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from ..decision import two_digits
 from ..flightlog.phases import NO_AIRSPEED, PARTS
+from ..parity import LENGTHS_S, available
 from ..parity.windows import Window
 from .flight import Flight
-from .glances import GLANCE_S
 from .limits import AIRSPEEDS, PITOT_LINE, Bounds
-from .result import Event
+from .looks import GLANCE_S, Scanned
+from .result import Event, FlightLimit
 
 # Half a minute of flight: what is shorter narrows a claim by less than the onsets of slow faults are uncertain.
 LEAST_S = 30.0
@@ -21,6 +23,13 @@ AIRBORNE = tuple(phase for phase in PARTS if phase not in ON_GROUND)
 STEP_MARGIN_S = 15.0
 
 NO_SPEED = "no airspeed is recorded, or none that is right"
+# By residual, what its lack costs.
+BOUNDS = {
+    "lift": "the lift does not bound the airspeed and the angle of attack",
+    "climb": "the climb angle does not bound pitch and angle of attack",
+    "kinematics": "the inertial acceleration does not bound the airspeed",
+    "ground_speed": "the ground speed does not bound the airspeed",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,3 +169,38 @@ def _long(pieces: Sequence[Unwatched]) -> list[Unwatched]:
             run[first : last + 1] = [replace(run[first], to_s=run[last].to_s, why=run[other].why)]
         found += [one for one in run if one.seconds >= LEAST_S - 1e-6]
     return found
+
+
+def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequence[FlightLimit]) -> tuple[str, ...]:
+    """Return a sentence for each residual that the log does not allow, with what is seen without it.
+
+    Parameters
+    ----------
+    scanned : the windows in which a residual is known.
+    """
+    kinds, lacking = available(flight.record.channels)
+    for one in scanned:
+        lacking.update(one.lacking)
+    used = {name for one in scanned for name in one.residuals}
+    mostly = next((one for one in limits if one.fault == PITOT_LINE and one.holds_in < 1.0), None)
+    cost = ""
+    if mostly is not None and mostly.effect is not None:
+        within = f"{two_digits(mostly.effect)} m/s in {mostly.to_s - mostly.from_s:.0f} s"
+        cost = f"; in most of the flight a slow fault of the airspeed of less than {within} would not be seen"
+    said = [
+        f"from {one.from_s:.0f} to {one.to_s:.0f} s no airspeed is recorded, or it is that of an aircraft at "
+        "rest while other signs tell of flight: nothing else was looked for there"
+        for one in flight.part_phases
+        if one.phase == NO_AIRSPEED
+    ]
+    for name, channels in lacking.items():
+        if name not in used:
+            said.append(f"no {channels}: {BOUNDS[name]}{cost}")
+            cost = ""
+    if not any(flight.windows(length_s) for length_s in LENGTHS_S):
+        said.append(f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and approach")
+    elif not kinds:
+        said.append("no slow fault was looked for: nothing bounds the airspeed")
+    elif not scanned:
+        said.append("no slow fault was looked for: in every window most samples are no numbers")
+    return tuple(said)

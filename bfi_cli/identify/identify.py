@@ -12,10 +12,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
-from ..decision import KINDS, Evidence, beyond_tolerance, conclude
+from ..decision import KINDS, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
-from ..faults import Decision, FaultEstimate, magnitude_unit, physical
+from ..faults import Decision, FaultEstimate
 from ..filters import alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
@@ -187,21 +187,17 @@ def _assembled(
     tolerances = tolerances_of(log, window.log, config.outputs, config)
     faults = []
     for n in outcome.atoms:
-        fault, z, reach = window.faults[window.live[n]], float(magnitudes.value[n]), magnitudes.quantile * float(sd[n])
-        channel = window.log.channel(fault.channel)
-        unit, effect = channel.unit, abs(z) * float(window.largest[window.live[n]])
-        value, physical_unit = physical(fault, z, unit)
-        estimate = FaultEstimate(
-            name=window.names[window.live[n]],
-            fault=fault,
-            magnitude=z,
-            unit=magnitude_unit(fault, unit),
-            physical_value=value,
-            physical_unit=physical_unit,
-            sd=float(sd[n]),
-            ci95=(z - reach, z + reach),
-            effect=effect,
-            beyond_tolerance=beyond_tolerance(effect, z, float(sd[n]), tolerances[channel.name]),
+        entry, z = window.live[n], float(magnitudes.value[n])
+        fault = window.faults[entry]
+        estimate = estimate_of(
+            fault,
+            z,
+            float(sd[n]),
+            window.log.channel(fault.channel).unit,
+            effect=abs(z) * float(window.largest[entry]),
+            tolerance=tolerances[fault.channel],
+            quantile=magnitudes.quantile,
+            name=window.names[entry],
             among=(fault.shape,),
         )
         faults.append(estimate)
@@ -254,14 +250,11 @@ def _assembled(
 def _of_course(window: PreparedWindow, one: FreeOutcome, quantile: float) -> FaultEstimate:
     """Return the estimate of a fault of unknown course: its magnitude is its largest value."""
     fault, at = window.faults[one.entry], one.peak
-    unit, largest, sd = window.log.channel(fault.channel).unit, float(one.value[at]), float(one.sd[at])
-    return FaultEstimate(
+    return estimate_of(
+        fault,
+        float(one.value[at]),
+        float(one.sd[at]),
+        window.log.channel(fault.channel).unit,
+        quantile=quantile,
         name=window.names[one.entry],
-        fault=fault,
-        magnitude=largest,
-        unit=unit,
-        physical_value=largest,
-        physical_unit=unit,
-        sd=sd,
-        ci95=(largest - quantile * sd, largest + quantile * sd),
     )

@@ -14,8 +14,6 @@ from scipy import special
 
 from . import FloatArray
 
-# Block maxima that a tail is fitted to, at least.
-FEWEST_BLOCKS = 10
 # The mean excess of white noise enters the estimate like so many observed excesses.
 WHITE_WEIGHT = 5
 # Points of the midpoint rule over the upper half of the distribution of a largest deviate.
@@ -32,12 +30,12 @@ class ExcessTail:
     Attributes
     ----------
     start : where the tail begins; share : probability of what lies above.
-    mean : of what is above the start, less it; k : number of values in that mean.
+    mean : of what is above the start, less it; k : number of independent values in that mean.
     """
 
     start: float
     mean: float
-    k: int
+    k: float
     share: float
 
     def probability(self, x: float) -> float:
@@ -75,17 +73,18 @@ def block_maxima(deviates: FloatArray, size: int) -> FloatArray:
     return np.asarray(deviates[: n_blocks * size].reshape(n_blocks, size * deviates.shape[1]).max(axis=1))
 
 
-def fit_tail(maxima: FloatArray, *, white: float) -> ExcessTail | None:
-    """Return the tail of block maxima above their median, None where they are fewer than `FEWEST_BLOCKS`.
+def fit_tail(maxima: FloatArray, n_tests: float, *, alike: float = 1.0) -> ExcessTail:
+    """Return the tail of block maxima above their median, that of white noise where there are none.
+
+    The mean excess that white noise would give counts as `WHITE_WEIGHT` of the excesses.
 
     Parameters
     ----------
     maxima : (n_blocks,).
-    white : mean excess over the median that white noise would give; it counts as `WHITE_WEIGHT` of the excesses.
+    n_tests : independent deviates that each is the largest of.
+    alike : blocks in a row whose excesses are of one size: so many tell as much as one.
     """
-    if len(maxima) < FEWEST_BLOCKS:
-        return None
-    start = float(np.median(maxima))
+    start = float(np.median(maxima)) if len(maxima) else white_level(n_tests, 0.5)
     above = maxima[maxima > start] - start
-    k = len(above) + WHITE_WEIGHT
-    return ExcessTail(start=start, mean=(float(above.sum()) + WHITE_WEIGHT * white) / k, k=k, share=0.5)
+    mean = (float(above.sum()) + WHITE_WEIGHT * white_excess(n_tests)) / (len(above) + WHITE_WEIGHT)
+    return ExcessTail(start=start, mean=mean, k=len(above) / max(alike, 1.0) + WHITE_WEIGHT, share=0.5)

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..decision import KINDS, Candidate, Evidence, beyond_tolerance
-from ..faults import Decision, Fault, FaultEstimate, magnitude_unit, physical
+from ..decision import KINDS, Candidate, Evidence, estimate_of
+from ..faults import Decision, Fault, FaultEstimate, magnitude_unit
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..kernels.normal import TWO_SIDED_95
 from ..kernels.whiteness import exceedances, robust_sd
 from ..preprocessing.summary import LogSummary, ModelSummary, noise_of
 from ..shapes import Kind
@@ -177,22 +176,16 @@ def assemble_result(
         unit, magnitude, sd = log.channel(channel).unit, scale * estimate.z, scale * estimate.sd
         onset_s, offset_s = estimate.onset_s, estimate.offset_s
         fault = fault_of(estimate.form, channel, magnitude=magnitude, onset_s=onset_s, offset_s=offset_s)
-        value, physical_unit = physical(fault, magnitude, unit)
-        effect = scale * float(np.abs(estimate.signal).max())
-        declared = FaultEstimate(
-            name=fault.name or fault.shape,
-            fault=fault,
-            magnitude=magnitude,
-            unit=magnitude_unit(fault, unit),
-            physical_value=value,
-            physical_unit=physical_unit,
-            sd=sd,
-            ci95=(magnitude - TWO_SIDED_95 * sd, magnitude + TWO_SIDED_95 * sd),
+        declared = estimate_of(
+            fault,
+            magnitude,
+            sd,
+            unit,
+            effect=scale * float(np.abs(estimate.signal).max()),
+            tolerance=tolerances[channel],
             onset_ci95=estimate.onset_ci95,
             statistic=estimate.statistic,
             p_value=p_value,
-            effect=effect,
-            beyond_tolerance=beyond_tolerance(effect, magnitude, sd, tolerances[channel]),
             among=estimate.among,
         )
         faults.append(declared)

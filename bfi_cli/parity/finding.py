@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 Bound = Literal["error", "disagreement"]
 Stage = Literal["sensors", "static relations", "holds", "parity", "scan"]
+
+FloatArray = NDArray[np.float64]
 
 CHI_SQUARE = 3.84  # with one degree of freedom, 95 %: twice what a log-likelihood may lose of an interval's middle
 
@@ -74,3 +79,21 @@ class Limit:
     onsets_s: tuple[float, ...]
     sizes: tuple[float, ...]
     bounds: Bound
+
+
+def squares_by_onset(y: FloatArray, courses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (n_onsets,) what is left of squares by a constant and each course, and the size of the course.
+
+    Parameters
+    ----------
+    y : (n,); courses : (n, n_onsets), none of them constant.
+    """
+    y, courses = y - y.mean(), courses - courses.mean(axis=0)
+    sizes = courses.T @ y / np.einsum("ij,ij->j", courses, courses)
+    rest = y[:, None] - sizes * courses
+    return np.einsum("ij,ij->j", rest, rest), sizes
+
+
+def as_good(squares: FloatArray, n: int, alike: float) -> NDArray[np.intp]:
+    """Return which onsets explain n samples about as well as the best, of whose errors so many in a row are alike."""
+    return np.flatnonzero(squares <= squares.min() * (1.0 + alike * CHI_SQUARE / n))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..airdata import G
 from ..flightlog import FlightLog
 from ..kernels.runs import runs
-from .finding import Finding
+from .finding import Finding, as_good, squares_by_onset
 from .lines import (
     LENGTH_S,
     METRES,
@@ -21,7 +21,6 @@ from .lines import (
     stretches_of,
     touching_runs,
 )
-from .onsets import as_good, squares_by_onset
 from .relaxation import ALIKE, Relaxation, relaxations
 
 FloatArray = NDArray[np.float64]

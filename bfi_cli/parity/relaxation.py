@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .onsets import as_good
+from .finding import as_good
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -20,8 +20,7 @@ from ..kernels.normal import MAD, TWO_SIDED_95
 from ..kernels.quantisation import find_quantum
 from ..kernels.runs import runs
 from .credibility import climbing_load, still_air_angle
-from .finding import Finding
-from .onsets import as_good, squares_by_onset
+from .finding import Finding, as_good, squares_by_onset
 from .record import Record
 from .windows import flight_stretches, within
 

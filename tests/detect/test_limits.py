@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 from scipy import special
 
-from bfi_cli.detect.parity import LASTING, LASTING_IN_GUSTS, MonitoringPass, detect_sequentially, parity_limits
+from bfi_cli.detect.parity import (
+    LASTING,
+    LASTING_IN_GUSTS,
+    WHITE_ONSETS,
+    MonitoringPass,
+    detect_sequentially,
+    parity_limits,
+)
 from bfi_cli.detect.preparation import DecimatedRecord
+from bfi_cli.kernels.exponential_tail import fit_tail
 
 N, HEALTHY, RATE_HZ = 240, 140, 5.0
 
@@ -69,12 +77,16 @@ def test_a_detectable_step_is_declared_with_nine_chances_in_ten_by_the_row_that_
     assert np.all(limits.hidden >= limits.detectable)
 
 
-def test_unseen_gusts_raise_the_level_where_gusts_came_and_went_and_nowhere_else():
-    calm, gusty = (watched(growth)[1].threshold for growth in (1.0, 4.0))
-    assert calm.gusts == 1.0
-    assert gusty.gusts > 1.1
-    for one in (calm, gusty):
-        np.testing.assert_allclose(one.level / one.scale, one.gusts * max(one.white, one.tail or 0.0))
+def test_in_gusts_what_exceeds_in_one_patch_tells_once_of_those_that_are_not_met():
+    calm, gusty = (watched(growth)[1] for growth in (1.0, 4.0))
+    assert not calm.threshold.gusty
+    assert gusty.threshold.gusty
+    # Patches of 10 s of blocks of 2 s.
+    for one, alike in ((calm, 1.0), (gusty, 5.0)):
+        held, n_watched = one.threshold, int(np.count_nonzero(one.model.samples >= HEALTHY))
+        tail = fit_tail(held.maxima, WHITE_ONSETS * 2 * one.window, alike=alike)
+        assert held.tail == pytest.approx(tail.level(0.01 * one.window / n_watched))
+        np.testing.assert_allclose(held.level, held.scale * max(held.white, held.tail))
 
 
 def test_a_deviate_has_to_last_longer_in_gusts():

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from bfi_cli.diagnose.deviations import beyond_tolerance, largest_first
-from bfi_cli.diagnose.events import Draft
+from bfi_cli.diagnose.events import Draft, beyond_its_tolerance, largest_first
 from bfi_cli.diagnose.looks import rate_of
 from bfi_cli.parity import LENGTHS_S, Finding
 
@@ -38,28 +37,28 @@ def draft(magnitude: float | None, sd: float = 0.0, *, until_s: float = 160.0, *
 
 
 def test_a_slope_that_is_small_within_its_window_may_grow_beyond_the_tolerance():
-    assert beyond_tolerance(FLIGHT, draft(-0.0026)) is False
-    assert beyond_tolerance(FLIGHT, draft(-0.0026, until_s=1240.0)) is False
-    assert beyond_tolerance(FLIGHT, draft(-0.0026, until_s=1265.0)) is True
-    assert beyond_tolerance(FLIGHT, draft(-0.0026, until_s=1265.0, offset_s=900.0)) is False
+    assert beyond_its_tolerance(FLIGHT, draft(-0.0026)) is False
+    assert beyond_its_tolerance(FLIGHT, draft(-0.0026, until_s=1240.0)) is False
+    assert beyond_its_tolerance(FLIGHT, draft(-0.0026, until_s=1265.0)) is True
+    assert beyond_its_tolerance(FLIGHT, draft(-0.0026, until_s=1265.0, offset_s=900.0)) is False
     # A step grows no more.
-    assert beyond_tolerance(FLIGHT, draft(2.9, until_s=9e3, shape="bias", effect={"tas": 2.9})) is False
+    assert beyond_its_tolerance(FLIGHT, draft(2.9, until_s=9e3, shape="bias", effect={"tas": 2.9})) is False
 
 
 def test_the_interval_decides_and_where_it_holds_the_tolerance_nothing_is_said():
-    assert beyond_tolerance(FLIGHT, draft(0.04, sd=0.004)) is False
-    assert beyond_tolerance(FLIGHT, draft(0.04, sd=0.006)) is None
-    assert beyond_tolerance(FLIGHT, draft(0.06, sd=0.006)) is None
-    assert beyond_tolerance(FLIGHT, draft(0.06, sd=0.004)) is True
+    assert beyond_its_tolerance(FLIGHT, draft(0.04, sd=0.004)) is False
+    assert beyond_its_tolerance(FLIGHT, draft(0.04, sd=0.006)) is None
+    assert beyond_its_tolerance(FLIGHT, draft(0.06, sd=0.006)) is None
+    assert beyond_its_tolerance(FLIGHT, draft(0.06, sd=0.004)) is True
 
 
 def test_the_channel_furthest_beyond_decides():
     effect = {"tas": 0.6, "aoa": 0.03}
-    assert beyond_tolerance(FLIGHT, draft(0.01, effect=effect)) is True
+    assert beyond_its_tolerance(FLIGHT, draft(0.01, effect=effect)) is True
 
 
 def test_what_has_no_size_is_not_said_to_be_small():
-    assert beyond_tolerance(FLIGHT, draft(None)) is None
+    assert beyond_its_tolerance(FLIGHT, draft(None)) is None
 
 
 def test_events_come_by_effect_over_tolerance():

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from bfi_cli.kernels.exponential_tail import (
-    FEWEST_BLOCKS,
     ExcessTail,
     block_maxima,
     fit_tail,
@@ -41,17 +40,26 @@ def test_block_maxima_are_over_channels_and_whole_blocks():
     assert block_maxima(deviates, 6).shape == (0,)
 
 
-def test_too_few_blocks_have_no_tail():
-    assert fit_tail(np.ones(FEWEST_BLOCKS - 1), white=0.3) is None
-    assert fit_tail(np.arange(FEWEST_BLOCKS, dtype=float), white=0.3) is not None
+def test_without_a_block_the_tail_is_that_of_white_noise_known_from_some():
+    found = fit_tail(np.empty(0), 50.0)
+    assert (found.start, found.mean, found.k) == (white_level(50.0, 0.5), white_excess(50.0), 5)
+    assert found.level(1e-4) > white_level(50.0, 1e-4)
 
 
 def test_the_mean_excess_counts_that_of_white_noise_as_some_more_blocks():
     """Five: docs/theory.md, 11.3."""
-    found = fit_tail(np.r_[np.zeros(11), np.full(10, 2.0)], white=0.5)
-    assert found is not None
+    found = fit_tail(np.r_[np.zeros(11), np.full(10, 2.0)], 50.0)
     assert (found.start, found.k, found.share) == (0.0, 10 + 5, 0.5)
-    assert found.mean == pytest.approx((10 * 2.0 + 5 * 0.5) / 15, rel=1e-12)
+    assert found.mean == pytest.approx((10 * 2.0 + 5 * white_excess(50.0)) / 15, rel=1e-12)
+
+
+def test_excesses_that_are_alike_tell_less_of_the_tail():
+    """Each value four times says what it says once, of the mean and of how well that is known."""
+    values = np.random.default_rng(5).exponential(size=400)
+    once, again = fit_tail(values, 50.0), fit_tail(np.repeat(values, 4), 50.0, alike=4.0)
+    assert again.k == once.k
+    assert again.mean == pytest.approx(once.mean, rel=0.05)
+    assert fit_tail(np.repeat(values, 4), 50.0).level(1e-6) < again.level(1e-6)
 
 
 @given(k=st.integers(1, 200), share=st.floats(0.05, 1.0), rarer=st.floats(1e-12, 1.0))
@@ -83,11 +91,10 @@ def test_the_level_is_never_below_the_start():
 def test_blocks_with_an_exponential_tail_exceed_the_level_as_often_as_wanted(n_blocks):
     """The level of few observed blocks, judged on as many new ones; the pseudo-blocks have the right mean here."""
     rng, runs, false_alarm = np.random.default_rng(1), 4000, 0.05
-    alarms = 0
+    alarms, mean = 0, white_excess(50.0)
     for _ in range(runs):
-        tail = fit_tail(rng.exponential(size=n_blocks), white=1.0)
-        assert tail is not None
-        alarms += rng.exponential(size=n_blocks).max() > tail.level(false_alarm / n_blocks)
+        tail = fit_tail(mean * rng.exponential(size=n_blocks), 50.0)
+        alarms += mean * rng.exponential(size=n_blocks).max() > tail.level(false_alarm / n_blocks)
     rate = alarms / runs
     sd = np.sqrt(false_alarm * (1.0 - false_alarm) / runs)
     print(f"{n_blocks} blocks: {100.0 * rate:.2f} % of runs alarm, wanted {100.0 * false_alarm:.0f} %")
@@ -97,9 +104,5 @@ def test_blocks_with_an_exponential_tail_exceed_the_level_as_often_as_wanted(n_b
 def test_gusty_blocks_raise_the_level():
     rng = np.random.default_rng(2)
     calm, gusty = 4.0 + 0.3 * rng.exponential(size=50), 4.0 + 1.5 * rng.exponential(size=50)
-    levels = []
-    for maxima in (calm, gusty):
-        tail = fit_tail(maxima, white=0.3)
-        assert tail is not None
-        levels.append(tail.level(0.01 / 20))
+    levels = [fit_tail(maxima, 50.0).level(0.01 / 20) for maxima in (calm, gusty)]
     assert levels[1] > levels[0] + 4.0

@@ -69,7 +69,7 @@ LINES = (
         ),
         RELATIONS,
     ),
-    Line("diagnose/looks.py", "SECOND = 1.5", ("SECOND = 1.0", "SECOND = 2.0"), FLIGHT_LIMITS),
+    Line("diagnose/looks.py", "beside=bool(self.lasting),", ("beside=False,", "beside=True,"), FLIGHT_LIMITS),
     Line(
         "diagnose/looks.py",
         "np.abs(self.magnitude[fault]) + np.sqrt(max(level - self.cost, 0.0)) * self.sd[fault]",
@@ -111,12 +111,6 @@ LINES = (
             "all(all(one.within_tolerance for one in of_fault) for of_fault in rows.values())",
         ),
         FLIGHT_LIMITS,
-    ),
-    Line(
-        "diagnose/events.py",
-        "TRACE = 2.5",
-        ("TRACE = 1.5", "TRACE = 2.0", "TRACE = 3.0"),
-        ("tests/diagnose/test_events.py",),
     ),
     Line(
         "onset/claims.py",
@@ -171,11 +165,10 @@ LINES = (
     ),
     Line(
         "detect/parity.py",
-        "threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS if gusty else 1.0)",
+        "threshold = _threshold(model, drops, window, false_alarm, patch=patch)",
         (
-            "threshold = _threshold(model, drops, window, false_alarm, gusts=1.0)",
-            "threshold = _threshold(model, drops, window, false_alarm, gusts=UNSEEN_GUSTS)",
-            "threshold = _threshold(model, drops, window, false_alarm, gusts=1.0 if gusty else UNSEEN_GUSTS)",
+            "threshold = _threshold(model, drops, window, false_alarm, patch=0)",
+            "threshold = _threshold(model, drops, window, false_alarm, patch=2 * patch)",
         ),
         ("tests/detect/test_limits.py",),
     ),

@@ -21,7 +21,7 @@ from trials import sized
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import Phase, airborne_stretches, phases_of
-from bfi_cli.parity import ParityTable, Threshold, explain, record_of, scan_window, threshold_of, zero_lift_of
+from bfi_cli.parity import ParityTable, ScanKey, Threshold, explain, record_of, scan_window, threshold_of, zero_lift_of
 from bfi_cli.parity.record import Record
 from bfi_cli.parity.residuals import available
 
@@ -129,7 +129,8 @@ def threshold_from(
         statistics=np.sort(found),
         logs=("other",),
     )
-    return threshold_of([table], residuals, length_s, knows_zero_lift=True, false_alarm=false_alarm)
+    key = ScanKey(residuals=tuple(residuals), length_s=length_s, knows_zero_lift=True)
+    return threshold_of([table], key, false_alarm=false_alarm)
 
 
 @pytest.fixture(scope="module")

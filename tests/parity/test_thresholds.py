@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.parity import LENGTHS_S, RESIDUALS, ParityTable, shipped_tables, table_for, threshold_of
+from bfi_cli.parity import LENGTHS_S, RESIDUALS, ParityTable, ScanKey, shipped_tables, table_for, threshold_of
 
 STATISTICS = np.sort(np.random.default_rng(1).exponential(20.0, 80))
 TABLE = ParityTable(
     residuals=("lift", "climb"), length_s=120.0, knows_zero_lift=True, statistics=STATISTICS, logs=("made",)
 )
+KEY = ScanKey(residuals=("climb", "lift"), length_s=120.0, knows_zero_lift=True)
 NAMES = [kind.name for kind in RESIDUALS]
 
 
-def level(**other) -> float:
-    asked = {"residuals": ("climb", "lift"), "length_s": 120.0, "knows_zero_lift": True, "false_alarm": 0.01, **other}
-    residuals, length_s = asked.pop("residuals"), asked.pop("length_s")
-    return threshold_of([TABLE], residuals, length_s, **asked).level
+def level(false_alarm: float = 0.01, scale: float = 1.0, **other) -> float:
+    return threshold_of([TABLE], replace(KEY, **other), false_alarm=false_alarm, scale=scale).level
 
 
 @settings(max_examples=50, deadline=None)
@@ -32,9 +33,7 @@ def test_a_rarer_false_alarm_has_a_higher_threshold(first, second):
 def test_the_threshold_has_the_p_value_that_was_wanted():
     for wanted in (0.001, 0.01, 0.05, 0.2):
         for scale in (1.0, 2.5):
-            threshold = threshold_of(
-                [TABLE], TABLE.residuals, 120.0, knows_zero_lift=True, false_alarm=wanted, scale=scale
-            )
+            threshold = threshold_of([TABLE], KEY, false_alarm=wanted, scale=scale)
             # No less than one in all the windows counted and this one.
             expected = max(wanted, 1.0 / (len(STATISTICS) + 1))
             assert threshold.p_value(threshold.level) == pytest.approx(expected, rel=0.3)
@@ -47,7 +46,13 @@ def test_the_flight_scales_the_threshold():
 
 @pytest.mark.parametrize(
     "other",
-    [{"residuals": ("lift",)}, {"length_s": 60.0}, {"knows_zero_lift": False}, {"residuals": ("lift", "kinematics")}],
+    [
+        {"residuals": ("lift",)},
+        {"length_s": 60.0},
+        {"knows_zero_lift": False},
+        {"residuals": ("lift", "kinematics")},
+        {"beside": True},
+    ],
 )
 def test_where_no_table_fits_the_tail_of_the_nearest_is_less_sure(other):
     for wanted, more in ((0.01, 1.1), (1e-4, 1.5)):
@@ -57,16 +62,16 @@ def test_where_no_table_fits_the_tail_of_the_nearest_is_less_sure(other):
 
 
 def test_a_table_fits_residuals_in_any_order_and_lengths_within_a_tenth():
-    assert table_for([TABLE], ("climb", "lift"), 130.0, knows_zero_lift=True) is TABLE
-    assert table_for([TABLE], ("climb", "lift"), 140.0, knows_zero_lift=True) is None
-    assert table_for([TABLE], ("climb", "lift"), 120.0, knows_zero_lift=False) is None
+    assert table_for([TABLE], replace(KEY, length_s=130.0)) is TABLE
+    assert table_for([TABLE], replace(KEY, length_s=140.0)) is None
+    assert table_for([TABLE], replace(KEY, knows_zero_lift=False)) is None
 
 
 def test_without_lift_the_angle_of_zero_lift_is_of_no_account():
     table = ParityTable(
         residuals=("climb",), length_s=60.0, knows_zero_lift=True, statistics=STATISTICS, logs=("made",)
     )
-    assert table.fits(("climb",), 60.0, knows_zero_lift=False)
+    assert table.fits(ScanKey(residuals=("climb",), length_s=60.0, knows_zero_lift=False))
 
 
 @pytest.mark.parametrize("length_s", LENGTHS_S)
@@ -74,10 +79,11 @@ def test_without_lift_the_angle_of_zero_lift_is_of_no_account():
 def test_the_program_ships_a_table_for_every_set_of_residuals(length_s, known):
     tables = shipped_tables()
     for bits in range(1, 2 ** len(NAMES)):
-        residuals = [name for k, name in enumerate(NAMES) if bits >> k & 1]
-        table = table_for(tables, residuals, length_s, knows_zero_lift=known)
+        residuals = tuple(name for k, name in enumerate(NAMES) if bits >> k & 1)
+        key = ScanKey(residuals=residuals, length_s=length_s, knows_zero_lift=known)
+        table = table_for(tables, key)
         assert table is not None
         assert len(table.statistics) >= 15
         assert np.all(np.diff(table.statistics) >= 0.0)
         assert np.all(np.isfinite(table.statistics))
-        assert 5.0 < threshold_of(tables, residuals, length_s, knows_zero_lift=known, false_alarm=0.01).level < 500.0
+        assert 5.0 < threshold_of(tables, key, false_alarm=0.01).level < 500.0

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..notes import Note
 from .rates import boot_starts
 from .raw import Asked, RawLog
 from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
@@ -64,7 +65,7 @@ def read_dataflash(path: str, asked: Asked) -> RawLog:
     return log_of_topics(path, "ardupilot", topics, asked, notes=notes)
 
 
-def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:
+def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the messages of a DataFlash log that have channels, or are named in `more`, and sentences on the file."""
     names = {*fields_of("ardupilot"), *more}
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:

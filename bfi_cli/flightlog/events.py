@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigError
-from ..serialization import mapping, member
+from ..serialization import check_schema, mapping, member
 
 Plain = Mapping[str, Any]
 
@@ -22,7 +22,6 @@ KEYS = {
     "detect": ("alarms", "candidates"),
     "diagnose": ("events", None),
 }
-SCHEMA = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +63,7 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
     kind = document["kind"]
     if not isinstance(kind, str) or kind not in KEYS:
         raise ConfigError(f"{path}: kind is '{kind}', which has no events; {GIVE}")
-    if document.get("schema") != SCHEMA:
-        raise ConfigError(
-            f"{path}: schema is {document.get('schema')}, this program reads {SCHEMA}; run bfi {kind} again"
-        )
+    check_schema(document, where=path)
     sha256 = mapping(member(document, "provenance", where=path), where=f"{path}: provenance").get("log_sha256")
     try:
         found = sorted(_events(document, kind, path), key=lambda one: one.onset_s)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..kernels.runs import runs
+from ..notes import Note
 from .record import FlightLog, FloatArray, frozen_array
 from .topics import ANGLES
 
@@ -37,7 +38,9 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     for name, lengths_s in stretches.items():
         if lengths_s:
             count = f"{len(lengths_s)} stretch{'es' * (len(lengths_s) > 1)}"
-            notes.append(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
+            notes.append(
+                Note.method(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
+            )
     return replace(changed, notes=tuple(notes))
 
 
@@ -68,7 +71,9 @@ def with_single_samples(log: FlightLog) -> FlightLog:
         return frozen_array(np.where(missing, filled, inserted))
 
     first_s = log.time_s[at[0] - 1]
-    note = f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
+    note = Note.method(
+        f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
+    )
     return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
 
 

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..display_units import SI, Units
+from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, thinned
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, notes_of, thinned
 from ..report.text import instant
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from .derived import DERIVED, with_derived
 from .events import Event
 from .phases import phases_of
@@ -23,7 +24,6 @@ from .timeline import STATES, bands_of, event_table, lanes_of, phase_columns, ph
 
 Plain = Mapping[str, Any]
 
-PLOT_SCHEMA = 1
 # What is drawn where no channel is named: of each group the first that the log has. What an investigator looks at
 # first, in the order of a page: speed, height, attitude, lift, and what the pilot did.
 GROUPS = (
@@ -65,7 +65,7 @@ def plot_document(
     *,
     from_s: float | None,
     to_s: float | None,
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
 ) -> dict[str, Any]:
     """Return the document of `bfi plot --json`: phases and windows of the first log, and the curves as `series`.
 
@@ -91,17 +91,19 @@ def plot_document(
     low = min(float(part.time_s[0]) for part in parts) if from_s is None else from_s
     high = max(float(part.time_s[-1]) for part in parts) if to_s is None else to_s
     phases = phases_of(first)
-    said = list(dict.fromkeys([*notes, *(note for log in whole for note in log.notes)]))
+    said = [*notes, *(note for log in whole for note in log.notes)]
     if len(logs) > 1:
-        said.append(f"phases and windows are those of {first.path}")
+        said.append(Note.method(f"phases and windows are those of {first.path}"))
     outside = [event for event in events if event.onset_s > high or (event.offset_s or high) < low]
     if outside:
-        said.append(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
+        said.append(
+            Note.method(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
+        )
     happens = {"phases": to_plain(phases), "windows": to_plain(ranked_windows(first, phases))}
     document: dict[str, Any] = to_plain(
         {
             "kind": "plot",
-            "schema": PLOT_SCHEMA,
+            "schema": SCHEMA,
             "logs": [
                 {
                     **{key: getattr(part, key) for key in ("path", "rate_hz", "n_samples")},
@@ -119,7 +121,7 @@ def plot_document(
             "series": [
                 _series(part, i, name) for name in chosen for i, part in enumerate(parts) if name in part.channels
             ],
-            "notes": said,
+            "notes": unique(said),
             "provenance": provenance,
         }
     )
@@ -174,7 +176,7 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
             drawing(f"channels_{i // MOST_PANELS + 1}" if i else "channels", names[i : i + MOST_PANELS], PAGE_POINTS)
             for i in range(0, len(names), MOST_PANELS)
         ),
-        notes=tuple(map(units.sentence, document["notes"])),
+        notes=notes_of(document, units),
         zoom=(drawing("channels", names, ZOOM_POINTS),),
         data={"phases.csv": phase_columns(document["phases"])} if document["phases"] else {},
     )

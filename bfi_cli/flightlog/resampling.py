@@ -14,6 +14,7 @@ from ..errors import ConfigError, LogError
 from ..filters import Filter
 from ..kernels.decimation import decimate, lost_samples
 from ..kernels.runs import bridged
+from ..notes import Note
 from .holds import Hold
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
@@ -168,8 +169,10 @@ def _through_filter(
     for j in np.flatnonzero(np.any(extra, axis=0)):
         filtered[:, j] = lowpass(_on_grid(log, extra[:, j], grid, hold=None))
     notes = [
-        f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
-        "interpolated"
+        Note.limit(
+            f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
+            "interpolated"
+        )
         for name, hold in holds.items()
         if log.rate_hz / hold.period < rate_hz * (1.0 - SAME_RATE)
     ]

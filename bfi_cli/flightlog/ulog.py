@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import LogError
+from ..notes import Note
 from .raw import Asked, RawLog, require_few
 from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
 
@@ -73,7 +74,7 @@ def read_ulog(path: str, asked: Asked) -> RawLog:
     return log_of_topics(path, "px4", topics, asked, notes=notes)
 
 
-def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:
+def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the topics of a ULog that have channels, or that are named in `more`, and sentences on the file.
 
     Raises
@@ -100,7 +101,7 @@ def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic]
         time_s = MICROSECOND * table["timestamp"].astype(np.float64)
         fields = {one: table[one] for one in layout.fields if one != "timestamp"}
         topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=fields))
-    lost = f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all"
+    lost = Note.limit(f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all")
     return topics, [lost] * bool(stream.dropouts) + notes_on(stream.damaged, empty)
 
 

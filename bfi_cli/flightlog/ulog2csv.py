@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..errors import LogError
+from ..notes import Note
 from .raw import Asked, RawLog, choose_group
 from .text import read_csv
 from .topics import Topic, fields_of, log_of_topics, notes_on, topics_of
@@ -84,8 +85,10 @@ def read_folder(folder: str, asked: Asked) -> RawLog:
     unread = [re.sub(r"_\d+\.csv$", "", name[len(str(chosen)) + 1 :], flags=re.IGNORECASE) for name in unread]
     if unread:
         notes.append(
-            f"topics without channels are not read: {', '.join(dict.fromkeys(unread))}; take a field of one with "
-            "--channel NAME=topic.field"
+            Note.method(
+                f"topics without channels are not read: {', '.join(dict.fromkeys(unread))}; take a field of one with "
+                "--channel NAME=topic.field"
+            )
         )
     return log_of_topics(folder, "px4", topics, asked, notes=notes)
 

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from ..notes import unique
 from ..provenance import Provenance
-from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
+from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
 from ..report.text import counted, number
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from .summary import DECISIONS, QUANTILES, Summary
 
 Plain = Mapping[str, Any]
 
-MONTECARLO_SCHEMA = 2
 DRAWINGS, TABLES = ("isolation", "magnitude_error"), ("scenarios", "decisions", "trials", "timings")
 HEADS = ("scenario", "isolated, %", "trials", "false alarms, %", "missed, %", "coverage, %", "median error")
 DECISION_HEADS = ("scenario", "fault, %", "no fault, %", "inconclusive, %", "beyond tolerance", "wrong no fault, %")
@@ -45,10 +45,10 @@ def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -
     """
     return {
         "kind": "montecarlo",
-        "schema": MONTECARLO_SCHEMA,
+        "schema": SCHEMA,
         "digest": digest,
         "scenarios": to_plain(summary.scenarios),
-        "notes": list(summary.notes),
+        "notes": to_plain(unique(summary.notes)),
         "provenance": to_plain(provenance),
     }
 
@@ -105,7 +105,7 @@ def montecarlo_content(document: Plain) -> ReportContent:
                 panels=(Panel(**axis, y_label="magnitude error, relative [-]", log_y=bool(errors), curves=errors),),
             ),
         ),
-        notes=tuple(document["notes"]),
+        notes=notes_of(document),
     )
 
 

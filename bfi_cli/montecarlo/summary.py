@@ -12,6 +12,7 @@ import numpy as np
 from ..decision import KINDS
 from ..faults import Decision
 from ..kernels.normal import TWO_SIDED_95
+from ..notes import Note
 from ..shapes import Kind
 from .scenarios import Sweep
 from .trial import Row, rounded
@@ -73,7 +74,7 @@ class Summary:
     """All scenarios, and sentences for the reader."""
 
     scenarios: tuple[ScenarioSummary, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def wilson(count: int, of: int) -> tuple[float, float] | None:
@@ -98,7 +99,7 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
         if one.failed:
             first = next(row.error for row, _ in by_name[one.name] if row.error)
             failed = f"{one.failed} of {one.trials} trials of '{one.name}' failed and count as not isolated"
-            notes.append(f"{failed}; the first: {first}")
+            notes.append(Note.limit(f"{failed}; the first: {first}"))
     return Summary(scenarios=scenarios, notes=tuple(notes))
 
 

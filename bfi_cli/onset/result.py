@@ -13,6 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.whiteness import exceedances, robust_sd
+from ..notes import Note
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
@@ -134,7 +135,7 @@ class OnsetResult:
     time_s: FloatArray
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def evidence(self) -> Evidence:

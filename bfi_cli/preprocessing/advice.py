@@ -10,6 +10,7 @@ from ..faults import Decision, Fault
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of
 from ..flightlog.quality import advice_on_windows
+from ..notes import Note
 from ..shapes import Kind
 from .window import TRUSTED
 
@@ -52,8 +53,8 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
         )
 
 
-def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision]) -> str | None:
-    """Return a sentence on what would answer the kinds that are inconclusive, None where none is.
+def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision]) -> Note | None:
+    """Return advice on what would answer the kinds that are inconclusive, None where none is.
 
     Parameters
     ----------
@@ -80,4 +81,4 @@ def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Deci
     decided = [kind for kind in verdicts if kind not in left]
     if left == ["slow"] and decided:
         said.append(f"or ask only for what the log can tell (--require {','.join(decided)})")
-    return f"what would help with {', '.join(left)} faults: {'; '.join(said)}" if said else None
+    return Note.advice(f"what would help with {', '.join(left)} faults: {'; '.join(said)}") if said else None

@@ -17,6 +17,7 @@ from ..config import Config, merge
 from ..flightlog import Channel, FlightLog
 from ..flightlog.phases import airborne_stretches
 from ..flightlog.quality import gap_starts, held_hz
+from ..notes import Note
 
 __all__ = ["with_defaults_of"]
 
@@ -37,7 +38,7 @@ LOW = 0.2
 LEAST_CUT_S = 1.0
 
 
-def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
+def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note, ...]]:
     """Return the configuration with what a log has in place of defaults that it lacks, and sentences on what was taken.
 
     1. Output: tas; in a log without it the airspeed with the highest rate of its own, of equal ones cas before ias.
@@ -52,13 +53,13 @@ def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[str,
     """
     chosen, notes = config.model_fields_set, []
     if "outputs" not in chosen and (output := _output(log, config.inputs)) is not None:
-        notes.append(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is")
+        notes.append(Note.method(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is"))
         config = merge(config, {"outputs": [output]})
     if "inputs" not in chosen and (inputs := _inputs(log, config)):
         why = "'elevator' does not move" if "elevator" in log.channels else "'elevator' is not in the log"
         if "elevator" in inputs:
             why = f"'{inputs[1]}' moves, which changes the airspeed too"
-        notes.append(f"{why}: the inputs are {', '.join(inputs)}")
+        notes.append(Note.method(f"{why}: the inputs are {', '.join(inputs)}"))
         config = merge(config, {"inputs": list(inputs)})
     if (config.window.from_s, config.window.to_s) == (None, None):
         config, about = _with_window(log, config)
@@ -116,21 +117,23 @@ def _finite(channel: Channel) -> NDArray[np.float64]:
     return finite if finite.size else np.zeros(1)
 
 
-def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[str]]:
+def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:
     """Return the configuration with the window from take-off to landing, without gaps where clocks are the log's."""
     notes = []
     first, stop = _flight(log)  # samples
     if (first, stop) != (0, log.n_samples):
         cut = [f"from {log.time_s[first]:.6g} s, after take-off"] * (first > 0)
         cut += [f"to {log.time_s[stop - 1]:.6g} s, before landing"] * (stop < log.n_samples)
-        notes.append(f"analysed {', '.join(cut)}; --from and --to take more")
+        notes.append(Note.method(f"analysed {', '.join(cut)}; --from and --to take more"))
     if any(channel.own_rate_hz is not None for channel in log.channels.values()):
         pieces = _whole_pieces(log, [*config.inputs, *config.outputs], first, stop)
         if pieces and pieces != [(first, stop)]:
             first, stop = max(pieces, key=lambda piece: piece[1] - piece[0])
             notes.append(
-                f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
-                f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+                Note.method(
+                    f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
+                    f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+                )
             )
     if (first, stop) == (0, log.n_samples):
         return config, []

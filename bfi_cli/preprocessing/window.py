@@ -209,7 +209,7 @@ def prepare_window(
         rate=rate,
         filters=filters,
         response=response,
-        recorder="; ".join(filter(None, (about_recorder, *about_derived))),
+        recorder="; ".join(filter(None, (about_recorder, *(one.text for one in about_derived)))),
         recorder_hz=recorder_hz,
         lowpass=lowpass,
         window_start_s=start_s,

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ..notes import Note
 from ..report.content import Drawing, Panel, ReportContent, Style, Table
 from ..yaml12 import load_yaml
 
@@ -85,12 +86,17 @@ def report_content(
         facts=(*fill(page.get("facts", ()), **values), *methods, *facts),
         tables=(comparison, *tables),
         drawings=tuple(drawings),
-        notes=(
-            *before,
-            *(page.get("simulated", ()) if simulated else ()),
-            *fill(page["notes"], **values),
-            *notes,
-            *([load("thesis")["shared"]["stand_in"]] if simulated else ()),
+        notes=tuple(
+            map(
+                Note.method,
+                (
+                    *before,
+                    *(page.get("simulated", ()) if simulated else ()),
+                    *fill(page["notes"], **values),
+                    *notes,
+                    *([load("thesis")["shared"]["stand_in"]] if simulated else ()),
+                ),
+            )
         ),
     )
 

@@ -17,6 +17,7 @@ from ..flightlog import write_log
 from ..montecarlo import check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.definition import RecordedLog
 from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
+from ..notes import Note
 from ..report.content import Curve, Drawing, Panel, ReportContent, Span, curve
 from ..report.text import number
 from .page import FOLDER, Page, drawing, fill, joined, load, report_content, table
@@ -61,7 +62,7 @@ class Swept:
     cells: tuple[Cell, ...]
     trials: int
     recorded: bool
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     def of(self, method: str, noise: float) -> list[Cell]:
         """Return the cells of a method at a noise, by number of active faults."""
@@ -285,7 +286,7 @@ def _sweep_page(
         tables=[table(page, "rates", body)],
         drawings=drawings,
         before=(load("thesis")["shared"]["stand_in"], page["simulated"]) if settings.log is None else (),
-        notes=result.notes,
+        notes=[one.text for one in result.notes],
         who=tuple(page["methods"]),
     )
 

@@ -44,7 +44,7 @@ def thesis_5_1(settings: Settings) -> ReportContent:
         },
         heading=given,
         drawings=[drawing(page, "thesis_5_1", panels)],
-        notes=log.notes,
+        notes=[one.text for one in log.notes],
         simulated=settings.log is None,
     )
 

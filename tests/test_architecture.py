@@ -23,7 +23,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # From the ground up. A module imports what stands on lower floors, and its own package; neighbours know nothing of
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
-    ("errors", "kernels", "printable"),
+    ("errors", "kernels", "notes", "printable"),
     ("airdata", "units"),
     ("channels", "shapes"),
     ("faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),

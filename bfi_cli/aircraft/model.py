@@ -12,6 +12,7 @@ from ..channels import STANDARD
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
+from ..notes import Note
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Discretisation = Literal["zoh", "bilinear", "euler"]
@@ -85,7 +86,7 @@ class Flown:
 
     inputs: FloatArray
     outputs: FloatArray
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,6 +11,7 @@ from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, frozen_array
 from ..kernels import FloatArray
+from ..notes import Note
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
 
 MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
@@ -320,7 +321,9 @@ def _fly_linear(
         )
     extent = dict(zip(model.outputs, np.abs(y).max(axis=0), strict=True))
     notes = tuple(
-        f"{name} moves up to {extent[name]:.2g} rad from its trim; a linear model holds for about {limit:g} rad"
+        Note.limit(
+            f"{name} moves up to {extent[name]:.2g} rad from its trim; a linear model holds for about {limit:g} rad"
+        )
         for name, limit in LINEAR_RANGE_RAD.items()
         if extent.get(name, 0.0) > limit
     )

@@ -11,6 +11,7 @@ from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
 from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
+from ..notes import Note
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
@@ -57,7 +58,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     if stated.atoms == dictionary.atoms:
         return audit
     kinds = dictionary.searched.atoms
-    audit = replace(audit, notes=(*unknown_channels(kinds), *audit.notes))
+    audit = replace(audit, notes=(*map(Note.limit, unknown_channels(kinds)), *audit.notes))
     return with_kinds(audit, dictionary, {one.channel: unit_of(one.channel) for one in kinds})
 
 
@@ -107,7 +108,7 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
         why=why,
         atoms=entries(faults, names, [unit_of(one.channel) for one in faults], reasons, remarks, signatures),
         signatures=signatures,
-        notes=(*unknown_channels(faults), *warnings),
+        notes=tuple(map(Note.limit, (*unknown_channels(faults), *warnings))),
     )
 
 
@@ -211,5 +212,5 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
         model=fitted.model,
         atoms=entries(faults, names, units, reasons, remarks, signatures, limits),
         signatures=signatures,
-        notes=(*sentences(signatures, alike), *about_the_log(log, window, fitted)),
+        notes=(*map(Note.limit, sentences(signatures, alike)), *about_the_log(log, window, fitted)),
     )

@@ -8,6 +8,7 @@ from typing import Literal
 
 from ..faults import Fault
 from ..kernels import FloatArray
+from ..notes import Note
 from ..preprocessing.summary import ModelSummary
 
 
@@ -86,7 +87,7 @@ class Audit:
     model: ModelSummary | None = None
     atoms: tuple[AuditedAtom, ...] = ()
     signatures: Signatures | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def fastest_hz(self) -> float | None:
@@ -94,9 +95,9 @@ class Audit:
         return fastest_hz(one.fault for one in self.atoms)
 
     @property
-    def all_notes(self) -> tuple[str, ...]:
+    def all_notes(self) -> tuple[Note, ...]:
         """The notes on single atoms, then the others."""
-        return (*(atom.note for atom in self.atoms if atom.note is not None), *self.notes)
+        return (*(Note.limit(atom.note) for atom in self.atoms if atom.note is not None), *self.notes)
 
 
 def fastest_hz(faults: Iterable[Fault]) -> float | None:

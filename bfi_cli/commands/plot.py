@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from ..errors import ConfigError
+from ..notes import Note
 from .analysis import Answer, Asked, analysis, source_of
 from .options import CHANNELS, logs_argument, pairs
 
@@ -74,7 +75,7 @@ def command(asked: Asked) -> Answer:
     known = {flight.sha256 for flight in flights}
     events = sorted((event for _, events, _ in found for event in events), key=lambda one: one.onset_s)
     notes = [
-        f"{path} is the result of another log than those drawn, its events may not fit"
+        Note.method(f"{path} is the result of another log than those drawn, its events may not fit")
         for path, _, sha256 in found
         if sha256 and sha256 not in known
     ]

@@ -15,6 +15,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.divergence import window_bits
+from ..notes import Note
 from ..preprocessing.summary import LogSummary, ModelSummary
 from .signatures import FaultSignatures, divergences, minimal_detectable, signatures, single_sample_bits
 
@@ -110,7 +111,7 @@ class DiagnosabilityResult:
     bits: FloatArray
     manoeuvres: tuple[ManoeuvreScore, ...]
     best: str | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def magnitudes_of(names: Sequence[str], limits: FloatArray, stated: Diagnosability) -> FloatArray:
@@ -163,7 +164,7 @@ def result_of(
     dictionary: str,
     in_limits: bool,
     manoeuvres: tuple[ManoeuvreScore, ...] = (),
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
 ) -> DiagnosabilityResult:
     """Return the result of records of one flight with different noise.
 
@@ -219,7 +220,7 @@ def result_of(
         bits=frozen_array(np.mean(curves, axis=0)),
         manoeuvres=manoeuvres,
         best=manoeuvres[0].name if manoeuvres else None,
-        notes=(*notes, *hard, *dict.fromkeys(note for record in records for note in record.notes)),
+        notes=(*notes, *map(Note.limit, hard), *(note for record in records for note in record.notes)),
     )
 
 

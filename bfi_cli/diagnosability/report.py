@@ -10,16 +10,16 @@ import numpy as np
 
 from ..display_units import SI, Units
 from ..kernels import FloatArray
+from ..notes import unique
 from ..printable import shortened
 from ..provenance import Provenance
-from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve
+from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of
 from ..report.text import noise_level, number, quantity
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from .assess import DiagnosabilityResult
 
 Plain = Mapping[str, Any]
 
-SCHEMA = 1
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 # What fits a page and can be read: letters of a name, rows of a map, curves of a panel; and where the curves rise.
 NAME_LETTERS, MOST_IN_MAP, MOST_CURVES = 24, 30, 8
@@ -56,13 +56,13 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
     for key in ORDER_KEYS:
         body["model"].pop(key)
     information = {key: body.pop(key) for key in ("deviations", "bits", "limit_deviations")}
-    notes = body.pop("notes")
+    body.pop("notes")
     return {
         "kind": "diagnosability",
         "schema": SCHEMA,
         **body,
         "information": information,
-        "notes": notes,
+        "notes": to_plain(unique(result.notes)),
         "provenance": to_plain(provenance),
     }
 
@@ -114,7 +114,7 @@ def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
         facts=_facts(document, units),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        notes=tuple(map(units.sentence, document["notes"])),
+        notes=notes_of(document, units),
         data={"faults.csv": {key: [atom.get(key) for atom in stored] for key in FAULT_COLUMNS}},
     )
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..notes import Note
 from .rates import boot_starts
 from .topics import Topic, fields_of, notes_on, table_of
 
@@ -52,7 +53,7 @@ class _Messages:
     bodies: list[bytes] = field(default_factory=list)
 
 
-def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:
+def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the messages of a DataFlash log that have channels, or are named in `more`, and sentences on the file."""
     names = {*fields_of("ardupilot"), *more}
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:

@@ -26,6 +26,7 @@ from ..airdata import (
 from ..channels import STANDARD
 from ..errors import LogError
 from ..kernels.runs import BoolArray
+from ..notes import Note
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
@@ -200,7 +201,7 @@ def with_derived(
         channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)
         if log.truth is not None and set(log.truth.clean) & used:
             clean[name] = frozen_array(make({**recorded, **clean}))
-        notes.append(f"'{name}' is derived from {', '.join(sorted(used))}{', with ' * bool(words)}{words}")
+        notes.append(Note.method(f"'{name}' is derived from {', '.join(sorted(used))}{', with ' * bool(words)}{words}"))
     truth = log.truth and replace(log.truth, clean=clean)
     return replace(log, channels=channels, truth=truth, notes=tuple(notes))
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import first_line
+from ..notes import Note
 from . import raw
 from .raw import Asked, RawLog, Track, left_out
 
@@ -67,7 +68,7 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
     if chosen is not None:
         columns, refused = _signals(node)
     rate = raw.rate_of(path, node["sample_rate_hz"]) if "sample_rate_hz" in node else None
-    notes = [first_line(warning.message) for warning in caught if isinstance(warning.message, Warning)]
+    notes = [Note.method(first_line(warning.message)) for warning in caught if isinstance(warning.message, Warning)]
     refused = {**{name: why for name, why in unlike.items() if name and why}, **refused}
     return RawLog(
         columns=columns,

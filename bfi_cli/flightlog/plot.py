@@ -13,10 +13,11 @@ import numpy as np
 
 from ..display_units import SI, Units
 from ..errors import ConfigError
+from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, thinned
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, notes_of, thinned
 from ..report.text import instant
-from ..serialization import mapping, member, to_plain
+from ..serialization import SCHEMA, check_schema, mapping, member, to_plain
 from .derived import DERIVED, with_derived
 from .phases import phases_of
 from .quality import ranked_windows
@@ -26,7 +27,6 @@ from .timeline import STATES, bands_of, event_table, lanes_of, phase_columns, ph
 
 Plain = Mapping[str, Any]
 
-PLOT_SCHEMA = 1
 # What is drawn where no channel is named: of each group the first that the log has. What an investigator looks at
 # first, in the order of a page: speed, height, attitude, lift, and what the pilot did.
 GROUPS = (
@@ -50,7 +50,6 @@ EVENTS = {
     "detect": ("alarms", "candidates"),
     "diagnose": ("events", None),
 }
-EVENT_SCHEMA = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,10 +91,7 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
     kind = document["kind"]
     if not isinstance(kind, str) or kind not in EVENTS:
         raise ConfigError(f"{path}: kind is '{kind}', which has no events; {GIVE}")
-    if document.get("schema") != EVENT_SCHEMA:
-        raise ConfigError(
-            f"{path}: schema is {document.get('schema')}, this program reads {EVENT_SCHEMA}; run bfi {kind} again"
-        )
+    check_schema(document, where=path)
     sha256 = mapping(member(document, "provenance", where=path), where=f"{path}: provenance").get("log_sha256")
     try:
         declared, others = EVENTS[kind]
@@ -148,7 +144,7 @@ def plot_document(
     *,
     from_s: float | None,
     to_s: float | None,
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
 ) -> dict[str, Any]:
     """Return the document of `bfi plot --json`: phases and windows of the first log, and the curves as `series`.
 
@@ -174,17 +170,19 @@ def plot_document(
     low = min(float(part.time_s[0]) for part in parts) if from_s is None else from_s
     high = max(float(part.time_s[-1]) for part in parts) if to_s is None else to_s
     phases = phases_of(first)
-    said = list(dict.fromkeys([*notes, *(note for log in whole for note in log.notes)]))
+    said = [*notes, *(note for log in whole for note in log.notes)]
     if len(logs) > 1:
-        said.append(f"phases and windows are those of {first.path}")
+        said.append(Note.method(f"phases and windows are those of {first.path}"))
     outside = [event for event in events if event.onset_s > high or (event.offset_s or high) < low]
     if outside:
-        said.append(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
+        said.append(
+            Note.method(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
+        )
     happens = {"phases": to_plain(phases), "windows": to_plain(ranked_windows(first, phases))}
     document: dict[str, Any] = to_plain(
         {
             "kind": "plot",
-            "schema": PLOT_SCHEMA,
+            "schema": SCHEMA,
             "logs": [
                 {
                     **{key: getattr(part, key) for key in ("path", "rate_hz", "n_samples")},
@@ -202,7 +200,7 @@ def plot_document(
             "series": [
                 _series(part, i, name) for name in chosen for i, part in enumerate(parts) if name in part.channels
             ],
-            "notes": said,
+            "notes": unique(said),
             "provenance": provenance,
         }
     )
@@ -257,7 +255,7 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
             drawing(f"channels_{i // MOST_PANELS + 1}" if i else "channels", names[i : i + MOST_PANELS], PAGE_POINTS)
             for i in range(0, len(names), MOST_PANELS)
         ),
-        notes=tuple(map(units.sentence, document["notes"])),
+        notes=notes_of(document, units),
         zoom=(drawing("channels", names, ZOOM_POINTS),),
         data={"phases.csv": phase_columns(document["phases"])} if document["phases"] else {},
     )

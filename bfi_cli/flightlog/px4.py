@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import LogError
+from ..notes import Note
 from .raw import Asked, RawLog, choose_group, require_few
 from .text import read_csv
 from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
@@ -71,7 +72,7 @@ class _Stream:
     damaged: int = 0
 
 
-def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:
+def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the topics of a ULog that have channels, or that are named in `more`, and sentences on the file.
 
     Raises
@@ -98,7 +99,7 @@ def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic]
         time_s = MICROSECOND * table["timestamp"].astype(np.float64)
         fields = {one: table[one] for one in layout.fields if one != "timestamp"}
         topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=fields))
-    lost = f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all"
+    lost = Note.limit(f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all")
     return topics, [lost] * bool(stream.dropouts) + notes_on(stream.damaged, empty)
 
 
@@ -249,8 +250,10 @@ def read_folder(folder: str, asked: Asked) -> RawLog:
     unread = [re.sub(r"_\d+\.csv$", "", name[len(str(chosen)) + 1 :], flags=re.IGNORECASE) for name in unread]
     if unread:
         notes.append(
-            f"topics without channels are not read: {', '.join(dict.fromkeys(unread))}; take a field of one with "
-            "--channel NAME=topic.field"
+            Note.method(
+                f"topics without channels are not read: {', '.join(dict.fromkeys(unread))}; take a field of one with "
+                "--channel NAME=topic.field"
+            )
         )
     return log_of_topics(folder, "px4", topics, asked, notes=notes)
 

@@ -14,6 +14,7 @@ from ..errors import LogError
 from ..filters import Filter
 from ..kernels.quantisation import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from ..kernels.runs import BoolArray, shared, within
+from ..notes import Note
 from .derived import DERIVED, missing_for
 from .phases import NO_AIRSPEED, Phase, phases_of
 from .plausible import doubt_about
@@ -133,7 +134,7 @@ class LogReport:
     phases: tuple[Phase, ...]
     segments: tuple[Segment, ...]
     filters: tuple[Filter, ...] | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def median_step(time_s: FloatArray) -> float:

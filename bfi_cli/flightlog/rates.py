@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
+from ..notes import Note
 from .raw import LARGEST, FloatArray, RawLog, Track
 
 # Whose rate is that of the log, and what takes its place in a log without an airspeed.
@@ -48,7 +49,7 @@ RESTART_S, RESTART_STEPS, BESIDE_RESTART, MOST_BOOTS = 2.0, 10.0, 5, 100
 BLOCK = 50_000
 
 
-def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, notes: Sequence[str] = ()) -> RawLog:
+def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, notes: Sequence[Note] = ()) -> RawLog:
     """Return the log of signals of different rates, on one uniform time base.
 
     Parameters
@@ -104,7 +105,7 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
         *_about(base, ranked, slow, grid),
     )
     # No filters, stated as such: one-quantum jumps between interpolated samples would look like those of a low-pass.
-    return RawLog(columns=columns, filters=(), notes=(*notes, *said))
+    return RawLog(columns=columns, filters=(), notes=(*notes, *map(Note.method, said)))
 
 
 def boot_starts(time_s: FloatArray) -> list[int]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..channels import STANDARD, match_name
 from ..errors import ConfigError, LogError
+from ..notes import Note
 from ..units import si_unit, to_si
 from .dataflash import read_dataflash_topics
 from .hdf5 import read_hdf5
@@ -42,7 +43,7 @@ WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
     (lambda head: head.startswith(b"TDSm"), read_tdms),
 )
 # Recorders of messages: what reads those of their topics that are named.
-Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[str]]]
+Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]]
 OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
     (lambda head: head.startswith(b"ULog\x01\x12\x35"), "px4", read_ulog_topics),
     (lambda head: head.startswith(b"\xa3\x95\x80"), "ardupilot", read_dataflash_topics),
@@ -172,7 +173,7 @@ def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None
         if k != chosen
     )
     why = "as asked for" if boot is not None else "the longest in flight" if flown[chosen] else "the longest"
-    note = (
+    note = Note.method(
         f"the clock of the log starts again: boot {chosen + 1} of {len(logs)} is read, {why}; not read: {others}; "
         "--boot N reads another"
     )
@@ -213,7 +214,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
         rate_hz = raw.sample_rate_hz if asked.sample_rate_hz is None else asked.sample_rate_hz
         time_s = _counted_time(path, channels, raw, rate_hz)
         source = "sample_rate_hz =" if asked.sample_rate_hz is None else "--sample-rate"
-        notes.append(f"time is counted from {source} {rate_hz:g} Hz")
+        notes.append(Note.method(f"time is counted from {source} {rate_hz:g} Hz"))
     elif asked.sample_rate_hz is not None:
         raise LogError(
             f"{path}: --sample-rate {asked.sample_rate_hz:g}: it is for logs without a time axis, and the log has "
@@ -227,7 +228,9 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
             raise different_length(path, channel.source, channel.n_samples, time_s.size)
     if units := assumed_units(channels.values()):
         notes.append(
-            f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
+            Note.advice(
+                f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
+            )
         )
     clean = {}
     for name, column in raw.clean.items() if raw.faults is not None else ():
@@ -250,7 +253,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     return log
 
 
-def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[str]]:
+def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Note]]:
     """Return the columns as channels by their names in the log, the time axis among them, and sentences on it."""
     taken, notes = dict[str, Channel](), list(raw.notes)
     own_units = {column.source: column.unit for column in raw.columns}
@@ -258,12 +261,14 @@ def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], li
         stated = column.unit if column.unit is not None else (match.unit if match else None)
         name, own = column.source, own_units[column.source]
         if own and own != stated and si_unit(own) is not None:
-            notes.append(f"'{name}' is in '{own}' by the file and was read in '{stated}', as --unit asks")
+            notes.append(Note.method(f"'{name}' is in '{own}' by the file and was read in '{stated}', as --unit asks"))
         if match is not None:
             if match.rank >= 0 and not fits(match.name, stated):
-                notes.append(f"'{name}' is in '{stated}', so it is not taken for {match.name}")
+                notes.append(Note.method(f"'{name}' is in '{stated}', so it is not taken for {match.name}"))
             elif match.name in taken:
-                notes.append(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
+                notes.append(
+                    Note.method(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
+                )
             else:
                 name = match.name
         spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
@@ -273,7 +278,9 @@ def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], li
             notes += assumed
         unit = stated
         if stated is not None and si_unit(stated) is None and name not in STANDARD:
-            notes.append(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
+            notes.append(
+                Note.method(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
+            )
             unit = None
         taken[name] = _channel(path, name, column.here() if name == "time" else column, unit, stated)
     return taken, notes
@@ -355,7 +362,7 @@ def _units_of(step: float) -> list[str]:
     return [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
 
 
-def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[str, ...]]:
+def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[Note, ...]]:
     """Return the unit of a time axis that states none, as its step tells it, and a note where that is not seconds.
 
     Raises
@@ -376,8 +383,10 @@ def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[str, ...]]:
         )
     rate = 1.0 / (TIME_UNITS[fit[0]] * typical)
     return fit[0], (
-        f"'{time.source}' states no unit; its steps of {typical:.6g} are taken for {fit[0]} ({rate:.4g} Hz), give "
-        f"another with --unit {time.source}=UNIT",
+        Note.method(
+            f"'{time.source}' states no unit; its steps of {typical:.6g} are taken for {fit[0]} ({rate:.4g} Hz), give "
+            f"another with --unit {time.source}=UNIT"
+        ),
     )
 
 
@@ -404,7 +413,7 @@ def _checked_time(path: str, channel: Channel) -> FloatArray:
     return time_s
 
 
-def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[str, ...]]:
+def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[Note, ...]]:
     """Return the even times that a time axis of few decimals stands for, and a note; others as they are.
 
     The straight line through the times is taken where no time is further from it than rounding to their decimals
@@ -424,7 +433,9 @@ def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tupl
     # Rounding to the nearest or down; half a quantum more for the line through rounded times.
     if np.ptp(from_start - line) > 1.5 * quantum:
         return time_s, ()
-    note = f"the times of '{source}' are rounded to {quantum:g} s; their even steps of {step:.6g} s are taken"
+    note = Note.method(
+        f"the times of '{source}' are rounded to {quantum:g} s; their even steps of {step:.6g} s are taken"
+    )
     return frozen_array(time_s[0] + line), (note,)
 
 

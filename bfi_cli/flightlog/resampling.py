@@ -19,6 +19,7 @@ from ..filters import Filter
 from ..kernels.decimation import decimate, lost_samples
 from ..kernels.quantisation import Hold
 from ..kernels.runs import bridged, runs
+from ..notes import Note
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
 from .topics import ANGLES
@@ -176,8 +177,10 @@ def _through_filter(
     for j in np.flatnonzero(np.any(extra, axis=0)):
         filtered[:, j] = lowpass(_on_grid(log, extra[:, j], grid, hold=None))
     notes = [
-        f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
-        "interpolated"
+        Note.limit(
+            f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
+            "interpolated"
+        )
         for name, hold in holds.items()
         if log.rate_hz / hold.period < rate_hz * (1.0 - SAME_RATE)
     ]
@@ -233,7 +236,9 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     for name, lengths_s in stretches.items():
         if lengths_s:
             count = f"{len(lengths_s)} stretch{'es' * (len(lengths_s) > 1)}"
-            notes.append(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
+            notes.append(
+                Note.method(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
+            )
     return replace(changed, notes=tuple(notes))
 
 
@@ -264,7 +269,9 @@ def with_single_samples(log: FlightLog) -> FlightLog:
         return frozen_array(np.where(missing, filled, inserted))
 
     first_s = log.time_s[at[0] - 1]
-    note = f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
+    note = Note.method(
+        f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
+    )
     return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
 
 

@@ -12,17 +12,17 @@ import numpy as np
 from ..decision import KINDS
 from ..faults import Decision
 from ..kernels.normal import TWO_SIDED_95
+from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve
+from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
 from ..report.text import counted, number
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from ..shapes import Kind
 from .scenarios import Sweep
 from .trial import Row, rounded
 
 Plain = Mapping[str, Any]
 
-MONTECARLO_SCHEMA = 2
 DRAWINGS, TABLES = ("isolation", "magnitude_error"), ("scenarios", "decisions", "trials", "timings")
 HEADS = ("scenario", "isolated, %", "trials", "false alarms, %", "missed, %", "coverage, %", "median error")
 DECISION_HEADS = ("scenario", "fault, %", "no fault, %", "inconclusive, %", "beyond tolerance", "wrong no fault, %")
@@ -97,7 +97,7 @@ class Summary:
     """All scenarios, and sentences for the reader."""
 
     scenarios: tuple[ScenarioSummary, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def wilson(count: int, of: int) -> tuple[float, float] | None:
@@ -122,7 +122,7 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
         if one.failed:
             first = next(row.error for row, _ in by_name[one.name] if row.error)
             failed = f"{one.failed} of {one.trials} trials of '{one.name}' failed and count as not isolated"
-            notes.append(f"{failed}; the first: {first}")
+            notes.append(Note.limit(f"{failed}; the first: {first}"))
     return Summary(scenarios=scenarios, notes=tuple(notes))
 
 
@@ -178,10 +178,10 @@ def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -
     """
     return {
         "kind": "montecarlo",
-        "schema": MONTECARLO_SCHEMA,
+        "schema": SCHEMA,
         "digest": digest,
         "scenarios": to_plain(summary.scenarios),
-        "notes": list(summary.notes),
+        "notes": to_plain(unique(summary.notes)),
         "provenance": to_plain(provenance),
     }
 
@@ -238,7 +238,7 @@ def montecarlo_content(document: Plain) -> ReportContent:
                 panels=(Panel(**axis, y_label="magnitude error, relative [-]", log_y=bool(errors), curves=errors),),
             ),
         ),
-        notes=tuple(document["notes"]),
+        notes=notes_of(document),
     )
 
 

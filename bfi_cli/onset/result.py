@@ -12,6 +12,7 @@ from ..faults import Decision, Fault, FaultEstimate, magnitude_unit
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.whiteness import exceedances, robust_sd
+from ..notes import Note
 from ..preprocessing.summary import LogSummary, ModelSummary, noise_of
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
@@ -133,7 +134,7 @@ class OnsetResult:
     time_s: FloatArray
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def evidence(self) -> Evidence:

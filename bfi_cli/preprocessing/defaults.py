@@ -21,6 +21,7 @@ from ..flightlog import Channel, FlightLog
 from ..flightlog.phases import airborne_stretches, phases_of
 from ..flightlog.quality import advice_on_windows, gap_starts, held_hz
 from ..kernels.runs import runs
+from ..notes import Note
 from ..shapes import Kind
 from .window import TRUSTED
 
@@ -46,7 +47,7 @@ TRIMS = ("climb", "cruise", "descent", "approach")
 FIRST = ("pitch", "longitudinal_acc")
 
 
-def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
+def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note, ...]]:
     """Return the configuration with what a log has in place of defaults that it lacks, and sentences on what was taken.
 
     1. Output: tas; in a log without it the airspeed with the highest rate of its own, of equal ones cas before ias.
@@ -63,13 +64,13 @@ def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[str,
     others = [log.channels[name] for name in OTHER_AIRSPEEDS if name in log.channels and name not in config.inputs]
     if "outputs" not in chosen and "tas" not in log.channels and others:
         output = max(others, key=lambda channel: channel.own_rate_hz or log.rate_hz).name
-        notes.append(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is")
+        notes.append(Note.method(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is"))
         config = merge(config, {"outputs": [output]})
     if "inputs" not in chosen and (inputs := _inputs(log, config)):
         why = "'elevator' does not move" if "elevator" in log.channels else "'elevator' is not in the log"
         if "elevator" in inputs:
             why = f"'{inputs[1]}' moves, which changes the airspeed too"
-        notes.append(f"{why}: the inputs are {', '.join(inputs)}")
+        notes.append(Note.method(f"{why}: the inputs are {', '.join(inputs)}"))
         config = merge(config, {"inputs": list(inputs)})
     if (config.window.from_s, config.window.to_s) == (None, None):
         config, about = _with_window(log, config)
@@ -115,21 +116,23 @@ def _finite(channel: Channel) -> NDArray[np.float64]:
     return finite if finite.size else np.zeros(1)
 
 
-def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[str]]:
+def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:
     """Return the configuration with the window from take-off to landing, without gaps where clocks are the log's."""
     notes = []
     first, stop = _flight(log)  # samples
     if (first, stop) != (0, log.n_samples):
         cut = [f"from {log.time_s[first]:.6g} s, after take-off"] * (first > 0)
         cut += [f"to {log.time_s[stop - 1]:.6g} s, before landing"] * (stop < log.n_samples)
-        notes.append(f"analysed {', '.join(cut)}; --from and --to take more")
+        notes.append(Note.method(f"analysed {', '.join(cut)}; --from and --to take more"))
     if any(channel.own_rate_hz is not None for channel in log.channels.values()):
         pieces = _whole_pieces(log, [*config.inputs, *config.outputs], first, stop)
         if pieces and pieces != [(first, stop)]:
             first, stop = max(pieces, key=lambda piece: piece[1] - piece[0])
             notes.append(
-                f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
-                f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+                Note.method(
+                    f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
+                    f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+                )
             )
     if (first, stop) == (0, log.n_samples):
         return config, []
@@ -220,8 +223,8 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
         )
 
 
-def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision]) -> str | None:
-    """Return a sentence on what would answer the kinds that are inconclusive, None where none is.
+def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision]) -> Note | None:
+    """Return advice on what would answer the kinds that are inconclusive, None where none is.
 
     Parameters
     ----------
@@ -248,4 +251,4 @@ def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Deci
     decided = [kind for kind in verdicts if kind not in left]
     if left == ["slow"] and decided:
         said.append(f"or ask only for what the log can tell (--require {','.join(decided)})")
-    return f"what would help with {', '.join(left)} faults: {'; '.join(said)}" if said else None
+    return Note.advice(f"what would help with {', '.join(left)} faults: {'; '.join(said)}") if said else None

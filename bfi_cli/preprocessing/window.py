@@ -173,7 +173,7 @@ def prepare_window(
         rate=rate,
         filters=filters,
         response=made.response,
-        recorder="; ".join(filter(None, (about_recorder, *log.notes[known:]))),
+        recorder="; ".join(filter(None, (about_recorder, *(one.text for one in log.notes[known:])))),
         recorder_hz=recorder_hz,
         lowpass=lowpass,
         window_start_s=span[0],

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ..notes import Note
 from ..report.content import Curve, Drawing, Panel, ReportContent, Style, Table
 from ..yaml12 import load_yaml
 
@@ -80,11 +81,16 @@ def report_content(
         facts=(*fill(page.get("facts", ()), **values), *(fill(shared["who"][name]) for name in page.get("who", ()))),
         tables=(comparison, *tables),
         drawings=tuple(drawings),
-        notes=(
-            *(page.get("simulated", ()) if simulated else ()),
-            *fill(page["notes"], **values),
-            *notes,
-            *([shared["stand_in"]] if simulated else ()),
+        notes=tuple(
+            map(
+                Note.method,
+                (
+                    *(page.get("simulated", ()) if simulated else ()),
+                    *fill(page["notes"], **values),
+                    *notes,
+                    *([shared["stand_in"]] if simulated else ()),
+                ),
+            )
         ),
     )
 

@@ -16,6 +16,7 @@ from ..montecarlo import check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.definition import RecordedLog
 from ..montecarlo.scenarios import digest_of_parts
 from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
+from ..notes import Note
 from ..report.content import Curve, Drawing, ReportContent, Span, curve
 from ..report.text import number
 from .page import FOLDER, Page, drawing, fill, joined, load, panel, report_content, table
@@ -60,7 +61,7 @@ class Swept:
     cells: tuple[Cell, ...]
     trials: int
     recorded: bool
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     def of(self, method: str, noise: float) -> list[Cell]:
         """Return the cells of a method at a noise, by number of active faults."""
@@ -278,7 +279,7 @@ def _sweep_page(
         records=compared,
         tables=[table(page, "rates", body)],
         drawings=drawings,
-        notes=result.notes,
+        notes=[one.text for one in result.notes],
     )
 
 

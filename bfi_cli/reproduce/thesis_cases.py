@@ -83,7 +83,7 @@ def thesis_5_1(settings: Settings) -> ReportContent:
         drawings=[
             drawing(page, "thesis_5_1", [panel(page, name, [curve("", log.time_s, y)]) for name, y in values.items()])
         ],
-        notes=log.notes,
+        notes=[one.text for one in log.notes],
         simulated=not given,
     )
 

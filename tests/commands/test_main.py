@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from noted import texts
 
 from bfi_cli import __version__, flightlog
 from bfi_cli.commands import COMMANDS
@@ -123,7 +124,7 @@ def test_no_trustworthy_answer_is_an_exit_code_with_strict_only(bfi: Callable, u
     plain, strict = (bfi("identify", *unanswerable, "--json", *more) for more in ((), ("--strict",)))
     assert json.loads(plain.stdout)["decision"] == "inconclusive"
     assert (plain.code, strict.code) == (0, 4)
-    assert any("the data cannot answer" in note for note in json.loads(strict.stdout)["notes"])
+    assert any("the data cannot answer" in note for note in texts(json.loads(strict.stdout)["notes"]))
 
 
 def test_a_defect_of_ours_is_one_line_and_a_crash_file(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

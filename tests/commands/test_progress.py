@@ -15,6 +15,7 @@ from typing import IO, NamedTuple
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
@@ -214,16 +215,16 @@ def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, 
     assert "reading the log" in reading
     assert "the window and the dictionary" in analysing
     assert "the window and the dictionary" not in reading
-    assert json.loads(ended.stdout)["notes"][0] == told
+    assert texts(json.loads(ended.stdout)["notes"])[0] == told
     outcome = bfi(*words)
-    assert (outcome.stderr, json.loads(outcome.stdout)["notes"][0]) == ("", told)
+    assert (outcome.stderr, texts(json.loads(outcome.stdout)["notes"])[0]) == ("", told)
 
 
 @pytest.mark.usefixtures("unscanned")
 def test_whoever_asks_for_a_window_is_told_of_no_other(bfi: Callable, long_log: Path):
     for asked in (("--from", 0), ("--to", 659)):
         document = json.loads(bfi("identify", long_log, "-d", FAULTS, *SLOWER, *asked, "--json").stdout)
-        assert not any("windows to take" in note for note in document["notes"])
+        assert not any("windows to take" in note for note in texts(document["notes"]))
 
 
 @pytest.mark.realdata

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli import aircraft
 from bfi_cli.commands import run_command
@@ -96,7 +97,7 @@ def test_the_document_of_the_contract_goes_to_stdout(out: Path, capsys: pytest.C
     assert captured.err == ""
     assert {key: document[key] for key in ("kind", "schema", "path", "n_samples", "truth", "notes")} == {
         "kind": "simulate",
-        "schema": 1,
+        "schema": 3,
         "path": str(out),
         "n_samples": 150,
         "truth": None,
@@ -130,7 +131,9 @@ def test_a_terminal_gets_the_document_with_json(out: Path):
 
 def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFixture[str]):
     simulate(out, "--amplitude", "0.5", "--json")
-    assert any("a linear model holds for about 0.1" in note for note in json.loads(capsys.readouterr().out)["notes"])
+    assert any(
+        "a linear model holds for about 0.1" in note for note in texts(json.loads(capsys.readouterr().out)["notes"])
+    )
 
 
 @pytest.mark.parametrize(

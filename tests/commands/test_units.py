@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config, load_config, merge
 from bfi_cli.errors import ConfigError
@@ -243,7 +244,7 @@ def test_detect_and_diagnose_ask_about_values_that_cannot_be(bfi: Callable, tmp_
     for command in ("detect", "diagnose"):
         outcome = bfi(command, tmp_path / "a.csv", "--json")
         assert outcome.code == 0
-        notes = json.loads(outcome.stdout)["notes"]
+        notes = texts(json.loads(outcome.stdout)["notes"])
         assert any("'tas' reaches 45" in note for note in notes)
         assert any(note.startswith("the log states no unit for tas") for note in notes)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from matplotlib.image import imread
+from noted import texts
 
 DATA = Path(__file__).parents[2] / "data"
 BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"
@@ -35,7 +36,7 @@ def calibrated(bfi, table: Path) -> Path:
 def test_a_table_says_what_is_wrong_with_it(bfi, tmp_path: Path):
     outcome = bfi("calibrate", CLEAN, "-o", tmp_path / "few.json", "--length", 16, "--step", 5, *QUICK)
     assert outcome.code == 0
-    few, *_ = json.loads((tmp_path / "few.json").read_text())["notes"]
+    few, *_ = texts(json.loads((tmp_path / "few.json").read_text())["notes"])
     assert "windows are too few, bfi start-time asks for 20" in few
 
 

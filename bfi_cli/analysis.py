@@ -23,9 +23,10 @@ from .identify.identify import Identification, concluded, identification
 from .identify.methods import METHODS
 from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .kernels.progress import Progress, unseen
+from .notes import Note
 from .onset import STANDS_FOR, OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
 from .onset.shapes import scanned_shape
-from .preprocessing.advice import require_one_trim
+from .preprocessing.defaults import require_one_trim
 from .preprocessing.window import with_inputs_of
 from .report.text import instant, quantity
 from .shapes import OF_LINES, SHAPES, Kind
@@ -144,21 +145,21 @@ def _identify_kinds(
     else:
         percent = 100.0 * config.start_time.false_alarm
         said += f": the search over all onsets finds no fault at a false-alarm rate of {percent:.3g} %"
-    told = (*searched.notes, *physics.notes, *_left_out(dictionary, kinds, physics))
-    notes = (said, *told, *(note for note in result.notes if note not in told))
+    left_out = _left_out(dictionary, kinds, physics)
+    notes = (Note.method(said), *searched.notes, *physics.notes, *left_out, *result.notes)
     result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
     return _with_scan(result, searched, "it proposed the faults"), proposed
 
 
-def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evidence) -> tuple[str, ...]:
-    """Return sentences on kinds of a dictionary that cannot begin in the window, or that nothing in the log tells."""
+def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evidence) -> tuple[Note, ...]:
+    """Return notes on kinds of a dictionary that cannot begin in the window, or that nothing in the log tells."""
     names = {one.name for one in live}
     late = [f"'{one.name}'" for one in (dictionary.searched.atoms if dictionary else ()) if one.name not in names]
     untold = [f"'{one.name}'" for one in live if scanned_shape(one) is None]
-    sentences = [f"no onset of {', '.join(late)} is in the window: left out"] if late else []
+    notes = [Note.limit(f"no onset of {', '.join(late)} is in the window: left out")] if late else []
     if untold and not physics.candidates and not physics.faults:
-        sentences.append(f"nothing in the log tells {', '.join(untold)} from other slow faults: left out")
-    return tuple(sentences)
+        notes.append(Note.limit(f"nothing in the log tells {', '.join(untold)} from other slow faults: left out"))
+    return tuple(notes)
 
 
 def _named(found: FaultEstimate, dictionary: Dictionary, from_s: float) -> FaultEstimate:
@@ -331,7 +332,9 @@ def _with_checked_onsets(result: IdentifyResult) -> IdentifyResult:
     if not untested or not counted:
         return result
     begin = f"{untested} entries begin" if untested > 1 else "one entry begins"
-    note = f"claims hold for onsets from {instant(min(counted))} to {instant(max(counted))} s: {begin} {UNTESTED}"
+    note = Note.limit(
+        f"claims hold for onsets from {instant(min(counted))} to {instant(max(counted))} s: {begin} {UNTESTED}"
+    )
     return replace(result, notes=(*result.notes, note))
 
 
@@ -352,7 +355,7 @@ def _with_scan(result: IdentifyResult, searched: OnsetResult | None, note: str) 
     """Return the result with what the search alone says of the window."""
     if searched is None:
         summary = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=note)
-        return replace(result, scan=summary, notes=(*result.notes, note))
+        return replace(result, scan=summary, notes=(*result.notes, Note.limit(note)))
     verdicts = verdicts_of(searched.candidates)
     said = tuple(_said(one) for one in searched.faults)
     scan = ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=said, note=note)

@@ -9,19 +9,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from .units import si_unit, to_si
-
-__all__ = [
-    "INDEPENDENT",
-    "INPUTS",
-    "LARGEST_ERROR",
-    "STANDARD",
-    "NameMatch",
-    "StandardChannel",
-    "match_name",
-    "split_unit",
-    "to_si",
-]
+from .units import si_unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from .channels import STANDARD
 from .units import factor_and_offset
 
-__all__ = ["AVIATION", "IN_FILES", "SI", "UNITS", "Shown", "Units", "UnitsName"]
-
 FloatArray = NDArray[np.float64]
 UnitsName = Literal["si", "aviation"]
 

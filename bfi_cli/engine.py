@@ -20,8 +20,6 @@ from threadpoolctl import threadpool_limits
 
 from .errors import SweepError
 
-__all__ = ["CHUNK", "in_order"]
-
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -66,7 +64,9 @@ def _here(work: Callable[[T], R], items: Sequence[T]) -> Generator[tuple[R, floa
 def _on_processes(
     work: Callable[[T], R], chunks: Sequence[Sequence[T]], workers: int
 ) -> Generator[tuple[R, float], None, None]:
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_the_parent)
+    # Interrupts are left to the parent.
+    ignored = (signal.SIGINT, signal.SIG_IGN)
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=signal.signal, initargs=ignored)
     try:
         yield from _ordered(lambda chunk: pool.submit(_in_worker, work, chunk), chunks, AHEAD * workers)
     except BrokenProcessPool:
@@ -132,7 +132,3 @@ def _timed(work: Callable[[T], R], items: Sequence[T]) -> Iterator[tuple[R, floa
         start = time.perf_counter()
         result = work(item)
         yield result, time.perf_counter() - start
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -2,16 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = [
-    "BfiError",
-    "ConfigError",
-    "DictionaryError",
-    "ExcitationError",
-    "LogError",
-    "SweepError",
-    "first_line",
-]
-
 LONGEST_DETAIL = 120  # letters: a line of a terminal, and as much again for where it happened
 
 

@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Literal, TypeGuard, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +75,8 @@ def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
     filters = []
     for entry in entries:
         given = entry if isinstance(entry, dict) else {}
-        kind, source = given.get("kind"), given.get("source")
-        if not _is_kind(kind) or not all(_is_positive(given.get(key)) for key in ("edge_hz", "rate_hz")):
+        kind, source = cast("Kind", given.get("kind")), given.get("source")
+        if kind not in get_args(Kind) or not all(_is_positive(given.get(key)) for key in ("edge_hz", "rate_hz")):
             raise LogError(
                 f"{where}: a filter needs a kind ({', '.join(get_args(Kind))}) and positive numbers edge_hz and "
                 f"rate_hz, got {str(entry)[:80]}; mend the file"
@@ -92,10 +92,6 @@ def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
             )
         )
     return tuple(filters)
-
-
-def _is_kind(value: object) -> TypeGuard[Kind]:
-    return isinstance(value, str) and value in get_args(Kind)
 
 
 def _is_positive(value: object) -> bool:

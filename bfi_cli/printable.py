@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import codecs
 
-__all__ = ["SHOWN", "printable", "shortened", "valid_text"]
-
 # Name of the error handler of `valid_text`, for streams, files and `str.encode`.
 SHOWN = "bfi-shown"
 

@@ -10,8 +10,6 @@ from importlib.metadata import version
 
 from . import __version__
 
-__all__ = ["Provenance", "provenance"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:

@@ -16,10 +16,14 @@ import numpy as np
 
 from .errors import ConfigError
 from .files import MARK
+from .notes import Note
 from .printable import printable, valid_text
 
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"
+# Number of the documents: since 3 their notes have kinds. Those with the number before are read as well.
+SCHEMA = 3
+SCHEMA_BEFORE = {"detect": 2, "diagnose": 2, "identify": 2, "montecarlo": 2, "start-time": 2}
 # Keys of what has an entry per sample or onset: gigabytes for a day at 100 Hz. A reproduction has drawings in it.
 SERIES = ("series", "profile", "drawings")
 
@@ -90,6 +94,21 @@ def member(document: object, path: str, *, where: str) -> Any:
     return value
 
 
+def check_schema(document: Mapping[str, Any], *, where: str) -> None:
+    """Check that a document of a known kind is one that this program reads.
+
+    Raises
+    ------
+    ConfigError : it has another schema.
+    """
+    schema, kind = document.get("schema"), document["kind"]
+    if schema not in (SCHEMA, SCHEMA_BEFORE.get(kind, 1)):
+        raise ConfigError(
+            f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi {kind} again, or use the version that "
+            "wrote the file"
+        )
+
+
 def _below(where: str, key: str) -> str:
     return f"{where}.{key}" if ": " in where else f"{where}: {key}"
 
@@ -114,6 +133,8 @@ def _read(kind: Any, value: Any, where: str) -> Any:
         return {key: _read(kinds[1], one, _below(where, key)) for key, one in mapping(value, where=where).items()}
     if origin is np.ndarray:
         return _read_array(value, where)
+    if kind is Note and isinstance(value, str):  # of documents before schema 3
+        return Note.method(value)
     if isinstance(kind, type) and is_dataclass(kind):
         hints, given = _hints(kind), mapping(value, where=where)
         required = {one.name for one in fields(kind) if one.default is MISSING and one.default_factory is MISSING}

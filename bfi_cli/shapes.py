@@ -7,36 +7,83 @@ part of the channel's own reading, and a fault of a pressure line moves every ch
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import DictionaryError
 from .kernels.piecewise import Tail
-from .sample_file import read_samples
 from .units import per_second
-
-__all__ = [
-    "ADDITIVE",
-    "IN_DICTIONARY",
-    "KEY_RULES",
-    "OF_LINES",
-    "PARAMETERS",
-    "SCANNED",
-    "SEARCHED",
-    "SHAPES",
-    "FaultShape",
-    "Key",
-    "Kind",
-    "ScannedShape",
-    "Shape",
-]
 
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]
 Kind = Literal["abrupt", "oscillating", "slow"]
+# Two hours at 100 Hz, 25 letters each line.
+MAX_BYTES = 20_000_000
+
+
+def lies_inside(path: Path, folder: Path) -> bool:
+    """Return whether a file lies in a folder or below it, links followed; the file need not exist."""
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
+def sample_bytes(path: str) -> bytes:
+    """Return the content of a sample file.
+
+    Raises
+    ------
+    DictionaryError : it cannot be read, or is larger than `MAX_BYTES`.
+    """
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, (getattr(error, "strerror", None) or "no such file").lower()) from None
+    if len(content) > MAX_BYTES:
+        raise _unreadable(path, f"larger than {MAX_BYTES / 1e6:g} MB")
+    return content
+
+
+def read_samples(path: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (n,) times, increasing, and (n,) values; a first line that holds no numbers is a header.
+
+    Raises
+    ------
+    DictionaryError : it cannot be read or is no such file. What the file holds is not quoted: a stranger's dictionary
+        may name any file of this machine.
+    """
+    try:
+        lines = sample_bytes(path).decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise _unreadable(path, "not a text file") from None
+    rows: list[tuple[int, list[float]]] = []
+    for i, line in enumerate(lines, 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            row = [float(field) for field in line.replace(";", ",").split(",")]
+        except ValueError:
+            row = []
+        rows.append((i, row if len(row) == 2 and all(map(math.isfinite, row)) else []))
+    if rows and not rows[0][1]:
+        del rows[0]
+    for i, row in rows:
+        if not row:
+            raise DictionaryError(f"{path}: line {i}: not two finite numbers; each line is time in s, value")
+    table = np.array([row for _, row in rows], dtype=np.float64).reshape(-1, 2)
+    if len(table) == 0 or not np.all(np.diff(table[:, 0]) > 0):
+        raise DictionaryError(f"{path}: times do not increase from line to line; sort the samples by time")
+    return table[:, 0], table[:, 1]
+
+
+def _unreadable(path: str, reason: str) -> DictionaryError:
+    return DictionaryError(f"{path}: cannot read the samples, {reason}; give a CSV file of time, value")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,26 +100,6 @@ class Key:
     rule: Rule
     required: bool = False
     description: str | None = None
-
-
-def _same_unit(channel_unit: str, **_: Any) -> str:
-    return channel_unit
-
-
-def _same_value(magnitude: float, channel_unit: str, **_: Any) -> tuple[float, str]:
-    return magnitude, channel_unit
-
-
-def _at_once(**_: Any) -> float | None:
-    return 0.0
-
-
-def _never(**_: Any) -> float | None:
-    return None
-
-
-def _no_tail(**_: Any) -> Tail | None:
-    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,42 +134,26 @@ class FaultShape:
     formula: str
     kind: Kind
     label: str
-    build_up_s: Callable[..., float | None] = _at_once
-    tail: Callable[..., Tail | None] = _no_tail
+    build_up_s: Callable[..., float | None] = lambda **_: 0.0
+    tail: Callable[..., Tail | None] = lambda **_: None
     keys: tuple[Key, ...] = ()
     is_scanned: bool = False
-    magnitude_unit: Callable[..., str] = _same_unit
-    physical: Callable[..., tuple[float, str]] = _same_value
+    magnitude_unit: Callable[..., str] = lambda channel_unit, **_: channel_unit
+    physical: Callable[..., tuple[float, str]] = lambda magnitude, channel_unit, **_: (magnitude, channel_unit)
     acts_on: Literal["channel", "reading", "p_static", "p_total", "course"] = "channel"
     has_magnitude: bool = True
     lines: Callable[..., tuple[FloatArray, FloatArray]] | None = None
     loss: float | None = None
 
 
-def _drift(elapsed_s: FloatArray, *, slope: float | None) -> FloatArray:
-    return (1.0 if slope is None else slope) * elapsed_s
+def _ones(elapsed_s: FloatArray) -> FloatArray:
+    return np.ones_like(elapsed_s)
 
 
-def _drift_unit(channel_unit: str, *, slope: float | None) -> str:
-    return per_second(channel_unit) if slope is None else ""
-
-
-def _drift_physical(magnitude: float, channel_unit: str, *, slope: float | None) -> tuple[float, str]:
-    return magnitude * (1.0 if slope is None else slope), per_second(channel_unit)
-
-
-def _ramp_hold(elapsed_s: FloatArray, *, slope: float | None, duration_s: float) -> FloatArray:
-    return (1.0 / duration_s if slope is None else slope) * np.minimum(elapsed_s, duration_s)
-
-
-def _ramp_hold_physical(
-    magnitude: float, channel_unit: str, *, slope: float | None, duration_s: float
-) -> tuple[float, str]:
-    return magnitude if slope is None else magnitude * slope * duration_s, channel_unit
-
-
-def _ramp_hold_tail(*, slope: float | None, duration_s: float) -> Tail:
-    return Tail(from_s=duration_s, level=1.0 if slope is None else slope * duration_s)
+def _samples(elapsed_s: FloatArray, *, file: str) -> FloatArray:
+    """Return the values between the points of the file: 0 before the first time, the last value after the last."""
+    time_s, value = read_samples(file)
+    return np.interp(elapsed_s, time_s, value, left=0.0)
 
 
 def _samples_tail(*, file: str) -> Tail:
@@ -154,46 +165,23 @@ def _oscillation_tail(phase_rad: float, frequency_hz: float) -> Tail:
     return Tail(amplitude=complex(np.exp(1j * phase_rad)), exponent=2j * np.pi * frequency_hz)
 
 
-def _samples(elapsed_s: FloatArray, *, file: str) -> FloatArray:
-    """Return the values between the points of the file: 0 before the first time, the last value after the last."""
-    time_s, value = read_samples(file)
-    return np.interp(elapsed_s, time_s, value, left=0.0)
-
-
 def _angle(since_s: FloatArray, frequency_hz: float, phase_rad: float) -> FloatArray:
     return 2.0 * np.pi * frequency_hz * since_s + phase_rad
-
-
-def _ones(elapsed_s: FloatArray) -> FloatArray:
-    return np.ones_like(elapsed_s)
 
 
 def _relaxing(elapsed_s: FloatArray, *, time_constant_s: float) -> FloatArray:
     return np.asarray(-np.expm1(-elapsed_s / time_constant_s))
 
 
-def _relaxing_to_cabin(elapsed_s: FloatArray, *, time_constant_s: float, cabin_altitude_m: float | None) -> FloatArray:
-    return _relaxing(elapsed_s, time_constant_s=time_constant_s)
-
-
-def _pure_number(*_: Any, **__: Any) -> str:
-    return ""
-
-
-def _share(magnitude: float, channel_unit: str, **_: Any) -> tuple[float, str]:
-    return magnitude, "1"
-
-
-def _per_second_of_all(magnitude: float, channel_unit: str, **_: Any) -> tuple[float, str]:
-    return magnitude, "1/s"
-
-
 def _towards(pressure: FloatArray, other: FloatArray | float, amount: FloatArray) -> FloatArray:
     return pressure + amount * (other - pressure)
 
 
+LN_10 = 2.302585092994046  # time constants until an exponential is within a tenth of its end
+FREQUENCY = Key(name="frequency_hz", rule="positive", required=True)
+TIME_CONSTANT = Key(name="time_constant_s", rule="positive", required=True)
 OSCILLATION_KEYS = (
-    Key(name="frequency_hz", rule="positive", required=True),
+    FREQUENCY,
     Key(name="phase_rad", rule="number"),
     Key(
         name="phase_reference",
@@ -201,8 +189,16 @@ OSCILLATION_KEYS = (
         description="Where the phase counts from: the onset (default) or the start of the window.",
     ),
 )
-LN_10 = 2.302585092994046  # time constants until an exponential is within a tenth of its end
-TIME_CONSTANT = Key(name="time_constant_s", rule="positive", required=True)
+# What entries have in common. The magnitude of a share, of a reading or of a pressure, is a pure number; that of a
+# fault of a line is whole, unless its entry says otherwise.
+GROWING: dict[str, Any] = {"kind": "slow", "build_up_s": lambda **_: None}
+SHARE: dict[str, Any] = {
+    "kind": "slow",
+    "magnitude_unit": lambda channel_unit, **_: "",
+    "physical": lambda magnitude, channel_unit, **_: (magnitude, "1"),
+}
+PITOT: dict[str, Any] = {**SHARE, "acts_on": "p_total", "has_magnitude": False}
+STATIC: dict[str, Any] = {**SHARE, "acts_on": "p_static", "has_magnitude": False}
 
 SHAPES: Mapping[str, FaultShape] = {
     "bias": FaultShape(
@@ -214,11 +210,10 @@ SHAPES: Mapping[str, FaultShape] = {
         is_scanned=True,
     ),
     "drift": FaultShape(
-        signal=_drift,
+        signal=lambda elapsed_s, *, slope: (1.0 if slope is None else slope) * elapsed_s,
         formula="slope x (t - onset).",
-        kind="slow",
+        **GROWING,
         label="drift",
-        build_up_s=_never,
         tail=lambda *, slope: Tail(rate=1.0 if slope is None else slope),
         keys=(
             Key(
@@ -228,8 +223,11 @@ SHAPES: Mapping[str, FaultShape] = {
             ),
         ),
         is_scanned=True,
-        magnitude_unit=_drift_unit,
-        physical=_drift_physical,
+        magnitude_unit=lambda channel_unit, *, slope: per_second(channel_unit) if slope is None else "",
+        physical=lambda magnitude, channel_unit, *, slope: (
+            magnitude * (1.0 if slope is None else slope),
+            per_second(channel_unit),
+        ),
     ),
     "sine": FaultShape(
         signal=lambda since_s, *, frequency_hz, phase_rad: np.sin(_angle(since_s, frequency_hz, phase_rad)),
@@ -249,7 +247,7 @@ SHAPES: Mapping[str, FaultShape] = {
         keys=OSCILLATION_KEYS,
     ),
     "lagged_bias": FaultShape(
-        signal=lambda elapsed_s, *, time_constant_s: -np.expm1(-elapsed_s / time_constant_s),
+        signal=_relaxing,
         formula="1 - exp(-(t - onset) / time constant).",
         kind="abrupt",
         label="lagged bias",
@@ -259,18 +257,23 @@ SHAPES: Mapping[str, FaultShape] = {
         is_scanned=True,
     ),
     "ramp_hold": FaultShape(
-        signal=_ramp_hold,
+        signal=lambda elapsed_s, *, slope, duration_s: (
+            (1.0 / duration_s if slope is None else slope) * np.minimum(elapsed_s, duration_s)
+        ),
         formula="slope x min(t - onset, duration).",
         kind="abrupt",
         label="ramp and hold",
         build_up_s=lambda *, slope, duration_s: 0.9 * duration_s,
-        tail=_ramp_hold_tail,
+        tail=lambda *, slope, duration_s: Tail(from_s=duration_s, level=1.0 if slope is None else slope * duration_s),
         keys=(
             Key(name="slope", rule="nonzero", description="Per second; default 1 / duration, so that it ends at 1."),
             Key(name="duration_s", rule="positive", required=True),
         ),
         is_scanned=True,
-        physical=_ramp_hold_physical,
+        physical=lambda magnitude, channel_unit, *, slope, duration_s: (
+            magnitude if slope is None else magnitude * slope * duration_s,
+            channel_unit,
+        ),
     ),
     "decaying_bias": FaultShape(
         signal=lambda elapsed_s, *, time_constant_s: np.exp(-elapsed_s / time_constant_s),
@@ -283,9 +286,8 @@ SHAPES: Mapping[str, FaultShape] = {
     "samples": FaultShape(
         signal=_samples,
         formula="The values of a CSV file.",
-        kind="slow",  # it may be, and nothing says it is not
+        **GROWING,  # it may be, and nothing says it is not
         label="sampled shape",
-        build_up_s=_never,
         tail=_samples_tail,
         keys=(
             Key(
@@ -300,42 +302,31 @@ SHAPES: Mapping[str, FaultShape] = {
     "free": FaultShape(
         signal=_ones,
         formula="Any smooth course from the onset, which bfi identify estimates.",
-        kind="slow",  # of an abrupt one there is nothing smooth to estimate but its step
+        **GROWING,  # of an abrupt one there is nothing smooth to estimate but its step
         label="fault of unknown shape",
-        build_up_s=_never,
         acts_on="course",
         has_magnitude=False,
     ),
     "scale": FaultShape(
         signal=_ones,
         formula="The channel's own reading.",
-        kind="slow",  # it shows as the reading changes
+        **SHARE,  # slow, since it shows as the reading changes
         label="scale error",
-        magnitude_unit=_pure_number,
-        physical=_share,
         acts_on="reading",
     ),
     "pitot_blocked": FaultShape(
         signal=_ones,
         formula="p_total keeps its value at the onset (tube and drain blocked).",
-        kind="slow",
         label="blocked pitot tube",
-        magnitude_unit=_pure_number,
-        physical=_share,
-        acts_on="p_total",
-        has_magnitude=False,
+        **PITOT,
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, first[1], amount)),
     ),
     "pitot_leak": FaultShape(
         signal=_relaxing,
         formula="p_total goes to p_static as 1 - exp(-(t - onset) / time constant) (tube blocked, drain open).",
-        kind="slow",
         label="leaking pitot line",
         keys=(TIME_CONSTANT,),
-        magnitude_unit=_pure_number,
-        physical=_share,
-        acts_on="p_total",
-        has_magnitude=False,
+        **PITOT,
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, amount)),
         loss=1.0,
     ),
@@ -344,8 +335,8 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="q_impact loses its part magnitude x (t - onset), at most all of it.",
         kind="slow",
         label="icing pitot tube",
-        magnitude_unit=lambda *_, **__: "1/s",
-        physical=_per_second_of_all,
+        magnitude_unit=lambda channel_unit, **_: "1/s",
+        physical=lambda magnitude, channel_unit, **_: (magnitude, "1/s"),
         acts_on="p_total",
         lines=lambda static, total, *, first, cabin, amount: (
             static,
@@ -356,30 +347,24 @@ SHAPES: Mapping[str, FaultShape] = {
     "pitot_water": FaultShape(
         signal=lambda since_s, *, frequency_hz: np.sin(_angle(since_s, frequency_hz, 0.0)),
         formula="q_impact gains its part magnitude x sin(2 pi f (t - onset)).",
-        kind="oscillating",
         label="water in the pitot line",
-        keys=(Key(name="frequency_hz", rule="positive", required=True),),
-        magnitude_unit=_pure_number,
-        physical=_share,
-        acts_on="p_total",
+        keys=(FREQUENCY,),
+        **{**PITOT, "kind": "oscillating", "has_magnitude": True},
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, -amount)),
         loss=-1.0,
     ),
     "static_blocked": FaultShape(
         signal=_ones,
         formula="p_static keeps its value at the onset.",
-        kind="slow",
         label="blocked static port",
-        magnitude_unit=_pure_number,
-        physical=_share,
-        acts_on="p_static",
-        has_magnitude=False,
+        **STATIC,
         lines=lambda static, total, *, first, cabin, amount: (_towards(static, first[0], amount), total),
     ),
     "static_leak": FaultShape(
-        signal=_relaxing_to_cabin,
+        signal=lambda elapsed_s, *, time_constant_s, cabin_altitude_m: _relaxing(
+            elapsed_s, time_constant_s=time_constant_s
+        ),
         formula="p_static goes to the cabin's pressure as 1 - exp(-(t - onset) / time constant).",
-        kind="slow",
         label="leaking static line",
         keys=(
             TIME_CONSTANT,
@@ -389,10 +374,7 @@ SHAPES: Mapping[str, FaultShape] = {
                 description="The pressure altitude that the cabin is held at, m; default 0, sea level.",
             ),
         ),
-        magnitude_unit=_pure_number,
-        physical=_share,
-        acts_on="p_static",
-        has_magnitude=False,
+        **STATIC,
         lines=lambda static, total, *, first, cabin, amount: (_towards(static, cabin, amount), total),
         loss=1.0,
     ),

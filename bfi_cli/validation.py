@@ -18,7 +18,7 @@ from pydantic_core import ErrorDetails
 from .errors import BfiError
 from .faults import did_you_mean, shown, unknown_key
 from .printable import shortened
-from .sample_file import lies_inside
+from .shapes import lies_inside
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]

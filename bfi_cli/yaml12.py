@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn, cast
 
 import yaml
 
 from .errors import BfiError, ConfigError
 from .printable import shortened
-
-__all__ = ["load_yaml", "read_text"]
 
 NULL = re.compile(r"(?:~|null|Null|NULL|)\Z")
 BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z")
@@ -82,10 +80,6 @@ def _scalar(pattern: re.Pattern[str], kind: str, convert: Callable[[str], object
     _Loader.add_constructor(f"{TAG}{kind}", construct)
 
 
-def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
-    return str(loader.construct_scalar(node))
-
-
 def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
     if not isinstance(node, yaml.MappingNode):
         _refuse(node, "not a mapping")
@@ -106,18 +100,17 @@ def _sequence(loader: _Loader, node: yaml.Node) -> list[Any]:
     return [loader.construct_object(child, deep=True) for child in node.value]
 
 
-def _unknown_tag(loader: _Loader, node: yaml.Node) -> NoReturn:
-    _refuse(node, f"unknown tag '{node.tag.removeprefix(TAG)}'; write the value without a tag")
-
-
 _scalar(NULL, "null", lambda text: None)
 _scalar(BOOL, "bool", lambda text: text.lower() == "true")
 _scalar(INT, "int", lambda text: int(text, {"0o": 8, "0x": 16}.get(text[:2], 10)))
 _scalar(FLOAT, "float", lambda text: float(text.replace(".", "") if text[-1] in "fFnN" else text))
-_Loader.add_constructor(f"{TAG}str", _text)
+_Loader.add_constructor(f"{TAG}str", lambda loader, node: str(loader.construct_scalar(cast("yaml.ScalarNode", node))))
 _Loader.add_constructor(f"{TAG}map", _mapping)
 _Loader.add_constructor(f"{TAG}seq", _sequence)
-_Loader.add_constructor(None, _unknown_tag)
+_Loader.add_constructor(
+    None,
+    lambda _, node: _refuse(node, f"unknown tag '{node.tag.removeprefix(TAG)}'; write the value without a tag"),
+)
 
 
 def load_yaml(source: str | Path, *, where: str | None = None, error: type[BfiError] = ConfigError) -> Any:

@@ -23,8 +23,8 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # From the ground up. A module imports what stands on lower floors, and its own package; neighbours know nothing of
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
-    ("errors", "kernels", "printable"),
-    ("airdata", "sample_file", "units"),
+    ("errors", "kernels", "notes", "printable"),
+    ("airdata", "units"),
     ("channels", "shapes"),
     ("faults", "files", "yaml12", "identify.methods", "preprocessing.summary", "provenance"),
     ("filters", "jsbsim"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from noted import texts
 from scipy import stats
 
 from bfi_cli.aircraft import MODELS, flight_of
@@ -102,13 +103,13 @@ def test_faults_injected_into_the_log_do_not_matter(on_clean):
     found = audit_on_log(read_log(ROOT / "data" / "citation_bias.h5"), load_dictionary(THESIS), ORDER_4)
     for entry, expected in zip(found.atoms, on_clean.atoms, strict=True):
         assert entry.minimal_detectable == pytest.approx(expected.minimal_detectable, rel=1e-6)
-    assert any("injected" in note for note in found.notes)
-    assert not any("injected" in note for note in on_clean.notes)
+    assert any("injected" in note for note in texts(found.notes))
+    assert not any("injected" in note for note in texts(on_clean.notes))
 
 
 def test_a_fault_that_nobody_knows_of_is_suspected(on_clean):
     found = audit_on_log(read_log(ROOT / "data" / "citation_bias.csv"), load_dictionary(THESIS), ORDER_4)
-    assert any(note.startswith("'tas' jumps away from its prediction at 13.7 s") for note in found.notes)
+    assert any(note.startswith("'tas' jumps away from its prediction at 13.7 s") for note in texts(found.notes))
     assert atom(found, "bias_13.8").minimal_detectable > 3.0 * atom(on_clean, "bias_13.8").minimal_detectable
 
 
@@ -142,7 +143,9 @@ def test_an_atom_whose_onset_the_lags_swallow_is_seen_nowhere():
     assert (early.live, early.minimal_detectable, early.coherence) == (True, None, None)
     assert "obeys an equation of order 1 after the first 12 samples, which the model's lags use up" in early.note
     assert np.isnan(found.signatures.coherence[0]).all()
-    assert any(note.startswith("the inputs and lags of the model explain all of 'early'") for note in found.notes)
+    assert any(
+        note.startswith("the inputs and lags of the model explain all of 'early'") for note in texts(found.notes)
+    )
     assert (found.signatures.rank, found.signatures.condition_number) == (1, pytest.approx(1.0))
 
 
@@ -206,13 +209,13 @@ def test_entries_left_out_are_named_with_what_to_do(clean):
     assert "move its onset" in notes["late"]
     assert "does not change in the window" in notes["always"]
     assert "--output aoa" in notes["elsewhere"]
-    assert found.all_notes[:5] == tuple(note for note in notes.values() if note)
+    assert texts(found.all_notes)[:5] == tuple(note for note in notes.values() if note)
 
 
 def test_neighbours_are_warned_of():
     near = [{"shape": "bias", "onset_s": onset, "name": f"at {onset}"} for onset in (10, 10.01, 40)]
     found = audit_dictionary(dictionary(*near), Config(), duration_s=60)
-    assert any("'at 10' and 'at 10.01' can hardly be told apart" in note for note in found.notes)
+    assert any("'at 10' and 'at 10.01' can hardly be told apart" in note for note in texts(found.notes))
     assert found.atoms[0].most_coherent_with == "at 10.01"
     assert found.atoms[0].coherence > 0.99
 
@@ -220,9 +223,9 @@ def test_neighbours_are_warned_of():
 def test_many_neighbours_are_counted_and_their_combination_is_named():
     grid = {"shape": "bias", "onset_s": {"start": 10, "stop": 10.1, "step": 0.01}}
     found = audit_dictionary(load_dictionary({"relative_to": "window", "grids": [grid]}), Config(), duration_s=60)
-    assert sum("can hardly be told apart" in note for note in found.notes) == 5
-    assert any("more pairs have a coherence of 0.99 or more" in note for note in found.notes)
-    assert any(note.startswith("a combination of 'bias_tas_10") for note in found.notes)
+    assert sum("can hardly be told apart" in note for note in texts(found.notes)) == 5
+    assert any("more pairs have a coherence of 0.99 or more" in note for note in texts(found.notes))
+    assert any(note.startswith("a combination of 'bias_tas_10") for note in texts(found.notes))
 
 
 def test_the_signals_compared_without_a_log_are_those_defined():
@@ -266,7 +269,7 @@ def test_too_many_signals_are_listed_and_not_compared():
     found = audit_dictionary(load_dictionary(THESIS), Config(), duration_s=1e9)
     assert found.signatures is None
     assert sum(entry.live for entry in found.atoms) == 7
-    assert any("too many signals to compare" in note for note in found.notes)
+    assert any("too many signals to compare" in note for note in texts(found.notes))
 
 
 def test_a_name_or_a_magnitude_makes_no_other_fault():
@@ -293,7 +296,7 @@ def test_what_looks_like_something_else_is_said(fault, sentence):
 
 def test_an_unknown_channel_is_guessed():
     found = audit_dictionary(dictionary({"shape": "bias", "onset_s": 3, "channel": "altitud"}), Config())
-    assert found.notes[0] == "'altitud' is no standard channel name; did you mean 'altitude'?"
+    assert texts(found.notes)[0] == "'altitud' is no standard channel name; did you mean 'altitude'?"
 
 
 @pytest.mark.parametrize(

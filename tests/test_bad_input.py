@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from made_logs import write_hdf5
+from noted import texts
 from odd_logs import ODD
 from scipy.io import savemat
 
@@ -584,4 +585,4 @@ def test_dead_duplicate_and_constant_faults_are_notes_while_one_is_live(bfi: Cal
         "constant": "not change",
     }.items():
         assert said in notes[name]
-        assert any(notes[name] in note for note in document["notes"])
+        assert any(notes[name] in note for note in texts(document["notes"]))

@@ -14,6 +14,7 @@ from ..errors import ConfigError
 from ..jsbsim import CONTROLS, OUTPUTS, run
 from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
+from ..notes import Note
 from .model import FlightPlan, Flown, NonlinearModel
 
 PREFIX = "jsbsim:"
@@ -73,10 +74,10 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
     )
 
 
-def _notes(deviations: FloatArray, flown: Mapping[str, FloatArray], stops: Sequence[str]) -> tuple[str, ...]:
+def _notes(deviations: FloatArray, flown: Mapping[str, FloatArray], stops: Sequence[str]) -> tuple[Note, ...]:
     moved = bool(np.ptp(deviations[:, 0])) and not np.ptp(flown["controls"][:, 0])
     said = "'elevator' stands still: of this aircraft JSBSim states no deflection of it in radians"
-    return (*(f"{name} is held at its stop" for name in stops), *((said,) if moved else ()))
+    return (*(Note.limit(f"{name} is held at its stop") for name in stops), *((Note.limit(said),) if moved else ()))
 
 
 @cache

@@ -11,7 +11,8 @@ import numpy as np
 from ..channels import STANDARD
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..kernels.progress import Report
+from ..kernels.progress import Report, silent
+from ..notes import Note
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Discretisation = Literal["zoh", "bilinear", "euler"]
@@ -85,7 +86,7 @@ class Flown:
 
     inputs: FloatArray
     outputs: FloatArray
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,8 +99,8 @@ class NonlinearModel:
     inputs, outputs : standard channel names.
     units : of every input and output, by name; those of standard channels need not be given.
     fly : returns the flight from trim for input deviations, (n_samples, n_u), held between samples, at a rate in Hz, in
-        gusts, (n_samples, 3) headwind, from the right and upward in m/s, or in calm air (None); tells a report the part
-        that is flown.
+        gusts, (n_samples, 3) headwind, from the right and upward in m/s, or in calm air (None).
+    report : `fly` tells it the part that is flown.
     travel : by input, how far it can be moved to either side, in its own measure.
     source : where the numbers come from.
     airspeed_m_s : true airspeed of the trimmed flight; None where gusts are not modelled.
@@ -116,6 +117,7 @@ class NonlinearModel:
     manoeuvred: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     travel: Mapping[str, float] = field(default_factory=dict)
+    report: Report = silent
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "units", _all_units(self.units, (*self.inputs, *self.outputs)))

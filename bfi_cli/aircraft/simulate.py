@@ -11,7 +11,7 @@ from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, frozen_array
 from ..kernels import FloatArray
-from ..kernels.progress import Report, silent
+from ..notes import Note
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
 
 MAX_SAMPLES = 10_000_000  # a gigabyte of memory for a dozen channels
@@ -221,7 +221,6 @@ def simulate(
     turbulence: Dryden | None = None,
     noise_sd: Mapping[str, float] | None = None,
     quantum: Mapping[str, float] | None = None,
-    report: Report = silent,
 ) -> FlightLog:
     """Fly `model` from its trim with the input deviations `u` and record it.
 
@@ -239,7 +238,6 @@ def simulate(
     turbulence : gusts acting on the aircraft and on its air-data sensors.
     noise_sd : standard deviation of white measurement noise by output, in the output's unit.
     quantum : step of the recorded values by output, in the output's unit; zero for none.
-    report : of a nonlinear model told the part that is flown.
 
     Returns
     -------
@@ -277,7 +275,7 @@ def simulate(
     elif discretisation != "zoh":
         raise ConfigError(f"{model.name}: discretisation: held inputs only, got '{discretisation}'; leave it out")
     else:
-        flown = model.fly(u, rate_hz, _gusts(model, turbulence, len(u), rate_hz, gust_stream), report)
+        flown = model.fly(u, rate_hz, _gusts(model, turbulence, len(u), rate_hz, gust_stream), model.report)
     signals = dict(zip(model.inputs, flown.inputs.T, strict=True))
     for name, values, stream in zip(model.outputs, flown.outputs.T, noise_streams, strict=True):
         noisy, step = values + noise_sd.get(name, 0.0) * stream.standard_normal(len(u)), quantum.get(name, 0.0)
@@ -323,7 +321,9 @@ def _fly_linear(
         )
     extent = dict(zip(model.outputs, np.abs(y).max(axis=0), strict=True))
     notes = tuple(
-        f"{name} moves up to {extent[name]:.2g} rad from its trim; a linear model holds for about {limit:g} rad"
+        Note.limit(
+            f"{name} moves up to {extent[name]:.2g} rad from its trim; a linear model holds for about {limit:g} rad"
+        )
         for name, limit in LINEAR_RANGE_RAD.items()
         if extent.get(name, 0.0) > limit
     )
@@ -338,14 +338,16 @@ def flight_of(
     rng: np.random.Generator,
     duration_s: float = 31.72,
     rate_hz: float = 100.0,
-    amplitude_rad: float = 0.035,
-    start_s: float = 0.2,
-    step_s: float = 1.0,
     turbulence_m_s: float = 0.0,
     discretisation: Discretisation = "zoh",
     noise_sd: Mapping[str, float] | None = None,
+    **sizes: float,
 ) -> FlightLog:
-    """Return the log of a manoeuvre by its name, see `time_axis`, `manoeuvre` and `simulate`, in gusts of an intensity.
+    """Return the log of a manoeuvre by its name, see `time_axis` and `simulate`, in gusts of an intensity.
+
+    Parameters
+    ----------
+    sizes : amplitude_rad, start_s and step_s of `manoeuvre`.
 
     Raises
     ------
@@ -354,7 +356,7 @@ def flight_of(
     time_s = time_axis(duration_s=duration_s, rate_hz=rate_hz)
     return simulate(
         model,
-        manoeuvre(name, time_s, amplitude_rad=amplitude_rad, start_s=start_s, step_s=step_s),
+        manoeuvre(name, time_s, **sizes),
         rng=rng,
         rate_hz=rate_hz,
         discretisation=discretisation,

@@ -11,13 +11,24 @@ from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
 from ..flightlog import FlightLog
 from ..kernels.coherence import whiten
+from ..notes import Note
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
 from ..shapes import ADDITIVE
 from .comparison import advised, compare, own_channel, sentences
-from .entries import AuditWindow, entries, reasons_of, remarks_of, span_of, unit_of, unknown_channels
-from .kinds import searched_on_log, with_kinds, without_signals
+from .entries import (
+    AuditWindow,
+    entries,
+    reasons_of,
+    remarks_of,
+    searched_on_log,
+    span_of,
+    unit_of,
+    unknown_channels,
+    with_kinds,
+    without_signals,
+)
 from .result import Audit, fastest_hz
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
@@ -47,7 +58,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
     if stated.atoms == dictionary.atoms:
         return audit
     kinds = dictionary.searched.atoms
-    audit = replace(audit, notes=(*unknown_channels(kinds), *audit.notes))
+    audit = replace(audit, notes=(*map(Note.limit, unknown_channels(kinds)), *audit.notes))
     return with_kinds(audit, dictionary, {one.channel: unit_of(one.channel) for one in kinds})
 
 
@@ -95,12 +106,9 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
         rate_hz=float(rate_hz),
         n_samples=n_samples,
         why=why,
-        log_path=None,
-        native_rate_hz=None,
-        model=None,
         atoms=entries(faults, names, [unit_of(one.channel) for one in faults], reasons, remarks, signatures),
         signatures=signatures,
-        notes=(*unknown_channels(faults), *warnings),
+        notes=tuple(map(Note.limit, (*unknown_channels(faults), *warnings))),
     )
 
 
@@ -112,11 +120,8 @@ def _window(dictionary: Dictionary, config: Config, duration_s: float | None) ->
     if duration_s is not None and not 0.0 < duration_s < np.inf:
         raise ConfigError(f"--duration: must be more than 0 s, got {duration_s:g}; give the length of a window")
     shown = span_of(dictionary.resolved(from_s or 0.0), from_s, from_zero=dictionary.relative_to == "window")
-    start_s, stop_s, why = (
-        shown.start_s,
-        shown.stop_s,
-        "until every fault has shown its shape; another length is --duration S",
-    )
+    start_s, stop_s = shown.start_s, shown.stop_s
+    why = "until every fault has shown its shape; another length is --duration S"
     if duration_s is not None:
         to_s = start_s + duration_s
     if to_s is not None:
@@ -207,5 +212,5 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
         model=fitted.model,
         atoms=entries(faults, names, units, reasons, remarks, signatures, limits),
         signatures=signatures,
-        notes=(*sentences(signatures, alike), *about_the_log(log, window, fitted)),
+        notes=(*map(Note.limit, sentences(signatures, alike)), *about_the_log(log, window, fitted)),
     )

@@ -11,19 +11,19 @@ import numpy as np
 from ..display_units import SI, Units
 from ..faults import fault_to_dict
 from ..kernels import FloatArray
+from ..notes import Note, unique
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..printable import shortened
 from ..provenance import Provenance
-from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, thinned
+from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of, thinned
 from ..report.text import change, noise_level, number, with_unit
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from ..shapes import SHAPES
 from .comparison import pairs
 from .result import Audit
 
 Plain = Mapping[str, Any]
 
-AUDIT_SCHEMA = 1
 DRAWINGS, TABLES = ("signatures", "coherence", "limits"), ("atoms", "coherence")
 MODEL_KEYS = ("inputs", "outputs", "order", "feedthrough", "noise_sd")
 # Signatures that a page has room for, and points of each: twice the pixels across a page.
@@ -79,7 +79,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
     plain: dict[str, Any] = to_plain(
         {
             "kind": "dictionary",
-            "schema": AUDIT_SCHEMA,
+            "schema": SCHEMA,
             "path": audit.path,
             "relative_to": audit.relative_to,
             "log": None if audit.log_path is None else {"path": audit.log_path, "native_rate_hz": audit.native_rate_hz},
@@ -98,7 +98,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
                 "matrix": signatures.coherence,
             },
             "series": series,
-            "notes": audit.all_notes,
+            "notes": unique(audit.all_notes),
             "provenance": provenance,
         }
     )
@@ -126,7 +126,8 @@ def audit_content(document: Plain, units: Units = SI) -> ReportContent:
     if document["model"] is not None:
         drawings.append(_draw_limits(document, live[:MAX_SIGNATURES], units))
     noted = [atom["note"] for atom in atoms if atom["note"] is not None]
-    more = f"{len(noted) - MOST_NOTES} more faults have a note; all are in --json and --out"
+    notes, of_atoms = notes_of(document, units), len(set(noted))
+    more = Note.method(f"{of_atoms - MOST_NOTES} more faults have a note; all are in --json and --out")
     return ReportContent(
         category="Audit of a fault dictionary",
         title=str(document["path"]),
@@ -135,14 +136,7 @@ def audit_content(document: Plain, units: Units = SI) -> ReportContent:
         facts=_facts(document, units),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        notes=tuple(
-            units.sentence(note)
-            for note in (
-                *noted[:MOST_NOTES],
-                *([more] if noted[MOST_NOTES:] else []),
-                *document["notes"][len(noted) :],
-            )
-        ),
+        notes=(*notes[:of_atoms][:MOST_NOTES], *([more] if of_atoms > MOST_NOTES else []), *notes[of_atoms:]),
         data=data,
     )
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 from ..faults import Fault
 from ..kernels import FloatArray
+from ..notes import Note
 from ..preprocessing.summary import ModelSummary
 
 
@@ -33,12 +34,12 @@ class AuditedAtom:
     note: str | None
     unit: str
     channel_unit: str
-    minimal_detectable: float | None
-    minimal_physical: tuple[float, str] | None
-    minimal_peak: float | None
-    visible: float | None
-    most_coherent_with: str | None
-    coherence: float | None
+    minimal_detectable: float | None = None
+    minimal_physical: tuple[float, str] | None = None
+    minimal_peak: float | None = None
+    visible: float | None = None
+    most_coherent_with: str | None = None
+    coherence: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,12 +82,12 @@ class Audit:
     rate_hz: float
     n_samples: int
     why: str
-    log_path: str | None
-    native_rate_hz: float | None
-    model: ModelSummary | None
-    atoms: tuple[AuditedAtom, ...]
-    signatures: Signatures | None
-    notes: tuple[str, ...]
+    log_path: str | None = None
+    native_rate_hz: float | None = None
+    model: ModelSummary | None = None
+    atoms: tuple[AuditedAtom, ...] = ()
+    signatures: Signatures | None = None
+    notes: tuple[Note, ...] = ()
 
     @property
     def fastest_hz(self) -> float | None:
@@ -94,9 +95,9 @@ class Audit:
         return fastest_hz(one.fault for one in self.atoms)
 
     @property
-    def all_notes(self) -> tuple[str, ...]:
+    def all_notes(self) -> tuple[Note, ...]:
         """The notes on single atoms, then the others."""
-        return (*(atom.note for atom in self.atoms if atom.note is not None), *self.notes)
+        return (*(Note.limit(atom.note) for atom in self.atoms if atom.note is not None), *self.notes)
 
 
 def fastest_hz(faults: Iterable[Fault]) -> float | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
+from ..notes import Note
 from .options import CHANNELS, OPTIONS, Command, config_of, with_options
 from .output import check_out, emit, note
 from .progress import stages
@@ -77,7 +78,7 @@ class Asked:
     log: str
     inputs: tuple[str, ...]
     progress: Progress
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def has_log(self) -> bool:
@@ -103,9 +104,9 @@ class Asked:
         asked = (self.config.window.from_s, self.config.window.to_s) != (None, None)
         on_windows = None if asked else advice_on_windows(flight, whole=whole)
         on_ground = advice_on_the_ground(flight, config.window.from_s, config.window.to_s, suspects=config.outputs)
-        notes = (*filter(None, (on_ground, on_windows)), *notes)
-        for sentence in notes:
-            note(sentence)
+        notes = (*map(Note.advice, filter(None, (on_ground, on_windows))), *notes)
+        for one in notes:
+            note(one.text)
         notes = (*notes, *doubts(flight, (*config.outputs, *config.inputs)))
         dictionary = self.dictionary
         if dictionary is not None:  # its entries may act on the output, which is known now
@@ -200,11 +201,11 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
     return tuple(path for path in named if path)
 
 
-def doubts(flight: FlightLog, names: Sequence[str]) -> tuple[str, ...]:
+def doubts(flight: FlightLog, names: Sequence[str]) -> tuple[Note, ...]:
     """Return questions about channels whose values cannot be, or whose unit nobody has stated; tell the terminal."""
     from ..flightlog.plausible import doubts_about
 
     questions = doubts_about(flight, names)
-    for sentence in questions:
-        note(sentence)
+    for one in questions:
+        note(one.text)
     return questions

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ..notes import Note
 from .analysis import inputs_of, log_of
 from .options import MODEL, SIGNALS, config_of, logs_argument, with_options
 from .output import note, show_lines
@@ -56,14 +57,14 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
             table, reason = None, str(error)
     origin = provenance(log_sha256=" ".join(flight.sha256 for flight in flights), config_sha256=config.sha256)
     tables = load_tables(out) if appended else ()
-    notes: tuple[str, ...] = (f"only for bfi diagnose, no onset scan: {reason}",)
+    notes: tuple[Note, ...] = (Note.limit(f"only for bfi diagnose, no onset scan: {reason}"),)
     if table is not None:
         tables = join_tables(tables, table)
         notes = table_notes(tables[-1], [flight.path for flight in flights])
     text = save_tables(tables, origin, notes, air_data=air_data)
     with aside(out.parent, place=out, option="-o") as new:
         (new / out.name).write_text(text + "\n", encoding="utf-8")
-    for sentence in (f"wrote {out}", *notes):
+    for sentence in (f"wrote {out}", *(one.text for one in notes)):
         note(sentence)
     lines = [*([] if table is None else summary(table)), *([] if air_data is None else air_data.lines())]
     show_lines(json.loads(text), lines, as_json=options["as_json"])

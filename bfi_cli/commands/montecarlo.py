@@ -39,8 +39,8 @@ def command(config_path: str, **options: Any) -> None:
     are the same for any number of workers, and for a sweep that was stopped and continued.
     """
     from ..montecarlo import check_records, digest_of, load_sweep, montecarlo_content, summarise, summary_document
-    from ..montecarlo.report import DRAWINGS, TABLES
     from ..montecarlo.running import TIMING_COLUMNS, timing_cells
+    from ..montecarlo.summary import DRAWINGS, TABLES
     from ..montecarlo.trial import COLUMNS
     from ..provenance import provenance
 

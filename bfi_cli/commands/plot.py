@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from ..errors import ConfigError
+from ..notes import Note
 from .analysis import Answer, Asked, analysis, source_of
 from .options import CHANNELS, logs_argument, pairs
 
@@ -62,8 +63,7 @@ def command(asked: Asked) -> Answer:
     Of a configuration file counts what says how the logs are read, its window and the units to show.
     """
     from ..flightlog import read_log
-    from ..flightlog.events import read_events
-    from ..flightlog.plot import MOST_PANELS, plot_content, plot_document
+    from ..flightlog.plot import MOST_PANELS, plot_content, plot_document, read_events
 
     names, window = asked.options["channels"], asked.config.window
     pages = range(1, -(-len(names) // MOST_PANELS))
@@ -75,7 +75,7 @@ def command(asked: Asked) -> Answer:
     known = {flight.sha256 for flight in flights}
     events = sorted((event for _, events, _ in found for event in events), key=lambda one: one.onset_s)
     notes = [
-        f"{path} is the result of another log than those drawn, its events may not fit"
+        Note.method(f"{path} is the result of another log than those drawn, its events may not fit")
         for path, _, sha256 in found
         if sha256 and sha256 not in known
     ]

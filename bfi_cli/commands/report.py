@@ -15,7 +15,7 @@ from ..display_units import IN_FILES, UNITS
 from ..errors import ConfigError
 from ..provenance import Provenance
 from ..report.consistency import contradiction_of
-from ..serialization import from_plain, member
+from ..serialization import check_schema, from_plain, member
 from .options import with_options
 from .output import note, show
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
     from ..report.content import ReportContent
 
 GIVE = "give the result.json of a command's --out, or what its --json --series printed"
-# Module and function that make the content of each kind of document, and the schema they know.
+# Module and function that make the content of each kind of document.
 KINDS = {
-    "calibration": ("decision.calibration", "calibration_content", 1),
-    "convert": ("flightlog.report", "log_content", 1),
-    "detect": ("detect", "detect_content", 2),
-    "diagnosability": ("diagnosability", "diagnosability_content", 1),
-    "diagnose": ("diagnose", "diagnose_content", 2),
-    "dictionary": ("audit", "audit_content", 1),
-    "identify": ("identify.report", "content_of_document", 2),
-    "info": ("flightlog.report", "info_content", 1),
-    "inject": ("flightlog.report", "log_content", 1),
-    "montecarlo": ("montecarlo", "montecarlo_content", 2),
-    "plot": ("flightlog.plot", "plot_content", 1),
-    "reproduce": ("reproduce.catalogue", "reproduce_content", 1),
-    "simulate": ("flightlog.report", "log_content", 1),
-    "start-time": ("onset", "onset_content", 2),
+    "calibration": ("decision.calibration", "calibration_content"),
+    "convert": ("flightlog.report", "log_content"),
+    "detect": ("detect", "detect_content"),
+    "diagnosability": ("diagnosability", "diagnosability_content"),
+    "diagnose": ("diagnose", "diagnose_content"),
+    "dictionary": ("audit", "audit_content"),
+    "identify": ("identify.report", "content_of_document"),
+    "info": ("flightlog.report", "info_content"),
+    "inject": ("flightlog.report", "log_content"),
+    "montecarlo": ("montecarlo", "montecarlo_content"),
+    "plot": ("flightlog.plot", "plot_content"),
+    "reproduce": ("reproduce.catalogue", "reproduce_content"),
+    "simulate": ("flightlog.report", "log_content"),
+    "start-time": ("onset", "onset_content"),
 }
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.
@@ -90,11 +90,8 @@ def _content(document: object, where: str, units: Units) -> ReportContent:
     kind = document["kind"]
     if not isinstance(kind, str) or kind not in KINDS:
         raise ConfigError(f"{where}: kind is '{kind}', known: {', '.join(KINDS)}; {GIVE}")
-    module, function, schema = KINDS[kind]
-    if document.get("schema") != schema:
-        raise ConfigError(
-            f"{where}: schema is {document.get('schema')}, this program reads {schema}; run the command again"
-        )
+    module, function = KINDS[kind]
+    check_schema(document, where=where)
     if kind not in READ_BACK:
         member(document, "provenance", where=where)
     make = getattr(importlib.import_module(f"...{module}", __name__), function)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -129,6 +130,8 @@ def command(context: click.Context, /, name: str | None, model_file: str | None,
         throttle=options["throttle"],
     )
     with stages(wanted=options["progress"]) as progress:
+        if isinstance(model, aircraft.NonlinearModel):
+            model = replace(model, report=partial(progress, "flight"))
         log = aircraft.simulate(
             model,
             moved,
@@ -138,6 +141,5 @@ def command(context: click.Context, /, name: str | None, model_file: str | None,
             turbulence=aircraft.Dryden(sigma_m_s=options["turbulence"]) if options["turbulence"] else None,
             noise_sd=options["noise"],
             quantum=options["quantum"],
-            report=partial(progress, "flight"),
         )
     write_and_show(log, options, kind="simulate", seed=options["seed"])

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError
 from ..kernels.exponential_tail import ExcessTail
+from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import ReportContent, Table
-from ..serialization import from_plain, mapping, member, to_json
+from ..report.content import ReportContent, Table, notes_of
+from ..serialization import SCHEMA, check_schema, from_plain, mapping, member, to_json
 from ..yaml12 import read_text
 
-__all__ = ["FEWEST_WINDOWS", "SCHEMA", "TOLERANCES", "CalibrationSettings", "CalibrationTable", "Null"]
+__all__ = ["FEWEST_WINDOWS", "TOLERANCES", "CalibrationSettings", "CalibrationTable", "Null"]
 __all__ += [
     "calibration_content",
     "calibration_document",
@@ -43,7 +44,6 @@ __all__ += ["summary", "table_notes", "wrong_statistics"]
 
 FloatArray = NDArray[np.float64]
 
-SCHEMA = 1
 # A million windows of three shapes, decades of flight: 20 letters for each number.
 MAX_BYTES = 64_000_000
 # With fewer there is at most a handful of windows above the quantile from which the tail is estimated.
@@ -264,13 +264,13 @@ def join_tables(tables: Sequence[CalibrationTable], table: CalibrationTable) -> 
 
 
 def save_tables(
-    tables: Sequence[CalibrationTable], provenance: Provenance, notes: Sequence[str] = (), *, air_data: object = None
+    tables: Sequence[CalibrationTable], provenance: Provenance, notes: Sequence[Note] = (), *, air_data: object = None
 ) -> str:
     """Return the JSON text of tables, and of the air data of the aircraft where it is given."""
     document = {"kind": "calibration", "schema": SCHEMA, "tables": list(tables)}
     more = {} if air_data is None else {"air_data": air_data}
     written = json.loads(to_json({**document, **more}))
-    return to_json({**document, **more, "digest": _digest(written), "notes": notes, "provenance": provenance})
+    return to_json({**document, **more, "digest": _digest(written), "notes": unique(notes), "provenance": provenance})
 
 
 def _digest(document: Mapping[str, Any]) -> str:
@@ -286,8 +286,7 @@ def check_calibration(document: Mapping[str, Any], *, where: str) -> tuple[Calib
     ------
     ConfigError : it is of another schema, or holds what no scan counts.
     """
-    if (schema := document.get("schema")) != SCHEMA:
-        raise ConfigError(f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi calibrate again")
+    check_schema(document, where=where)
     tables = from_plain(tuple[CalibrationTable, ...], member(document, "tables", where=where), where=f"{where}: tables")
     check_digest(document, where=where)
     for k, table in enumerate(tables):
@@ -375,7 +374,7 @@ def load_tables(path: str | Path) -> tuple[CalibrationTable, ...]:
     return check_calibration(calibration_document(path), where=str(path))
 
 
-def table_notes(table: CalibrationTable, logs: Sequence[str]) -> tuple[str, ...]:
+def table_notes(table: CalibrationTable, logs: Sequence[str]) -> tuple[Note, ...]:
     """Return what a reader of a table should know: too few windows, windows left out, windows unlike the others.
 
     Parameters
@@ -384,17 +383,27 @@ def table_notes(table: CalibrationTable, logs: Sequence[str]) -> tuple[str, ...]
     """
     n, notes = table.n_windows, []
     if n < FEWEST_WINDOWS:
-        notes.append(f"{n} windows are too few, bfi start-time asks for {FEWEST_WINDOWS}; give more or longer flights")
+        notes.append(
+            Note.advice(
+                f"{n} windows are too few, bfi start-time asks for {FEWEST_WINDOWS}; give more or longer flights"
+            )
+        )
     if table.n_unusable:
         unused = [log for log in logs if Path(log).name not in table.logs]
         where = f", among them all of {', '.join(unused)}" if unused else ""
-        notes.append(f"{table.n_unusable} windows could not be analysed{where}; bfi info says what ails a log")
+        notes.append(
+            Note.limit(f"{table.n_unusable} windows could not be analysed{where}; bfi info says what ails a log")
+        )
     if n >= FEWEST_WINDOWS:
         null = null_of(table, table.settings.shapes)
         for shape, values in table.statistics.items():
             beyond = int((values > FAR_OUT * null.threshold(shape, RARE)).sum())
             if beyond:
-                notes.append(f"{shape}: {beyond} of {n} windows stand far out, as if they held a fault; leave them out")
+                notes.append(
+                    Note.advice(
+                        f"{shape}: {beyond} of {n} windows stand far out, as if they held a fault; leave them out"
+                    )
+                )
     return tuple(notes)
 
 
@@ -427,5 +436,5 @@ def calibration_content(document: Mapping[str, Any], *, where: str = "the calibr
         heading=f"{len(tables)} tables",
         verdict=f"{sum(table.n_windows for table in tables)} windows without a fault in {len(tables)} tables.",
         tables=(Table(name="thresholds", title="Thresholds", heads=heads, rows=tuple(rows)),),
-        notes=tuple(document["notes"]),
+        notes=notes_of(document),
     )

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..faults import Decision, FaultEstimate, build_up_s
+from ..notes import Note
 from ..report.text import instant, quantity
 from ..shapes import SHAPES, Kind
 from .candidate import Candidate, state_of
@@ -36,7 +37,7 @@ class Conclusion:
     summary: str
     faults: tuple[FaultEstimate, ...]
     candidates: tuple[Candidate, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusion:
@@ -54,8 +55,8 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     """
     faults: list[FaultEstimate] = []
     candidates: list[Candidate] = []
-    notes: list[str] = []
-    refuted: dict[int, str] = {}
+    notes: list[Note] = []
+    refuted: dict[int, Note] = {}
     for one in evidence:
         others = [other for other in evidence if other is not one]
         for fault in one.faults:
@@ -125,11 +126,11 @@ def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str,
     return None
 
 
-def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Candidate]) -> str:
+def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Candidate]) -> Note:
     other, one = excluded_by
     label, channel = SHAPES[fault.fault.shape].label, fault.fault.channel
     size, from_s = quantity(fault.magnitude, fault.unit), instant(fault.fault.onset_s)
-    return (
+    return Note.limit(
         f"the {source} declares a {label} of {size} on {channel} from {from_s} s, but the {other} "
         f"excludes more than {quantity(one.limit or 0.0, one.channel_unit)} there: it is suspected"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..faults import FaultEstimate
+from ..notes import Note
 from .candidate import Candidate
 
 
@@ -24,4 +25,4 @@ class Evidence:
     source: str
     faults: tuple[FaultEstimate, ...] = ()
     candidates: tuple[Candidate, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()

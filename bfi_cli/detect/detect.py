@@ -13,6 +13,7 @@ from ..decision import Candidate, Evidence, conclude, finite, shown_limit, state
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
+from ..notes import Note
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
@@ -129,13 +130,15 @@ def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[
     return tuple(candidates)
 
 
-def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: list[str]) -> tuple[str, ...]:
+def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: list[str]) -> tuple[Note, ...]:
     """Say which onsets the claims cover, what would help with what is not seen, and what is not looked for."""
     limits, notes = found.limits, []
     if limits is not None and len(limits.onset_s):
         first_s, last_s = (instant(float(limits.onset_s[k])) for k in (0, -1))
         notes.append(
-            f"claims hold for steps that begin from {first_s} to {last_s} s; what began before is learnt as normal"
+            Note.limit(
+                f"claims hold for steps that begin from {first_s} to {last_s} s; what began before is learnt as normal"
+            )
         )
     if unseen:
         used = (*prepared.inputs, *prepared.outputs)
@@ -149,12 +152,15 @@ def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: l
             if idle:
                 more = " ".join(f"--input {name}" for name in (*prepared.inputs, *idle))
                 helps.insert(1, f"more inputs ({more})")
-        notes.append(f"what would help with steps of {', '.join(unseen)}: {'; '.join(helps)}")
+        notes.append(Note.advice(f"what would help with steps of {', '.join(unseen)}: {'; '.join(helps)}"))
     others = [kind for kind in config.require if kind != "abrupt"]
     if others:
         notes.append(
-            f"{' and '.join(others)} faults are not looked for here, so that there is no decision "
-            "without them (--require abrupt is about steps alone): bfi start-time looks for them, one channel at a time"
+            Note.limit(
+                f"{' and '.join(others)} faults are not looked for here, so that there is no decision "
+                "without them (--require abrupt is about steps alone): bfi start-time looks for them, one channel at a "
+                "time"
+            )
         )
     return tuple(notes)
 

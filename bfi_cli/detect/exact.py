@@ -6,6 +6,7 @@ import numpy as np
 
 from ..kernels import FloatArray
 from ..kernels.nullspace import Criteria, criteria, past_rank
+from ..notes import Note
 from ..preprocessing.regression import Signals
 from .preparation import PreparedRecord
 from .result import Alarm, Detection, StepLimits
@@ -69,23 +70,29 @@ def detect_exactly(prepared: PreparedRecord) -> Detection:
     limits, notes = None, []
     if explained:
         notes.append(
-            f"a linear model of order {lags} explains the healthy time to round-off, so the criterion is that of "
-            f"data without noise: a channel fails where the model leaves more than {LEVEL:g} of its size unexplained "
-            f"in a window of {width} samples"
+            Note.method(
+                f"a linear model of order {lags} explains the healthy time to round-off, so the criterion is that of "
+                f"data without noise: a channel fails where the model leaves more than {LEVEL:g} of its size "
+                f"unexplained in a window of {width} samples"
+            )
         )
     else:
         notes.append(
-            "the healthy time is not explained to round-off: this log has noise, or needs more channels, and the "
-            "alarms mean nothing; give --method parity"
+            Note.advice(
+                "the healthy time is not explained to round-off: this log has noise, or needs more channels, and the "
+                "alarms mean nothing; give --method parity"
+            )
         )
     if criterion.ready is not None:
-        notes.append(f"ready after {criterion.ready} samples")
+        notes.append(Note.method(f"ready after {criterion.ready} samples"))
     if explained:
         limits, left_out = _limits(record, criterion, width=width, level=levels)
         if left_out:
             notes.append(
-                f"{left_out} samples move in a direction in which their window does not, as the first ones after an "
-                "input begins to move: what fails at one of them may show in another channel or not at all"
+                Note.limit(
+                    f"{left_out} samples move in a direction in which their window does not, as the first ones after "
+                    "an input begins to move: what fails at one of them may show in another channel or not at all"
+                )
             )
     return Detection(
         method="exact",

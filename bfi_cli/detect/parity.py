@@ -21,6 +21,7 @@ from ..kernels.normal import ONE_SIDED_90
 from ..kernels.parity import Drops, StepHeight, drop_at, largest_drops, step_height
 from ..kernels.progress import Report, silent
 from ..kernels.running import running_weights
+from ..notes import Note
 from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from .predictor import Predictor, fit_predictor
 from .preparation import UNSTATED_HZ, DecimatedRecord, PreparedRecord, decimate_record
@@ -78,21 +79,31 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
         statistic[rows[:, None], channels] = one.drops.deviate
     model, threshold = passes[0].model, passes[0].threshold
     first_held, last_held = (float(samples.time_s[model.samples[k]]) for k in (model.errors.start, model.n_healthy - 1))
-    notes = [*prepared.notes, f"rate: {prepared.choice.reason}", SLOW, *_threshold_notes(prepared, threshold)]
+    notes = [
+        *prepared.notes,
+        Note.method(f"rate: {prepared.choice.reason}"),
+        Note.limit(SLOW),
+        *_threshold_notes(prepared, threshold),
+    ]
     limits, edge_hz = None, prepared.recorder_hz
     if edge_hz is not None and samples.rate_hz > RATE_PER_EDGE * edge_hz:
         edge = f"(gain one half at {edge_hz:.3g} Hz)"
         which = f"the recorder's low-pass {edge}" if prepared.stated else f"{UNSTATED}, and a low-pass {edge}"
         notes.append(
-            f"{which} spreads a step over several samples at {samples.rate_hz:.3g} Hz, and what a sharp one would show "
-            f"does not bound it: no step is excluded; what gives limits: {'; '.join(slower(prepared, config))}"
+            Note.limit(
+                f"{which} spreads a step over several samples at {samples.rate_hz:.3g} Hz, and what a sharp one would "
+                "show "
+                f"does not bound it: no step is excluded; what gives limits: {'; '.join(slower(prepared, config))}"
+            )
         )
     else:
         limits = parity_limits(samples, passes, factor=SMEARED if prepared.filtered else ABSORBED)
         if not prepared.stated:
             notes.append(
-                f"{UNSTATED}: limits are of steps through any low-pass that keeps half of {UNSTATED_HZ:g} Hz; "
-                "--recorder HZ states a slower one"
+                Note.limit(
+                    f"{UNSTATED}: limits are of steps through any low-pass that keeps half of {UNSTATED_HZ:g} Hz; "
+                    "--recorder HZ states a slower one"
+                )
             )
     return Detection(
         method="parity",
@@ -130,30 +141,40 @@ def slower(prepared: PreparedRecord, config: Config) -> list[str]:
     return said if prepared.stated else [*said, "--recorder HZ, or none where there is none"]
 
 
-def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) -> list[str]:
+def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) -> list[Note]:
     """Say what gusts and the held-back healthy time mean for the threshold."""
     notes = []
     if threshold.gusty:
         notes.append(
-            "the prediction errors change in size as gusts come and go: they are measured by their size in the last "
-            f"{PATCH_S:g} s, a deviate has to last for {LASTING_IN_GUSTS} samples, and the healthy time tells of gusts "
-            f"that it has not met by one patch in {PATCH_S:g} s; a failure that is seen only in calm air may be missed"
+            Note.method(
+                "the prediction errors change in size as gusts come and go: they are measured by their size in the "
+                f"last {PATCH_S:g} s, a deviate has to last for {LASTING_IN_GUSTS} samples, and the healthy time tells "
+                f"of gusts that it has not met by one patch in {PATCH_S:g} s; a failure that is seen only in calm air "
+                "may be missed"
+            )
         )
     if len(threshold.maxima) < FEWEST_BLOCKS:
         notes.append(
-            f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see heavy "
-            "tails: the threshold takes that of white noise as known from few values; give a longer --train"
+            Note.advice(
+                f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see "
+                "heavy tails: the threshold takes that of white noise as known from few values; give a longer --train"
+            )
         )
     elif threshold.is_heavy:
         notes.append(
-            f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
-            f"{threshold.white:.3g} standard deviations): the threshold follows their tail, taken to be exponential"
+            Note.method(
+                f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
+                f"{threshold.white:.3g} standard deviations): the threshold follows their tail, taken to be "
+                "exponential"
+            )
         )
     higher = [name for name, most in zip(prepared.outputs, threshold.largest, strict=True) if most > threshold.white]
     if higher:
         notes.append(
-            f"{', '.join(higher)}: the threshold is raised, since held-back healthy data exceed that of white noise; "
-            "the model predicts the healthy time badly"
+            Note.method(
+                f"{', '.join(higher)}: the threshold is raised, since held-back healthy data exceed that of white "
+                "noise; the model predicts the healthy time badly"
+            )
         )
     return notes
 

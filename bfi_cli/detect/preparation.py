@@ -19,6 +19,7 @@ from ..flightlog.recorder import recorder_filters
 from ..kernels import FloatArray
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..kernels.input_directions import STILL, directions, independent, moments
+from ..notes import Note
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import must_resample
@@ -80,7 +81,7 @@ class PreparedRecord:
     recorder_s: float
     recorder_hz: float | None
     stated: bool
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -133,19 +134,24 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     train = config.detect.train or _first_third(flown)
     if config.detect.train is None:
         notes.append(
-            f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the flight "
-            "in the window at most, is taken to be free of faults; a fault in it would be learnt as normal (give "
-            "--train A:B)"
+            Note.advice(
+                f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the "
+                "flight "
+                "in the window at most, is taken to be free of faults; a fault in it would be learnt as normal (give "
+                "--train A:B)"
+            )
         )
     elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
-        notes.append(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed")
+        notes.append(Note.limit(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed"))
     watch_s = train[1] if from_s is None else max(train[1], from_s)
     watched = tuple((max(a, watch_s), b) for a, b in flown if b > watch_s)
     end_s = float(log.time_s[-1]) if to_s is None else to_s
     if len(watched) > 1 or (watched and watched[0][1] < end_s - APART_S):
         named = ", ".join(f"{instant(a)} to {instant(b)} s" for a, b in watched)
         notes.append(
-            f"watched in flight only, {named}: not in take-off, approach, landing and parabolas, nor on the ground"
+            Note.limit(
+                f"watched in flight only, {named}: not in take-off, approach, landing and parabolas, nor on the ground"
+            )
         )
 
     # 2. What is cut, which channels of it, and the rate.
@@ -178,8 +184,10 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
     if last_s > until_s:
         notes.append(
-            f"nothing after {instant(until_s)} s is watched: the recorder's low-pass looks {ahead_s:.2g} s ahead, past "
-            "the end of the log"
+            Note.limit(
+                f"nothing after {instant(until_s)} s is watched: the recorder's low-pass looks {ahead_s:.2g} s ahead, "
+                "past the end of the log"
+            )
         )
     # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
     chains = (filters, *alternatives(filters), log.filters or ())
@@ -189,12 +197,14 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     felt = [name for name in FELT if name in inputs and not given_inputs]
     if felt:
         notes.append(
-            f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
-            "(--input chooses)"
+            Note.method(
+                f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
+                "(--input chooses)"
+            )
         )
     signals = [part.channel(name).values for name in inputs]
     if bank:
-        notes.append(TURNS)
+        notes.append(Note.method(TURNS))
         # What a turn adds to longitudinal motion: the pitch angle changes with q cos(roll) - r sin(roll), not with q,
         # and the load factor is 1 / cos(roll).
         roll, yaw_rate = (part.channel(name).values for name in bank)
@@ -203,7 +213,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         if "pitch_rate" in part.channels:
             signals.append(part.channel("pitch_rate").values * (1.0 - level))
     if stated and about_recorder:
-        notes.append(about_recorder)
+        notes.append(Note.method(about_recorder))
     u, y = np.column_stack([np.zeros((part.n_samples, 0)), *signals]), part.signals(outputs)
 
     def until(n: int) -> Signals:

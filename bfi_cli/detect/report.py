@@ -9,15 +9,15 @@ import numpy as np
 
 from ..channels import LARGEST_ERROR
 from ..display_units import SI, Units
+from ..notes import Note, unique
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
-from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
+from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ..report.text import change, instant, interval, number, with_unit
-from ..serialization import from_plain, member, to_plain
+from ..serialization import SCHEMA, from_plain, member, to_plain
 from .result import Alarm, ChannelSeries, DetectResult
 
-SCHEMA = 2
 UNKNOWN = "size not determined"
 HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "inconclusive": "Inconclusive"}
 METHODS = {"exact": "right null space of the last samples", "parity": "parity residuals (left null space)"}
@@ -34,7 +34,13 @@ def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, A
     """Return the document of `bfi detect --json`; numbers that are not finite are None."""
     body = to_plain(result)
     body["series"] = {"time_s": body.pop("time_s"), "channels": body["series"]}
-    return {"kind": "detect", "schema": SCHEMA, **body, "provenance": to_plain(provenance)}
+    return {
+        "kind": "detect",
+        "schema": SCHEMA,
+        **body,
+        "notes": to_plain(unique(result.notes)),
+        "provenance": to_plain(provenance),
+    }
 
 
 def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -80,7 +86,7 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
         facts=_facts(result),
         tables=tuple(tables),
         drawings=(*hidden, Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2)),
-        notes=(*map(units.sentence, result.notes), *(f"next: {command}" for command in result.commands)),
+        notes=(*shown_notes(result.notes, units), *(Note.advice(f"next: {command}") for command in result.commands)),
         data={
             "candidates.csv": {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS},
             **_files(result),

@@ -9,6 +9,7 @@ from typing import Literal
 from ..decision import Candidate
 from ..faults import Decision
 from ..kernels import FloatArray
+from ..notes import Note
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 
@@ -123,7 +124,7 @@ class Detection:
     limits: StepLimits | None
     is_calibrated: bool
     ready_s: float | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     reach_s: float = 0.0
     calibration: Calibration | None = None
     model: ParityModel | None = None
@@ -186,7 +187,7 @@ class DetectResult:
     time_s: FloatArray
     series: tuple[ChannelSeries, ...]
     commands: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def is_trusted(self) -> bool:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..config import Config
-from ..config.document import Diagnosability
+from ..config import Config, Diagnosability
 from ..decision import finite
 from ..dictionary import Dictionary
 from ..errors import ConfigError
@@ -17,6 +16,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.divergence import window_bits
+from ..notes import Note
 from ..preprocessing.summary import LogSummary, ModelSummary
 from .signatures import FaultSignatures, divergences, minimal_detectable, signatures, single_sample_bits
 
@@ -112,7 +112,7 @@ class DiagnosabilityResult:
     bits: FloatArray
     manoeuvres: tuple[ManoeuvreScore, ...]
     best: str | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def magnitudes_of(names: Sequence[str], limits: FloatArray, stated: Diagnosability) -> FloatArray:
@@ -165,7 +165,7 @@ def result_of(
     dictionary: str,
     in_limits: bool,
     manoeuvres: tuple[ManoeuvreScore, ...] = (),
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
 ) -> DiagnosabilityResult:
     """Return the result of records of one flight with different noise.
 
@@ -221,5 +221,5 @@ def result_of(
         bits=frozen_array(np.mean(curves, axis=0)),
         manoeuvres=manoeuvres,
         best=manoeuvres[0].name if manoeuvres else None,
-        notes=(*notes, *hard, *dict.fromkeys(note for record in records for note in record.notes)),
+        notes=(*notes, *map(Note.limit, hard), *(note for record in records for note in record.notes)),
     )

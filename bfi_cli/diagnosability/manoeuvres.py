@@ -12,6 +12,7 @@ from ..decision import finite
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
+from ..notes import Note
 from .assess import DiagnosabilityResult, ManoeuvreScore, magnitudes_of, result_of
 from .signatures import FaultSignatures, apart_bits, divergences, minimal_detectable, signatures
 
@@ -102,7 +103,7 @@ def assess_manoeuvres(
         ahead = by_record[scores[0].name] - by_record[scores[1].name]
         if not np.mean(ahead) > CLEAR * np.std(ahead, ddof=1) / np.sqrt(len(ahead)):
             names = f"'{scores[0].name}' is not clearly better than '{scores[1].name}'"
-            notes.append(f"{names}: give more --draws to tell them apart")
+            notes.append(Note.advice(f"{names}: give more --draws to tell them apart"))
     return result_of(
         usable[scores[0].name],
         values,

@@ -10,16 +10,16 @@ import numpy as np
 
 from ..display_units import SI, Units
 from ..kernels import FloatArray
+from ..notes import unique
 from ..printable import shortened
 from ..provenance import Provenance
-from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve
+from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of
 from ..report.text import noise_level, number, quantity
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from .assess import DiagnosabilityResult
 
 Plain = Mapping[str, Any]
 
-SCHEMA = 1
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 # What fits a page and can be read: letters of a name, rows of a map, curves of a panel; and where the curves rise.
 NAME_LETTERS, MOST_IN_MAP, MOST_CURVES = 24, 30, 8
@@ -56,13 +56,13 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
     for key in ORDER_KEYS:
         body["model"].pop(key)
     information = {key: body.pop(key) for key in ("deviations", "bits", "limit_deviations")}
-    notes = body.pop("notes")
+    body.pop("notes")
     return {
         "kind": "diagnosability",
         "schema": SCHEMA,
         **body,
         "information": information,
-        "notes": notes,
+        "notes": to_plain(unique(result.notes)),
         "provenance": to_plain(provenance),
     }
 
@@ -71,7 +71,7 @@ def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi diagnosability` holds, in `units`."""
     stored = sorted(document["atoms"], key=_rank)
     document = {**document, "atoms": [_in_units(atom, units) for atom in document["atoms"]]}
-    best, atoms, manoeuvres, log, model = (document[key] for key in ("best", "atoms", "manoeuvres", "log", "model"))
+    best, atoms, manoeuvres = (document[key] for key in ("best", "atoms", "manoeuvres"))
     live = [j for j, atom in enumerate(atoms) if atom["divergence_bits"] is not None]
     names = tuple(_short(atoms[j]["name"]) for j in live)
 
@@ -103,28 +103,51 @@ def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
     if live:
         drawings.append(_curves(document, live))
     if manoeuvres:
-        score_rows = tuple(
-            (
-                score["name"],
-                number(score["bits"], spread=score["standard_error"], extra=1),
-                number(score["standard_error"], digits=1),
-                score["weakest"] or "-",
-                number(score["weakest_bits"], digits=2),
-                score["problem"] or "",
-            )
-            for score in manoeuvres
-        )
-        tables.append(Table(name="manoeuvres", title="Manoeuvres, best first", heads=MANOEUVRE_HEADS, rows=score_rows))
-        flown, shown = [score for score in manoeuvres if score["bits"] is not None], live[:MOST_IN_MAP]
-        heat_map = HeatMap(
-            title="Manoeuvres, best first",
-            rows=tuple(_short(score["name"]) for score in flown),
-            columns=("told apart, mean", *names[:MOST_IN_MAP]),
-            values=tuple(_numbers([score["bits"], *(score["divergence_bits"][j] for j in shown)]) for score in flown),
-            label="divergence [bit]",
-        )
-        drawings.append(Drawing(name="manoeuvres", caption=MANOEUVRE_CAPTION, heat_maps=(heat_map,)))
+        table, drawing = _manoeuvres(manoeuvres, live[:MOST_IN_MAP], names[:MOST_IN_MAP])
+        tables.append(table)
+        drawings.append(drawing)
+    return ReportContent(
+        category="Diagnosability",
+        title=str(document["log"]["path"]),
+        heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
+        verdict=_verdict(document, live),
+        facts=_facts(document, units),
+        tables=tuple(tables),
+        drawings=tuple(drawings),
+        notes=notes_of(document, units),
+        data={"faults.csv": {key: [atom.get(key) for atom in stored] for key in FAULT_COLUMNS}},
+    )
 
+
+def _manoeuvres(scores: Sequence[Plain], shown: Sequence[int], names: Sequence[str]) -> tuple[Table, Drawing]:
+    """Return what the manoeuvres tell, and a map of it over the entries that are shown."""
+    rows = tuple(
+        (
+            score["name"],
+            number(score["bits"], spread=score["standard_error"], extra=1),
+            number(score["standard_error"], digits=1),
+            score["weakest"] or "-",
+            number(score["weakest_bits"], digits=2),
+            score["problem"] or "",
+        )
+        for score in scores
+    )
+    flown = [score for score in scores if score["bits"] is not None]
+    heat_map = HeatMap(
+        title="Manoeuvres, best first",
+        rows=tuple(_short(score["name"]) for score in flown),
+        columns=("told apart, mean", *names),
+        values=tuple(_numbers([score["bits"], *(score["divergence_bits"][j] for j in shown)]) for score in flown),
+        label="divergence [bit]",
+    )
+    return (
+        Table(name="manoeuvres", title="Manoeuvres, best first", heads=MANOEUVRE_HEADS, rows=rows),
+        Drawing(name="manoeuvres", caption=MANOEUVRE_CAPTION, heat_maps=(heat_map,)),
+    )
+
+
+def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
+    log, model, atoms = document["log"], document["model"], document["atoms"]
     own = {atom["channel"]: atom.get("channel_unit") or "" for atom in atoms}
     noise = (f"{name} {noise_level(name, sd, units, own)}" for name, sd in model["noise_sd"].items())
     sizes = "multiples of the minimal detectable ones" if document["in_limits"] else "as given"
@@ -136,19 +159,8 @@ def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
         ("Dictionary", f"{document['dictionary']}, {len(atoms)} faults"),
         ("Magnitudes", f"root mean squares, {sizes}"),
     ]
-    if best is not None:
-        facts.append(("Draws of the noise", str(document["draws"])))
-    return ReportContent(
-        category="Diagnosability",
-        title=str(log["path"]),
-        heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
-        verdict=_verdict(document, live),
-        facts=tuple(facts),
-        tables=tuple(tables),
-        drawings=tuple(drawings),
-        notes=tuple(map(units.sentence, document["notes"])),
-        data={"faults.csv": {key: [atom.get(key) for atom in stored] for key in FAULT_COLUMNS}},
-    )
+    drawn = () if document["best"] is None else (("Draws of the noise", str(document["draws"])),)
+    return (*facts, *drawn)
 
 
 def _rank(atom: Plain) -> tuple[bool, float]:

@@ -16,6 +16,7 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.coherence import mutual_coherence, whiten
 from ..kernels.divergence import Distinguishability, distinguishability, sample_bits, window_bits
+from ..notes import Note
 from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..preprocessing.magnitudes import fault_free_limits
 from ..preprocessing.summary import LogSummary, ModelSummary
@@ -62,7 +63,7 @@ class FaultSignatures:
     errors: FloatArray
     traces: FloatArray
     outputs: tuple[int, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolerant: bool = True) -> FaultSignatures:
@@ -126,7 +127,11 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
         outputs=outputs,
         notes=(
             *about_the_log(log, window, fitted),
-            *([f"left out, as they state no onset: {n_kinds} entries of the dictionary"] if n_kinds else []),
+            *(
+                [Note.limit(f"left out, as they state no onset: {n_kinds} entries of the dictionary")]
+                if n_kinds
+                else []
+            ),
         ),
     )
 

@@ -16,6 +16,7 @@ from ..decision import State, conclude
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
+from ..notes import Note
 from ..parity import LENGTHS_S, Finding
 from ..parity.leaks import begins_within
 from ..parity.record import STATIC_LEAK, record_of
@@ -72,19 +73,24 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     recorded, flight = log, flight_of(log, config)
     log, notes = (
         flight.log,
-        [*log.notes, *notes_on_defects(flight), *flight.held.missing_in(flight.from_s, flight.to_s)],
+        [*log.notes, *notes_on_defects(flight), *map(Note.limit, flight.held.missing_in(flight.from_s, flight.to_s))],
     )
     with threadpool_limits(1):
         drafts, static, slow = lasting_faults(flight, progress)
     flight, notes = slow.flight, [*notes, *slow.notes]
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
-            "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not used"
+            Note.limit(
+                "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not "
+                "used"
+            )
         )
     if slow.scale >= 1.005:
         notes.append(
-            f"this flight shows {slow.scale:.3g} times what the flights of the tables do, as rough air would, or a "
-            "fault through most of it: thresholds are raised by that"
+            Note.method(
+                f"this flight shows {slow.scale:.3g} times what the flights of the tables do, as rough air would, or a "
+                "fault through most of it: thresholds are raised by that"
+            )
         )
     glanced, glances_missing, stepped = _glances(
         flight, config, static, workers, partial(progress, "steps and oscillations")
@@ -104,7 +110,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         *flight.unused,
         *missing_sentences(flight, slow.scanned, limits),
         *glances_missing,
-        *dict.fromkeys(sentence for one in static for sentence in one[1].missing if "s of flight" not in sentence),
+        *dict.fromkeys(sentence for one in static for sentence in one[1].missing),
     )
     inside = log.window(flight.from_s, flight.to_s)
     return DiagnoseResult(

@@ -22,6 +22,7 @@ from ..faults import Fault, FaultEstimate
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of
 from ..kernels.progress import Progress, unseen
+from ..notes import Note
 from ..parity import RESIDUALS, Record, available, configuration_changes
 from ..parity.explain import course_for
 from ..parity.record import STATIC_LEAK, climbing, hypotheses
@@ -90,7 +91,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
     tolerances = {name: flight.tolerance(name, (flight.from_s, flight.to_s)) or np.inf for name in outputs}
     faults: list[FaultEstimate] = []
-    notes: list[str] = []
+    notes: list[Note] = []
     for event in events:
         estimates = [one for name in outputs if (one := _estimate(event, name, flight, tolerances[name])) is not None]
         if event.state == "declared" and event.beyond_tolerance is not False and estimates:
@@ -100,7 +101,8 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     found = {name: _candidate(flight, bounds, name, tolerances[name], faults, events) for name in outputs}
     unbounded = [name for name, candidate in found.items() if candidate is None]
     if unbounded and any(one.state == "declared" for one in events):
-        notes.append(f"beside what it declares physics bounds no slow fault of {', '.join(unbounded)}")
+        named = ", ".join(unbounded)
+        notes.append(Note.limit(f"beside what it declares physics bounds no slow fault of {named}"))
     else:
         notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
     candidates = [candidate for candidate in found.values() if candidate is not None]
@@ -108,7 +110,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
 
 
 def _silent(why: str) -> Evidence:
-    return Evidence(source=SOURCE, notes=(f"physics bounds no slow fault: {why}",))
+    return Evidence(source=SOURCE, notes=(Note.limit(f"physics bounds no slow fault: {why}"),))
 
 
 def _flight_about(log: FlightLog, config: Config) -> Flight:
@@ -187,14 +189,14 @@ def _keys(shape: str) -> set[str]:
     return {key.name for key in SHAPES[shape].keys}
 
 
-def _beside(event: Event) -> str:
+def _beside(event: Event) -> Note:
     """Return the sentence on an event that is no declared fault of an output."""
     size = "" if event.magnitude is None else f" of {quantity(event.magnitude, event.unit)}"
     what = f"{event.fault}, {event.shape}{size} from {instant(event.onset_s)} s"
     if event.state != "declared":
-        return f"physics suspects {what}: {event.note}"
+        return Note.limit(f"physics suspects {what}: {event.note}")
     small = ", within the tolerances" if event.beyond_tolerance is False else ""
-    return f"physics finds {what}{small}; errs: {', '.join(event.channels)}"
+    return Note.limit(f"physics finds {what}{small}; errs: {', '.join(event.channels)}")
 
 
 def _candidate(
@@ -294,12 +296,13 @@ def _reach(part: Record, fault: str, channel: str) -> tuple[float, float]:
     return moved(with_small(part, hypothesis)), moved(turning)
 
 
-def _what_would_help(flight: Flight, channel: str, unbounded: Sequence[str]) -> str:
+def _what_would_help(flight: Flight, channel: str, unbounded: Sequence[str]) -> Note:
     """Return which channels would bound slow faults of an output, those of the relation that lacks the fewest."""
     _, lacking = available(flight.record.channels)
     useful = {name: lacks for name, lacks in lacking.items() if channel in _READS[name]}
     if not useful:
-        return f"physics bounds no slow fault of {channel} in this window"
+        return Note.limit(f"physics bounds no slow fault of {channel} in this window")
     name = min(useful, key=lambda one: useful[one].count(","))
     alike = ", ".join(one for one in unbounded if one in _READS[name])
-    return f"record {useful[name].replace(', ', ' and ')}: {WORDS[name]} would bound slow faults of {alike}"
+    lacking_here = useful[name].replace(", ", " and ")
+    return Note.advice(f"record {lacking_here}: {WORDS[name]} would bound slow faults of {alike}")

@@ -13,13 +13,13 @@ from ..display_units import SI, Shown, Units
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import bands_of, lanes_of, phase_table
 from ..kernels.normal import TWO_SIDED_95
+from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
 from ..report.text import change, instant, number, with_unit
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from .result import DiagnoseResult
 
-SCHEMA = 2
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
 # What a channel does that has short defects of a shape.
@@ -53,13 +53,13 @@ def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[st
     body = to_plain(result)
     keys = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
     series = {key: body.pop(key) for key in keys}
-    last = {key: body.pop(key) for key in ("missing", "notes")}
+    body.pop("notes")
     return {
         "kind": "diagnose",
         "schema": SCHEMA,
         **body,
         "series": series,
-        **last,
+        "notes": to_plain(unique(result.notes)),
         "provenance": to_plain(provenance),
     }
 
@@ -100,10 +100,10 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
         ),
         drawings=tuple(drawings),
         notes=(
-            *(f"missing: {units.sentence(sentence)}" for sentence in document["missing"]),
-            *(f"{_name(one)}: {units.sentence(one['note'])}" for one in events if one["note"]),
-            *(f"{_name(one)}: next time, {one['repeat']}" for one in events if one["repeat"]),
-            *map(units.sentence, document["notes"]),
+            *(Note.limit(f"missing: {units.sentence(sentence)}") for sentence in document["missing"]),
+            *(Note.limit(f"{_name(one)}: {units.sentence(one['note'])}") for one in events if one["note"]),
+            *(Note.advice(f"{_name(one)}: next time, {one['repeat']}") for one in events if one["repeat"]),
+            *notes_of(document, units),
         ),
         data={
             "events.csv": _columns(events, EVENT_COLUMNS),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..decision import State
 from ..faults import Decision
 from ..flightlog.phases import Phase
+from ..notes import Note
 from ..parity.finding import Bound, Stage
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
@@ -213,7 +214,7 @@ class DiagnoseResult:
     strips: tuple[Strip, ...]
     limit_courses: tuple[LimitCourse, ...]
     courses: tuple[Course, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def is_trusted(self) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..flightlog.defects import Defect, sentence_of_defect
+from ..notes import Note
 from ..preprocessing.tolerance import tolerance_of
 from .flight import Flight
 from .result import Event
@@ -42,9 +43,9 @@ def events_of_defects(flight: Flight) -> tuple[Event, ...]:
     return tuple(found)
 
 
-def notes_on_defects(flight: Flight) -> list[str]:
+def notes_on_defects(flight: Flight) -> list[Note]:
     """Return what was left out of the other analyses."""
-    return [f"{sentence_of_defect(one)}; left out of the other analyses" for one in _in_part(flight)]
+    return [Note.method(f"{sentence_of_defect(one)}; left out of the other analyses") for one in _in_part(flight)]
 
 
 def _in_part(flight: Flight) -> list[Defect]:

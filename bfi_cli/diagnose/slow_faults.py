@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..kernels.progress import Report, silent
+from ..notes import Note
 from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
 from ..parity.explain import course_for
 from ..parity.scan import without_lasting
@@ -56,7 +57,7 @@ class SlowFaults:
     drafts: tuple[Draft, ...]
     scanned: tuple[Scanned, ...]
     scale: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 def find_slow_faults(
@@ -225,7 +226,7 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
     return None
 
 
-def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Sequence[Draft]) -> tuple[str, ...]:
+def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Sequence[Draft]) -> tuple[Note, ...]:
     """Return a sentence on what stood out after a fault until what that may still do was left out."""
     gone = [one for one in stood_out if not any(_same_onset(one, other) for other in told)]
     strongest: list[Draft] = []
@@ -237,8 +238,10 @@ def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Seque
     said = ", ".join(f"{one.finding.fault} from {one.finding.onset_s:.0f} s" for one in strongest[:SHOWN])
     last = " and ".join(dict.fromkeys(one.finding.fault for one in lasting))
     return (
-        f"what may still be wrong with {last} is left out of the windows that follow; with it they would also show "
-        f"{said}: its traces, or a second fault that this log cannot tell from them",
+        Note.limit(
+            f"what may still be wrong with {last} is left out of the windows that follow; with it they would also show "
+            f"{said}: its traces, or a second fault that this log cannot tell from them"
+        ),
     )
 
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..notes import Note
 from .rates import boot_starts
-from .raw import Asked, RawLog
-from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
+from .topics import Topic, fields_of, notes_on, table_of
 
 BEGIN = b"\xa3\x95"
 FMT, FMT_LENGTH = 0x80, 89  # type and bytes of the message that describes a format
@@ -53,18 +53,7 @@ class _Messages:
     bodies: list[bytes] = field(default_factory=list)
 
 
-def read_dataflash(path: str, asked: Asked) -> RawLog:
-    """Read a DataFlash log; a field that is no channel by itself is named `message.field` in the maps.
-
-    Raises
-    ------
-    LogError : no messages that are channels.
-    """
-    topics, notes = read_dataflash_topics(path, topics_of(asked.sources))
-    return log_of_topics(path, "ardupilot", topics, asked, notes=notes)
-
-
-def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:
+def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the messages of a DataFlash log that have channels, or are named in `more`, and sentences on the file."""
     names = {*fields_of("ardupilot"), *more}
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:

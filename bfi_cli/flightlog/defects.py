@@ -16,11 +16,10 @@ import numpy as np
 
 from ..filters import response_of
 from ..kernels.normal import MAD
-from ..kernels.quantisation import quantum_of_plateaus
+from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, within
 from ..report.text import instant
-from .holds import find_quantum
 from .phases import phases_of
 from .quality import hold_of
 from .rates import AS_FAST
@@ -344,12 +343,17 @@ def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: floa
     """
     found: list[_One] = []
     refused = np.zeros(len(track.values), dtype=bool)
-    level: dict[int, float] = {}
+    level: dict[int, float] = {}  # of the ratio, from which on an excursion is none of the motion
+    block = track.size(AROUND_S)
+    n_blocks = len(track.values) // block
     for _ in range(MOST_PASSES):
         errors = _errors(track)
-        for half, (_, ratio) in errors.items():
-            if half not in level:
-                level[half] = _level(ratio / others, track.size(AROUND_S))
+        for half, (_, ratio) in errors.items() if not level else ():
+            level[half] = LEAST
+            if n_blocks >= FEWEST_BLOCKS:
+                largest = (ratio / others)[: n_blocks * block].reshape(n_blocks, block).max(axis=1)
+                middle, high = np.quantile(largest, (0.5, 0.75))
+                level[half] = max(LEAST, float(high * min(high / max(middle, TINY), STEEPEST) ** BEYOND))
         lost = np.abs(track.values) < ZERO * running_median(np.abs(track.values), track.size(1.0), 61)
         stands_out = {
             half: ((ratio / others > level[half]) | (is_positive & lost & (ratio > LEAST))) & ~refused
@@ -374,15 +378,6 @@ def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: floa
             _take_out(track, found[-1].hidden)
             size[max(0, k - widest) : k + widest + 1] = 0.0
     return found
-
-
-def _level(ratio: FloatArray, block: int) -> float:
-    """Return the ratio from which an excursion is none of the motion, by the largest of each block of samples."""
-    n = len(ratio) // block
-    if n < FEWEST_BLOCKS:
-        return LEAST
-    middle, high = np.quantile(ratio[: n * block].reshape(n, block).max(axis=1), (0.5, 0.75))
-    return max(LEAST, float(high * min(high / max(middle, TINY), STEEPEST) ** BEYOND))
 
 
 def _described(track: _Track, k: int, half: int, width_s: float, least: float, share: float) -> _One | None:

@@ -26,6 +26,7 @@ from ..airdata import (
 from ..channels import STANDARD
 from ..errors import LogError
 from ..kernels.runs import BoolArray
+from ..notes import Note
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
@@ -72,12 +73,6 @@ class Derivation:
 
     needs: tuple[Group, ...]
     told_by: Callable[[Sources], tuple[Callable[[Values], FloatArray], str]]
-
-
-def _static(values: Values) -> FloatArray:
-    # The impact pressure has no part in it; without one the system is not whole.
-    static = {name: one for name, one in values.items() if name in STATIC_SOURCES}
-    return air_data_of({"q_impact": np.zeros_like(next(iter(static.values()))), **static}).p_static
 
 
 def _lift(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
@@ -130,7 +125,16 @@ STATIC, IMPACT = (tuple((name,) for name in names) for names in (STATIC_SOURCES,
 GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
 ALONG = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 DERIVED: Mapping[str, Derivation] = {
-    "p_static": _stated((STATIC,), _static),
+    # The impact pressure has no part in it; without one the system is not whole.
+    "p_static": _stated(
+        (STATIC,),
+        lambda values: (
+            air_data_of(
+                {name: one for name, one in values.items() if name in STATIC_SOURCES}
+                | {"q_impact": np.zeros_like(next(iter(values.values())))}
+            ).p_static
+        ),
+    ),
     "p_total": _stated((STATIC, IMPACT), lambda values: air_data_of(values).p_total),
     "q_impact": _stated((STATIC, IMPACT), lambda values: air_data_of(values).q_impact),
     "lift_speed": Derivation(needs=(*_each("aoa", "normal_acc", "tas"), STATIC), told_by=_lift),
@@ -197,7 +201,7 @@ def with_derived(
         channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)
         if log.truth is not None and set(log.truth.clean) & used:
             clean[name] = frozen_array(make({**recorded, **clean}))
-        notes.append(f"'{name}' is derived from {', '.join(sorted(used))}{', with ' * bool(words)}{words}")
+        notes.append(Note.method(f"'{name}' is derived from {', '.join(sorted(used))}{', with ' * bool(words)}{words}"))
     truth = log.truth and replace(log.truth, clean=clean)
     return replace(log, channels=channels, truth=truth, notes=tuple(notes))
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import LogError
 from ..filters import filters_from_json
+from ..notes import Note
 from ..units import to_si
 from . import raw
 from .raw import LARGEST, Asked, FloatArray, RawLog, Track, left_out
@@ -159,7 +160,7 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
 
 def _rows(
     path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, asked: Asked
-) -> tuple[slice, tuple[str, ...]]:
+) -> tuple[slice, tuple[Note, ...]]:
     """Return the rows to read, and the note on them: all, or where all are too many those of the window.
 
     The rows of the window and one more to either side are found by bisection of the time axis.
@@ -203,7 +204,7 @@ def _rows(
     count = rows.stop - rows.start
     what = f"{len(every)} channels of {count} samples"
     raw.require_memory(path, 8 * len(every) * count, what, "shorten the window")
-    return rows, (f"of {n} samples only {count} were read, those around the window",)
+    return rows, (Note.method(f"of {n} samples only {count} were read, those around the window"),)
 
 
 def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -> Iterator[tuple[str, Any]]:

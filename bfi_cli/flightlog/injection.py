@@ -14,6 +14,7 @@ from ..faults import Fault, active_samples, course, has_channel
 from ..filters import recorded_signal, response_of
 from ..kernels.low_pass import Response
 from ..kernels.runs import BoolArray, bridged
+from ..notes import Note
 from ..shapes import SHAPES
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
@@ -75,8 +76,10 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
     if active.all():
         on = f" on {fault.channel}" if fault.channel else ""
         notes += (
-            f"fault '{fault.name or fault.shape}'{on} acts at every sample of the log; "
-            "with neither onset nor end in it, it can pass for the aircraft's own motion",
+            Note.limit(
+                f"fault '{fault.name or fault.shape}'{on} acts at every sample of the log; "
+                "with neither onset nor end in it, it can pass for the aircraft's own motion"
+            ),
         )
     clean = {channel: log.channels[channel].values for channel in added}
     truth = Truth(faults=(*before.faults, fault), clean={**clean, **before.clean})

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import first_line
+from ..notes import Note
 from . import raw
 from .raw import Asked, RawLog, Track, left_out
 
@@ -47,7 +48,16 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
 
     with raw.parsing(path, "MATLAB file"), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        unlike = _unlike(path)
+        # Why each variable is no signal, None where it can be one, if all of them fit into memory.
+        what = ("its variables", "save fewer of them, or a part of the flight")
+        raw.require_memory(path, Path(path).stat().st_size, *what)
+        file = Path(path).read_bytes()
+        raw.require_memory(path, unpacked_size(file), *what)
+        arrays = variables(file)
+        raw.require_memory(path, 8 * sum(variable.count for variable in arrays), *what)
+        raw.require_few(path, len(arrays), "variables")
+        unlike = {variable.name: variable.unlike for variable in arrays}
+        del file
         wanted = [name for name, why in unlike.items() if why is None]
         loaded = loadmat(path, simplify_cells=True, variable_names=wanted)
     root = {name: value for name, value in loaded.items() if not name.startswith("__")}
@@ -58,25 +68,13 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
     if chosen is not None:
         columns, refused = _signals(node)
     rate = raw.rate_of(path, node["sample_rate_hz"]) if "sample_rate_hz" in node else None
-    notes = [first_line(warning.message) for warning in caught if isinstance(warning.message, Warning)]
+    notes = [Note.method(first_line(warning.message)) for warning in caught if isinstance(warning.message, Warning)]
     refused = {**{name: why for name, why in unlike.items() if name and why}, **refused}
     return RawLog(
         columns=columns,
         sample_rate_hz=rate,
         notes=(*notes, *(left_out(name, why) for name, why in refused.items() if name != "sample_rate_hz")),
     )
-
-
-def _unlike(path: str) -> dict[str, str | None]:
-    """Return why each variable of a file is no signal, None where it can be one, if all of them fit into memory."""
-    what = ("its variables", "save fewer of them, or a part of the flight")
-    raw.require_memory(path, Path(path).stat().st_size, *what)
-    file = Path(path).read_bytes()
-    raw.require_memory(path, unpacked_size(file), *what)
-    arrays = variables(file)
-    raw.require_memory(path, 8 * sum(variable.count for variable in arrays), *what)
-    raw.require_few(path, len(arrays), "variables")
-    return {variable.name: variable.unlike for variable in arrays}
 
 
 def _signals(node: Mapping[str, Any]) -> tuple[list[Track], dict[str, str]]:

@@ -11,7 +11,7 @@ of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -28,6 +28,7 @@ from .signs import (
     METRES_PER_SECOND,
     TAXI,
     WALK,
+    Overruled,
     Says,
     Signs,
     Verdict,
@@ -123,6 +124,7 @@ class _Flight:
     cruise, scale_s, scale_m : V, V / g and V^2 / g.
     speed : of what bears the aircraft, of another airspeed where that is overruled.
     on_ground : where the signs tell so; lost : where no airspeed is known or right though the aircraft flies.
+    against : runs in which an airspeed is overruled, and its error, see `Disagreement`.
     height : pressure altitude, or an integral of its rate.
     bank : roll, rad; load : in weights, 1 in level flight.
     configured : more than 0 where flaps or gear are out.
@@ -135,7 +137,7 @@ class _Flight:
     speed: FloatArray
     on_ground: BoolArray
     lost: BoolArray
-    disagreements: tuple[Disagreement, ...]
+    against: Mapping[Overruled, float | None]
     height: FloatArray | None
     pitch: FloatArray | None
     bank: FloatArray | None
@@ -160,6 +162,23 @@ class _Flight:
         from_s, to_s = (self.start_s + edge * self.step_s for edge in run)
         to_s = to_s if run[1] < self.speed.size else self.stop_s
         return Phase(phase=name, from_s=round(from_s, 3), to_s=round(to_s, 3))
+
+    def disagreements(self) -> tuple[Disagreement, ...]:
+        """Return the runs in which an airspeed is overruled, on the log's own time."""
+        return tuple(
+            Disagreement(
+                channel=one.channel,
+                from_s=round(self.start_s + one.run[0] * self.step_s, 3),
+                to_s=round(min(self.start_s + one.run[1] * self.step_s, self.stop_s), 3),
+                says=one.says,
+                alone=one.alone,
+                certain=one.certain,
+                error=error,
+                latest_s=round(self.start_s + one.latest * self.step_s, 3),
+                least_s=_long(self.cruise, self.step_s) * self.step_s,
+            )
+            for one, error in self.against.items()
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,7 +241,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     order = (*PARTS, *MANOEUVRES)
     found.sort(key=lambda one: (one[1][0], order.index(one[0])))
     phases = tuple(flight.phase(name, run) for name, run in found)
-    return FlightPhases(phases=phases, disagreements=flight.disagreements)
+    return FlightPhases(phases=phases, disagreements=flight.disagreements())
 
 
 def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> list[tuple[float, float]]:
@@ -265,18 +284,8 @@ def _on_grid(
     ----------
     speeds : (n_samples,) airspeeds, the one that is used first; over_ground : ground speed; cruise : of the first.
     """
-    start_s, step_s = float(log.time_s[0]), max(BLOCK * cruise / GRAVITY, 1.0 / log.rate_hz)
-    block = np.floor((log.time_s - start_s) / step_s + 1e-6).astype(np.intp)
-    n, firsts = int(block[-1]) + 1, np.flatnonzero(np.diff(block, prepend=-1))
-    filled = block[firsts]  # blocks with samples, which lie side by side since time increases
-
-    def mean(values: FloatArray) -> FloatArray:
-        good = np.isfinite(values)
-        total = np.add.reduceat(values if good.all() else np.where(good, values, 0.0), firsts)
-        count = np.add.reduceat(good, firsts, dtype=np.intp)
-        means = np.full(n, np.nan)
-        means[filled[count > 0]] = total[count > 0] / count[count > 0]
-        return bridged(means, most=max(1, round(0.5 / BLOCK)))
+    step_s = max(BLOCK * cruise / GRAVITY, 1.0 / log.rate_hz)
+    mean = _block_means(log.time_s, step_s)
 
     def channel(name: str) -> FloatArray | None:
         if name in suspects or name not in log.channels:
@@ -290,12 +299,11 @@ def _on_grid(
     pitch, bank, aoa = channel("pitch"), channel("roll"), channel("aoa")
     rate, height, load = channel("altitude_rate"), channel("altitude"), channel("normal_acc")
     if rate is None and height is not None:
-        rate = np.gradient(height, step_s) if n > 1 else np.zeros(n)
+        rate = np.gradient(height, step_s) if height.size > 1 else np.zeros(1)
     elif rate is None and pitch is not None and aoa is not None:
         rate = speed * np.sin(pitch - aoa)  # in straight flight; in turns it is too small
     if height is None and rate is not None:
         height = np.where(np.isfinite(rate), np.cumsum(np.nan_to_num(rate)) * step_s, np.nan)
-    long = max(2, round(LONG * cruise / GRAVITY / step_s))
     moving = {"attitude": [one for one in (pitch, bank) if one is not None], "load": [] if load is None else [load]}
     thrust = next((values for name in THRUST if (values := channel(name)) is not None), None)
     signs = Signs(
@@ -305,7 +313,7 @@ def _on_grid(
         levels={} if thrust is None else {"thrust": thrust},
         moving={name: group for name, group in moving.items() if group},
         scale_m=cruise**2 / GRAVITY,
-        long=long,
+        long=_long(cruise, step_s),
     )
     verdict = decide(signs)
     speed, lost = _right_speed(means, verdict)
@@ -313,36 +321,44 @@ def _on_grid(
         path = np.arcsin(np.clip(rate / np.maximum(speed, TAXI * cruise), -1.0, 1.0))
         aoa = (pitch - path) / (1.0 if bank is None else np.maximum(np.cos(bank), 0.5))
     out = [values for name in ("flaps", "gear") if (values := channel(name)) is not None]
-    stop_s = float(log.time_s[-1]) + 1.0 / log.rate_hz
     return _Flight(
-        start_s=start_s,
+        start_s=float(log.time_s[0]),
         step_s=step_s,
-        stop_s=stop_s,
+        stop_s=float(log.time_s[-1]) + 1.0 / log.rate_hz,
         cruise=cruise,
         speed=speed,
         on_ground=verdict.on_ground,
         lost=lost,
-        disagreements=tuple(
-            Disagreement(
-                channel=one.channel,
-                from_s=round(start_s + one.run[0] * step_s, 3),
-                to_s=round(min(start_s + one.run[1] * step_s, stop_s), 3),
-                says=one.says,
-                alone=one.alone,
-                certain=one.certain,
-                error=_error(means, verdict, one.channel, one.run),
-                latest_s=round(start_s + one.latest * step_s, 3),
-                least_s=long * step_s,
-            )
-            for one in verdict.against
-        ),
+        against={one: _error(means, verdict, one) for one in verdict.against},
         height=height,
         pitch=pitch,
         bank=bank,
         load=None if load is None else _weights(load, speed >= BORNE * cruise),
         incidence=aoa,
-        configured=sum((_is_out(one) for one in out), np.zeros(n)) if out else None,
+        configured=sum((_is_out(one) for one in out), np.zeros(speed.size)) if out else None,
     )
+
+
+def _long(cruise: float, step_s: float) -> int:
+    """Return how many steps of the grid `LONG` is."""
+    return max(2, round(LONG * cruise / GRAVITY / step_s))
+
+
+def _block_means(time_s: FloatArray, step_s: float) -> Callable[[FloatArray], FloatArray]:
+    """Return what makes of (n_samples,) values their means over blocks of time, NaN where one holds none."""
+    block = np.floor((time_s - float(time_s[0])) / step_s + 1e-6).astype(np.intp)
+    n, firsts = int(block[-1]) + 1, np.flatnonzero(np.diff(block, prepend=-1))
+    filled = block[firsts]  # blocks with samples, which lie side by side since time increases
+
+    def mean(values: FloatArray) -> FloatArray:
+        good = np.isfinite(values)
+        total = np.add.reduceat(values if good.all() else np.where(good, values, 0.0), firsts)
+        count = np.add.reduceat(good, firsts, dtype=np.intp)
+        means = np.full(n, np.nan)
+        means[filled[count > 0]] = total[count > 0] / count[count > 0]
+        return bridged(means, most=max(1, round(0.5 / BLOCK)))
+
+    return mean
 
 
 def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[FloatArray, BoolArray]:
@@ -377,9 +393,9 @@ def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: 
     return float(np.median(means[name][used] / means[other][used])) if used.any() else None
 
 
-def _error(means: Mapping[str, FloatArray], verdict: Verdict, name: str, run: Run) -> float | None:
+def _error(means: Mapping[str, FloatArray], verdict: Verdict, one: Overruled) -> float | None:
     """Return the median over a run of an airspeed less that of others, in its unit."""
-    part = slice(*run)
+    name, part = one.channel, slice(*one.run)
     for other in means:
         ratio = _ratio(means, verdict, name, other)
         agrees = (verdict.claims[other] == verdict.on_ground)[part] & np.isfinite(means[name] - means[other])[part]

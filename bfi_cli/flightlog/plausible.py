@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..channels import STANDARD
+from ..notes import Note
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 
 SURFACES = ("elevator", "aileron", "rudder", "stabiliser", "elevator_trim", "flaps")
@@ -37,7 +38,7 @@ ALIKE, RIGHT = 1.15, 1.5
 USUAL = 0.99
 
 
-def doubts_about(log: FlightLog, names: Sequence[str]) -> tuple[str, ...]:
+def doubts_about(log: FlightLog, names: Sequence[str]) -> tuple[Note, ...]:
     """Return a question for each of the channels whose values cannot be, or whose unit nobody has stated.
 
     Parameters
@@ -45,9 +46,11 @@ def doubts_about(log: FlightLog, names: Sequence[str]) -> tuple[str, ...]:
     names : standard names, or names in the file; those that the log lacks are passed over.
     """
     here = [channel for name in dict.fromkeys(names) if (channel := log.find(name)) is not None]
-    questions = [question for channel in here if (question := doubt_about(channel)) is not None]
+    questions = [doubt for channel in here if (doubt := doubt_about(channel)) is not None]
     if assumed := assumed_units(here):
-        questions.append(f"the log states no unit for {assumed}: is the one in brackets right? --unit NAME=UNIT")
+        questions.append(
+            Note.advice(f"the log states no unit for {assumed}: is the one in brackets right? --unit NAME=UNIT")
+        )
     return tuple(questions)
 
 
@@ -57,7 +60,7 @@ def assumed_units(channels: Iterable[Channel]) -> str:
     return ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
 
 
-def doubt_about(channel: Channel) -> str | None:
+def doubt_about(channel: Channel) -> Note | None:
     """Return a question about a channel whose usual values no aircraft shows, None where they can be."""
     name = channel.name
     if name not in LIMITS or channel.unit not in (STANDARD[name].unit, ""):
@@ -70,9 +73,9 @@ def doubt_about(channel: Channel) -> str | None:
     reached = float(np.quantile(np.abs(finite), USUAL, overwrite_input=True))
     unit, ask = STANDARD[name].unit, f"--unit {channel.source}=UNIT states another"
     if reached > limit:
-        return f"'{name}' reaches {reached:.3g} {unit}, which no aircraft does: is it in {rather}? {ask}"
+        return Note.advice(f"'{name}' reaches {reached:.3g} {unit}, which no aircraft does: is it in {rather}? {ask}")
     if unit == "K" and reached < COLDEST_K:
-        return f"'{name}' stays below {reached:.3g} K, which no air does: is it in degC? {ask}"
+        return Note.advice(f"'{name}' stays below {reached:.3g} K, which no air does: is it in degC? {ask}")
     return None
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..display_units import SI, Units
+from ..errors import ConfigError
+from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, thinned
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, notes_of, thinned
 from ..report.text import instant
-from ..serialization import to_plain
+from ..serialization import SCHEMA, check_schema, mapping, member, to_plain
 from .derived import DERIVED, with_derived
-from .events import Event
 from .phases import phases_of
 from .quality import ranked_windows
 from .record import FlightLog
@@ -23,7 +27,6 @@ from .timeline import STATES, bands_of, event_table, lanes_of, phase_columns, ph
 
 Plain = Mapping[str, Any]
 
-PLOT_SCHEMA = 1
 # What is drawn where no channel is named: of each group the first that the log has. What an investigator looks at
 # first, in the order of a page: speed, height, attitude, lift, and what the pilot did.
 GROUPS = (
@@ -39,6 +42,82 @@ PAGE, LEAST, MOST = 3.7, 0.44, 0.9
 ZOOM_POINTS, PAGE_POINTS = 8000, 2000
 # Time steps, above which samples are missing for longer than a reader would take for jitter.
 GAP = 5.0
+GIVE = "give the result.json of bfi identify, start-time, detect or diagnose"
+# Under which key a kind of document has its events, and under which it has what is suspected.
+EVENTS = {
+    "identify": ("faults", "candidates"),
+    "start-time": ("faults", "candidates"),
+    "detect": ("alarms", "candidates"),
+    "diagnose": ("events", None),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """A fault that an analysis declares or suspects.
+
+    Attributes
+    ----------
+    analysis : the kind of document that names it.
+    state : "declared" or "suspected".
+    onset_s, offset_s : on the log's time axis; the offset is None where the fault lasts.
+    """
+
+    analysis: str
+    name: str
+    channels: tuple[str, ...]
+    state: str
+    onset_s: float
+    offset_s: float | None
+
+
+def read_events(path: str) -> tuple[tuple[Event, ...], str]:
+    """Return the declared and suspected events of a stored document in order of time, and the sha256 of its log.
+
+    Raises
+    ------
+    ConfigError : the file cannot be read, is not JSON, or is no document with events.
+    """
+    try:
+        document = json.loads(Path(path).read_text("utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}; {GIVE}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: not a text file; {GIVE}") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path}: not JSON ({error}); {GIVE}") from None
+    if not isinstance(document, Mapping) or "kind" not in document:
+        raise ConfigError(f"{path}: not a result of this program, it has no 'kind'; {GIVE}")
+    kind = document["kind"]
+    if not isinstance(kind, str) or kind not in EVENTS:
+        raise ConfigError(f"{path}: kind is '{kind}', which has no events; {GIVE}")
+    check_schema(document, where=path)
+    sha256 = mapping(member(document, "provenance", where=path), where=f"{path}: provenance").get("log_sha256")
+    try:
+        declared, others = EVENTS[kind]
+        found = []
+        for entry in member(document, declared, where=path):
+            onset_s = entry.get("onset_s") if entry.get("onset_s") is not None else entry.get("time_s")
+            state = entry.get("state", "declared")
+            if onset_s is not None and state in ("declared", "suspected"):
+                found.append(_event(entry, kind, state, onset_s))
+        for entry in document.get(others, ()) if others else ():
+            if entry.get("state") == "suspected" and entry.get("onset_s") is not None:
+                found.append(_event(entry, kind, "suspected", entry["onset_s"]))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ConfigError(f"{path}: damaged, {error!r}; run bfi {kind} again") from None
+    return tuple(sorted(found, key=lambda one: one.onset_s)), sha256 if isinstance(sha256, str) else ""
+
+
+def _event(entry: Plain, kind: str, state: str, onset_s: float) -> Event:
+    """Return an entry as an event; a fault is called by its name, else by its shape, an alarm by what it is."""
+    channels = entry.get("channels") or ([entry["channel"]] if entry.get("channel") else [])
+    times = [float(one) for one in (onset_s, entry.get("offset_s")) if one is not None]
+    if not isinstance(channels, list) or not all(map(math.isfinite, times)):
+        raise ValueError(f"no channels and times, {channels!r:.40}, {times}")
+    name = str(entry.get("fault") or entry.get("name") or entry.get("shape") or "alarm")
+    places, offset_s = tuple(map(str, channels)), times[1] if len(times) > 1 else None
+    return Event(analysis=kind, name=name, channels=places, state=state, onset_s=times[0], offset_s=offset_s)
 
 
 def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Event]) -> tuple[str, ...]:
@@ -65,7 +144,7 @@ def plot_document(
     *,
     from_s: float | None,
     to_s: float | None,
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
 ) -> dict[str, Any]:
     """Return the document of `bfi plot --json`: phases and windows of the first log, and the curves as `series`.
 
@@ -91,17 +170,19 @@ def plot_document(
     low = min(float(part.time_s[0]) for part in parts) if from_s is None else from_s
     high = max(float(part.time_s[-1]) for part in parts) if to_s is None else to_s
     phases = phases_of(first)
-    said = list(dict.fromkeys([*notes, *(note for log in whole for note in log.notes)]))
+    said = [*notes, *(note for log in whole for note in log.notes)]
     if len(logs) > 1:
-        said.append(f"phases and windows are those of {first.path}")
+        said.append(Note.method(f"phases and windows are those of {first.path}"))
     outside = [event for event in events if event.onset_s > high or (event.offset_s or high) < low]
     if outside:
-        said.append(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
+        said.append(
+            Note.method(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
+        )
     happens = {"phases": to_plain(phases), "windows": to_plain(ranked_windows(first, phases))}
     document: dict[str, Any] = to_plain(
         {
             "kind": "plot",
-            "schema": PLOT_SCHEMA,
+            "schema": SCHEMA,
             "logs": [
                 {
                     **{key: getattr(part, key) for key in ("path", "rate_hz", "n_samples")},
@@ -119,7 +200,7 @@ def plot_document(
             "series": [
                 _series(part, i, name) for name in chosen for i, part in enumerate(parts) if name in part.channels
             ],
-            "notes": said,
+            "notes": unique(said),
             "provenance": provenance,
         }
     )
@@ -174,7 +255,7 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
             drawing(f"channels_{i // MOST_PANELS + 1}" if i else "channels", names[i : i + MOST_PANELS], PAGE_POINTS)
             for i in range(0, len(names), MOST_PANELS)
         ),
-        notes=tuple(map(units.sentence, document["notes"])),
+        notes=notes_of(document, units),
         zoom=(drawing("channels", names, ZOOM_POINTS),),
         data={"phases.csv": phase_columns(document["phases"])} if document["phases"] else {},
     )

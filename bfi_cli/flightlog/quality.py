@@ -12,9 +12,10 @@ from ..airdata import DEPENDS_ON
 from ..channels import INPUTS, STANDARD
 from ..errors import LogError
 from ..filters import Filter
+from ..kernels.quantisation import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from ..kernels.runs import BoolArray, shared, within
+from ..notes import Note
 from .derived import DERIVED, missing_for
-from .holds import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from .phases import NO_AIRSPEED, Phase, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST
@@ -133,7 +134,7 @@ class LogReport:
     phases: tuple[Phase, ...]
     segments: tuple[Segment, ...]
     filters: tuple[Filter, ...] | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def median_step(time_s: FloatArray) -> float:
@@ -216,7 +217,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         rate_hz=float(f"{log.rate_hz:.9g}"),
         uniform=is_uniform(log.time_s),
         jitter=time_jitter(log.time_s),
-        gaps=_gaps(log),
+        gaps=tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s)),
         channels=tuple(channels),
         derived=tuple(derived),
         excitation=tuple(_excitation(log, name, flying) for name in INPUTS if name in log.channels),
@@ -337,10 +338,6 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
             )
 
 
-def _gaps(log: FlightLog) -> tuple[tuple[float, float], ...]:
-    return tuple((float(log.time_s[k]), float(log.time_s[k + 1])) for k in gap_starts(log.time_s))
-
-
 def _flying(log: FlightLog, phases: Sequence[Phase]) -> BoolArray:
     """Mark the samples that are on no ground."""
     return ~within(log.time_s, [(one.from_s, one.to_s) for one in phases if one.phase == "ground"])
@@ -403,19 +400,18 @@ def _suggested_windows(log: FlightLog, phases: Sequence[Phase], *, at_most: int)
     ----------
     at_most : the stretches with the most moves are kept.
     """
-    gaps, flying = _gaps(log), _flying(log, phases)
+    before, flying = gap_starts(log.time_s), _flying(log, phases)
     inputs = [name for name in INPUTS if name in log.channels]
     for name in inputs or [name for name in ("pitch",) if name in log.channels]:
         times = _move_times(log, name, flying)
         # Moves are apart where the input rests for longer than the margins, or the log has a gap.
-        rests = np.diff(times) > BEFORE_S + AFTER_S
-        for start, _ in gaps:
-            rests |= (times[:-1] <= start) & (times[1:] > start)
-        windows = []
+        rests, windows = np.diff(times) > BEFORE_S + AFTER_S, []
+        for start_s in log.time_s[before]:
+            rests |= (times[:-1] <= start_s) & (times[1:] > start_s)
         for group in np.split(times, np.flatnonzero(rests) + 1):
             if group.size >= FEWEST_MOVES:
-                low = max([log.time_s[0], *(stop for _, stop in gaps if stop <= group[0])])
-                high = min([log.time_s[-1], *(start for start, _ in gaps if start >= group[-1])])
+                low = max([log.time_s[0], *(stop for stop in log.time_s[before + 1] if stop <= group[0])])
+                high = min([log.time_s[-1], *(start for start in log.time_s[before] if start >= group[-1])])
                 start_s = round(float(max(low, group[0] - BEFORE_S)), 3)
                 stop_s = round(float(min(high, group[-1] + AFTER_S)), 3)
                 windows.append(ExcitedWindow(start_s=start_s, stop_s=stop_s, channel=name, moves=group.size))

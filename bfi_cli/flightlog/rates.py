@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
+from ..notes import Note
 from .raw import LARGEST, FloatArray, RawLog, Track
 
 # Whose rate is that of the log, and what takes its place in a log without an airspeed.
@@ -48,7 +49,7 @@ RESTART_S, RESTART_STEPS, BESIDE_RESTART, MOST_BOOTS = 2.0, 10.0, 5, 100
 BLOCK = 50_000
 
 
-def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, notes: Sequence[str] = ()) -> RawLog:
+def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, notes: Sequence[Note] = ()) -> RawLog:
     """Return the log of signals of different rates, on one uniform time base.
 
     Parameters
@@ -90,7 +91,12 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
     columns = [Track(source="time", values=grid, unit="s", channel="time")]
     slow = [t for t in ranked if t.is_state or rates[t] < AS_FAST * rate_hz]
     for t in ranked:
-        values = _held(t, grid) if t in slow else _filtered(t, grid, rate_hz)
+        if t in slow:  # the last value at or before each time, NaN before the first and in gaps
+            before = np.searchsorted(t.time_s, grid, side="right") - 1
+            late = grid - t.time_s[before.clip(0)] > _patience(t)
+            values = np.where((before < 0) | late, np.nan, t.values[before.clip(0)])
+        else:
+            values = _filtered(t, grid, rate_hz)
         columns.append(replace(t, values=values, time_s=np.empty(0), rate_hz=rates[t]))
     said = (
         *(why for _, why in mended if why),
@@ -99,7 +105,7 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
         *_about(base, ranked, slow, grid),
     )
     # No filters, stated as such: one-quantum jumps between interpolated samples would look like those of a low-pass.
-    return RawLog(columns=columns, filters=(), notes=(*notes, *said))
+    return RawLog(columns=columns, filters=(), notes=(*notes, *map(Note.method, said)))
 
 
 def boot_starts(time_s: FloatArray) -> list[int]:
@@ -200,13 +206,6 @@ def _grid(path: str, base: Track, rate_hz: float) -> FloatArray:
     if grid.size < 2:
         raise LogError(f"{path}: '{base.source}' has no two samples without a gap; give a longer log")
     return np.asarray(grid)
-
-
-def _held(track: Track, grid: FloatArray) -> FloatArray:
-    """Return the last value at or before each time, NaN before the first and in gaps."""
-    before = np.searchsorted(track.time_s, grid, side="right") - 1
-    late = grid - track.time_s[before.clip(0)] > _patience(track)
-    return np.where((before < 0) | late, np.nan, track.values[before.clip(0)])
 
 
 def _filtered(track: Track, grid: FloatArray, rate_hz: float) -> FloatArray:

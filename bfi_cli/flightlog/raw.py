@@ -13,6 +13,7 @@ from ..channels import STANDARD, NameMatch, match_name
 from ..errors import LogError, first_line
 from ..faults import Fault
 from ..filters import Filter
+from ..notes import Note
 from ..units import si_unit
 from .record import Segment
 
@@ -96,7 +97,7 @@ class RawLog:
     filters: tuple[Filter, ...] | None = None
     faults: tuple[Fault, ...] | None = None
     clean: Mapping[str, Track] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     boots: tuple[RawLog, ...] = ()
 
 
@@ -147,10 +148,10 @@ def unlike(kind: str, shape: tuple[int, ...]) -> str | None:
     return None if long == 1 else f"is a table of {' x '.join(map(str, shape))} ({len(shape)}-D)"
 
 
-def left_out(name: str, why: str) -> str:
+def left_out(name: str, why: str) -> Note:
     """Return the note on an array that is no channel; `why` is "holds text", "is a table of 600 x 3 (2-D)"."""
     advice = "; give each column a dataset of its own" if why.startswith("is a table") else ""
-    return f"'{name}' {why} and is left out{advice}"
+    return Note.method(f"'{name}' {why} and is left out{advice}")
 
 
 def different_length(path: str, name: str, n: int, n_times: int) -> LogError:

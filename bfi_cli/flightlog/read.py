@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -14,23 +14,24 @@ import numpy as np
 
 from ..channels import STANDARD, match_name
 from ..errors import ConfigError, LogError
+from ..notes import Note
 from ..units import si_unit, to_si
-from .dataflash import read_dataflash
-from .filling import with_filled, with_single_samples
+from .dataflash import read_dataflash_topics
 from .hdf5 import read_hdf5
 from .matlab import read_matlab
 from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
+from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
 from .quality import is_uniform
 from .rates import boot_starts
 from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
+from .resampling import with_filled, with_single_samples
 from .tdms import read_tdms
 from .text import read_csv
-from .tlog import is_tlog, read_tlog
-from .ulog import read_ulog
-from .ulog2csv import folder_digest, is_topic_file, read_folder, read_topic_file
+from .tlog import is_tlog, read_tlog_topics
+from .topics import Recorder, Topic, log_of_topics, topics_of
 
 # How the first bytes of a file show its format, and its reader; of a format with groups the reader chooses one.
 HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -41,10 +42,12 @@ WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
     (lambda head: head.startswith(MATLAB), read_matlab),
     (lambda head: head.startswith(b"TDSm"), read_tdms),
 )
-WITHOUT: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
-    (lambda head: head.startswith(b"ULog\x01\x12\x35"), read_ulog),
-    (lambda head: head.startswith(b"\xa3\x95\x80"), read_dataflash),
-    (is_tlog, read_tlog),
+# Recorders of messages: what reads those of their topics that are named.
+Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]]
+OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
+    (lambda head: head.startswith(b"ULog\x01\x12\x35"), "px4", read_ulog_topics),
+    (lambda head: head.startswith(b"\xa3\x95\x80"), "ardupilot", read_dataflash_topics),
+    (is_tlog, "mavlink", lambda path, _: read_tlog_topics(path)),
 )
 FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}
 # Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
@@ -141,15 +144,16 @@ def _read_file(path: str, asked: Asked) -> RawLog:
             return reader(path, asked)
     if asked.group is not None:
         raise LogError(f"{path}: no group '{asked.group}', a log of this kind has none; leave out --group")
-    for is_one, reader in WITHOUT:
+    for is_one, recorder, topics_in in OF_MESSAGES:
         if is_one(head):
-            return reader(path, asked)
+            topics, notes = topics_in(path, topics_of(asked.sources))
+            return log_of_topics(path, recorder, topics, asked, notes=notes)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
-    return read_topic_file(path, asked) if is_topic_file(path) else read_csv(path)
+    return read_topic_file(path, asked) or read_csv(path)
 
 
 def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
@@ -169,7 +173,7 @@ def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None
         if k != chosen
     )
     why = "as asked for" if boot is not None else "the longest in flight" if flown[chosen] else "the longest"
-    note = (
+    note = Note.method(
         f"the clock of the log starts again: boot {chosen + 1} of {len(logs)} is read, {why}; not read: {others}; "
         "--boot N reads another"
     )
@@ -210,7 +214,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
         rate_hz = raw.sample_rate_hz if asked.sample_rate_hz is None else asked.sample_rate_hz
         time_s = _counted_time(path, channels, raw, rate_hz)
         source = "sample_rate_hz =" if asked.sample_rate_hz is None else "--sample-rate"
-        notes.append(f"time is counted from {source} {rate_hz:g} Hz")
+        notes.append(Note.method(f"time is counted from {source} {rate_hz:g} Hz"))
     elif asked.sample_rate_hz is not None:
         raise LogError(
             f"{path}: --sample-rate {asked.sample_rate_hz:g}: it is for logs without a time axis, and the log has "
@@ -224,7 +228,9 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
             raise different_length(path, channel.source, channel.n_samples, time_s.size)
     if units := assumed_units(channels.values()):
         notes.append(
-            f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
+            Note.advice(
+                f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
+            )
         )
     clean = {}
     for name, column in raw.clean.items() if raw.faults is not None else ():
@@ -247,7 +253,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     return log
 
 
-def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[str]]:
+def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Note]]:
     """Return the columns as channels by their names in the log, the time axis among them, and sentences on it."""
     taken, notes = dict[str, Channel](), list(raw.notes)
     own_units = {column.source: column.unit for column in raw.columns}
@@ -255,12 +261,14 @@ def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], li
         stated = column.unit if column.unit is not None else (match.unit if match else None)
         name, own = column.source, own_units[column.source]
         if own and own != stated and si_unit(own) is not None:
-            notes.append(f"'{name}' is in '{own}' by the file and was read in '{stated}', as --unit asks")
+            notes.append(Note.method(f"'{name}' is in '{own}' by the file and was read in '{stated}', as --unit asks"))
         if match is not None:
             if match.rank >= 0 and not fits(match.name, stated):
-                notes.append(f"'{name}' is in '{stated}', so it is not taken for {match.name}")
+                notes.append(Note.method(f"'{name}' is in '{stated}', so it is not taken for {match.name}"))
             elif match.name in taken:
-                notes.append(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
+                notes.append(
+                    Note.method(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
+                )
             else:
                 name = match.name
         spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
@@ -270,7 +278,9 @@ def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], li
             notes += assumed
         unit = stated
         if stated is not None and si_unit(stated) is None and name not in STANDARD:
-            notes.append(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
+            notes.append(
+                Note.method(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
+            )
             unit = None
         taken[name] = _channel(path, name, column.here() if name == "time" else column, unit, stated)
     return taken, notes
@@ -352,7 +362,7 @@ def _units_of(step: float) -> list[str]:
     return [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
 
 
-def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[str, ...]]:
+def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[Note, ...]]:
     """Return the unit of a time axis that states none, as its step tells it, and a note where that is not seconds.
 
     Raises
@@ -373,8 +383,10 @@ def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[str, ...]]:
         )
     rate = 1.0 / (TIME_UNITS[fit[0]] * typical)
     return fit[0], (
-        f"'{time.source}' states no unit; its steps of {typical:.6g} are taken for {fit[0]} ({rate:.4g} Hz), give "
-        f"another with --unit {time.source}=UNIT",
+        Note.method(
+            f"'{time.source}' states no unit; its steps of {typical:.6g} are taken for {fit[0]} ({rate:.4g} Hz), give "
+            f"another with --unit {time.source}=UNIT"
+        ),
     )
 
 
@@ -401,7 +413,7 @@ def _checked_time(path: str, channel: Channel) -> FloatArray:
     return time_s
 
 
-def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[str, ...]]:
+def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[Note, ...]]:
     """Return the even times that a time axis of few decimals stands for, and a note; others as they are.
 
     The straight line through the times is taken where no time is further from it than rounding to their decimals
@@ -421,7 +433,9 @@ def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tupl
     # Rounding to the nearest or down; half a quantum more for the line through rounded times.
     if np.ptp(from_start - line) > 1.5 * quantum:
         return time_s, ()
-    note = f"the times of '{source}' are rounded to {quantum:g} s; their even steps of {step:.6g} s are taken"
+    note = Note.method(
+        f"the times of '{source}' are rounded to {quantum:g} s; their even steps of {step:.6g} s are taken"
+    )
     return frozen_array(time_s[0] + line), (note,)
 
 

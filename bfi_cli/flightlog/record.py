@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
+from ..notes import Note
 
 FloatArray = NDArray[np.float64]
 
@@ -171,7 +172,7 @@ class FlightLog:
     segments: tuple[Segment, ...] = ()
     filters: tuple[Filter, ...] | None = None
     sha256: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # once it is known
 
     @property
@@ -196,8 +197,8 @@ class FlightLog:
             return channel
         has = ", ".join(sorted(self.channels))
         for note in self.notes:
-            if note.startswith(f"'{name}' ") and "left out" in note:
-                raise LogError(f"{self.path}: {note.partition(';')[0]}; the log has: {has}")
+            if note.text.startswith(f"'{name}' ") and "left out" in note.text:
+                raise LogError(f"{self.path}: {note.text.partition(';')[0]}; the log has: {has}")
         raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; map one with --channel {name}=NAME")
 
     def find(self, name: str) -> Channel | None:

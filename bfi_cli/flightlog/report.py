@@ -7,10 +7,11 @@ from typing import Any
 
 from ..display_units import SI, Shown, Units
 from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, physical
+from ..notes import unique
 from ..provenance import Provenance
-from ..report.content import Drawing, Lane, Panel, ReportContent, Table
+from ..report.content import Drawing, Lane, Panel, ReportContent, Table, notes_of
 from ..report.text import with_unit
-from ..serialization import to_plain
+from ..serialization import SCHEMA, to_plain
 from ..shapes import SHAPES
 from .defects import Defect, sentence_of_defect
 from .quality import UNEVEN, LogReport
@@ -19,7 +20,6 @@ from .timeline import lanes_of, phase_columns, phase_table, window_table
 
 Plain = Mapping[str, Any]
 
-SCHEMA = 1
 # Of a short defect in the document of `bfi info`.
 DEFECT_KEYS = ("channel", "shape", "count", "times_s", "durations_s", "duration_s", "largest", "unit")
 # Heights of a panel of lanes and of each of them, relative to that of a panel of curves.
@@ -40,7 +40,6 @@ def info_document(report: LogReport, provenance: Provenance, defects: Sequence[D
         "phases",
         "windows",
         "segments",
-        "notes",
     )
     document: dict[str, Any] = to_plain(
         {
@@ -50,6 +49,7 @@ def info_document(report: LogReport, provenance: Provenance, defects: Sequence[D
             "recorder": next((one for one in report.filters or () if one.stage == "recorder"), None),
             "gaps": [{"start_s": start, "stop_s": stop} for start, stop in report.gaps],
             **{key: getattr(report, key) for key in same},
+            "notes": unique(report.notes),
             "defects": [
                 {key: getattr(one, key) for key in DEFECT_KEYS} | {"sentence": sentence_of_defect(one)}
                 for one in defects
@@ -96,7 +96,7 @@ def info_content(document: Plain, units: Units = SI) -> ReportContent:
         facts=(*facts, *(("Defect", str(one["sentence"])) for one in document.get("defects", ()))),
         tables=tuple(_tables(document, units)),
         drawings=(timeline,) if lanes else (),
-        notes=tuple(map(units.sentence, document["notes"])),
+        notes=notes_of(document, units),
         data={"phases.csv": phase_columns(phases)} if phases else {},
     )
 
@@ -181,7 +181,7 @@ def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[s
             "rate_hz": log.rate_hz,
             "channels": [{"name": channel.name, "unit": channel.unit} for channel in log.channels.values()],
             "truth": None if log.truth is None else {"faults": [fault_to_dict(fault) for fault in log.truth.faults]},
-            "notes": log.notes,
+            "notes": unique(log.notes),
             "provenance": provenance,
         }
     )
@@ -203,7 +203,7 @@ def log_content(document: Plain, units: Units = SI) -> ReportContent:
         verdict=f"{document['path']}: {document['n_samples']} samples at {document['rate_hz']:.6g} Hz",
         facts=tuple(("Injected", describe_injected(fault, own.get(fault.channel, ""), units)) for fault in faults),
         tables=(Table(name="channels", title="Channels", heads=("name", "unit"), rows=rows),),
-        notes=tuple(document["notes"]),
+        notes=notes_of(document),
     )
 
 
@@ -214,7 +214,7 @@ def log_lines(log: FlightLog, units: Units = SI) -> list[str]:
     return [
         f"{log.path}: {log.n_samples} samples at {log.rate_hz:.6g} Hz: {names}",
         *(f"fault: {describe_injected(fault, own.get(fault.channel, ''), units)}" for fault in faults),
-        *(f"note: {units.sentence(note)}" for note in log.notes),
+        *(f"note: {units.sentence(note.text)}" for note in unique(log.notes)),
     ]
 
 

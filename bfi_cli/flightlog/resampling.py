@@ -1,4 +1,8 @@
-"""A log at another rate: onto a uniform grid, through the low-pass filter, decimated, every channel alike."""
+"""Samples that a log does not have: missing ones interpolated, and those of another rate through a low-pass.
+
+Single missing samples of an even clock are interpolated, and longer stretches where the user asks for it. Another rate
+is a uniform grid, low-passed and decimated, every channel alike.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +17,12 @@ import numpy as np
 from ..errors import ConfigError, LogError
 from ..filters import Filter
 from ..kernels.decimation import decimate, lost_samples
-from ..kernels.runs import bridged
-from .holds import Hold
+from ..kernels.quantisation import Hold
+from ..kernels.runs import bridged, runs
+from ..notes import Note
 from .quality import hold_of, is_uniform
 from .record import FlightLog, FloatArray, frozen_array
+from .topics import ANGLES
 
 LONGEST_BRIDGE = 4.5  # median time steps: up to three missing samples are interpolated
 SAME_RATE = 1e-3  # relative error of a recorder's clock
@@ -26,6 +32,14 @@ LARGEST_DENOMINATOR = 1000  # of the ratio of two rates: within 1e-6 of any rati
 SINC_LOBES = 10  # half the length of the sinc in its own periods
 CUTOFF = 0.8  # of the sinc, over the new Nyquist frequency
 KAISER_BETA = 8.0  # of the sinc's window: a stop band 80 dB down
+# Signals that have no values between theirs: they keep the last.
+FLAGS = frozenset({"valid_airspeed", "gear"})
+# Of a step, by which a clock may wander: a stretch of just the length that is asked for is filled.
+BESIDE = 0.02
+# Of all steps: with more double ones a clock is not even. A Garmin G1000 at 1 Hz leaves out one second in 45.
+MOST_DOUBLE = 0.05
+# With more double steps in a row the clock goes at half its rate.
+MOST_IN_A_ROW = 3
 
 
 def resample(log: FlightLog, rate_hz: float, *, from_s: float | None = None, to_s: float | None = None) -> FlightLog:
@@ -74,7 +88,14 @@ def resample_with(
             f"give --rate {log.rate_hz:.4g} or less"
         )
     part = log.window(*with_reach(rate_hz, from_s, to_s))
-    holds = _holds(part, log)
+    holds = dict[str, Hold]()
+    for name, channel in part.channels.items():
+        hold = hold_of(part, channel.values)
+        if hold is None and (whole := hold_of(log, log.channels[name].values)) is not None:  # the part is too short
+            samples_before = (part.time_s[0] - log.time_s[0]) * log.rate_hz
+            hold = replace(whole, phase=(whole.phase - samples_before) % whole.period)
+        if hold is not None:
+            holds[name] = hold
     first = int(np.searchsorted(log.time_s, part.time_s[0]))
     resampled, filtered = part, extra.reshape(log.n_samples, -1)[first : first + part.n_samples]
     if holds or not is_uniform(part.time_s) or abs(part.rate_hz / rate_hz - 1.0) >= SAME_RATE:
@@ -95,18 +116,6 @@ def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) 
     """Return a window widened by what the filter of a resampling to this rate reaches beyond it."""
     margin = MARGIN_PERIODS / rate_hz if rate_hz else 0.0
     return None if from_s is None else from_s - margin, None if to_s is None else to_s + margin
-
-
-def _holds(part: FlightLog, log: FlightLog) -> dict[str, Hold]:
-    """Return the clocks of the held channels of a part of a log, of the whole log where the part is too short."""
-    samples_before, holds = (part.time_s[0] - log.time_s[0]) * log.rate_hz, {}
-    for name, channel in part.channels.items():
-        hold = hold_of(part, channel.values)
-        if hold is None and (whole := hold_of(log, log.channels[name].values)) is not None:
-            hold = replace(whole, phase=(whole.phase - samples_before) % whole.period)
-        if hold is not None:
-            holds[name] = hold
-    return holds
 
 
 def _grid(log: FlightLog, rate_hz: float) -> FloatArray:
@@ -168,8 +177,10 @@ def _through_filter(
     for j in np.flatnonzero(np.any(extra, axis=0)):
         filtered[:, j] = lowpass(_on_grid(log, extra[:, j], grid, hold=None))
     notes = [
-        f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
-        "interpolated"
+        Note.limit(
+            f"'{name}' has new values at {log.rate_hz / hold.period:.3g} Hz only; at {rate_hz:g} Hz those between are "
+            "interpolated"
+        )
         for name, hold in holds.items()
         if log.rate_hz / hold.period < rate_hz * (1.0 - SAME_RATE)
     ]
@@ -206,3 +217,83 @@ def _polyphase(x: FloatArray, up: int, down: int) -> FloatArray:
     for phase in range(up):  # each must pass a constant unchanged: an airspeed is a large one
         taps[phase::up] /= taps[phase::up].sum()
     return np.asarray(signal.upfirdn(taps, x, up, down)[2 * SINC_LOBES : last + 1])
+
+
+def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
+    """Return the log with stretches of NaN of up to `longest_s` interpolated linearly, and a note on each channel.
+
+    A stretch at an end of the log is left as it is, for there is nothing beyond. Angles take the shorter way round;
+    flags keep their last value. The clean signal of a channel with an injected fault is filled alike.
+    """
+    stretches: dict[str, list[float]] = {}
+
+    def filled(name: str, values: FloatArray) -> FloatArray:
+        out, lengths_s = _filled(name, values, log, longest_s)
+        stretches.setdefault(name, lengths_s)
+        return out
+
+    changed, notes = log.changed(filled), list(log.notes)
+    for name, lengths_s in stretches.items():
+        if lengths_s:
+            count = f"{len(lengths_s)} stretch{'es' * (len(lengths_s) > 1)}"
+            notes.append(
+                Note.method(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
+            )
+    return replace(changed, notes=tuple(notes))
+
+
+def with_single_samples(log: FlightLog) -> FlightLog:
+    """Return the log with the samples that an even clock left out one at a time interpolated, and a note.
+
+    A sample is missing alone where the step is twice the median one.
+    Longer gaps, and clocks that are not even otherwise, are left as they are.
+    """
+    if log.n_samples < 4:
+        return log
+    step = np.diff(log.time_s) * log.rate_hz
+    double, single = np.abs(step - 2.0) <= 2.0 * BESIDE, np.abs(step - 1.0) <= BESIDE
+    even = double.sum() <= MOST_DOUBLE * step.size and double.sum() + single.sum() >= (1.0 - MOST_DOUBLE) * step.size
+    for first, stop in runs(double):
+        double[first:stop] = stop - first <= MOST_IN_A_ROW
+    at = np.flatnonzero(double) + 1
+    if not at.size or not even:
+        return log
+    time_s = np.insert(log.time_s, at, 0.5 * (log.time_s[at - 1] + log.time_s[at]))
+    missing = np.insert(np.zeros(log.n_samples, dtype=bool), at, True)
+    longer = replace(log, time_s=frozen_array(time_s), channels={}, truth=None)
+
+    def with_holes(name: str, values: FloatArray) -> FloatArray:
+        inserted = np.insert(values, at, np.nan)
+        filled, _ = _filled(name, inserted, longer, 1.0 / log.rate_hz)
+        # What is missing in the file beside them stays so.
+        return frozen_array(np.where(missing, filled, inserted))
+
+    first_s = log.time_s[at[0] - 1]
+    note = Note.method(
+        f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
+    )
+    return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
+
+
+def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, list[float]]:
+    """Return the filled values, and the lengths, s, of the stretches that were filled."""
+    out, lengths_s = values.copy(), []
+    for start, stop in runs(np.isnan(values)):
+        if start == 0 or stop == values.size:
+            continue
+        # From the last sample before to the first after, less the step that is no stretch: a gap of the clock counts.
+        at = log.time_s[start - 1 : stop + 1]
+        length_s = float(at[-1] - at[0]) - 1.0 / log.rate_hz
+        if not length_s <= longest_s + BESIDE / log.rate_hz:
+            continue
+        lengths_s.append(length_s)
+        before, after = values[start - 1], values[stop]
+        if name in FLAGS:
+            out[start:stop] = before
+            continue
+        turns = 2.0 * np.pi * float(np.round((after - before) / (2.0 * np.pi))) if name in ANGLES else 0.0
+        part = (at[1:-1] - at[0]) / (at[-1] - at[0])
+        between = before + (after - turns - before) * part
+        # Back into the turn of the value before or of that after, whichever is nearer in time.
+        out[start:stop] = np.where(part < 0.5, between, between + turns)
+    return (frozen_array(out) if lengths_s else values), lengths_s

@@ -161,13 +161,8 @@ def decide(signs: Signs) -> Verdict:
     speeds = {**signs.airspeeds, **({} if signs.ground_speed is None else {"ground_speed": signs.ground_speed})}
     n = next(iter(speeds.values())).size
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
-    claims = {name: _claims_ground(speed, cruises[name]) for name, speed in speeds.items()}
     known = {name: np.isfinite(speed) for name, speed in speeds.items()}
-    common = _majority({name: claims[name] for name in signs.airspeeds}, known)
-    for own in claims.values():
-        for low, high in runs(own != common):
-            if high - low < signs.long:
-                own[low:high] = common[low:high]
+    claims, common = _claims(signs, speeds, cruises)
     table = np.array([*claims.values(), *known.values()])
     edges = [0, *(np.flatnonzero(np.any(table[:, 1:] != table[:, :-1], axis=0)) + 1).tolist(), n]
     any_known = np.any([known[name] for name in signs.airspeeds], axis=0)
@@ -224,21 +219,29 @@ def decide(signs: Signs) -> Verdict:
     return Verdict(on_ground=on_ground, unknown=unknown, claims=claims, against=tuple(_joined(against)))
 
 
-def _majority(claims: Mapping[str, BoolArray], known: Mapping[str, BoolArray]) -> BoolArray:
-    """Return what most airspeeds claim; where as many claim the contrary, what the first that is known does."""
-    votes = np.array([np.where(known[name], np.where(claim, 1, -1), 0) for name, claim in claims.items()])
+def _claims(
+    signs: Signs, speeds: Mapping[str, FloatArray], cruises: Mapping[str, float]
+) -> tuple[dict[str, BoolArray], BoolArray]:
+    """Return where each speed says ground, and what most airspeeds say; see steps 1 and 2 of `decide`.
+
+    Where as many airspeeds claim the contrary, what the first that is known does counts.
+    """
+    claims = {name: np.zeros(speed.size, dtype=bool) for name, speed in speeds.items()}
+    for name, speed in speeds.items():
+        if not cruises[name] > WALK:
+            claims[name] = np.isfinite(speed)
+            continue
+        for low, high in runs(speed < BORNE * cruises[name]):
+            claims[name][low:high] = speed[low:high].min() < TAXI * cruises[name]
+    votes = np.array([np.isfinite(speeds[name]) * np.where(claims[name], 1, -1) for name in signs.airspeeds])
     first = np.take_along_axis(votes, np.argmax(votes != 0, axis=0)[None], axis=0)[0]
     total = votes.sum(axis=0)
-    return np.asarray(np.where(total == 0, first, total) > 0)
-
-
-def _claims_ground(speed: FloatArray, cruise: float) -> BoolArray:
-    ground = np.zeros(speed.size, dtype=bool)
-    if not cruise > WALK:
-        return np.isfinite(speed)
-    for low, high in runs(speed < BORNE * cruise):
-        ground[low:high] = speed[low:high].min() < TAXI * cruise
-    return ground
+    common = np.asarray(np.where(total == 0, first, total) > 0)
+    for own in claims.values():
+        for low, high in runs(own != common):
+            if high - low < signs.long:
+                own[low:high] = common[low:high]
+    return claims, common
 
 
 def _altitude_says(signs: Signs, run: Run, core: Run, claimed: BoolArray, all_ground: BoolArray) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..channels import NameMatch, match_name
 from ..errors import LogError
+from ..notes import Note
 from ..units import si_unit, to_si
 from .rates import one_base
 from .raw import Asked, FloatArray, RawLog, Track, choose_group, left_out, parsing, rate_of, require_few, require_memory
@@ -86,13 +87,13 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
         signals = [one for one in signals if one.clock is not None]
         notes += [left_out(name, "has no wf_increment beside channels that have one") for name in untimed]
     if is_cut:
-        notes.append("the file is cut off before its end: samples are missing there; copy it again")
+        notes.append(Note.limit("the file is cut off before its end: samples are missing there; copy it again"))
     if is_cut and len({one.group if has_time or one.clock is None else one.clock for one in signals}) == 1:
         # Of one clock, without what the end of the file has of some channels only.
         shortest, longest = (which(one.values.size for one in signals) for which in (min, max))
         if shortest < longest:
             signals = [replace(one, values=one.values[:shortest]) for one in signals]
-            notes.append(f"of {longest} samples {shortest} are there of every channel and are read")
+            notes.append(Note.limit(f"of {longest} samples {shortest} are there of every channel and are read"))
     columns = [Track(source=one.source, values=one.values, unit=one.unit) for one in signals]
     if has_time:
         columns, counted = _with_time(signals)
@@ -100,7 +101,7 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     elif all(one.clock is not None for one in signals):
         day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
         if day is not None:
-            notes.append(f"time counts from midnight of {day} UTC")
+            notes.append(Note.method(f"time counts from midnight of {day} UTC"))
         tracks = [_track(one, day, asked) for one in sorted(signals, key=lambda one: one.match.rank)]
         if len({(one.clock, one.values.size) for one in signals}) > 1:
             return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
@@ -108,7 +109,7 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     return RawLog(columns=columns, sample_rate_hz=stated_rate, notes=tuple(notes))
 
 
-def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], float | None, list[str]]:
+def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], float | None, list[Note]]:
     """Return the channels of numbers of the wanted group, or of all groups that can be one log."""
     channels = [channel for group in tdms.groups() for channel in group.channels()]
     require_few(path, len(channels), "channels")
@@ -135,14 +136,15 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
     signals = []
     for channel in numbers:
         values = np.asarray(channel[:])
-        is_moment = values.dtype.kind == "M"
+        if is_moment := values.dtype.kind == "M":  # seconds since 1970
+            values = np.where(np.isnat(values), np.nan, 1e-6 * values.astype("datetime64[us]").astype(np.int64))
         units = (channel.properties.get(name) for name in UNITS)
         unit = next((one.strip() for one in units if isinstance(one, str) and one.strip()), None)
         signals.append(
             _Signal(
                 source=channel.name if names.count(channel.name) == 1 else f"{channel.group_name}/{channel.name}",
                 group=channel.group_name,
-                values=_seconds(values) if is_moment else values.astype(np.float64),
+                values=values.astype(np.float64),
                 unit="s" if is_moment else unit,
                 clock=None if is_moment else _clock(channel.properties),
                 is_moment=is_moment,
@@ -173,13 +175,6 @@ def _number(stated: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _seconds(moments: np.ndarray) -> FloatArray:
-    """Return seconds since 1970 of moments, NaN where one is none."""
-    seconds = np.asarray(1e-6 * moments.astype("datetime64[us]").astype(np.int64), dtype=np.float64)
-    seconds[np.isnat(moments)] = np.nan
-    return seconds
-
-
 def _track(signal: _Signal, day: np.datetime64 | None, asked: Asked) -> Track:
     """Return a signal with its times, from midnight of `day` where the log has days."""
     clock = signal.clock
@@ -202,7 +197,7 @@ def _track(signal: _Signal, day: np.datetime64 | None, asked: Asked) -> Track:
     )
 
 
-def _with_time(signals: Sequence[_Signal]) -> tuple[list[Track], list[str]]:
+def _with_time(signals: Sequence[_Signal]) -> tuple[list[Track], list[Note]]:
     """Return the columns with moments made a time axis from midnight of their first day, and sentences on it."""
     has_axis = any(one.is_time and not one.is_moment for one in signals)
     kept, notes = [], []
@@ -215,6 +210,10 @@ def _with_time(signals: Sequence[_Signal]) -> tuple[list[Track], list[str]]:
             has_axis = True
             known = signal.values[np.isfinite(signal.values)]
             first = np.floor(known[0] / DAY_S) * DAY_S if known.size else 0.0
-            notes.append(f"time counts from midnight of {np.datetime64(int(first), 's').astype('datetime64[D]')} UTC")
+            notes.append(
+                Note.method(
+                    f"time counts from midnight of {np.datetime64(int(first), 's').astype('datetime64[D]')} UTC"
+                )
+            )
             kept.append(Track(source=signal.source, values=signal.values - first, unit="s", channel="time"))
     return kept, notes

@@ -21,9 +21,10 @@ import numpy as np
 from ..channels import match_name, split_unit
 from ..errors import LogError
 from ..filters import filters_from_json
+from ..notes import Note
 from ..units import si_unit
 from .raw import RawLog, Track, left_out, require_few
-from .record import CLEAN, faults_from_json, segments_from_json
+from .record import CLEAN, FloatArray, faults_from_json, segments_from_json
 from .topics import maps_of
 
 Kind = Literal["number", "clock", "date", "moment", "text"]
@@ -88,25 +89,7 @@ def _read(path: str, encoding: str) -> RawLog:
         if len(first) < 2:
             raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
         cells = Cells(names=names, comma=delimiter != "," and not any(DECIMAL_POINT.search(text) for _, text in first))
-        numbers = array("d")  # eight bytes a number while it grows
-        notes: list[str] = []
-        all_numbers = False  # of a row so far, so that its columns are known
-        for line, text in chain(first, rows):
-            parts = text.split(delimiter)
-            try:
-                if not cells.plain or "_" in text or len(parts) != len(names):
-                    raise ValueError
-                numbers.extend([float(cell) for cell in parts])
-                all_numbers = True
-            except ValueError:
-                parts = _cells(text, delimiter)
-                if garmin and len(parts) < len(names) and next(rows, None) is None:
-                    notes.append(f"line {line} is cut off and is left out")
-                    break
-                if all_numbers:
-                    cells.kinds = [kind or "number" for kind in cells.kinds]
-                numbers.extend(cells.numbers(f"{path}: line {line}", parts))
-    values = np.frombuffer(numbers).reshape(-1, len(names))
+        values, notes = cells.table(path, chain(first, rows), delimiter, may_be_cut=garmin)
     columns = [
         Track(source=source, values=values[:, i].copy(), unit=unit or units[i])
         for i, (source, unit) in enumerate(map(split_unit, names))
@@ -228,13 +211,36 @@ class Cells:
     def __post_init__(self) -> None:
         self.kinds = [None] * len(self.names)
 
-    def numbers(self, where: str, cells: list[str]) -> list[float]:
-        """Return the numbers of a row: NaN for empty cells and text, seconds for clocks and dates.
+    def table(
+        self, path: str, rows: Iterator[tuple[int, str]], delimiter: str, *, may_be_cut: bool
+    ) -> tuple[FloatArray, list[Note]]:
+        """Return the numbers of all rows, (n_rows, n_columns), and a note where the last one is cut off.
 
         Raises
         ------
         LogError : a row of another length, or a cell that does not fit its column.
         """
+        numbers = array("d")  # eight bytes a number while it grows
+        all_numbers, notes = False, list[Note]()  # of a row so far, so that its columns are known
+        for line, text in rows:
+            parts = text.split(delimiter)
+            try:
+                if not self.plain or "_" in text or len(parts) != len(self.names):
+                    raise ValueError
+                numbers.extend([float(cell) for cell in parts])
+                all_numbers = True
+            except ValueError:
+                parts = _cells(text, delimiter)
+                if may_be_cut and len(parts) < len(self.names) and next(rows, None) is None:
+                    notes = [Note.limit(f"line {line} is cut off and is left out")]
+                    break
+                if all_numbers:
+                    self.kinds = [kind or "number" for kind in self.kinds]
+                numbers.extend(self.numbers(f"{path}: line {line}", parts))
+        return np.frombuffer(numbers).reshape(-1, len(self.names)), notes
+
+    def numbers(self, where: str, cells: list[str]) -> list[float]:
+        """Return the numbers of a row: NaN for empty cells and text, seconds for clocks and dates."""
         if len(cells) == len(self.names) + 1 and not cells[-1].strip():
             cells = cells[:-1]
         if len(cells) != len(self.names):
@@ -279,7 +285,7 @@ class Cells:
         return "text", math.nan
 
 
-def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> tuple[list[Track], list[str]]:
+def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> tuple[list[Track], list[Note]]:
     """Return the columns with a time axis made of clock and date where no number is one, and sentences on it.
 
     Time counts from midnight of the first day (UTC where an offset is stated), through later ones. Rows without a time
@@ -308,24 +314,30 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> tuple[
     if rows.any() and time_s[rows][0] >= DAY_S:
         first = np.floor(time_s[rows][0] / DAY_S) * DAY_S
         time_s -= first
-        notes.append(f"time counts from midnight of {date.fromordinal(EPOCH + round(first / DAY_S)).isoformat()}")
+        notes.append(
+            Note.method(f"time counts from midnight of {date.fromordinal(EPOCH + round(first / DAY_S)).isoformat()}")
+        )
     if not rows.all():
-        notes.append(f"{np.count_nonzero(~rows)} rows without a time are left out")
+        notes.append(Note.method(f"{np.count_nonzero(~rows)} rows without a time are left out"))
     steps = np.diff(time_s[rows])
     if np.any(steps == 0.0) and np.all(time_s[rows] % 1.0 == 0.0):
         if np.median(steps) == 0.0:
             time_s[rows] = _spread(time_s[rows])
-            notes.append(f"the clock '{chosen.source}' has whole seconds; the rows of a second are spread over it")
+            notes.append(
+                Note.method(f"the clock '{chosen.source}' has whole seconds; the rows of a second are spread over it")
+            )
         else:
             repeated = np.flatnonzero(rows)[1:][steps == 0.0]
             rows[repeated] = False
-            notes.append(f"rows that repeat the second before are left out: {repeated.size}")
+            notes.append(Note.method(f"rows that repeat the second before are left out: {repeated.size}"))
     steps = np.diff(time_s[rows])
     missing = int(np.count_nonzero(steps > 1.5 * np.median(steps))) if steps.size else 0
     if missing:
         notes.append(
-            f"the clock '{chosen.source}' skips {missing} times; --rate {1.0 / float(np.median(steps)):.4g} fills "
-            "single missing samples"
+            Note.advice(
+                f"the clock '{chosen.source}' skips {missing} times; --rate {1.0 / float(np.median(steps)):.4g} fills "
+                "single missing samples"
+            )
         )
     time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time")
     return [time, *(replace(column, values=column.values[rows]) for column in kept)], notes

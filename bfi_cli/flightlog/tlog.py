@@ -16,9 +16,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..notes import Note
 from .rates import boot_starts
-from .raw import Asked, RawLog
-from .topics import Topic, log_of_topics, notes_on
+from .topics import Topic, notes_on
 
 # Number: name, layout, extra byte of the check sum, names of the fields.
 MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
@@ -56,18 +56,7 @@ def checksum(data: bytes) -> int:
     return crc
 
 
-def read_tlog(path: str, asked: Asked) -> RawLog:
-    """Read a telemetry log; a field that is no channel by itself is named `MESSAGE.field` in the maps.
-
-    Raises
-    ------
-    LogError : no messages that are channels.
-    """
-    topics, notes = read_tlog_topics(path)
-    return log_of_topics(path, "mavlink", topics, asked, notes=notes)
-
-
-def read_tlog_topics(path: str) -> tuple[list[Topic], list[str]]:
+def read_tlog_topics(path: str) -> tuple[list[Topic], list[Note]]:
     """Return the messages of `MESSAGES` that the vehicle with most of them sent, and sentences on the file."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         packets, damaged = _packets(data)
@@ -75,7 +64,11 @@ def read_tlog_topics(path: str) -> tuple[list[Topic], list[str]]:
     senders = Counter(sender for sender, _, _ in packets)
     if len(senders) > 1:
         chosen = senders.most_common(1)[0][0]
-        notes.append(f"messages of {len(senders)} senders; those of system {chosen[0]}, component {chosen[1]} are read")
+        notes.append(
+            Note.method(
+                f"messages of {len(senders)} senders; those of system {chosen[0]}, component {chosen[1]} are read"
+            )
+        )
         packets = [packet for packet in packets if packet[0] == chosen]
     # A payload ends before the zeros at its end.
     sizes = {number: layout.size for number, (_, layout, _, _) in MESSAGES.items()}

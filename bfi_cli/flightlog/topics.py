@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
+from ..notes import Note
 from ..units import DEGREE, G
 from .rates import one_base
 from .raw import Asked, FloatArray, RawLog, Track
@@ -260,10 +261,12 @@ def table_of(messages: Iterable[bytes], fields: Mapping[str, tuple[str, int]], s
     return np.frombuffer(b"".join(one.ljust(size, b"\0") for one in messages), dtype=kind)
 
 
-def notes_on(damaged: int, empty: Sequence[str] = ()) -> list[str]:
+def notes_on(damaged: int, empty: Sequence[str] = ()) -> list[Note]:
     """Return sentences on a file in which so many bytes are damaged, and topics have no messages."""
-    notes = [f"{damaged} bytes are damaged or cut off and were skipped"] if damaged else []
-    return notes + ([f"topics without samples are left out: {', '.join(dict.fromkeys(empty))}"] if empty else [])
+    notes = [Note.limit(f"{damaged} bytes are damaged or cut off and were skipped")] if damaged else []
+    return notes + (
+        [Note.method(f"topics without samples are left out: {', '.join(dict.fromkeys(empty))}")] if empty else []
+    )
 
 
 def completed(topic: Topic) -> Topic:
@@ -329,7 +332,7 @@ def log_of_topics(
     asked: Asked,
     *,
     more: Sequence[str] = (),
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
 ) -> RawLog:
     """Return the log of a recorder whose messages have clocks of their own.
 

@@ -16,6 +16,7 @@ from ..kernels.model_selection import ScoredFit
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..kernels.whiteness import exceedances
+from ..notes import Note
 from ..preprocessing.magnitudes import magnitudes_of_fit
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -76,8 +77,10 @@ def identify_by_residual(
         ),
         fires=alarms_s.size > 0,
         notes=(
-            f"the residual exceeds five standard deviations {alarms_s.size} times"
-            + (f", first at {shown} s" if alarms_s.size else "")
-            + "; the test knows no shape and never sees a slow fault, entries are named by their onset alone",
+            Note.limit(
+                f"the residual exceeds five standard deviations {alarms_s.size} times"
+                + (f", first at {shown} s" if alarms_s.size else "")
+                + "; the test knows no shape and never sees a slow fault, entries are named by their onset alone"
+            ),
         ),
     )

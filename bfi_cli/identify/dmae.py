@@ -25,6 +25,7 @@ from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, Reset, StateSpace, doubl
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows
+from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -283,17 +284,23 @@ def identify_by_dmae(
     value[list(atoms)] = z
     output = model.outputs.index(run.channel)
     if run.onset_s is None:
-        notes: tuple[str, ...] = (
-            f"the probability of a fault of '{run.channel}' never exceeds {float(run.probability.max()):.3g}",
+        notes: tuple[Note, ...] = (
+            Note.method(
+                f"the probability of a fault of '{run.channel}' never exceeds {float(run.probability.max()):.3g}"
+            ),
         )
     else:
         rest = course - theta[:, list(atoms)] @ z
         share = 100.0 * (1.0 - float(rest @ rest) / float(course @ course))
         notes = (
-            f"a fault of '{run.channel}' is more probable than not from {run.onset_s:.6g} s on, with a probability of "
-            f"{run.probability[-1]:.3g} at the end of the window",
-            f"the entries of the dictionary explain {share:.3g} % of the fault's estimated course; their magnitudes "
-            "have no intervals",
+            Note.method(
+                f"a fault of '{run.channel}' is more probable than not from {run.onset_s:.6g} s on, with a probability "
+                f"of {run.probability[-1]:.3g} at the end of the window"
+            ),
+            Note.limit(
+                f"the entries of the dictionary explain {share:.3g} % of the fault's estimated course; their "
+                "magnitudes have no intervals"
+            ),
         )
     unknown, nan = np.full(value.size, np.nan), float("nan")
     error = [at_rate(run.innovation[:, hypothesis, output])[:, None] for hypothesis in (NO_FAULT, FAULT)]

@@ -10,14 +10,14 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..faults import Fault, FaultEstimate
+from ..notes import Note, unique
 from ..provenance import Provenance
-from ..serialization import from_plain, mapping, member, to_plain
+from ..serialization import SCHEMA, check_schema, from_plain, mapping, member, to_plain
 from ..shapes import SHAPES
 from .result import IdentifyResult
 
-__all__ = ["IDENTIFY_SCHEMA", "identify_document", "identify_from_document"]
+__all__ = ["identify_document", "identify_from_document"]
 
-IDENTIFY_SCHEMA = 2
 # Samples of the series of a document, more than any figure shows: 80 minutes at 10 Hz. Chosen for its size, 10 MB.
 MOST_SAMPLES = 50_000
 GIVE = "give the result.json of bfi identify --out"
@@ -47,7 +47,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
     curve = {key: whole["model"].pop(key) for key in ORDER_KEYS}
     return {
         "kind": "identify",
-        "schema": IDENTIFY_SCHEMA,
+        "schema": SCHEMA,
         "log": whole["log"],
         "decision": whole["decision"],
         "verdicts": whole["verdicts"],
@@ -62,7 +62,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "residuals": whole["residuals"],
         "truth": truth,
         "series": {key: whole[key] for key in ("time_s", "inputs", "input_units", "outputs")},
-        "notes": whole["notes"],
+        "notes": to_plain(unique(thinned.notes)),
         "provenance": to_plain(provenance),
     }
 
@@ -83,7 +83,7 @@ def _thinned(result: IdentifyResult) -> IdentifyResult:
         time_s=result.time_s[::k],
         inputs={name: values[::k] for name, values in result.inputs.items()},
         outputs=tuple(outputs),
-        notes=(*result.notes, f"the series of this document hold every {k}th of {n} samples"),
+        notes=(*result.notes, Note.method(f"the series of this document hold every {k}th of {n} samples")),
     )
 
 
@@ -138,11 +138,7 @@ def _checked(document: object, where: str) -> Mapping[str, Any]:
         raise ConfigError(f"{where}: not a result of this program, it has no 'kind'; {GIVE}")
     if document["kind"] != "identify":
         raise ConfigError(f"{where}: kind is '{document['kind']}', not 'identify'; {GIVE}")
-    if document.get("schema") != IDENTIFY_SCHEMA:
-        raise ConfigError(
-            f"{where}: schema is {document.get('schema')}, this program reads {IDENTIFY_SCHEMA}; "
-            "run bfi identify again, or use the version that wrote the file"
-        )
+    check_schema(document, where=where)
     return document
 
 

@@ -19,9 +19,10 @@ from ..faults import Decision, FaultEstimate
 from ..filters import alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
-from ..preprocessing.advice import what_would_help
+from ..notes import Note
+from ..preprocessing.defaults import what_would_help
 from ..preprocessing.regression import RegressionData
-from ..preprocessing.summary import model_summary
+from ..preprocessing.summary import ModelSummary, noise_of
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from .claims import claims_of
@@ -102,12 +103,12 @@ def concluded(
     result = found.result
     said = conclude([found.evidence] if sources is None else sources, config.require)
     decision: Decision = "fault" if found.fires else said.decision
-    verdicts, unanswered = said.verdicts, list[str]()
+    verdicts, unanswered = said.verdicts, list[Note]()
     if not found.converged:
         decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
-        unanswered.append(f"{NOT_CONVERGED}: {result.solver.termination}")
+        unanswered.append(Note.limit(f"{NOT_CONVERGED}: {result.solver.termination}"))
     elif decision == "inconclusive" and found.hides_all:
-        unanswered.append(UNANSWERABLE)
+        unanswered.append(Note.limit(UNANSWERABLE))
     helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
     return replace(
         result,
@@ -217,13 +218,13 @@ def _assembled(
         scan=ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED),
         faults=tuple(faults),
         candidates=candidates,
-        model=model_summary(
-            outcome.error,
+        model=ModelSummary(
             order=outcome.order,
             rate_hz=window.signals.rate_hz,
             feedthrough=outcome.feedthrough,
             inputs=config.inputs,
             outputs=config.outputs,
+            noise_sd=noise_of(outcome.error, config.outputs),
             orders=outcome.orders,
             criterion_no_fault=outcome.criterion_no_fault,
             criterion_best=outcome.criterion_best,
@@ -233,7 +234,7 @@ def _assembled(
         notes=(
             *outcome.notes,
             *warnings_of(window, outcome, series, residuals, hidden),
-            *((window.recorder,) if window.recorder else ()),
+            *((Note.method(window.recorder),) if window.recorder else ()),
         ),
         time_s=window.signals.time_s,
         inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},

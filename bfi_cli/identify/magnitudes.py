@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
@@ -86,5 +87,5 @@ class MethodResult:
     analysed: tuple[PreparedWindow, RegressionData] | None = None
     criterion: float = np.nan
     dispersion: float = 1.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     free: tuple[FreeOutcome, ...] = ()

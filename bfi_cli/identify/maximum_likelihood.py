@@ -31,15 +31,17 @@ from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.termination import Termination
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows
+from ..notes import Note
 from ..preprocessing.magnitudes import (
     MagnitudeEstimates,
     at_half_rate,
     estimate_magnitudes,
     limits_within_tolerance,
+    overdispersion,
+    overdispersion_if_declared,
     profiled_limits,
     statistic_needed,
 )
-from ..preprocessing.overdispersion import overdispersion, overdispersion_if_declared
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of, with_sizes
 from ..shapes import OF_LINES, SHAPES
@@ -85,7 +87,7 @@ def identify_by_likelihood(
     ------
     LogError : a threshold is asked for, and the window is too short to estimate all magnitudes at once.
     """
-    names, notes, declined = [window.names[j] for j in window.live], list[str](), dict[int, str]()
+    names, notes, declined = [window.names[j] for j in window.live], list[Note](), dict[int, str]()
     window, regression = _at_own_sizes(window, regression, config)
     at_stated = (window, regression)
     rules, searching = config.selection, partial(progress, "search for the faults")
@@ -100,7 +102,7 @@ def identify_by_likelihood(
         window, regression, selection = moved.window, moved.regression, moved.selection
     while not stated and (failed := _not_whole(window, regression, selection)) is not None:
         declined[failed[0]] = failed[1]
-        notes.append(f"'{names[failed[0]]}' is not declared: {failed[1]}")
+        notes.append(Note.limit(f"'{names[failed[0]]}' is not declared: {failed[1]}"))
         selection = _without(regression, selection, failed[0])
     if any(window.faults[window.live[n]].shape in OF_LINES for n in selection.best.fit.atoms):
         refit = partial(_by_threshold, selection=selection, threshold=0.0 if given else rules.threshold or 0.0)
@@ -130,7 +132,7 @@ def identify_by_likelihood(
                     moved, (coarse, dispersion, estimates) = beside, estimated
                     window, regression, selection = moved.window, moved.regression, moved.selection
                     break
-        notes.append(f"'{names[atom]}' is not declared: {reason}")
+        notes.append(Note.limit(f"'{names[atom]}' is not declared: {reason}"))
         declined[atom] = reason
         selection = _without(regression, selection, atom)
         sizing = partial(progress, f"magnitudes, {len(declined)} declined")
@@ -143,22 +145,14 @@ def identify_by_likelihood(
         sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
     limits = profiled_limits(regression, fit, sized, penalty, likely)
     if not stated:
-        limits = limits_within_tolerance(
-            window,
-            regression,
-            config,
-            selection.fits,
-            limits,
-            penalty,
-            likely,
-            coarse,
-            partial(progress, "magnitudes within the onset tolerance"),
-        )
+        sizing = partial(progress, "magnitudes within the onset tolerance")
+        within = limits_within_tolerance(window, regression, config, selection.fits, penalty, likely, coarse, sizing)
+        limits = np.fmax(limits, within)
     estimates = replace(estimates, minimal_detectable=limits)
     coarse = None  # its memory is wanted for what follows
     shifts_s = {n: shift_s for n, shift_s in moved.shifts_s.items() if n in fit.atoms}
     notes += [
-        f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated"
+        Note.limit(f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated")
         for n, s in shifts_s.items()
     ]
     plain = [search.of(()) for search in selection.searches]
@@ -269,7 +263,7 @@ def _with_secants(
     selection: Selection,
     config: Config,
     choose: Callable[..., Selection],
-) -> tuple[PreparedWindow, RegressionData, Selection, list[str]]:
+) -> tuple[PreparedWindow, RegressionData, Selection, list[Note]]:
     """Return window, regression and selection with the signals of chosen faults of a line taken at their magnitudes.
 
     A channel is not proportional to a loss of pressure: at a fifth of it the derivative is off by a fifth. Each step
@@ -299,7 +293,7 @@ def _with_secants(
             other = with_sizes(window, sizes)
         except (DictionaryError, LogError) as problem:
             words = str(problem).removeprefix(f"{window.log.path}: ")
-            return window, regression, selection, [f"its signal is the derivative at no fault: {words}"]
+            return window, regression, selection, [Note.method(f"its signal is the derivative at no fault: {words}")]
         there = regression_of(other, config)
         z = fit_magnitudes(there.problem(fit.order), fit.atoms, magnitude / there.magnitude_unit[list(fit.atoms)]).z
     return other, there, choose(there), []
@@ -450,7 +444,7 @@ def _not_whole(window: PreparedWindow, regression: RegressionData, selection: Se
     return None
 
 
-def _rival_note(names: Sequence[str], selection: Selection) -> list[str]:
+def _rival_note(names: Sequence[str], selection: Selection) -> list[Note]:
     """Name the best other support of the same size, if it explains the log nearly as well."""
     best, size = selection.best, len(selection.best.fit.atoms)
     others = [
@@ -464,12 +458,14 @@ def _rival_note(names: Sequence[str], selection: Selection) -> list[str]:
         return []
     there, here = (" and ".join(f"'{names[j]}'" for j in scored.fit.atoms) or "no fault" for scored in (rival, best))
     return [
-        f"{there} would explain the log nearly as well as {here} (criterion {rival.criterion - best.criterion:.1f} "
-        f"worse, {STRONG_EVIDENCE:.1f} would be strong evidence)"
+        Note.limit(
+            f"{there} would explain the log nearly as well as {here} (criterion {rival.criterion - best.criterion:.1f} "
+            f"worse, {STRONG_EVIDENCE:.1f} would be strong evidence)"
+        )
     ]
 
 
-def _near_miss_note(names: Sequence[str], selection: Selection) -> list[str]:
+def _near_miss_note(names: Sequence[str], selection: Selection) -> list[Note]:
     """Name the best support of one atom more that was turned down only because its evidence was not strong."""
     best, evidence = selection.best, selection.penalty.evidence
     above = [
@@ -486,5 +482,8 @@ def _near_miss_note(names: Sequence[str], selection: Selection) -> list[str]:
         return []
     (atom,) = set(nearest.fit.atoms) - set(best.fit.atoms)
     return [
-        f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:.1f} needed)"
+        Note.limit(
+            f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:.1f} "
+            "needed)"
+        )
     ]

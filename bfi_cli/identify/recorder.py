@@ -16,6 +16,7 @@ from ..errors import DictionaryError, LogError
 from ..filters import BETWEEN_RECORDERS, alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
+from ..notes import Note
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
 from .magnitudes import MethodResult
@@ -80,7 +81,7 @@ def with_likeliest_recorder(
         best.outcome.magnitudes, variance=best.outcome.magnitudes.variance + spread + (BETWEEN_RECORDERS * value) ** 2
     )
     recorder = next(one for one in best.window.filters if one.stage == "recorder")
-    note = (
+    note = Note.method(
         f"the recorder's low-pass is uncertain; the fault suits {recorder.kind} with gain one half at "
         f"{recorder.edge_hz:.3g} Hz best of {len(trials)}, and the intervals hold their spread"
     )

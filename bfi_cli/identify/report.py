@@ -24,7 +24,19 @@ from ..report.claims import (
     shown_summary,
     verdict_sentence,
 )
-from ..report.content import AT_ONCE, Curve, Drawing, Panel, ReportContent, Span, Style, Table, curve, thinned
+from ..report.content import (
+    AT_ONCE,
+    Curve,
+    Drawing,
+    Panel,
+    ReportContent,
+    Span,
+    Style,
+    Table,
+    curve,
+    shown_notes,
+    thinned,
+)
 from ..report.text import HEADINGS, axis_label, change, counted, instant, interval, number, quantity, with_unit
 from ..shapes import SHAPES
 from .document import DERIVED, identify_from_document
@@ -87,7 +99,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
             _draw_residuals(drawn),
             *_draw_orders(result),
         ),
-        notes=tuple(map(units.sentence, result.notes)),
+        notes=shown_notes(result.notes, units),
         data=_data(result),
     )
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..decision import Candidate
 from ..faults import Decision, FaultEstimate
+from ..notes import Note
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..shapes import Kind
 
@@ -161,7 +162,7 @@ class IdentifyResult:
     model: ModelSummary
     vaf_output: Mapping[str, float]
     solver: SolverSummary
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     time_s: FloatArray
     inputs: Mapping[str, FloatArray]
     input_units: Mapping[str, str]

@@ -22,9 +22,9 @@ from ..kernels.risro_varx import VarxSolution
 from ..kernels.sparsity import PUBLISHED, penalty_constants
 from ..kernels.termination import Termination
 from ..kernels.variable_projection import fit_magnitudes
+from ..notes import Note
 from ..preprocessing.magnitudes import magnitudes_of_fit
-from ..preprocessing.rank_one import as_published, decides_by_rule, solve, stage_of, stopping_of
-from ..preprocessing.regression import RegressionData
+from ..preprocessing.regression import RegressionData, as_published, decides_by_rule, solve, stage_of, stopping_of
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
 from .maximum_likelihood import best_of, select
@@ -104,8 +104,10 @@ def _by_stage(
     if left_out:
         steps = " and ".join(str(went.iterations) for run in runs if run.order == fit.order for went in run.visits)
         notes.append(
-            f"the sparsity stage ({stage.kind}, {steps} steps from its two starts) sets {len(left_out)} of "
-            f"{before.size} magnitudes to zero that the published rule would declare"
+            Note.method(
+                f"the sparsity stage ({stage.kind}, {steps} steps from its two starts) sets {len(left_out)} of "
+                f"{before.size} magnitudes to zero that the published rule would declare"
+            )
         )
     several = len(searches) > 1
     alpha, r, _ = penalty_constants(stage, penalty.per_parameter + penalty.per_atom)
@@ -169,17 +171,23 @@ def _by_rule(
     fit = fit_magnitudes(problem, active, solution.z[active])
     unfolded = regression.unfold(fit)
     plain = select(regression, evidence=0.0, extended=True, max_active=0)
-    notes = ["the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"]
+    notes = [
+        Note.limit(
+            "the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"
+        )
+    ]
     published = as_published(config)
     if published and abs(solution.corner - 1.0) > CORNER_ERROR:
         notes.append(
-            f"the published algorithm leaves the corner of its matrix free; it ended at {solution.corner:.3g} "
-            "instead of 1, so its magnitudes are not those of a faulty sensor"
+            Note.limit(
+                f"the published algorithm leaves the corner of its matrix free; it ended at {solution.corner:.3g} "
+                "instead of 1, so its magnitudes are not those of a faulty sensor"
+            )
         )
     sparsity = None
     if published and stage.kind != "none":
         alpha, r, _ = (PUBLISHED[name] if (value := getattr(stage, name)) is None else value for name in PUBLISHED)
-        notes.append(f"the published sparsity stage changed the magnitudes {solution.updates} times")
+        notes.append(Note.method(f"the published sparsity stage changed the magnitudes {solution.updates} times"))
         sparsity = SparsitySummary(
             kind=stage.kind,
             alpha=alpha if stage.kind == "exp-l0" else None,

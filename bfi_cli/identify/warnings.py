@@ -10,6 +10,7 @@ import numpy as np
 from ..dictionary import dead_reason, dead_sentences
 from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.whiteness import exceedances
+from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.window import PreparedWindow
 from ..shapes import SHAPES
@@ -52,7 +53,7 @@ def warnings_of(
     series: Sequence[OutputSeries],
     residuals: Sequence[ResidualSummary],
     hidden: Sequence[bool],
-) -> list[str]:
+) -> list[Note]:
     """Return the notes that every method gives, those on the declared faults first.
 
     Parameters
@@ -73,11 +74,17 @@ def warnings_of(
     unseen = [window.names[j] for j, is_hidden in zip(window.live, hidden, strict=True) if is_hidden]
     notes = []
     if late:
-        notes.append(f"{_named(late)}: fewer than {2 * first} samples after its onset; choose a window that ends later")
+        notes.append(
+            Note.limit(
+                f"{_named(late)}: fewer than {2 * first} samples after its onset; choose a window that ends later"
+            )
+        )
     if slow:
         notes.append(
-            f"{_named(slow)}: a change of thrust, configuration or wind that is not among the inputs can look like a "
-            "slow fault; add inputs that explain it (--input)"
+            Note.limit(
+                f"{_named(slow)}: a change of thrust, configuration or wind that is not among the inputs can look like "
+                "a slow fault; add inputs that explain it (--input)"
+            )
         )
     for output in series:
         error = output.prediction_error[first:]
@@ -86,24 +93,33 @@ def warnings_of(
             shown = ", ".join(f"{t:.4g}" for t in jumps_s[:MOST_NAMED])
             count = "once (at" if jumps_s.size == 1 else f"{jumps_s.size} times (first at"
             notes.append(
-                f"the prediction error of '{output.channel}' still exceeds five standard deviations {count} "
-                f"{shown} s): an abrupt event that is not in the dictionary, or gusts"
+                Note.limit(
+                    f"the prediction error of '{output.channel}' still exceeds five standard deviations {count} "
+                    f"{shown} s): an abrupt event that is not in the dictionary, or gusts"
+                )
             )
-    notes.append(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}")
+    notes.append(Note.method(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}"))
     if unseen:
-        notes.append(f"{_named(unseen)}: {BLIND_NOTE}")
+        notes.append(Note.limit(f"{_named(unseen)}: {BLIND_NOTE}"))
     ends: dict[str, Any] = {"start_s": window.window_start_s, "stop_s": window.window_stop_s}
     ends["outputs"] = window.outputs
-    notes += dead_sentences([window.faults[j] for j in sorted(window.reasons)], **ends)
-    notes += [reason for j, reason in sorted(window.reasons.items()) if dead_reason(window.faults[j], **ends) is None]
+    left_out = list(dead_sentences([window.faults[j] for j in sorted(window.reasons)], **ends))
+    left_out += [
+        reason for j, reason in sorted(window.reasons.items()) if dead_reason(window.faults[j], **ends) is None
+    ]
+    notes += map(Note.limit, left_out)
     if outcome.condition_number > ILL_CONDITIONED:
         notes.append(
-            f"the regressors are nearly dependent (condition number {outcome.condition_number:.1e}): the inputs hardly "
-            "move, or the rate is far above the dynamics"
+            Note.limit(
+                f"the regressors are nearly dependent (condition number {outcome.condition_number:.1e}): the inputs "
+                "hardly move, or the rate is far above the dynamics"
+            )
         )
     notes += [
-        f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): "
-        "the intervals may be too narrow"
+        Note.limit(
+            f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): "
+            "the intervals may be too narrow"
+        )
         for each in residuals
         if each.ljung_box_p < WHITE_P and np.isfinite(outcome.magnitudes.degrees)
     ]

@@ -85,7 +85,8 @@ def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> 
         raise FlightError("has no engine to fly level with; give another")
     fdm.disable_output()
     fdm.set_dt(1.0 / rate_hz)
-    if _gear_goes_up(name):
+    text = (Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml").read_text("utf-8", "replace")
+    if RETRACTABLE.search(text):
         fdm["gear/gear-cmd-norm"] = fdm["gear/gear-pos-norm"] = 0.0
     fdm["ic/h-sl-ft"] = altitude_m / FOOT
     fdm["ic/psi-true-deg"] = HEADING
@@ -104,13 +105,6 @@ def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> 
             fdm.do_trim(kind)
             return fdm
     return None
-
-
-def _gear_goes_up(name: str) -> bool:
-    import jsbsim
-
-    text = (Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml").read_text("utf-8", "replace")
-    return RETRACTABLE.search(text) is not None
 
 
 def cruise_airspeed(name: str, *, tas_m_s: float | None, altitude_m: float) -> float:
@@ -216,7 +210,9 @@ def _blow(fdm: Any, gust: FloatArray) -> None:
 
 
 def _read(fdm: Any, engines: range) -> tuple[FloatArray, FloatArray]:
-    surfaces = [fdm["fcs/elevator-pos-rad"], _aileron(fdm), fdm["fcs/rudder-pos-rad"], fdm["fcs/throttle-pos-norm"]]
+    # The right aileron, trailing edge down; where only the left one has a name, that one turned over.
+    aileron = fdm["fcs/right-aileron-pos-rad"] or -fdm["fcs/left-aileron-pos-rad"]
+    surfaces = [fdm["fcs/elevator-pos-rad"], aileron, fdm["fcs/rudder-pos-rad"], fdm["fcs/throttle-pos-norm"]]
     values = []
     for channel in RECORDED:
         if channel.per_engine:
@@ -227,12 +223,6 @@ def _read(fdm: Any, engines: range) -> tuple[FloatArray, FloatArray]:
             value /= fdm["inertia/mass-slugs"]
         values.append(value * channel.scale + channel.offset)
     return np.array(surfaces), np.array(values)
-
-
-def _aileron(fdm: Any) -> float:
-    """Return the right aileron, trailing edge down; where only the left one has a name, that one turned over."""
-    right = float(fdm["fcs/right-aileron-pos-rad"])
-    return right if right != 0.0 else -float(fdm["fcs/left-aileron-pos-rad"])
 
 
 def _written_to(file: Path) -> Report:

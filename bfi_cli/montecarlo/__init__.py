@@ -3,10 +3,9 @@
 `definition` is a sweep's YAML, `scenarios` what it means, `trial` one draw, `summary` what all of them say.
 """
 
-from .report import montecarlo_content, summary_document
 from .running import Journal, check_records, digest_of, run_sweep
 from .scenarios import Sweep, load_sweep
-from .summary import Summary, summarise, wilson
+from .summary import Summary, montecarlo_content, summarise, summary_document, wilson
 from .trial import run_trial
 
 __all__ = ["Journal", "Summary", "Sweep", "check_records", "digest_of", "load_sweep", "montecarlo_content"]

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from ..aircraft import MANOEUVRES, MODELS
 from ..config import Config, DictionarySource, Natural
-from ..dictionary.document import Interval, NumberOrInterval
+from ..dictionary import Interval, NumberOrInterval
 from ..errors import DictionaryError
 from ..faults import Fault, did_you_mean, fault_from_dict
 from ..shapes import SHAPES
@@ -21,14 +21,6 @@ from ..validation import Number, Positive, Rules, Text, Whole, editor_schema
 def _listed(value: object) -> object:
     """One value stands for a list of it."""
     return value if isinstance(value, list | tuple) else (value,)
-
-
-def _listed_or_none(value: object) -> object:
-    return None if value is None else _listed(value)
-
-
-def _mapping_or_list(value: object) -> str:
-    return "<mapping>" if isinstance(value, Mapping | Span) else "<list>"
 
 
 def _log_or_model(value: object) -> str:
@@ -130,7 +122,7 @@ class InjectedFault(Rules):
     """When it recovers; default never."""
     onset_spread_s: NotNegative = 0.0
     """The fault begins, and ends, up to so many seconds before or after: drawn in every trial."""
-    right: Annotated[tuple[Text, ...] | None, BeforeValidator(_listed_or_none)] = None
+    right: Annotated[tuple[Text, ...], BeforeValidator(_listed)] | None = None
     """Entries of the dictionary any of which is the right answer; default those that are this fault."""
     slope: Number | None = None
     frequency_hz: Positive | None = None
@@ -173,7 +165,7 @@ RecordSource = Annotated[
 Magnitudes = Annotated[
     Annotated[Span, Tag("<mapping>")]
     | Annotated[tuple[Number, ...], Field(min_length=1), AfterValidator(_no_zero), Tag("<list>")],
-    Discriminator(_mapping_or_list),
+    Discriminator(lambda value: "<mapping>" if isinstance(value, Mapping | Span) else "<list>"),
 ]
 Some = Field(min_length=1)
 

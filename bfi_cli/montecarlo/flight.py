@@ -131,13 +131,8 @@ def _begun(fault: Fault, span_s: tuple[float, float], rng: np.random.Generator) 
     """Return a fault with an onset, drawn where it states none."""
     if fault.onset_range_s is None:
         return fault
-    onset_s = drawn_onset(*onsets_within(fault.onset_range_s, *span_s), rng)
-    return replace(fault, onset_s=onset_s, onset_range_s=None, parameter_range=None)
-
-
-def drawn_onset(from_s: float, to_s: float, rng: np.random.Generator) -> float:
-    """Return an onset between two times, each as likely as any other."""
-    return float(rng.uniform(from_s, to_s))
+    onset_s = rng.uniform(*onsets_within(fault.onset_range_s, *span_s))
+    return replace(fault, onset_s=float(onset_s), onset_range_s=None, parameter_range=None)
 
 
 def onsets_within(onsets_s: tuple[float, float], start_s: float, stop_s: float) -> tuple[float, float]:

@@ -130,7 +130,7 @@ class Sweep:
     @property
     def digest(self) -> str:
         scenarios = [(s.name, s.setting.digest, s.n_active, s.sizes, s.stream) for s in self.scenarios]
-        return _digest([__version__, self.seed, scenarios])
+        return digest_of_parts([__version__, self.seed, scenarios])
 
     def trials(self) -> Iterator[Trial]:
         """Yield the first trial of every scenario, then the second of each: a longer sweep begins with a shorter one.
@@ -181,25 +181,14 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         dictionaries.append(load_dictionary(source, where=name, allow_outside=allow_outside))
     configs = _configs(rules, where)
     for dictionary in dictionaries:
-        if max(rules.active) > len(dictionary.atoms):
-            raise ConfigError(
-                f"{where}: active: more than the {len(dictionary.atoms)} faults of {dictionary.path}, "
-                f"got {max(rules.active)}; lower it"
-            )
-        for atom in dictionary.atoms if max(rules.active) else ():
-            for key in SHAPES[atom.shape].keys:
-                if key.required and getattr(atom, key.name) is None:
-                    raise ConfigError(
-                        f"{where}: active: a fault that is drawn needs a {key.name}, and {dictionary.path} states none "
-                        f"of '{atom.name or atom.shape}'; add it there, or make active 0"
-                    )
+        _check_drawn(dictionary, max(rules.active), where)
     axes: dict[str, Sequence[tuple[str, Any]]] = {
         "record": _labelled([record.label for record in rules.record], rules.record),
         "dictionary": _labelled([Path(d.path).stem for d in dictionaries], list(enumerate(dictionaries))),
         **{f"noise.{name}": [(f"{sd:g}", sd) for sd in sizes] for name, sizes in rules.noise.items()},
         "active": [(str(n), n) for n in rules.active],
         "inject": _labelled([_label_of(one) for one in rules.inject], rules.inject),
-        "identify": [(label, config) for label, config in configs],
+        "identify": configs,
     }
     varying = [name for name, values in axes.items() if len(values) > 1]
     scenarios: list[Scenario] = []
@@ -218,7 +207,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         if any(name == other.name for other in scenarios):
             raise ConfigError(f"{where}: a value stands twice, got two scenarios '{name}'; keep one")
         setting = Setting(
-            digest=_digest(parts),
+            digest=digest_of_parts(parts),
             record=value["record"],
             dictionary=dictionary,
             noise=noise,
@@ -240,6 +229,22 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
             )
         )
     return tuple(scenarios)
+
+
+def _check_drawn(dictionary: Dictionary, n_active: int, where: str) -> None:
+    """Refuse to draw more faults than a dictionary has, or of an entry that does not state what a fault needs."""
+    if n_active > len(dictionary.atoms):
+        raise ConfigError(
+            f"{where}: active: more than the {len(dictionary.atoms)} faults of {dictionary.path}, got {n_active}; "
+            "lower it"
+        )
+    for atom in dictionary.atoms if n_active else ():
+        for key in SHAPES[atom.shape].keys:
+            if key.required and getattr(atom, key.name) is None:
+                raise ConfigError(
+                    f"{where}: active: a fault that is drawn needs a {key.name}, and {dictionary.path} states none "
+                    f"of '{atom.name or atom.shape}'; add it there, or make active 0"
+                )
 
 
 def _configs(rules: SweepRules, where: str) -> list[tuple[str, tuple[dict[str, Any], Config]]]:
@@ -305,5 +310,6 @@ def _labelled(labels: Sequence[str], values: Sequence[Any]) -> list[tuple[str, A
     return [(f"{label}-{n}" if alike else label, value) for n, (label, value) in pairs]
 
 
-def _digest(parts: object) -> str:
+def digest_of_parts(parts: object) -> str:
+    """Return what tells plain data from any other."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()

@@ -25,8 +25,7 @@ from ..identify.methods import METHODS
 from ..identify.risro import declared
 from ..kernels import FloatArray
 from ..kernels.termination import Termination
-from ..preprocessing.rank_one import decides_by_rule, solve
-from ..preprocessing.regression import RegressionData
+from ..preprocessing.regression import RegressionData, decides_by_rule, solve
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import prepare_window, regression_of
 from ..serialization import to_json

@@ -29,6 +29,7 @@ from ..flightlog.phases import airborne_stretches
 from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
 from ..kernels.progress import Progress, Report, parts, silent, unseen
+from ..notes import Note
 from .result import CalibrationUse
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
@@ -90,7 +91,7 @@ class Rule:
     use: CalibrationUse
     shapes: tuple[str, ...]
     false_alarm: float
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     raised: float = 1.0
 
     def verdict(self, scan: HypothesisScan) -> Verdict:
@@ -136,7 +137,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
     match asked:
         case "gaussian":
             table = gaussian_table(record, order, seed=config.seed, report=partial(progress, "simulated records"))
-            note = (
+            note = Note.limit(
                 "the threshold assumes white Gaussian errors, which real flights do not have: false alarms are more "
                 "frequent than stated"
             )
@@ -144,13 +145,15 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
         case "self":
             windows = earlier_windows(log, config)
             table = table_of_windows([(log, window) for window in windows], config, _of_windows(progress, windows))
-            return _rule(table, "self", config, _note_on_own(table, windows, "before the analysed one"))
+            return _rule(table, "self", config, Note.method(_note_on_own(table, windows, "before the analysed one")))
         case "auto":
             with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
                 shipped = load_tables(path)
             fitting = [one for one in shipped if not differences(one, settings)]
             if fitting:
-                note = f"calibrated on {fitting[0].n_windows} windows of flights recorded and analysed alike"
+                note = Note.method(
+                    f"calibrated on {fitting[0].n_windows} windows of flights recorded and analysed alike"
+                )
                 return _rule(fitting[0], "shipped", config, note)
             own, why = own_table(log, record, config, progress)
             if own is None:
@@ -161,15 +164,17 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
 
 
 def _rule(
-    table: CalibrationTable, source: str, config: Config, *notes: str, matches: bool = True, raised: float = 1.0
+    table: CalibrationTable, source: str, config: Config, *notes: Note, matches: bool = True, raised: float = 1.0
 ) -> Rule:
     shapes, false_alarm = config.start_time.shapes, config.start_time.false_alarm
     null, length_s = null_of(table, shapes), table.settings.duration_s
     if matches and false_alarm < null.rarest:
         notes = (
             *notes,
-            f"{table.n_windows} windows show no rate of false alarms below {100.0 * null.rarest:.3g} %; the threshold "
-            f"of {100.0 * false_alarm:.3g} % is extrapolated along their tail",
+            Note.method(
+                f"{table.n_windows} windows show no rate of false alarms below {100.0 * null.rarest:.3g} %; the "
+                f"threshold of {100.0 * false_alarm:.3g} % is extrapolated along their tail"
+            ),
         )
     return Rule(
         null=null,
@@ -193,8 +198,8 @@ def _nearest_rule(
         )
     differ = differences(table, record.settings)
     if not differ:
-        return _rule(table, source, config, *filter(None, [why]))
-    note = (
+        return _rule(table, source, config, *map(Note.method, filter(None, [why])))
+    note = Note.limit(
         f"no calibration fits the settings{f', and {why}' if why else ''}; the nearest ({table.n_windows} windows) has "
         f"{', '.join(differ)}: its thresholds are raised by {RAISED - 1.0:.0%}, no p-value is given, and the rate of "
         "false alarms is not known"

@@ -17,7 +17,8 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
-from ..preprocessing.advice import what_would_help
+from ..notes import Note
+from ..preprocessing.defaults import what_would_help
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
@@ -189,10 +190,12 @@ def search_onsets(
     result = assemble_result(
         record, first, estimates, p_values, tolerances, order=order, series_order=first.fault_free_order
     )
-    notes = [*doubts.values(), *rule.notes]
+    notes = [*map(Note.limit, doubts.values()), *rule.notes]
     if rule.use.matches and verdict.p_value <= rule.null.rarest:
         n_windows = rule.use.n_windows
-        notes.append(f"the p-value is at most {verdict.p_value:.2g}: {n_windows} windows can show none that is less")
+        notes.append(
+            Note.method(f"the p-value is at most {verdict.p_value:.2g}: {n_windows} windows can show none that is less")
+        )
     notes += _notes(record, result.faults, first.order)
     if not estimates and not rule.use.matches:
         profile = next(profile for profile in result.profiles if profile.shape == verdict.shape)
@@ -200,13 +203,17 @@ def search_onsets(
         size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
         notes.insert(
             0,
-            f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
-            f"{instant(profile.onset_s[best])} s, statistic {profile.statistic[best]:.3g} against "
-            f"{verdict.threshold:.3g}; a table for these settings "
-            "(bfi calibrate), or --calibration gaussian, may decide otherwise",
+            Note.limit(
+                f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
+                f"{instant(profile.onset_s[best])} s, statistic {profile.statistic[best]:.3g} against "
+                f"{verdict.threshold:.3g}; a table for these settings "
+                "(bfi calibrate), or --calibration gaussian, may decide otherwise"
+            ),
         )
     earliest_s, latest_s = covered_s(record, order)
-    notes.append(f"limits hold at 95 % for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")
+    notes.append(
+        Note.limit(f"limits hold at 95 % for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")
+    )
     return replace(
         result,
         candidates=candidates,
@@ -413,12 +420,14 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     return likelihood.n_rows * likelihood.fit(np.zeros((*record.y.shape, 0))).log_det
 
 
-def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], order: int) -> list[str]:
+def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], order: int) -> list[Note]:
     notes = [
-        f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}",
-        f"onsets are sought from {instant(covered_s(record, order)[0])} s on; the model absorbs an earlier fault",
+        Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}"),
+        Note.limit(
+            f"onsets are sought from {instant(covered_s(record, order)[0])} s on; the model absorbs an earlier fault"
+        ),
     ]
-    notes += [record.window.recorder] if record.window.recorder else []
+    notes += [Note.method(record.window.recorder)] if record.window.recorder else []
     changes = np.abs(np.diff(record.u, axis=0))
     large = changes >= MOST * changes.max(axis=0, initial=0.0)
     moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
@@ -426,9 +435,13 @@ def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], order: int) -> l
         low, high = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
         if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
             notes.append(
-                f"'{fault.name}' begins while the inputs move most, where an error of the model looks like a "
-                "fault; see whether another --rate or more --input confirm it"
+                Note.limit(
+                    f"'{fault.name}' begins while the inputs move most, where an error of the model looks like a "
+                    "fault; see whether another --rate or more --input confirm it"
+                )
             )
         if high - low > HARDLY_KNOWN * record.settings.duration_s:
-            notes.append(f"the onset of '{fault.name}' is hardly known: {instant(low)} to {instant(high)} s")
+            notes.append(
+                Note.limit(f"the onset of '{fault.name}' is hardly known: {instant(low)} to {instant(high)} s")
+            )
     return notes

@@ -20,8 +20,7 @@ from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import fit_magnitudes
 from ..kernels.whiteness import effective_rows
-from ..preprocessing.magnitudes import at_half_rate, estimate_magnitudes
-from ..preprocessing.overdispersion import overdispersion
+from ..preprocessing.magnitudes import at_half_rate, estimate_magnitudes, overdispersion
 from ..preprocessing.window import prepare_window, regression_of
 from .estimate import Estimate
 from .scan_record import ScanRecord

@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 from ..decision import Candidate
 from ..display_units import SI, Units
 from ..faults import fault_from_dict, fault_to_dict, physical
+from ..notes import unique
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
-from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve
+from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, notes_of
 from ..report.text import HEADINGS, change, instant, interval, number, quantity, with_unit
-from ..serialization import from_plain, to_plain
+from ..serialization import SCHEMA, from_plain, to_plain
 from ..shapes import SHAPES
 from .result import OnsetResult
 
-__all__ = ["SCHEMA", "onset_content", "onset_document"]
+__all__ = ["onset_content", "onset_document"]
 
 FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
-SCHEMA = 2
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
 ESTIMATE_KEYS = ("statistic", "p_value", "effect", "beyond_tolerance", "among", "source", "evidence")
 DECISION_KEYS = (
@@ -96,7 +96,7 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
             },
             "series": {"time_s": result.time_s, "outputs": result.series},
             "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
-            "notes": result.notes,
+            "notes": unique(result.notes),
             "provenance": provenance,
         }
     )
@@ -132,7 +132,7 @@ def onset_content(document: Plain, units: Units = SI) -> ReportContent:
             _profile_drawing(drawn, faults),
             _series_drawing(series, faults, units),
         ),
-        notes=tuple(map(units.sentence, document["notes"])),
+        notes=notes_of(document, units),
         data=_data(faults, candidates, shapes),
     )
 

@@ -12,7 +12,8 @@ from ..faults import Decision, Fault, FaultEstimate, magnitude_unit
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.whiteness import exceedances, robust_sd
-from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
+from ..notes import Note
+from ..preprocessing.summary import LogSummary, ModelSummary, noise_of
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
 from .scan import HypothesisScan
@@ -133,7 +134,7 @@ class OnsetResult:
     time_s: FloatArray
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def evidence(self) -> Evidence:
@@ -221,16 +222,16 @@ def assemble_result(
         threshold=None,
         calibration=None,
         faults=tuple(faults),
-        model=model_summary(
-            record.without_fault(y, order).error * record.unit,
+        model=ModelSummary(
             order=order,
             rate_hz=settings.rate_hz,
             feedthrough=record.feedthrough,
             inputs=settings.inputs,
             outputs=settings.outputs,
-            orders=scan.orders if several else (),
-            criterion_no_fault=scan.without_fault if several else (),
-            criterion_best=scan.with_fault if several else (),
+            noise_sd=noise_of(record.without_fault(y, order).error * record.unit, settings.outputs),
+            orders=tuple(scan.orders) if several else (),
+            criterion_no_fault=tuple(scan.without_fault) if several else (),
+            criterion_best=tuple(scan.with_fault) if several else (),
         ),
         method="scan",
         profiles=tuple(profiles),

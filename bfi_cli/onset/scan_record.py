@@ -21,7 +21,7 @@ from ..kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
 from ..kernels.progress import Report, Step, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
-from ..sample_file import sample_bytes
+from ..shapes import sample_bytes
 from .shapes import KindsOfFault, Sampling, ShapeHypothesis, every_kind, kinds_of_entries, shape_hypotheses
 
 # Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told

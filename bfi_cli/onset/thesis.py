@@ -22,7 +22,8 @@ from ..kernels.onset.scan import Profile, default_onsets
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import sparse_varx
 from ..kernels.variable_projection import project_inputs
-from ..preprocessing.rank_one import decides_by_rule, solve, stage_of
+from ..notes import Note
+from ..preprocessing.regression import decides_by_rule, solve, stage_of
 from ..preprocessing.tolerance import tolerances_of
 from .estimate import Estimate
 from .result import OnsetResult, assemble_result
@@ -123,12 +124,12 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         with_fault=criteria,
     )
     left = ", ".join(shape for shape in wanted.shapes if shape not in SHAPES)
-    notes = [NOTE]
+    notes = [Note.limit(NOTE)]
     if stage is not None:
         zeros = sum(int(np.sum(peak.profile.z == 0.0)) for peak in peaks)
-        notes = [STAGE_NOTE.format(kind=stage.kind, zeros=zeros, n=len(peaks) * len(onsets))]
+        notes = [Note.limit(STAGE_NOTE.format(kind=stage.kind, zeros=zeros, n=len(peaks) * len(onsets)))]
     if left:
-        notes.append(f"the published method is for steps and ramps; left out: {left}")
+        notes.append(Note.limit(f"the published method is for steps and ramps; left out: {left}"))
     tolerances = tolerances_of(log, record.window.log, config.outputs, config)
     result = assemble_result(
         record, curve, estimates, [None] * len(estimates), tolerances, order=order, series_order=order

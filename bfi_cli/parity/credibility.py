@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..airdata import EARTH_RADIUS, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, kinematic_acceleration, vane_angle
 from ..flightlog import FlightLog
-from ..flightlog.holds import find_quantum
 from ..flightlog.phases import Phase
+from ..kernels.quantisation import find_quantum
 from ..preprocessing.tolerance import AIRSPEED_LEAST, FIXED
 from .finding import Finding
 from .lines import RENEWED_S, renewed_every_s

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ..flightlog import FlightLog
-from ..flightlog.holds import find_hold
+from ..kernels.quantisation import find_hold
 from ..kernels.running import noise_of_second_differences, sd_about_lines
 from ..kernels.runs import runs
 from .sampled import Blocks, airborne, quanta_of

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..flightlog import FlightLog
-from ..flightlog.holds import find_quantum
 from ..flightlog.phases import airborne_stretches
-from ..kernels.quantisation import quantum_of_plateaus
+from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 
 FloatArray = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ..airdata import air_data_of, climb_angle
 from ..flightlog import FlightLog
-from ..flightlog.holds import find_quantum
 from ..flightlog.phases import Phase
 from ..kernels.normal import MAD, TWO_SIDED_95
+from ..kernels.quantisation import find_quantum
 from ..kernels.runs import runs
 from .credibility import climbing_load, still_air_angle
 from .finding import Finding, as_good, squares_by_onset

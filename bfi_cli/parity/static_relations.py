@@ -313,13 +313,14 @@ class StaticRelations:
     findings : none or one, the change that the relations show best.
     relations : of every relation that the log has.
     limits : by channel and shape, what a change of it could not have been.
-    missing : sentences on what was not compared, and why.
+    missing : sentences on what was not compared in the log, and why; too_short : on what this window is too short for.
     """
 
     findings: tuple[Finding, ...]
     relations: tuple[RelationAnswer, ...]
     limits: tuple[Limit, ...]
     missing: tuple[str, ...]
+    too_short: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -469,14 +470,15 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     series : of the same log by `relation_series`, where many windows are looked at; None to make them.
     """
     every, missing = relation_series(log) if series is None else series
-    said: list[str] = list(missing)
+    too_short: list[str] = []
     scanned: list[_Scanned] = []
     onsets_s = np.arange(np.ceil(from_s + MARGIN_S), to_s - MARGIN_S + 1e-9, BLOCK_S)
     reach = np.concatenate([np.ones(onsets_s.size), to_s - onsets_s])
     for part in (one.between(from_s, to_s) for one in every):
         n = len(part.time_s)
         if n < FEWEST_BLOCKS or not onsets_s.size:
-            said.append(f"{part.relation.words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
+            words = part.relation.words
+            too_short.append(f"{words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
             continue
         scan = part.scan(np.hstack(steps_and_ramps(part.time_s, onsets_s)), declared_at=THRESHOLD)
         effects = {name: float(np.nanmedian(effect)) for name, effect in part.effects.items()}
@@ -487,7 +489,13 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     findings = (_finding(log, scanned, scanned[max(declared)[1]], onsets_s),) if declared else ()
     # Beside a change that is told no second one is looked for.
     limits = () if findings else _limits(log, scanned, onsets_s)
-    return StaticRelations(findings=findings, relations=answers, limits=limits, missing=tuple(dict.fromkeys(said)))
+    return StaticRelations(
+        findings=findings,
+        relations=answers,
+        limits=limits,
+        missing=tuple(dict.fromkeys(missing)),
+        too_short=tuple(dict.fromkeys(too_short)),
+    )
 
 
 def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onsets_s: FloatArray) -> Finding:

@@ -1,4 +1,4 @@
-"""What an analysis takes of a log where it is not told: output, inputs and window.
+"""What an analysis takes of a log where it is not told, output, inputs and window; what would let it tell more.
 
 The defaults of the configuration (output tas, input elevator, the whole log) suit the logs of most aircraft, and stand
 wherever the log has them. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
@@ -7,18 +7,23 @@ elevator, what comes nearest is taken; whatever was taken is said.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import INPUTS
 from ..config import Config, merge
+from ..errors import LogError
+from ..faults import Decision, Fault
 from ..flightlog import Channel, FlightLog
-from ..flightlog.phases import airborne_stretches
-from ..flightlog.quality import gap_starts, held_hz
-
-__all__ = ["with_defaults_of"]
+from ..flightlog.phases import airborne_stretches, phases_of
+from ..flightlog.quality import advice_on_windows, gap_starts, held_hz
+from ..kernels.runs import runs
+from ..notes import Note
+from ..shapes import Kind
+from .window import TRUSTED
 
 OTHER_AIRSPEEDS = ("cas", "ias")
 # What moves an aircraft lengthwise, and what shows that it does: one of each group, the first that moves.
@@ -35,9 +40,14 @@ MOVED_THRUST = 0.05
 LOW = 0.2
 # A cut of less is none, s: an airspeed wavers at the ends of a log.
 LEAST_CUT_S = 1.0
+# Each has a trim of its own; take-off and landing are too short to hold a dictionary.
+TRIMS = ("climb", "cruise", "descent", "approach")
+
+# Of the trusted inputs those that shorten the tail of healthy windows most, wherever they are recorded.
+FIRST = ("pitch", "longitudinal_acc")
 
 
-def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[str, ...]]:
+def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note, ...]]:
     """Return the configuration with what a log has in place of defaults that it lacks, and sentences on what was taken.
 
     1. Output: tas; in a log without it the airspeed with the highest rate of its own, of equal ones cas before ias.
@@ -51,31 +61,21 @@ def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[str,
     What was asked for, on the command line or in a file, is left as it is.
     """
     chosen, notes = config.model_fields_set, []
-    if "outputs" not in chosen and (output := _output(log, config.inputs)) is not None:
-        notes.append(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is")
+    others = [log.channels[name] for name in OTHER_AIRSPEEDS if name in log.channels and name not in config.inputs]
+    if "outputs" not in chosen and "tas" not in log.channels and others:
+        output = max(others, key=lambda channel: channel.own_rate_hz or log.rate_hz).name
+        notes.append(Note.method(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is"))
         config = merge(config, {"outputs": [output]})
     if "inputs" not in chosen and (inputs := _inputs(log, config)):
         why = "'elevator' does not move" if "elevator" in log.channels else "'elevator' is not in the log"
         if "elevator" in inputs:
             why = f"'{inputs[1]}' moves, which changes the airspeed too"
-        notes.append(f"{why}: the inputs are {', '.join(inputs)}")
+        notes.append(Note.method(f"{why}: the inputs are {', '.join(inputs)}"))
         config = merge(config, {"inputs": list(inputs)})
     if (config.window.from_s, config.window.to_s) == (None, None):
         config, about = _with_window(log, config)
         notes += about
     return config, tuple(notes)
-
-
-def _output(log: FlightLog, inputs: Sequence[str]) -> str | None:
-    """Return the airspeed to take in place of tas, None where tas is there or no airspeed is."""
-    if "tas" in log.channels:
-        return None
-    others = [log.channels[name] for name in OTHER_AIRSPEEDS if name in log.channels and name not in inputs]
-    return max(others, key=lambda channel: _own_rate(log, channel)).name if others else None
-
-
-def _own_rate(log: FlightLog, channel: Channel) -> float:
-    return log.rate_hz if channel.own_rate_hz is None else channel.own_rate_hz
 
 
 def _inputs(log: FlightLog, config: Config) -> tuple[str, ...]:
@@ -116,21 +116,23 @@ def _finite(channel: Channel) -> NDArray[np.float64]:
     return finite if finite.size else np.zeros(1)
 
 
-def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[str]]:
+def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:
     """Return the configuration with the window from take-off to landing, without gaps where clocks are the log's."""
     notes = []
     first, stop = _flight(log)  # samples
     if (first, stop) != (0, log.n_samples):
         cut = [f"from {log.time_s[first]:.6g} s, after take-off"] * (first > 0)
         cut += [f"to {log.time_s[stop - 1]:.6g} s, before landing"] * (stop < log.n_samples)
-        notes.append(f"analysed {', '.join(cut)}; --from and --to take more")
+        notes.append(Note.method(f"analysed {', '.join(cut)}; --from and --to take more"))
     if any(channel.own_rate_hz is not None for channel in log.channels.values()):
         pieces = _whole_pieces(log, [*config.inputs, *config.outputs], first, stop)
         if pieces and pieces != [(first, stop)]:
             first, stop = max(pieces, key=lambda piece: piece[1] - piece[0])
             notes.append(
-                f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
-                f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+                Note.method(
+                    f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
+                    f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+                )
             )
     if (first, stop) == (0, log.n_samples):
         return config, []
@@ -180,14 +182,73 @@ def _is_low(log: FlightLog, first: int, stop: int, part: slice) -> bool:
 
 def _whole_pieces(log: FlightLog, names: Sequence[str], first: int, stop: int) -> list[tuple[int, int]]:
     """Return (first, stop) of the pieces without a gap in which every channel is a number."""
-    known = np.zeros(log.n_samples + 1, dtype=bool)
+    known = np.zeros(log.n_samples, dtype=bool)
     known[first:stop] = True
     for name in names:
         if name in log.channels:
-            known[:-1] &= np.isfinite(log.channels[name].values)
-    begins, ends = known & ~np.r_[False, known[:-1]], ~known & np.r_[False, known[:-1]]
-    after_gap = gap_starts(log.time_s) + 1
-    inside = after_gap[known[after_gap] & known[after_gap - 1]]
-    starts = np.union1d(np.flatnonzero(begins), inside)
-    stops = np.union1d(np.flatnonzero(ends), inside)
-    return list(zip(starts.tolist(), stops.tolist(), strict=True))
+            known &= np.isfinite(log.channels[name].values)
+    pieces, gaps = list[tuple[int, int]](), gap_starts(log.time_s) + 1
+    for low, high in runs(known):
+        pieces += pairwise([low, *gaps[(gaps > low) & (gaps < high)].tolist(), high])
+    return pieces
+
+
+def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config) -> None:
+    """Refuse a long window that goes on, after the last onset of a dictionary, for phases as long as all its onsets.
+
+    A model of one trim describes one of them, and what it leaves of the others looks like a fault.
+
+    Parameters
+    ----------
+    faults : of the dictionary, on the axis of the window.
+
+    Raises
+    ------
+    LogError : naming windows to take.
+    """
+    if (advice := advice_on_windows(window, whole=False)) is None:
+        return
+    start_s, stop_s = float(window.time_s[0]), float(window.time_s[-1])
+    last_s = max((one.onset_s for one in faults if start_s <= one.onset_s <= stop_s), default=start_s)
+    later = [
+        one.phase
+        for one in phases_of(window, suspects=config.outputs)
+        if one.phase in TRIMS and one.from_s > last_s and one.to_s - one.from_s > last_s - start_s
+    ]
+    if later:
+        raise LogError(
+            f"{window.path}: {advice}; after {last_s:.6g} s, where the last entry of the dictionary begins, come "
+            f"{len(later)} phases ({', '.join(dict.fromkeys(later))}) that a model of one trim does not describe; give "
+            "--from and --to within one of them"
+        )
+
+
+def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision]) -> Note | None:
+    """Return advice on what would answer the kinds that are inconclusive, None where none is.
+
+    Parameters
+    ----------
+    log : with all its channels.
+    config : with the inputs in use.
+    """
+    left = [kind for kind, verdict in verdicts.items() if verdict == "inconclusive"]
+    if not left:
+        return None
+    unused = [name for name in TRUSTED if name not in (*config.inputs, *config.outputs)]
+    here = [name for name in unused if name in log.channels]
+    missing = [name for name in FIRST if name in unused and name not in log.channels]
+    said = []
+    if any(name in here for name in FIRST):
+        said.append("add " + " ".join(f"--input {name}" for name in FIRST if name in here))
+    elif here:
+        said.append("try --input auto, which adds " + ", ".join(here))
+    if missing:
+        said.append(f"record {' and '.join(missing)}")
+    if "oscillating" in left:
+        said.append("choose a longer window")
+    if "abrupt" in left and not here and not missing:
+        said.append("choose a window with less turbulence and a manoeuvre")
+    decided = [kind for kind in verdicts if kind not in left]
+    if left == ["slow"] and decided:
+        said.append(f"or ask only for what the log can tell (--require {','.join(decided)})")
+    return Note.advice(f"what would help with {', '.join(left)} faults: {'; '.join(said)}") if said else None

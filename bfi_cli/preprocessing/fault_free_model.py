@@ -14,8 +14,9 @@ from ..kernels.covariance import FitRows, single_additions, unfold
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import effective_rows, exceedances
+from ..notes import Note
 from .regression import RegressionData, build_regression
-from .summary import ModelSummary, model_summary
+from .summary import ModelSummary, noise_of
 from .window import PreparedWindow
 
 FloatArray = NDArray[np.float64]
@@ -85,13 +86,13 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
         unfolded=unfolded,
         sd=np.sqrt(single_additions(best, unfolded).variance),
         deviations=detectable_at(penalty),
-        model=model_summary(
-            unfolded.error * regression.unit,
+        model=ModelSummary(
             order=best.order,
             rate_hz=window.signals.rate_hz,
             feedthrough=regression.layout.feedthrough,
             inputs=config.inputs,
             outputs=config.outputs,
+            noise_sd=noise_of(unfolded.error * regression.unit, config.outputs),
         ),
     )
 
@@ -120,7 +121,7 @@ def fault_free_fits(regression: RegressionData, config: Config, n_candidates: in
     return [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits], penalty
 
 
-def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel) -> list[str]:
+def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel) -> list[Note]:
     """Return notes on the faults that the log cannot show, and on what makes its limits too large or too small.
 
     A fault in the log makes them too large, a log without noise too small.
@@ -131,23 +132,30 @@ def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel
     window : of the log without its injected faults; fitted : its model.
     """
     notes = [
-        f"the inputs and lags of the model explain all of '{window.names[j]}', so no magnitude of it can be detected; "
-        "move its onset into the window"
+        Note.limit(
+            f"the inputs and lags of the model explain all of '{window.names[j]}', so no magnitude of it can be "
+            "detected; move its onset into the window"
+        )
         for j, sd in zip(window.live, fitted.sd, strict=True)
         if not np.isfinite(sd)
     ]
     if window.exact:
-        notes.append("the log has no noise: the minimal detectable magnitudes are those of round-off")
+        notes.append(Note.limit("the log has no noise: the minimal detectable magnitudes are those of round-off"))
     for name, error in zip(window.outputs, fitted.unfolded.error.T, strict=True) if not window.exact else ():
         beyond = exceedances(error)
         if beyond.size:
             more = f" and {beyond.size - 1} more samples" if beyond.size > 1 else ""
             notes.append(
-                f"'{name}' jumps away from its prediction at {fitted.regression.rows_s[beyond[0]]:.6g} s{more}: if "
-                "that is a fault, the minimal detectable magnitudes are too large; choose a log or window without one"
+                Note.limit(
+                    f"'{name}' jumps away from its prediction at {fitted.regression.rows_s[beyond[0]]:.6g} s{more}: if "
+                    "that is a fault, the minimal detectable magnitudes are too large; choose a log or window without "
+                    "one"
+                )
             )
     if log.truth is not None and log.truth.clean:
         notes.append(
-            "the faults injected into the log are taken out of it: this is about the log before they were injected"
+            Note.method(
+                "the faults injected into the log are taken out of it: this is about the log before they were injected"
+            )
         )
     return notes

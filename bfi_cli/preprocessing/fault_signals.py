@@ -43,6 +43,14 @@ class LogSignal:
     values: FloatArray
     slopes: FloatArray | None = None
 
+    def at(self, time_s: FloatArray, own_s: FloatArray) -> LogSignal:
+        """Return it at other times, (n,), than its own; the slopes, which change slowly, are those between."""
+
+        def between(values: FloatArray) -> FloatArray:
+            return np.stack([np.interp(time_s, own_s, column) for column in values.T], axis=1)
+
+        return LogSignal(values=between(self.values), slopes=None if self.slopes is None else between(self.slopes))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FaultSignals:
@@ -96,6 +104,12 @@ class FaultSignals:
         """Entries whose signal is the output itself."""
         return tuple(j for j, one in self.of_log.items() if one.slopes is None)
 
+    def of_others(self, faults: Sequence[Fault], seen: Sequence[int], of_log: Mapping[int, LogSignal]) -> FaultSignals:
+        """Return the signals of other faults on the same samples, those that are not `seen` zero."""
+        made = replace(self, faults=tuple(faults), seen=seen, of_log=of_log, resampled=None)
+        made._even.update(self._even)
+        return made
+
     def with_others(self, faults: Mapping[int, Fault], of_log: Mapping[int, LogSignal]) -> FaultSignals:
         """Return the signals with other faults in place of some entries.
 
@@ -111,61 +125,55 @@ class FaultSignals:
         )
         if self.resampled is None:
             return made
-        own = replace(made, seen=tuple(entries), of_log=of_log, resampled=None).between(slice(None))
+        own = self.of_others(made.faults, entries, of_log).between(slice(None))
         resampled = self.resampled.copy()
         resampled[:, :, entries] = own[:, :, entries]
         return replace(made, resampled=resampled)
 
-    def decimated(self, factor: int, lowpass: Lowpass) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
+    def decimated(
+        self, factor: int, lowpass: Lowpass, *, in_stretches: bool | None = None
+    ) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
         """Return (n_rows, n_outputs, n_faults), filtered and decimated, and (n_faults,) the largest native values.
+
+        Parameters
+        ----------
+        in_stretches : whether they are `PiecewiseSignals`; None where these would be many numbers otherwise.
 
         Raises
         ------
         ValueError : the window is shorter than the filter.
         """
-        n_rows = len(decimate(np.empty((len(self.time_s), 0)), factor, lowpass)) if factor > 1 else len(self.time_s)
-        # A fault of a pressure line acts on several outputs, and has no stretches that are known from a formula.
-        if n_rows * max(len(self.faults), FEWEST) > PIECEWISE and not self.slopes:
-            return self._stretches(factor, lowpass, n_rows)
-        if self.resampled is not None:
+        n_rows, n_faults = self.n_rows(factor, lowpass), len(self.faults)
+        if in_stretches is None:
+            # A fault of a pressure line acts on several outputs, and has no stretches that are known from a formula.
+            in_stretches = n_rows * max(n_faults, FEWEST) > PIECEWISE and not self.slopes
+        if self.resampled is not None and not in_stretches:
             return decimate(self.resampled, factor, lowpass), np.abs(self.resampled).max(axis=(0, 1), initial=0.0)
-        theta, largest = np.zeros((n_rows, len(self.outputs), len(self.faults))), np.zeros(len(self.faults))
+        theta, largest = np.zeros((n_rows, len(self.outputs), 0 if in_stretches else n_faults)), np.zeros(n_faults)
+        atoms, outputs = [Stretches()] * n_faults, [0] * n_faults
         for j in self.seen:
             fault = self.faults[j]
-            own = self.outputs.index(fault.channel)
-            if j in self.of_log:
-                signal = self.of_log[j].values
-                theta[:, :, j] = decimate(signal, factor, lowpass)
-                largest[j] = np.max(np.abs(signal[:, own]), initial=0.0)
-                continue
-            theta[:, own, j], largest[j] = self.signal_of(fault, factor, lowpass)
-        return theta, largest
-
-    def _stretches(self, factor: int, lowpass: Lowpass, n_rows: int) -> tuple[PiecewiseSignals, FloatArray]:
-        atoms, outputs = list[Stretches](), list[int]()
-        largest = np.zeros(len(self.faults))
-        for j, fault in enumerate(self.faults):
-            output, stretches = 0, Stretches()
-            if j in self.seen:
-                output = self.outputs.index(fault.channel)
-                signal = None if j not in self.of_log else self.of_log[j].values[:, output]
-                if self.resampled is not None:
-                    signal = self.resampled[:, output, j]
-                if signal is None:
-                    stretches, largest[j] = self.stretches_of(fault, factor, lowpass)
+            own = outputs[j] = self.outputs.index(fault.channel)
+            signal = self.of_log[j].values if j in self.of_log else None
+            if self.resampled is not None:
+                signal = self.resampled[:, :, j]
+            if signal is not None:
+                made, largest[j] = decimate(signal, factor, lowpass), np.max(np.abs(signal[:, own]), initial=0.0)
+                if in_stretches:
+                    atoms[j] = signal_of(made[:, own])
                 else:
-                    stretches = signal_of(decimate(signal, factor, lowpass))
-                    largest[j] = np.max(np.abs(signal), initial=0.0)
-            atoms.append(stretches)
-            outputs.append(output)
-        theta = PiecewiseSignals(
-            n_samples=n_rows,
-            n_outputs=len(self.outputs),
-            step_s=factor * self.step_s,
-            outputs=tuple(outputs),
-            atoms=tuple(atoms),
+                    theta[:, :, j] = made
+            elif in_stretches:
+                atoms[j], largest[j] = self.stretches_of(fault, factor, lowpass)
+            else:
+                theta[:, own, j], largest[j] = self.signal_of(fault, factor, lowpass)
+        if not in_stretches:
+            return theta, largest
+        step_s, n_outputs = factor * self.step_s, len(self.outputs)
+        pieces = PiecewiseSignals(
+            n_samples=n_rows, n_outputs=n_outputs, step_s=step_s, outputs=tuple(outputs), atoms=tuple(atoms)
         )
-        return theta, largest
+        return pieces, largest
 
     @property
     def step_s(self) -> float:
@@ -255,21 +263,16 @@ class FaultSignals:
 
     def is_even(self, factor: int) -> bool:
         """Say whether the times that are left after a decimation have even steps."""
-        if factor not in self._even:
-            self._even[factor] = self._has_even_steps(factor)
-        return self._even[factor]
-
-    def _has_even_steps(self, factor: int) -> bool:
+        if factor in self._even:
+            return self._even[factor]
         some = self.time_s[::factor]
         step_s = (some[-1] - some[0]) / max(len(some) - 1, 1)
         rounding = 4.0 * float(np.spacing(np.abs(some[[0, -1]]).max()))
         most = max(EVEN * step_s / factor, rounding)
-        for start in range(0, len(some), BLOCK):
-            part = some[start : start + BLOCK]
-            even = some[0] + step_s * np.arange(start, start + len(part), dtype=np.float64)
-            if np.max(np.abs(part - even)) > most:
-                return False
-        return True
+        at = (np.arange(start, min(start + BLOCK, len(some))) for start in range(0, len(some), BLOCK))
+        even = all(np.max(np.abs(some[rows] - (some[0] + step_s * rows))) <= most for rows in at)
+        self._even[factor] = even
+        return even
 
     def _in_blocks(self, fault: Fault, time_s: FloatArray, factor: int, lowpass: Lowpass) -> tuple[FloatArray, float]:
         """Return signal and largest value of a fault at some times, every sample made and filtered, block by block."""

@@ -1,7 +1,10 @@
 """Magnitudes in SI units, whose variances include what a single model does not know (docs/theory.md, 5.2).
 
 That is the spread between orders of the model, between a model whose roots are free and one that holds a root at 1, and
-between two rates.
+between two rates; and how much a magnitude varies beyond what white prediction errors explain, the overdispersion:
+gusts, thrust changes and nonlinear dynamics let a slow shape explain the prediction error at any onset better than
+white noise would. The mean over onsets of z^2 / var(z) is 1 for white noise; where it is more, variances and thresholds
+are multiplied by it, as in quasi-likelihood (McCullagh and Nelder 1989).
 """
 
 from __future__ import annotations
@@ -15,18 +18,16 @@ from scipy import special
 
 from ..config import Config
 from ..errors import LogError
+from ..faults import Fault
 from ..kernels.covariance import additions_and_covariance
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.normal import ONE_SIDED_90
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
-from .overdispersion import overdispersion, overdispersion_if_declared
-from .regression import RegressionData, build_regression, decimate_native
-from .window import PreparedWindow, regression_of, shifts_within, slopes_at, with_onsets
-
-__all__ = ["MagnitudeEstimates", "at_half_rate", "averaged_magnitudes", "estimate_magnitudes", "fault_free_limits"]
-__all__ += ["limits_within_tolerance", "magnitudes_of_fit", "profiled_limits", "searched", "statistic_needed"]
+from .regression import Adding, RegressionData, build_regression, decimate_native
+from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, slopes_at, with_onsets
 
 FloatArray = NDArray[np.float64]
 
@@ -44,6 +45,14 @@ LARGEST_EXPONENT = 500.0
 # entries that is done at most, since it takes some fits for each.
 MULTIPLES = (1.0, 1.2, 1.5, 1.9, 2.4, 3.0, 4.0, 6.0, 10.0)
 MOST_PROFILED = 40
+# Neighbouring onsets say much the same: 33 of them in a window of 30 to 120 s are 1 to 3 s apart. The first and the
+# last tenth are left out, where a fault acts on the lags alone or on too few samples.
+N_ONSETS = 33
+INSIDE = (0.1, 0.9)
+# Of the signals that are added at once, where they are not in stretches, for memory.
+MOST_VALUES = 10**6
+# Entries for which it is asked what the factor would be, were they declared: it takes a fit for each.
+MOST_DECLARED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,7 +136,7 @@ def averaged_magnitudes(
     ----------
     fits : of one support at every order.
     penalty : the criterion they are scored by.
-    overdispersion : (n_live,) see `bfi_cli.preprocessing.overdispersion`.
+    overdispersion : (n_live,) see `overdispersion`.
     unit_root : average with the model that holds the root.
     report : receives the progress.
     """
@@ -241,26 +250,24 @@ def limits_within_tolerance(
     regression: RegressionData,
     config: Config,
     fits: Sequence[ScoredFit],
-    exactly: FloatArray,
     penalty: Penalty,
     overdispersion: FloatArray,
     coarse: RegressionData | None,
     report: Report = silent,
 ) -> FloatArray:
-    """Return (n_live,) minimal detectable magnitudes for onsets as well as they are known, at least the exact ones.
+    """Return (n_live,) minimal detectable magnitudes for onsets as well as they are known, NaN where these are exact.
 
     An entry that begins otherwise than the dictionary states is found by the search of its onset
     (`identify.onset_search`), whose price it pays; the worst of the ends of the tolerance counts.
 
     Parameters
     ----------
-    fits : of the chosen support at every order; entries of it keep their limits.
-    exactly : (n_live,) limits at the onsets of the dictionary.
+    fits : of the chosen support at every order; entries of it have none.
     coarse : the regression at half the rate, None where there is none.
     report : receives the progress.
     """
     best = min(fits, key=lambda one: one.criterion).fit
-    limits = exactly.copy()
+    limits = np.full(len(window.live), np.nan)
     others = {entry: n for n, entry in enumerate(window.live) if n not in best.atoms}
     shifts = {entry: shifts_within(window, entry, config.onset_tolerance_s) for entry in others}
 
@@ -298,7 +305,7 @@ def searched(penalty: Penalty, n_onsets: int) -> Penalty:
     return replace(penalty, evidence=2.0 * penalty.evidence + 2.0 * float(np.log(n_onsets + 1)))
 
 
-def fault_free_limits(window: PreparedWindow, config: Config, report: Report = silent) -> tuple[FloatArray, FloatArray]:
+def fault_free_limits(window: PreparedWindow, config: Config) -> tuple[FloatArray, FloatArray]:
     """Return (n_live,) the minimal detectable magnitudes of a window without a fault, for onsets as well as they are
     known and for the exact ones.
 
@@ -308,17 +315,16 @@ def fault_free_limits(window: PreparedWindow, config: Config, report: Report = s
     ------
     LogError : the window has no rows for any order.
     """
-    compressing, sizing = shares(report, 1, 2)
-    regression = regression_of(window, config, compressing)
+    regression = regression_of(window, config)
     scored, penalty = fault_free_fits(regression, config, len(window.live))
     best = min(scored, key=lambda one: one.criterion).fit
     dispersion = overdispersion(window, regression, best)
     dispersion = overdispersion_if_declared(window, regression, best, dispersion)
     coarse = at_half_rate(window, regression, config)
-    estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
+    estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse)
     exactly = profiled_limits(regression, best, estimates, penalty, dispersion)
-    within = limits_within_tolerance(window, regression, config, scored, exactly, penalty, dispersion, coarse)
-    return within, exactly
+    within = limits_within_tolerance(window, regression, config, scored, penalty, dispersion, coarse)
+    return np.fmax(exactly, within), exactly
 
 
 def _with_unit_root(
@@ -360,3 +366,70 @@ def at_half_rate(
         return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
     except LogError:
         return None
+
+
+def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit, report: Report = silent) -> FloatArray:
+    """Return (n_live,) factors, at least 1: how much the variance of a magnitude exceeds that of white errors.
+
+    Parameters
+    ----------
+    window : with the dictionary.
+    regression : of the window; fit : the chosen one of it.
+    report : receives the progress.
+    """
+    known = dict[Fault, float]()
+    adding = regression.adding_to(fit)
+    factors = np.ones(len(window.live))
+    for (n, entry), _ in parts(report, list(enumerate(window.live))):
+        family = _family(window.faults[entry])
+        if family not in known:
+            known[family] = _factor(window, regression, adding, family)
+        factors[n] = known[family]
+    return factors
+
+
+def overdispersion_if_declared(
+    window: PreparedWindow, regression: RegressionData, fit: Fit, dispersion: FloatArray
+) -> FloatArray:
+    """Return (n_live,) the factors that an entry would be tested by, were it declared: at least those of a fit.
+
+    Beside a slow oscillation that is fitted, what its phase leaves stands out more than before. Dictionaries with many
+    entries keep the factors of the fit.
+
+    Parameters
+    ----------
+    fit, dispersion : of the chosen support, by `overdispersion`; entries of it keep theirs.
+    """
+    if len(dispersion) > MOST_DECLARED:
+        return dispersion
+    factors, problem = dispersion.copy(), regression.problem(fit.order)
+    for n in (n for n in range(len(window.live)) if n not in fit.atoms):
+        declared = fit_magnitudes(problem, (*fit.atoms, n), np.append(fit.z, 0.0))
+        family = _family(window.faults[window.live[n]])
+        factors[n] = max(factors[n], _factor(window, regression, regression.adding_to(declared), family))
+    return factors
+
+
+def _family(fault: Fault) -> Fault:
+    """Return what all faults have in common that differ by their onset only."""
+    lasting = None if fault.offset_s is None else fault.offset_s - fault.onset_s
+    return replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
+
+
+def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, family: Fault) -> float:
+    """Return the mean over onsets of z^2 / var(z) of a shape that is added to a fit, at least 1."""
+    time_s = window.native.time_s
+    onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
+    is_piecewise = isinstance(window.signals.theta, PiecewiseSignals)
+    n_parts = 1 if is_piecewise else min(N_ONSETS, -(-N_ONSETS * len(window.signals.y) // MOST_VALUES))
+    lasting, squares = family.offset_s, np.empty(0)
+    # Each shifted signal is added alone to the fit.
+    for some in np.array_split(onsets, n_parts):
+        shifted = [
+            replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
+            for onset in some.tolist()
+        ]
+        added = adding.each_of(regression.over_unit(signals_of_faults(window, shifted)[0]))
+        squares = np.append(squares, added.magnitude**2 / added.variance)
+    seen = squares[np.isfinite(squares)]
+    return max(1.0, float(np.mean(seen))) if seen.size else 1.0

@@ -36,7 +36,10 @@ from ..kernels.lagged import (
 )
 from ..kernels.piecewise import PiecewiseSignals, ScaledSignals, standardised
 from ..kernels.progress import Report, silent
+from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.running import running_weights
+from ..kernels.sparsity import SparseStage
+from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from .fault_signals import FaultSignals
 
@@ -152,31 +155,27 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
     ------
     LogError : the window is shorter than the filter.
     """
-
-    def bare(inputs: Sequence[str], outputs: Sequence[str]) -> Signals:
-        return Signals(
-            path=native.path,
-            rate_hz=native.rate_hz,
-            factor=1,
-            time_s=native.time_s,
-            u=native.log.signals(inputs),
-            y=native.log.signals(outputs),
-            theta=np.empty((native.log.n_samples, len(outputs), 0)),
-            scaling=native.faults.scaling,
-            slopes=native.faults.slopes,
-        )
-
-    if factor == 1:  # nothing is copied
-        signals = bare(native.inputs, native.outputs)
-    elif native.log.n_samples > MOST_AT_ONCE:
-        signals = decimate_signals(bare([], []), factor, lowpass)
-        u, y = (np.empty((len(signals.time_s), len(names))) for names in (native.inputs, native.outputs))
-        for names, made in ((native.inputs, u), (native.outputs, y)):
-            for i, name in enumerate(names):
+    is_long = factor > 1 and native.log.n_samples > MOST_AT_ONCE
+    names = ((), ()) if is_long else (native.inputs, native.outputs)
+    u, y = (native.log.signals(some) for some in names)
+    signals = Signals(
+        path=native.path,
+        rate_hz=native.rate_hz,
+        factor=1,
+        time_s=native.time_s,
+        u=u,
+        y=y,
+        theta=np.empty((*y.shape, 0)),
+        scaling=native.faults.scaling,
+        slopes=native.faults.slopes,
+    )
+    signals = decimate_signals(signals, factor, lowpass)
+    if is_long:  # one channel after the other, for memory
+        u, y = (np.empty((len(signals.time_s), len(some))) for some in (native.inputs, native.outputs))
+        for some, made in ((native.inputs, u), (native.outputs, y)):
+            for i, name in enumerate(some):
                 made[:, i] = _decimated_channel(native.log.channel(name), factor, lowpass)
         signals = replace(signals, u=u, y=y)
-    else:
-        signals = decimate_signals(bare(native.inputs, native.outputs), factor, lowpass)
     theta, largest = native.faults.decimated(factor, lowpass)
     return replace(signals, theta=theta), largest
 
@@ -198,11 +197,13 @@ def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) ->
     ------
     LogError : the window is shorter than the filter.
     """
+    if factor == 1:
+        return signals
     try:
         u, y, theta = (decimate(x, factor, lowpass) for x in (signals.u, signals.y, np.asarray(signals.theta)))
     except ValueError as problem:
         raise LogError(f"{signals.path}: {problem}; give a higher --rate or a longer window") from None
-    start = lost_samples(factor, lowpass)[0] if factor > 1 else 0
+    start = lost_samples(factor, lowpass)[0]
     time_s = signals.time_s[start::factor][: len(y)]
     # They change slowly: of each sample of the analysis that in its middle counts.
     slopes = {j: one[start::factor][: len(y)] for j, one in signals.slopes.items()}
@@ -472,8 +473,7 @@ def build_regression(
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
     layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
     segments = _segments(layout, theta) if isinstance(theta, PiecewiseSignals) else None
-    published = config.method == "risro-as-published" or config.risro.as_published
-    if config.conditioning.variance == "running" and not published:
+    if config.conditioning.variance == "running" and not as_published(config):
         layout = replace(layout, weights=_weights(layout, segments, signals.rate_hz, floor))
         if segments is not None and layout.weights is not None:
             segments = replace(segments, weights=layout.weights)
@@ -597,3 +597,30 @@ def feasible_orders(
             f"{advice}, a higher --rate or a longer window"
         )
     return orders
+
+
+def solve(data: Compressed, config: Config) -> VarxSolution:
+    """Solve the regression of one order, with the published stage where the thesis is followed to the letter."""
+    return risro_varx(data, settings=stopping_of(config), as_published=as_published(config), sparse=stage_of(config))
+
+
+def stage_of(config: Config) -> SparseStage:
+    """Return the settings of the sparsity stage."""
+    rules = config.risro
+    alpha, r, p0 = (None if size == "auto" else size for size in (rules.alpha, rules.r, rules.p0))
+    return SparseStage(kind=rules.sparsity, alpha=alpha, r=r, p0=p0, updates=rules.updates)
+
+
+def stopping_of(config: Config) -> StoppingRule:
+    """Return when RISRO stops."""
+    return StoppingRule(max_iterations=config.risro.max_iterations, tolerance=config.risro.tolerance)
+
+
+def as_published(config: Config) -> bool:
+    """Say whether the thesis is followed to the letter."""
+    return config.risro.as_published or config.method == "risro-as-published"
+
+
+def decides_by_rule(config: Config) -> bool:
+    """Say whether the thesis's rule declares the faults, instead of the stage and the criterion."""
+    return as_published(config) or config.risro.sparsity == "none" or config.selection.threshold is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,8 +13,6 @@ from ..config import Config
 from ..faults import Fault
 from ..kernels.lagged import compress
 from .regression import EXACT, NativeSignals, Signals
-
-__all__ = ["SAMPLES_PER_CYCLE", "Purpose", "RateChoice", "candidate_orders", "choose_rate", "is_exact"]
 
 FloatArray = NDArray[np.float64]
 Purpose = Literal["estimate", "scan", "detect"]
@@ -94,7 +92,7 @@ def choose_rate(
     elif (empty := _empty_from(signals)) is not None and empty < rate:
         reason = f"the log carries next to nothing above {empty:.2g} Hz, as if low-passed by its recorder"
         factor = int(np.ceil(signals.rate_hz / empty - TIE))
-    fastest = _fastest(faults)
+    fastest = max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
     if factor * SAMPLES_PER_CYCLE * fastest > signals.rate_hz * (1 + TIE):
         reason = f"{fastest:g} Hz is the fastest oscillation of the dictionary"
         factor = int(np.floor(signals.rate_hz / (SAMPLES_PER_CYCLE * fastest) + TIE))
@@ -116,10 +114,6 @@ def candidate_orders(
         return orders
     fixed = min(orders, key=lambda order: abs(order - MEMORY_S * rate_hz))
     return (fixed,) if fixed <= longest else orders
-
-
-def _fastest(faults: Iterable[Fault]) -> float:
-    return max((fault.frequency_hz or 0.0 for fault in faults), default=0.0)
 
 
 def is_exact(signals: Signals | NativeSignals) -> bool:

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LogSummary", "ModelSummary", "log_summary", "model_summary"]
-
 FloatArray = NDArray[np.float64]
 
 # Rows whose squares are taken at once, for memory.
@@ -38,9 +36,9 @@ class ModelSummary:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     noise_sd: Mapping[str, float]
-    orders: tuple[int, ...]
-    criterion_no_fault: tuple[float, ...]
-    criterion_best: tuple[float, ...]
+    orders: tuple[int, ...] = ()
+    criterion_no_fault: tuple[float, ...] = ()
+    criterion_best: tuple[float, ...] = ()
 
 
 def log_summary(path: str, time_s: FloatArray, *, rate_hz: float, native_rate_hz: float) -> LogSummary:
@@ -51,29 +49,7 @@ def log_summary(path: str, time_s: FloatArray, *, rate_hz: float, native_rate_hz
     )
 
 
-def model_summary(
-    error: FloatArray,
-    *,
-    order: int,
-    rate_hz: float,
-    feedthrough: bool,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    orders: Sequence[int] = (),
-    criterion_no_fault: Sequence[float] = (),
-    criterion_best: Sequence[float] = (),
-) -> ModelSummary:
-    """Return the summary of a model whose prediction error, (n_rows, n_outputs) in SI units, is `error`."""
+def noise_of(error: FloatArray, outputs: Sequence[str]) -> dict[str, float]:
+    """Return by output the standard deviation of the prediction error of a model, (n_rows, n_outputs)."""
     squares = [np.sum(error[k : k + AT_ONCE] ** 2, axis=0) for k in range(0, len(error), AT_ONCE)]
-    noise_sd = np.sqrt(np.sum(squares, axis=0) / len(error))
-    return ModelSummary(
-        order=order,
-        rate_hz=rate_hz,
-        feedthrough=feedthrough,
-        inputs=tuple(inputs),
-        outputs=tuple(outputs),
-        noise_sd=dict(zip(outputs, noise_sd.tolist(), strict=True)),
-        orders=tuple(orders),
-        criterion_no_fault=tuple(criterion_no_fault),
-        criterion_best=tuple(criterion_best),
-    )
+    return dict(zip(outputs, np.sqrt(np.sum(squares, axis=0) / len(error)).tolist(), strict=True))

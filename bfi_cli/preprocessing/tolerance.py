@@ -9,8 +9,6 @@ from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog import FlightLog
 
-__all__ = ["is_any", "tolerance_of", "tolerances_of"]
-
 # Exact by definition.
 KNOT, FOOT, DEGREE = 1852.0 / 3600.0, 0.3048, np.pi / 180.0
 AIRSPEEDS = ("tas", "cas", "ias", "lift_speed", "ground_airspeed")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -18,27 +19,16 @@ from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
 from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
-from ..kernels.decimation import WHITE, Lowpass, decimate
+from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.lagged import signals_factor
 from ..kernels.low_pass import Response
-from ..kernels.piecewise import PiecewiseSignals, Stretches, signal_of
+from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
 from .fault_signals import FaultSignals, LogSignal
 from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
-
-__all__ = ["PreparedWindow", "decimated_signal", "must_resample", "prepare_window", "regression_of", "shifted_signals"]
-__all__ += [
-    "shifts_within",
-    "signals_of_faults",
-    "slopes_at",
-    "unusable_atoms",
-    "with_inputs_of",
-    "with_onsets",
-    "with_sizes",
-]
 
 FloatArray = NDArray[np.float64]
 
@@ -74,7 +64,6 @@ class PreparedWindow:
         is none or none is known.
     window_start_s : what `phase_reference: window` counts from; window_stop_s : a sample after the last.
     native_rate_hz : of the log as it was read.
-    outputs : names of the outputs.
     exact : a VARX explains the record to round-off at its own rate.
     orders : of the model, to choose from.
     sizes : by entry of a pressure line, the magnitude to which its signal is the secant; others have the derivative.
@@ -98,10 +87,14 @@ class PreparedWindow:
     window_start_s: float
     window_stop_s: float
     native_rate_hz: float
-    outputs: tuple[str, ...]
     exact: bool
     orders: tuple[int, ...]
     sizes: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.native.outputs
 
     @property
     def summary(self) -> LogSummary:
@@ -133,65 +126,36 @@ def prepare_window(
     DictionaryError : no entry of the dictionary can be seen in the window.
     """
     from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
-    used = [*config.inputs, *config.outputs]
-    known = len(log.notes)
+    used, known = [*config.inputs, *config.outputs], len(log.notes)
     log = with_derived(log, used, from_s=from_s, to_s=to_s)
-    about_derived = log.notes[known:]
     part = log.window(from_s, to_s)
     report(0.0)
-    start_s, native_rate_hz = float(part.time_s[0]), part.rate_hz
-    stop_s = float(part.time_s[-1]) + 1.0 / part.rate_hz
-    faults = dictionary.resolved(start_s)
-    names = tuple(fault.name or fault.shape for fault in faults)
-    dead = ((j, dead_reason(fault, start_s, stop_s, outputs=config.outputs)) for j, fault in enumerate(faults))
-    reasons = {j: reason for j, reason in dead if reason is not None}
-    unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
-    free = tuple(unknown) if courses else ()
-    reasons |= {j: no_signal(faults[j]) for j in unknown if j not in free}
+    span = float(part.time_s[0]), float(part.time_s[-1]) + 1.0 / part.rate_hz
+    native_rate_hz, faults = part.rate_hz, dictionary.resolved(span[0])
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
-    response = response_of(filters, native_rate_hz)
     resamples = must_resample(part, used, rate_hz)
-    source = log if resamples else part
-    of_log: dict[int, LogSignal] = {}
-    for j, fault in enumerate(faults):
-        if j not in reasons and SHAPES[fault.shape].acts_on not in ("channel", "course"):
-            try:
-                of_log[j] = _of_log(source, fault, response, config.outputs)
-            except (DictionaryError, LogError) as problem:
-                if SHAPES[fault.shape].lines is None:
-                    raise
-                reasons[j] = str(problem).removeprefix(f"{source.path}: ")
-    seen = {j: fault for j, fault in enumerate(faults) if j not in reasons and j not in free}
-
-    made = FaultSignals(
-        faults=faults,
-        seen=tuple(seen),
-        outputs=config.outputs,
-        time_s=source.time_s,
-        window_start_s=start_s,
-        response=response,
-        of_log=of_log,
+    made, reasons, free = _signals_of_entries(
+        log if resamples else part, faults, config.outputs, span, response_of(filters, native_rate_hz), courses=courses
     )
     if resamples:
         assert not isinstance(rate_hz, str)
         part, theta = resample_with(log, made.between(slice(None)), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
-        added = (part.filters or ())[len(log.filters or ()) :]
-        filters = (*filters, *added)
+        filters = (*filters, *(part.filters or ())[len(log.filters or ()) :])
+        of_log = {j: one.at(part.time_s, log.time_s) for j, one in made.of_log.items()}
         response = response_of(filters, part.rate_hz)
-        made = replace(made, time_s=part.time_s, response=response, of_log=_at(part, source, of_log), resampled=theta)
+        made = replace(made, time_s=part.time_s, response=response, of_log=of_log, resampled=theta)
     _require_movement(part, config)
-
     native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made)
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
-    rate = choose_rate(
-        native, list(seen.values()), exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose
-    )
+    seen = [faults[j] for j in made.seen]
+    rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
     decimated, largest = decimate_native(native, rate.factor, lowpass)
-    reasons |= unusable_atoms(decimated.theta, names, tuple(seen), report)
-    live = tuple(j for j in seen if j not in reasons)
+    names = tuple(fault.name or fault.shape for fault in faults)
+    reasons |= unusable_atoms(decimated.theta, names, made.seen, report)
+    live = tuple(j for j in made.seen if j not in reasons)
     if not live and not free:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
@@ -208,17 +172,59 @@ def prepare_window(
         largest=largest,
         rate=rate,
         filters=filters,
-        response=response,
-        recorder="; ".join(filter(None, (about_recorder, *about_derived))),
+        response=made.response,
+        recorder="; ".join(filter(None, (about_recorder, *(one.text for one in log.notes[known:])))),
         recorder_hz=recorder_hz,
         lowpass=lowpass,
-        window_start_s=start_s,
-        window_stop_s=stop_s,
+        window_start_s=span[0],
+        window_stop_s=span[1],
         native_rate_hz=native_rate_hz,
-        outputs=config.outputs,
         exact=exact,
         orders=candidate_orders(config, decimated.rate_hz, recorder_hz, longest),
     )
+
+
+def _signals_of_entries(
+    log: FlightLog,
+    faults: tuple[Fault, ...],
+    outputs: tuple[str, ...],
+    span: tuple[float, float],
+    response: Response,
+    *,
+    courses: bool,
+) -> tuple[FaultSignals, dict[int, str], tuple[int, ...]]:
+    """Return what makes the signals of a dictionary, why entries are left out, and those of unknown course.
+
+    Parameters
+    ----------
+    span : of the window, s.
+    courses : those of unknown course are not left out.
+    """
+    dead = ((j, dead_reason(fault, *span, outputs=outputs)) for j, fault in enumerate(faults))
+    reasons = {j: reason for j, reason in dead if reason is not None}
+    unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
+    free = tuple(unknown) if courses else ()
+    reasons |= {j: no_signal(faults[j]) for j in unknown if j not in free}
+    of_log: dict[int, LogSignal] = {}
+    for j, fault in enumerate(faults):
+        if j not in reasons and SHAPES[fault.shape].acts_on not in ("channel", "course"):
+            try:
+                of_log[j] = _of_log(log, fault, response, outputs)
+            except (DictionaryError, LogError) as problem:
+                if SHAPES[fault.shape].lines is None:
+                    raise
+                reasons[j] = str(problem).removeprefix(f"{log.path}: ")
+    seen = tuple(j for j in range(len(faults)) if j not in reasons and j not in free)
+    made = FaultSignals(
+        faults=faults,
+        seen=seen,
+        outputs=outputs,
+        time_s=log.time_s,
+        window_start_s=span[0],
+        response=response,
+        of_log=of_log,
+    )
+    return made, reasons, free
 
 
 def with_inputs_of(log: FlightLog, config: Config) -> Config:
@@ -290,52 +296,21 @@ def signals_of_faults(
 ) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
     """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window, and the largest values.
 
+    That of a fault of a pressure line whose signal the log cannot tell is 0.
+
     Parameters
     ----------
     sizes : of each fault, see `PreparedWindow.sizes`; default 0.
     """
-    largest = np.zeros(len(faults))
-    if isinstance(window.signals.theta, PiecewiseSignals):
-        channels = [window.log.channel(name).name for name in window.outputs]
-        outputs = [channels.index(window.log.channel(fault.channel).name) for fault in faults]
-        atoms = list[Stretches]()
-        for i, (fault, output) in enumerate(zip(faults, outputs, strict=True)):
-            stretches, largest[i] = _decimated_stretches(window, fault, output)
-            atoms.append(stretches)
-        return replace(window.signals.theta, outputs=tuple(outputs), atoms=tuple(atoms)), largest
-    theta = np.zeros((*window.signals.theta.shape[:2], len(faults)))
+    of_log = dict[int, LogSignal]()
+    told = [i for i, fault in enumerate(faults) if SHAPES[fault.shape].acts_on == "channel"]
     for i, (fault, size) in enumerate(zip(faults, sizes or [0.0] * len(faults), strict=True)):
-        theta[:, :, i], largest[i] = decimated_signal(window, fault, size=size)
-    return theta, largest
-
-
-def _decimated_stretches(window: PreparedWindow, fault: Fault, output: int) -> tuple[Stretches, float]:
-    if SHAPES[fault.shape].acts_on == "channel":
-        return window.native.faults.stretches_of(fault, window.rate.factor, window.lowpass)
-    theta, largest = decimated_signal(window, fault)
-    return signal_of(theta[:, output]), largest
-
-
-def decimated_signal(window: PreparedWindow, fault: Fault, *, size: float = 0.0) -> tuple[FloatArray, float]:
-    """Return (n_samples, n_outputs) the signal of a fault, decimated as the window is, and its largest value before.
-
-    That is 0 of a fault of a pressure line whose signal the log cannot tell.
-
-    Parameters
-    ----------
-    size : see `PreparedWindow.sizes`.
-    """
-    factor, lowpass = window.rate.factor, window.lowpass
-    output = [window.log.channel(name).name for name in window.outputs].index(window.log.channel(fault.channel).name)
-    theta = np.zeros(window.signals.theta.shape[:2])
-    if SHAPES[fault.shape].acts_on != "channel":
-        try:
-            made = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
-        except (DictionaryError, LogError):
-            return theta, 0.0
-        return decimate(made.values, factor, lowpass), float(np.max(np.abs(made.values[:, output])))
-    theta[:, output], largest = window.native.faults.signal_of(fault, factor, lowpass)
-    return theta, largest
+        if i not in told:
+            with contextlib.suppress(DictionaryError, LogError):
+                of_log[i] = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
+    made = window.native.faults.of_others(faults, (*told, *of_log), of_log)
+    in_stretches = isinstance(window.signals.theta, PiecewiseSignals)
+    return made.decimated(window.rate.factor, window.lowpass, in_stretches=in_stretches)
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -345,32 +320,8 @@ def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> Prepar
     ----------
     shifts_s : seconds by entry.
     """
-    if not shifts_s:
-        return window
     moved = {entry: _later(window.faults[entry], shift_s) for entry, shift_s in shifts_s.items()}
-    theta, largest, entries = window.signals.theta, window.largest.copy(), list(shifts_s)
-    sizes = [window.sizes.get(entry, 0.0) for entry in entries]
-    own, largest[entries] = signals_of_faults(window, list(moved.values()), sizes)
-    if isinstance(theta, PiecewiseSignals):
-        assert isinstance(own, PiecewiseSignals)
-        theta = theta.replaced(entries, own)
-    else:
-        theta = theta.copy()
-        theta[:, :, entries] = own
-    of_log = {
-        entry: _of_log(window.log, fault, window.response, window.outputs, size=window.sizes.get(entry, 0.0))
-        for entry, fault in moved.items()
-        if SHAPES[fault.shape].acts_on != "channel"
-    }
-    made = window.native.faults.with_others(moved, of_log)
-    slopes = slopes_at(window.signals.time_s, made, window.native.rate_hz)
-    return replace(
-        window,
-        faults=tuple(moved.get(entry, fault) for entry, fault in enumerate(window.faults)),
-        native=replace(window.native, faults=made),
-        signals=replace(window.signals, theta=theta, slopes=slopes),
-        largest=largest,
-    )
+    return _with_entries(window, moved, window.sizes) if shifts_s else window
 
 
 def with_sizes(window: PreparedWindow, sizes: Mapping[int, float]) -> PreparedWindow:
@@ -384,19 +335,29 @@ def with_sizes(window: PreparedWindow, sizes: Mapping[int, float]) -> PreparedWi
     ------
     DictionaryError, LogError : the log does not tell the signal of a fault of such a magnitude.
     """
-    # Where such an entry acts, no signals are in stretches.
-    theta, largest = np.array(window.signals.theta), window.largest.copy()
-    factor, lowpass, of_log = window.rate.factor, window.lowpass, dict[int, LogSignal]()
-    for entry in {*sizes, *window.sizes}:
-        fault = window.faults[entry]
-        output = window.outputs.index(fault.channel)
-        one = _of_log(window.log, fault, window.response, window.outputs, size=sizes.get(entry, 0.0))
-        of_log[entry], theta[:, :, entry] = one, decimate(one.values, factor, lowpass)
-        largest[entry] = float(np.max(np.abs(one.values[:, output])))
-    made = window.native.faults.with_others({entry: window.faults[entry] for entry in of_log}, of_log)
+    return _with_entries(window, {entry: window.faults[entry] for entry in {*sizes, *window.sizes}}, sizes)
+
+
+def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Mapping[int, float]) -> PreparedWindow:
+    """Return the window with faults in place of some entries, those of pressure lines as secants to some sizes."""
+    of_log = {
+        entry: _of_log(window.log, fault, window.response, window.outputs, size=sizes.get(entry, 0.0))
+        for entry, fault in faults.items()
+        if SHAPES[fault.shape].acts_on != "channel"
+    }
+    theta, largest, entries = window.signals.theta, window.largest.copy(), list(faults)
+    own, largest[entries] = signals_of_faults(window, list(faults.values()), [sizes.get(one, 0.0) for one in entries])
+    if isinstance(theta, PiecewiseSignals):
+        assert isinstance(own, PiecewiseSignals)
+        theta = theta.replaced(entries, own)
+    else:
+        theta = theta.copy()
+        theta[:, :, entries] = own
+    made = window.native.faults.with_others(faults, of_log)
     slopes = slopes_at(window.signals.time_s, made, window.native.rate_hz)
     return replace(
         window,
+        faults=tuple(faults.get(entry, fault) for entry, fault in enumerate(window.faults)),
         native=replace(window.native, faults=made),
         signals=replace(window.signals, theta=theta, slopes=slopes),
         largest=largest,
@@ -479,18 +440,6 @@ def _of_log(
         if name in made:
             values[:, k], slopes[:, k] = made[name].values, made[name].slopes
     return LogSignal(values=values, slopes=slopes)
-
-
-def _at(part: FlightLog, source: FlightLog, of_log: Mapping[int, LogSignal]) -> dict[int, LogSignal]:
-    """Return the signals at the times of a resampled log; of its slopes, which change slowly, those between."""
-
-    def between(values: FloatArray) -> FloatArray:
-        return np.stack([np.interp(part.time_s, source.time_s, column) for column in values.T], axis=1)
-
-    return {
-        j: LogSignal(values=between(one.values), slopes=None if one.slopes is None else between(one.slopes))
-        for j, one in of_log.items()
-    }
 
 
 def _require_movement(log: FlightLog, config: Config) -> None:

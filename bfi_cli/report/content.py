@@ -6,12 +6,16 @@ HTML, so that every command shows the same things in every place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..display_units import SI, Units
+from ..notes import Note
+from ..serialization import from_plain
 
 FloatArray = NDArray[np.float64]
 # Lists or arrays of a CSV file by column.
@@ -197,7 +201,7 @@ class ReportContent:
     tone : how the verdict is coloured, None where nothing is decided.
     lead : how many of the drawings, 0 or 1, a page shows beside the verdict, before everything else.
     facts : (name, value) rows.
-    notes : sentences for the reader.
+    notes : for the reader, as they were made.
     zoom : drawings of curves and lanes for the page on which they can be zoomed; with more points than figures.
     data : CSV files at full precision by name, each as lists or arrays by column, or a call that makes these where the
         file is written; they win over a table of that name.
@@ -212,9 +216,19 @@ class ReportContent:
     facts: tuple[tuple[str, str], ...] = ()
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     zoom: tuple[Drawing, ...] = ()
     data: Mapping[str, Columns | Callable[[], Columns]] = field(default_factory=dict)
+
+
+def notes_of(document: Mapping[str, Any], units: Units = SI) -> tuple[Note, ...]:
+    """Return the notes of a document with their amounts in `units`; plain sentences of schema 2 are methods."""
+    return shown_notes(from_plain(tuple[Note, ...], document["notes"], where="notes"), units)
+
+
+def shown_notes(notes: Iterable[Note], units: Units) -> tuple[Note, ...]:
+    """Return notes with their amounts in `units`."""
+    return tuple(replace(one, text=units.sentence(one.text)) for one in notes)
 
 
 def curve(

@@ -38,7 +38,7 @@ def print_content(console: Console, content: ReportContent) -> None:
         _print_table(console, one.heads, [[shortened(cell, CELL_LETTERS) for cell in row] for row in rows])
         if len(rows) < len(one.rows):
             console.print(f"   and {len(one.rows) - len(rows)} more; a pipe and --out get all\n", highlight=False)
-    notes = list(content.notes[:max_notes])
+    notes = [note.text for note in content.notes[:max_notes]]
     if len(notes) < len(content.notes):
         notes.append(f"{len(content.notes) - len(notes)} more notes; a pipe and --out get all")
     grid = Table.grid(padding=(0, 2))

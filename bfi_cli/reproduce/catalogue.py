@@ -11,11 +11,9 @@ from ..errors import ConfigError
 from ..faults import did_you_mean, shown
 from ..provenance import Provenance
 from ..report.content import ReportContent, Table
-from ..serialization import from_plain, mapping, member, to_plain
+from ..serialization import SCHEMA, from_plain, mapping, member, to_plain
 from .page import load
 from .record import Settings
-
-REPRODUCE_SCHEMA = 1
 
 
 class Entry(NamedTuple):
@@ -75,10 +73,10 @@ def reproduce_document(name: str, content: ReportContent, provenance: Provenance
     del body["data"]
     return {
         "kind": "reproduce",
-        "schema": REPRODUCE_SCHEMA,
+        "schema": SCHEMA,
         "name": name,
         "exhibit": body,
-        "notes": list(content.notes),
+        "notes": to_plain(content.notes),
         "provenance": to_plain(provenance),
     }
 

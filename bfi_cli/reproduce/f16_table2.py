@@ -6,7 +6,7 @@ the base of its logarithm. Each is an option, whose default comes close to the p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -18,8 +18,14 @@ from pydantic import Field, model_validator
 from ..aircraft.f16 import STATES, Inversion, Observation, observe
 from ..errors import ConfigError
 from ..kernels import FloatArray
-from ..kernels.density import Density, gaussian_density, kernel_density, log_density
-from ..kernels.divergence import jensen_shannon_montecarlo, jensen_shannon_quadrature
+from ..kernels.divergence import (
+    Density,
+    gaussian_density,
+    jensen_shannon_montecarlo,
+    jensen_shannon_quadrature,
+    kernel_density,
+    log_density,
+)
 from ..report.content import Drawing, Panel, ReportContent, Span, curve
 from ..validation import Number, Positive, Rules, validate
 from ..yaml12 import load_yaml
@@ -99,6 +105,11 @@ class F16Options(Rules):
         if still and (self.reference_aircraft == "nominal" or not any(self.variation)):
             raise ValueError("noise_deg_s: the fault-free residual is zero and has no density; give some noise")
         return self
+
+    def changed(self, change: Mapping[str, object]) -> F16Options:
+        """Return another reading; lists of a YAML file become the tuples that options have."""
+        update = {key: tuple(value) if isinstance(value, list) else value for key, value in change.items()}
+        return self.model_copy(update=update)
 
 
 def options_from(assignments: Sequence[str]) -> F16Options:
@@ -252,26 +263,19 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
     page = load("f16_table2")
     if options is None:
         options = options_from([*([f"step_s={QUICK_STEP_S}"] if settings.quick else []), *settings.choices])
-
-    def changed(change: dict[str, object]) -> F16Options:
-        # Lists of the YAML file become the tuples that options have.
-        update = {key: tuple(value) if isinstance(value, list) else value for key, value in change.items()}
-        return options.model_copy(update=update)
-
     n = max(1, settings.trials_or(SEEDS, QUICK_SEEDS))
     seeds = [settings.seed + i for i in range(n)]
-    others = [] if settings.quick else [(label, changed(change)) for label, change in page["flights"]]
+    others = [] if settings.quick else [(label, options.changed(change)) for label, change in page["flights"]]
     n_other = min(n, OTHER_SEEDS)
-    cases = [Case(options=options, seed=seed) for seed in seeds]
-    cases += [Case(options=other, seed=seed) for _, other in others for seed in seeds[:n_other]]
-    flights = fly_cases(cases, settings.report)
+    wanted = [*((options, seed) for seed in seeds), *((other, seed) for _, other in others for seed in seeds[:n_other])]
+    flights = fly_cases([Case(options=each, seed=seed) for each, seed in wanted], settings.report)
     own = flights[:n]
     chosen = indices(own, options)
     # The open choices one at a time: first other readings of the same flights, then other flights. The index of the
     # readings in `comparable` has the same scale.
     rows, comparable = {"as chosen": chosen}, {"as chosen": chosen}
     for label, change in page["readings"]:
-        other = changed(change)
+        other = options.changed(change)
         if other != options:
             rows[label] = indices(own, other)
             if (other.log_base, other.halves) == (options.log_base, options.halves):
@@ -282,7 +286,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
     means = np.array([one.index.mean(axis=0) for one in comparable.values()])
     smallest, largest = means.min(axis=0), means.max(axis=0)
     value, error = montecarlo(own[0], options, DRAWS, rng=np.random.default_rng(settings.seed))
-    off = np.abs(value - indices(own[:1], changed({"log_base": "2", "halves": True})).index[0])
+    off = np.abs(value - indices(own[:1], options.changed({"log_base": "2", "halves": True})).index[0])
     values = {
         "rms": chosen.rms,
         "worst": chosen.worst,
@@ -290,6 +294,35 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
         "n_readings": len(comparable) - 1,
         "moves": float(np.max(np.abs(means - means[0]))),
         "rms_range": " to ".join(f"{end([one.rms for one in comparable.values()]):.3f}" for end in (min, max)),
+        **_words(options),
+        "draws": DRAWS,
+        "off": np.max(off),
+        "errors": np.max(off / error),
+        "seeds": ", ".join(map(str, seeds)),
+    }
+    start = dict(zip(STATES, own[0].states[0], strict=True))
+    initial = [
+        (label, f"{printed} (table I)", ", ".join(f"{start[name]:g}" for name in names))
+        for label, printed, names in page["initial"]
+    ]
+    return report_content(
+        page,
+        values,
+        records=_compared(page, chosen),
+        tables=[
+            table(page, "choices", _choices(rows, smallest, largest)),
+            table(page, "robust", _robust(page, rows, comparable)),
+            table(page, "errata", page["errata"]),
+            table(page, "initial", initial),
+        ],
+        drawings=_drawings(page, own[0], options),
+        notes=() if settings.log is None else (page["no_log"],),
+    )
+
+
+def _words(options: F16Options) -> dict[str, object]:
+    """Return the options as the page's facts say them."""
+    return {
         "o": options,
         "corners": ", ".join(f"{time:g} s {degrees:g} deg" for time, degrees in options.aoa_command),
         "variation": ", ".join(f"{value:+g}" for value in options.variation),
@@ -297,31 +330,34 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
         "kind": {"kde": "kernels", "gaussian": "Gaussian fit"}[options.reference],
         "halves": "" if options.halves else ", without halves",
         "exponent": "by likelihood" if options.exponent is None else f"{options.exponent:g}",
-        "draws": DRAWS,
-        "off": np.max(off),
-        "errors": np.max(off / error),
-        "seeds": ", ".join(map(str, seeds)),
     }
-    compared: list[Sequence[str]] = []
-    for row, published, ours in (("index_row", TABLE_2, chosen.index), ("bandwidth_row", BANDWIDTHS, chosen.bandwidth)):
+
+
+def _compared(page: Page, chosen: Indices) -> list[dict[str, object]]:
+    """Return every published index and bandwidth beside ours, the mean over the sets of flights."""
+    compared: list[dict[str, object]] = []
+    for name, published, ours in (("index", TABLE_2, chosen.index), ("bandwidth", BANDWIDTHS, chosen.bandwidth)):
         for (i, j), number in np.ndenumerate(published):
             if np.isfinite(number):
-                low, high = WINDOWS[j]
-                sd = f" (sd {np.std(ours[:, i, j], ddof=1):.3f})" if n > 1 else ""
-                text = f"{np.mean(ours[:, i, j]):.3f}{sd}"
-                compared.append(fill(page[row], axis=AXES[i], low=low, high=high, published=number, ours=text))
-    choices = [("published", *(f"{one:.3f}" for one in TABLE_2.ravel()), "", "")]
-    for label, each in rows.items():
-        cells = (f"{one:.3f}" for one in each.index.mean(axis=0).ravel())
-        choices.append((label, *cells, f"{each.rms:.3f}", f"{each.worst:.3f}"))
-    for label, ends in (("smallest, same scale", smallest), ("largest, same scale", largest)):
-        choices.append((label, *(f"{one:.3f}" for one in ends.ravel()), "", ""))
-    start = dict(zip(STATES, own[0].states[0], strict=True))
-    initial = [
-        (label, f"{printed} (table I)", ", ".join(f"{start[name]:g}" for name in names))
-        for label, printed, names in page["initial"]
+                quantity = fill(page["quantities"][name], axis=AXES[i], low=WINDOWS[j][0], high=WINDOWS[j][1])
+                sd = f" (sd {np.std(ours[:, i, j], ddof=1):.3f})" if len(ours) > 1 else ""
+                place, text = page["places"][name], f"{np.mean(ours[:, i, j]):.3f}{sd}"
+                compared.append({"quantity": quantity, "published": number, "place": place, "ours": text})
+    return compared
+
+
+def _choices(rows: Mapping[str, Indices], smallest: FloatArray, largest: FloatArray) -> list[tuple[str, ...]]:
+    """Return the mean index of every reading of the paper, (2, 3), and the ends of those with its scale."""
+    means = {"published": TABLE_2, **{label: each.index.mean(axis=0) for label, each in rows.items()}}
+    means |= {"smallest, same scale": smallest, "largest, same scale": largest}
+    off = {label: (f"{each.rms:.3f}", f"{each.worst:.3f}") for label, each in rows.items()}
+    return [
+        (label, *(f"{one:.3f}" for one in mean.ravel()), *off.get(label, ("", ""))) for label, mean in means.items()
     ]
-    # In how many of the rows each statement of the paper holds for every set of flights.
+
+
+def _robust(page: Page, rows: Mapping[str, Indices], comparable: Mapping[str, Indices]) -> list[tuple[str, ...]]:
+    """Return in how many of the rows each statement of the paper holds for every set of flights."""
     holds = {
         "rising_first": [one.index[:, :, 1] > one.index[:, :, 0] for one in rows.values()],
         "rising_second": [one.index[:, :, 2] > one.index[:, :, 1] for one in rows.values()],
@@ -331,19 +367,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
     shares = {key: f"{sum(bool(np.all(one)) for one in each)} of {len(each)} rows" for key, each in holds.items()}
     ratio = np.concatenate([one.bandwidth[:, :, 2] / one.bandwidth[:, :, 1] for one in rows.values()])
     ratios = " and ".join(f"{np.min(each):.2f} to {np.max(each):.2f}" for each in ratio.T)
-    return report_content(
-        page,
-        values,
-        rows=compared,
-        tables=[
-            table(page, "choices", choices),
-            table(page, "robust", fill(page["robust"], ratios=ratios, **shares)),
-            table(page, "errata", page["errata"]),
-            table(page, "initial", initial),
-        ],
-        drawings=_drawings(page, own[0], options),
-        notes=() if settings.log is None else (page["no_log"],),
-    )
+    return list(fill(page["robust"], ratios=ratios, **shares))
 
 
 def indices(flights: Sequence[Residuals], options: F16Options) -> Indices:

@@ -16,7 +16,6 @@ from ..dictionary import signals
 from ..errors import ConfigError, DictionaryError
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..kernels.nuclear_norm import largest_penalty, nuclear_least_squares
 from ..kernels.risro import risro
 from ..kernels.termination import Termination
 from ..report.content import Panel, ReportContent, curve
@@ -38,6 +37,91 @@ SWEEP_NOISE = 1e-2  # over the output, in the sweep over condition numbers
 EPS = float(np.finfo(float).eps)
 SAME = 1e-12  # two atoms are one where the cosine between them differs from 1 by less than round-off of their samples
 LEAST = 1e-17  # what a log axis shows of an error of zero
+CHECK_EVERY = 10  # steps between two looks at the duality gap, which costs as much as a step
+# Boyd et al. (2011), section 3.4.1: the penalty parameter changes by 2 where one residual is ten times the other.
+IMBALANCE, RESCALE = 10.0, 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NuclearSolution:
+    """The minimiser found: (p1, p2), of low rank exactly, after so many steps, and why no more were made.
+
+    `gap` is the duality gap over 1/2 ||y||^2: the objective lies no more than that above its minimum.
+    """
+
+    X: FloatArray
+    gap: float
+    iterations: int
+    termination: Termination
+
+
+def nuclear_least_squares(
+    A: FloatArray, y: FloatArray, *, penalty: float, max_iterations: int = 20_000, tolerance: float = 1e-10
+) -> NuclearSolution:
+    """Minimise 1/2 ||y - A(X)||^2 + penalty ||X||_* over X, the convex stand-in for a rank constraint (section 3-1).
+
+    The penalty takes the same amount off every singular value of the unpenalised answer (exactly so for orthonormal
+    covariates): directions survive, sizes shrink. The solver is the alternating direction method of multipliers on the
+    singular value decomposition of the covariates, so its steps do not depend on the number of samples; it stops on the
+    duality gap, which bounds the distance to the minimum without knowing it.
+
+    Parameters
+    ----------
+    A : (n, p1, p2) covariates, A(X)_k = <A_k, X>.
+    y : (n,).
+    penalty : positive; X is zero from `largest_penalty` on.
+    max_iterations, tolerance : limit of the steps, and the `gap` to stop at; round-off allows about 1e-12 at best.
+
+    Raises
+    ------
+    ValueError : shapes disagree or the penalty is not positive.
+    """
+    if A.ndim != 3 or y.shape != (len(A),):
+        raise ValueError(f"A must be (n, p1, p2) and y (n,), got {A.shape} and {y.shape}")
+    if not penalty > 0:
+        raise ValueError(f"the penalty must be positive, got {penalty:g}")
+    # The covariates as U diag(values) V^T.
+    U, values, Vt = np.linalg.svd(A.reshape(len(A), -1), full_matrices=False)
+    shape, b, scale = A.shape[1:], U.T @ y, float(y @ y) / 2.0 or 1.0
+    X, price = np.zeros(shape), np.zeros(shape)
+    rho, gap = float(np.median(values**2)) or 1.0, np.inf
+    termination, count = Termination.MAX_ITERATIONS, 0
+    for count in range(1, max_iterations + 1):
+        before, target = X, X - price
+        # The minimiser of 1/2 ||y - A(X)||^2 + rho/2 ||X - target||^2.
+        step = values * (b - values * (Vt @ target.ravel())) / (values**2 + rho)
+        fitted = target + (Vt.T @ step).reshape(shape)
+        X = soft_threshold(fitted + price, penalty / rho)
+        price = price + fitted - X
+        if count % CHECK_EVERY == 0 or count == max_iterations:
+            # The duality gap: the residual, shortened until feasible, is the dual point.
+            residual = b - values * (Vt @ X.ravel())
+            steepest = float(np.linalg.norm((Vt.T @ (values * residual)).reshape(shape), 2))
+            dual = residual * min(1.0, penalty / steepest) if steepest > 0.0 else residual
+            objective = residual @ residual / 2.0 + penalty * np.linalg.norm(X, "nuc")
+            gap = float(objective - dual @ (b - dual / 2.0)) / scale
+            if gap <= tolerance:
+                termination = Termination.CONVERGED
+                break
+            infeasible, moved = float(np.linalg.norm(fitted - X)), float(np.linalg.norm(X - before))
+            factor = 1.0
+            if infeasible > IMBALANCE * moved:
+                factor = RESCALE
+            elif moved > IMBALANCE * infeasible:
+                factor = 1.0 / RESCALE
+            rho, price = rho * factor, price / factor
+    return NuclearSolution(X=X, gap=gap, iterations=count, termination=termination)
+
+
+def soft_threshold(X: FloatArray, by: float) -> FloatArray:
+    """Return X with its singular values lowered by `by`, those below it zero: the proximal map of by ||X||_*."""
+    U, values, Vt = np.linalg.svd(X, full_matrices=False)
+    return np.asarray((U * np.maximum(values - by, 0.0)) @ Vt)
+
+
+def largest_penalty(A: FloatArray, y: FloatArray) -> float:
+    """Return the smallest penalty at which the minimiser is zero: the spectral norm of sum_k y_k A_k."""
+    return float(np.linalg.norm(np.tensordot(y, A, axes=1), 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,6 +191,9 @@ def identify_fir(y: FloatArray, theta: FloatArray, *, n_taps: int, penalty: floa
     # The nearest matrix of rank 1.
     U, values, Vt = np.linalg.svd(X, full_matrices=False)
     X, total = values[0] * np.outer(U[:, 0], Vt[0]), float(values.sum())
+    lagged = R[:, :-1] / (np.linalg.norm(R[:, :-1], axis=0) + EPS)
+    spread = np.linalg.svd(lagged, compute_uv=False)
+    dependent = len(R) < lagged.shape[1] or spread[-1] <= EPS * lagged.shape[1] * spread[0]
     fitted = np.tensordot(A, X)
     misfit, power, agreement = float(np.linalg.norm(target - fitted)), target @ target, fitted @ target
     product = X / scale
@@ -120,7 +207,7 @@ def identify_fir(y: FloatArray, theta: FloatArray, *, n_taps: int, penalty: floa
         shrinkage=float(1.0 - fitted @ fitted / agreement) if agreement > 0.0 else 0.0,
         misfit=misfit,
         vaf=float(100.0 * (1.0 - misfit**2 / (power or 1.0))),
-        condition_number=_condition(A),
+        condition_number=float("inf") if dependent else float(spread[0] / spread[-1]),
         termination=termination,
     )
 
@@ -134,14 +221,6 @@ def _atom_scales(theta: FloatArray) -> FloatArray:
     for i, j in np.argwhere(np.abs(cosine) > 1.0 - SAME):
         raise DictionaryError(f"fir: theta[:, {j}] equals theta[:, {i}] up to a factor; leave one out")
     return np.asarray(scale)
-
-
-def _condition(A: FloatArray) -> float:
-    flat = A.reshape(len(A), -1)
-    if len(flat) < flat.shape[1]:
-        return float("inf")
-    values = np.linalg.svd(flat / (np.linalg.norm(flat, axis=0) + EPS), compute_uv=False)
-    return float(values[0] / values[-1]) if values[-1] > EPS * flat.shape[1] * values[0] else float("inf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

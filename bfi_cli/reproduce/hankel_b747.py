@@ -78,6 +78,16 @@ class Case:
         """The ratio of every failure at its sample."""
         return [self.ratio(one) for one in self.failures]
 
+    @property
+    def shares(self) -> list[float]:
+        """Criteria (29) as printed over the measurement errors, in the same units, at the samples of the failures."""
+        shares: list[float] = []
+        for k, names in self.failures:
+            failed = _columns(names)
+            at_once = self.null_space.channel[k] * np.abs(self.measured[1 : k + 1]).max(axis=0) * np.sqrt(WIDTH)
+            shares += list(at_once[failed] / np.abs(self.measured - self.healthy)[k, failed])
+        return shares
+
     def levels(self, failure: Failure, *, after: int = 0) -> tuple[float, float]:
         """Return the least criterion of the channels that fail, and the largest of those without a failure.
 
@@ -162,12 +172,6 @@ def hankel_b747(settings: Settings) -> ReportContent:
     elevators = 0.05 * (np.sin(0.3 * i) + np.sin(0.9 * i) + np.sin(1.7 * i))
     moved = {one[1]: fly([one], lasting=N_SAMPLES, elevators=elevators).worst for one in FAILURES}
 
-    shares: list[float] = []  # criteria (29) as printed over the errors, in the same units, at the failures' samples
-    for case in (*single, *double):
-        for k, names in case.failures:
-            failed = _columns(names)
-            at_once = case.null_space.channel[k] * np.abs(case.measured[1 : k + 1]).max(axis=0) * np.sqrt(WIDTH)
-            shares += list(at_once[failed] / np.abs(case.measured - case.healthy)[k, failed])
     hits = {kind: len(case.flagged & case.expected) for kind, case in flights.items()}
     values = {
         "every": page["every"][right],
@@ -179,7 +183,7 @@ def hankel_b747(settings: Settings) -> ReportContent:
             kind: f"{hits[kind]} of {len(case.expected)}; {len(case.flagged) - hits[kind]} other alarms"
             for kind, case in flights.items()
         },
-        "shares": _range(shares),
+        "shares": _range([share for case in (*single, *double) for share in case.shares]),
         "single": _range([ratio for case in single for ratio in case.ratios]),
         "double": _range([ratio for case in double for ratio in case.ratios]),
         "flights": _range([ratio for case in together for ratio in case.ratios]),
@@ -191,23 +195,10 @@ def hankel_b747(settings: Settings) -> ReportContent:
         "rise_redundant": max(moved[name,] for name in ("aoa", "pitch", "altitude_rate")),
     }
     words = page["words"]
-    # What two sensors show for failures that hold and break condition (30), and for unseen ones.
-    one, same = (0.9, 1.0), (0.9, 0.9)
-    cases = (
-        ("coupled channels, gain of the first", "no", blamed(COUPLED, one)),
-        ("independent channels (diagonal), gain of the first", "yes", blamed(DIAGONAL, one)),
-        ("coupled channels, the same gain of both", "yes", blamed(COUPLED, same)),
-        ("gain of the first from before the record on", "no", blamed(COUPLED, one, onset=0)),
-        ("gain of the first as an input moves for the first time", "no", blamed(COUPLED, one, step=ONSET)),
-    )
-    condition = [
-        (what, holds, *(f"{value:.1e}" if value > SEEN else "round-off" for value in both.T.ravel()))
-        for what, holds, both in cases
-    ]
     rows = {
         "together": [_row(kind, case, one, words) for kind, case in flights.items() for one in FAILURES],
         "alone": [_row(kind, case, case.failures[0], words) for kind, cases in alone.items() for case in cases],
-        "condition_30": condition,
+        "condition_30": _condition_30(),
     }
     figures = {"one sample": "hankel_b747", "to the end": "hankel_b747_persistent"}
     return report_content(
@@ -217,6 +208,22 @@ def hankel_b747(settings: Settings) -> ReportContent:
         tables=[table(page, name, body) for name, body in rows.items()],
         drawings=[drawing(page, figures[kind], _panels(case, words), kind=kind) for kind, case in flights.items()],
     )
+
+
+def _condition_30() -> list[tuple[str, ...]]:
+    """Return what two sensors show for failures that hold and break condition (30), and for unseen ones."""
+    first, same = (GAIN, 1.0), (GAIN, GAIN)
+    cases = (
+        ("coupled channels, gain of the first", "no", blamed(COUPLED, first)),
+        ("independent channels (diagonal), gain of the first", "yes", blamed(DIAGONAL, first)),
+        ("coupled channels, the same gain of both", "yes", blamed(COUPLED, same)),
+        ("gain of the first from before the record on", "no", blamed(COUPLED, first, onset=0)),
+        ("gain of the first as an input moves for the first time", "no", blamed(COUPLED, first, step=ONSET)),
+    )
+    return [
+        (what, holds, *(f"{value:.1e}" if value > SEEN else "round-off" for value in both.T.ravel()))
+        for what, holds, both in cases
+    ]
 
 
 def _range(values: Sequence[float]) -> str:

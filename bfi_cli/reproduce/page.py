@@ -7,7 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..report.content import Drawing, Panel, ReportContent, Style, Table
+from ..notes import Note
+from ..report.content import Curve, Drawing, Panel, ReportContent, Style, Table
 from ..yaml12 import load_yaml
 
 FOLDER = Path(__file__).parent
@@ -20,7 +21,8 @@ def load(name: str) -> Page:
 
     A page of it has a title, a heading (or `headings` by what came out), a verdict, `facts`, `rows` of (quantity,
     published, ours), `captions` and `tables` by name, and `notes`; a `sentence` and `record_rows` are those of every
-    record, {Record} its name at the start of a sentence. `{names}` in it are filled by `report_content`.
+    record, {Record} its name at the start of a sentence. `who` are its methods, of which `who` in thesis.yaml says what
+    they are, and `panels` the axes of its figures. `{names}` in it are filled by `report_content`.
     """
     loaded: Page = load_yaml(FOLDER / f"{name}.yaml")
     return loaded
@@ -36,14 +38,10 @@ def report_content(
     values: Mapping[str, object],
     *,
     heading: object = (),
-    rows: Iterable[Sequence[str]] = (),
     records: Sequence[Mapping[str, object]] = (),
     tables: Sequence[Table] = (),
     drawings: Sequence[Drawing] = (),
-    before: Sequence[str] = (),
     notes: Sequence[str] = (),
-    who: Sequence[str] = (),
-    facts: Sequence[tuple[str, str]] = (),
     simulated: bool = False,
 ) -> ReportContent:
     """Return a page, the table of published and own numbers first.
@@ -53,23 +51,21 @@ def report_content(
     values : of the names in its text.
     heading : whether what the page's true heading says holds, for every record, those without noise first; a key of
         its `headings`; nothing where it has one `heading`.
-    rows : of the comparison, after those of the page.
     records : values of what is said of each record: of its `record_rows` of the comparison, and of the `sentence` that
         the page's verdict joins; `record` is what it is called.
-    before, notes : notes before and after those of the page.
-    who : the methods on the page, of which `who` in thesis.yaml says what they are.
-    facts : after those of the page.
+    notes : after those of the page.
     simulated : the record stands in for the thesis's own: the page's notes on that come first, and what it is last.
     """
-    methods = [fill(load("thesis")["shared"]["who"][name]) for name in who]
-    for one in records:
-        rows = (*rows, *fill(page["record_rows"], **one))
+    shared = load("thesis")["shared"]
+    rows = [row for one in records for row in fill(page.get("record_rows", ()), **one)]
     if "sentence" in page:
         capital = ({**one, "Record": f"{str(one['record'])[:1].upper()}{str(one['record'])[1:]}"} for one in records)
         values = {**values, "verdict": " ".join(fill(page["sentence"], **one) for one in capital)}
-    compared = (*fill(page.get("rows", ()), **values), *map(tuple, rows))
     comparison = Table(
-        name="comparison", title="Printed and computed", heads=("quantity", "printed", "computed here"), rows=compared
+        name="comparison",
+        title="Printed and computed",
+        heads=("quantity", "printed", "computed here"),
+        rows=(*fill(page.get("rows", ()), **values), *rows),
     )
     if isinstance(heading, Sequence):
         said = page["headings"][any(heading)] if heading else page["heading"]
@@ -82,15 +78,19 @@ def report_content(
         title=fill(page["title"], **values),
         heading=fill(said, **values),
         verdict=fill(page["verdict"], **values),
-        facts=(*fill(page.get("facts", ()), **values), *methods, *facts),
+        facts=(*fill(page.get("facts", ()), **values), *(fill(shared["who"][name]) for name in page.get("who", ()))),
         tables=(comparison, *tables),
         drawings=tuple(drawings),
-        notes=(
-            *before,
-            *(page.get("simulated", ()) if simulated else ()),
-            *fill(page["notes"], **values),
-            *notes,
-            *([load("thesis")["shared"]["stand_in"]] if simulated else ()),
+        notes=tuple(
+            map(
+                Note.method,
+                (
+                    *(page.get("simulated", ()) if simulated else ()),
+                    *fill(page["notes"], **values),
+                    *notes,
+                    *([shared["stand_in"]] if simulated else ()),
+                ),
+            )
         ),
     )
 
@@ -108,6 +108,12 @@ def drawing(
     """Return a figure with the caption that the page has for it, or for the name `caption`."""
     text = fill(page["captions"][caption or name], **values)
     return Drawing(name=name, caption=text, panels=tuple(panels), across=across)
+
+
+def panel(page: Page, name: str, curves: Iterable[Curve], **settings: Any) -> Panel:
+    """Return a panel with the axes that the page has for it, its `panels`, and further settings."""
+    axes = {key: tuple(value) if isinstance(value, list) else value for key, value in page["panels"][name].items()}
+    return Panel(**{**axes, **settings}, curves=tuple(curves))
 
 
 def joined(x: Sized, style: Style) -> Style:

@@ -16,7 +16,7 @@ from ..faults import Fault
 from ..flightlog import FlightLog, inject
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..report.content import Panel, Span, curve
+from ..report.content import Curve, Panel, Span, curve
 
 # White noise added to the airspeed where a page shows what noise changes; the thesis does not state that of its record.
 NOISE_M_S = 0.01
@@ -136,3 +136,9 @@ def airspeed_panel(log: FlightLog, spans: tuple[Span, ...]) -> Panel:
     true = curve("true", log.time_s, log.truth.clean[channel.name])
     measured = curve("measured", log.time_s, channel.values, style="dashed")
     return Panel(x_label="time [s]", y_label="tas [m/s]", curves=(true, measured), spans=spans)
+
+
+def fault_panel(log: FlightLog, label: str = "", beside: Sequence[Curve] = (), **settings: Any) -> Panel:
+    """Return the true fault of the airspeed of a log with its truth, other curves beside it."""
+    curves = (curve(label, log.time_s, true_fault(log)), *beside)
+    return Panel(x_label="time [s]", y_label="fault [m/s]", curves=curves, **settings)

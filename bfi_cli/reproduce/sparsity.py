@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -25,11 +26,11 @@ from ..kernels.model_selection import Penalty, Proposal, refine_supports, search
 from ..kernels.risro_varx import risro_varx
 from ..kernels.sparsity import SparseStage
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes
-from ..montecarlo.summary import proportion
+from ..montecarlo.summary import Proportion, proportion
 from ..preprocessing.regression import RegressionData, build_regression
 from ..preprocessing.window import prepare_window
 from ..report.content import Panel, ReportContent, curve
-from .page import drawing, fill, joined, load, report_content, table
+from .page import Page, drawing, joined, load, panel, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, trials_of, with_fault, with_noise
 from .sweeps import percent, rate_curve
 
@@ -209,49 +210,21 @@ def sparsity(settings: Settings) -> ReportContent:
     page, names = load("sparsity"), list(RULES)
     labels: Mapping[str, str] = page["rules"]
     noises, sizes = (QUICK_NOISES, QUICK_SIZES) if settings.quick else (NOISES, SIZES)
-    on_thesis = [Point(THESIS_ATOMS, noise) for noise in noises]
-    on_steps = {noise: [Point(size, noise) for size in sizes] for noise in STEP_NOISES}
+    groups = {"atoms of the thesis": [Point(THESIS_ATOMS, noise) for noise in noises]}
+    groups |= {f"steps, noise {noise:g} m/s": [Point(size, noise) for size in sizes] for noise in STEP_NOISES}
     without = [Point(THESIS_ATOMS, QUICK_NOISES[0], False), Point(sizes[-1], STEP_NOISES[0], False)]
-    points = [*on_thesis, *(point for each in on_steps.values() for point in each), *without]
+    points = [*(point for each in groups.values() for point in each), *without]
     n_trials = settings.trials_or(TRIALS, QUICK_TRIALS)
     every = trials_of(run, points, n_trials, settings)
     counts, ms = every[..., 0].sum(axis=1).astype(int), 1e3 * np.median(every[..., 1], axis=1)
     rates = [[proportion(int(count), n_trials) for count in row] for row in counts]
     shares = [dict(zip(names, map(percent, row), strict=True)) for row in rates]
-    drawings = []
-    for y_label, name, y_limits in (
-        ("isolated [%]", "sparsity", (-3.0, 103.0)),
-        ("time [ms]", "sparsity_time", (1.0, 1e3)),
-    ):
-        timed, panels = name == "sparsity_time", []
-        for title, x_label, of in (
-            ("atoms of the thesis", "noise [m/s]", on_thesis),
-            *((f"steps, noise {noise:g} m/s", "atoms [-]", each) for noise, each in on_steps.items()),
-        ):
-            at = [points.index(point) for point in of]
-            x = np.array([point.noise if of is on_thesis else point.n_atoms for point in of])
-            for first in (0, len(names) // 2):
-                curves = []
-                for i, j in enumerate(range(first, first + len(names) // 2)):
-                    label, beside = labels[names[j]], x * BESIDE**i
-                    curves.append(
-                        curve(label, beside, ms[at, j], style=joined(x, "line"))
-                        if timed
-                        else rate_curve(label, beside.tolist(), [rates[k][j] for k in at])
-                    )
-                panels.append(
-                    Panel(
-                        title=title,
-                        x_label=x_label,
-                        y_label=y_label,
-                        curves=tuple(curves),
-                        log_x=of is on_thesis,
-                        log_y=timed,
-                        y_limits=y_limits,
-                    )
-                )
-        drawings.append(drawing(page, name, panels, across=2))
-    last = points.index(on_steps[STEP_NOISES[-1]][-1])
+    last = len(points) - len(without) - 1  # of the largest dictionary of steps, in the most noise
+    told = [
+        {"where": _words(point), "label": labels[name], "share": shares[i][name], "ms": f"{ms[i, j]:.3g}"}
+        for i, point in enumerate(points)
+        for j, name in enumerate(names)
+    ]
     return report_content(
         page,
         {
@@ -268,25 +241,41 @@ def sparsity(settings: Settings) -> ReportContent:
             "seconds": {name: f"{ms[last, j]:.3g}" for j, name in enumerate(names)},
         },
         heading=bool(counts[last, names.index("stage")] > counts[last, names.index("rule")]),
-        rows=[
-            fill(page["row"], where=_words(points[i]), label=labels[name], share=shares[i][name])
-            for i in (0, last)
-            for name in names
+        records=[one for i in (0, last) for one in told[i * len(names) : (i + 1) * len(names)]],
+        tables=[table(page, "rates", [tuple(one.values()) for one in told])],
+        drawings=[
+            drawing(page, "sparsity", _panels(page, "sparsity", groups, lambda k, j: rates[k][j]), across=2),
+            drawing(page, "sparsity_time", _panels(page, "sparsity_time", groups, lambda k, j: ms[k, j]), across=2),
         ],
-        tables=[
-            table(
-                page,
-                "rates",
-                [
-                    (_words(point), labels[name], shares[i][name], f"{ms[i, j]:.3g}")
-                    for i, point in enumerate(points)
-                    for j, name in enumerate(names)
-                ],
-            )
-        ],
-        drawings=drawings,
-        facts=[(labels[name], page["who"][name]) for name in names],
     )
+
+
+def _panels(
+    page: Page, name: str, groups: Mapping[str, Sequence[Point]], read: Callable[[int, int], Any]
+) -> list[Panel]:
+    """Return the panels of a figure: of every group, first the rules for magnitudes, then those for supports.
+
+    Parameters
+    ----------
+    read : from the numbers of a point and a rule to the share of trials, or to the time.
+    """
+    labels, panels, k = list(page["rules"].values()), [], 0
+    for title, points in groups.items():
+        noisy = points[0].n_atoms == THESIS_ATOMS
+        x = np.array([point.noise if noisy else point.n_atoms for point in points])
+        half = len(labels) // 2
+        for first in (0, half):
+            curves = []
+            for j in range(first, first + half):
+                beside, values = x * BESIDE ** (j - first), [read(k + i, j) for i in range(len(points))]
+                if isinstance(values[0], Proportion):
+                    curves.append(rate_curve(labels[j], beside.tolist(), values))
+                else:
+                    curves.append(curve(labels[j], beside, values, style=joined(x, "line")))
+            x_label = "noise [m/s]" if noisy else "atoms [-]"
+            panels.append(panel(page, name, curves, title=title, x_label=x_label, log_x=noisy))
+        k += len(points)
+    return panels
 
 
 def _words(point: Point) -> str:

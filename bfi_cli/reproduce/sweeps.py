@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,10 +14,12 @@ from ..config import merge
 from ..flightlog import write_log
 from ..montecarlo import check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.definition import RecordedLog
+from ..montecarlo.scenarios import digest_of_parts
 from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
-from ..report.content import Curve, Drawing, Panel, ReportContent, Span, curve
+from ..notes import Note
+from ..report.content import Curve, Drawing, ReportContent, Span, curve
 from ..report.text import number
-from .page import FOLDER, Page, drawing, fill, joined, load, report_content, table
+from .page import FOLDER, Page, drawing, fill, joined, load, panel, report_content, table
 from .reconstruction import label_of
 from .record import Settings, thesis_record
 
@@ -61,7 +61,7 @@ class Swept:
     cells: tuple[Cell, ...]
     trials: int
     recorded: bool
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     def of(self, method: str, noise: float) -> list[Cell]:
         """Return the cells of a method at a noise, by number of active faults."""
@@ -107,9 +107,8 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
             for method in compare:
                 config = merge(setting.config, load("methods")[method], where="methods.yaml")
                 parts = [setting.digest, source.model_dump(mode="json"), config.model_dump(mode="json")]
-                digest = hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
                 name, axes = f"{scenario.name} method={method}", {**scenario.axes, "method": method}
-                changed = replace(setting, digest=digest, record=source, config=config)
+                changed = replace(setting, digest=digest_of_parts(parts), record=source, config=config)
                 scenarios.append(replace(scenario, name=name, axes=axes, setting=changed))
         n_trials = settings.trials_or(plain.n_trials, quick.trials)
         sweep = replace(plain, n_trials=n_trials, scenarios=tuple(scenarios))
@@ -164,12 +163,12 @@ def rate_curve(label: str, x: Sequence[float], shares: Sequence[Proportion]) -> 
 def thesis_monte_carlo(settings: Settings) -> ReportContent:
     """Return figures 5-3 and 5-4: magnitude error and isolation against the number of active faults."""
     page = load("thesis")["5-3"]
-    result = swept("thesis", settings, compare=page["methods"], quick=QUICK)
+    result = swept("thesis", settings, compare=page["who"], quick=QUICK)
     # As published, no miss and no false alarm is seen.
     isolated = [(pooled(result.of("sparse", noise)).rate or 0.0) >= NEARLY_ALL for noise in result.noises]
     drawings = [
-        _errors(page, "thesis_5_3", result, page["methods"]),
-        _isolation(page, "thesis_5_4", result, page["methods"]),
+        _errors(page, "thesis_5_3", result, page["who"]),
+        _isolation(page, "thesis_5_4", result, page["who"]),
     ]
     return _sweep_page(page, result, settings, heading=isolated, drawings=drawings)
 
@@ -177,7 +176,7 @@ def thesis_monte_carlo(settings: Settings) -> ReportContent:
 def thesis_a(settings: Settings) -> ReportContent:
     """Return figures A-1 to A-4: the same with and without the sparsity stage, and as the published listing runs."""
     page = load("thesis")["A"]
-    result = swept("thesis", settings, compare=page["methods"], quick=QUICK)
+    result = swept("thesis", settings, compare=page["who"], quick=QUICK)
     # The stage changes nothing where rates without it lie in the intervals of those with it, at every point.
     alike = [
         all(
@@ -194,7 +193,7 @@ def thesis_a(settings: Settings) -> ReportContent:
         ("thesis_a_3", _isolation, ("sparse", "listing", "risro")),
         ("thesis_a_4", _isolation, ("rank_only",)),
     ):
-        drawings.append(draw(page, figure, result, [one for one in page["methods"] if one not in left_out]))
+        drawings.append(draw(page, figure, result, [one for one in page["who"] if one not in left_out]))
     return _sweep_page(page, result, settings, heading=alike, drawings=drawings)
 
 
@@ -211,30 +210,21 @@ def _errors(page: Page, name: str, result: Swept, methods: Sequence[str]) -> Dra
             )
             medians.append(curve(label, at, middle, style="points", low=low, high=high))
         for what, curves in (("mean", means), ("median and quartiles", medians)):
-            panels.append(
-                Panel(
-                    title=f"{result.words(noise)}, {what}",
-                    x_label="active faults [-]",
-                    y_label="relative magnitude error [-]",
-                    curves=tuple(curves),
-                    log_y=True,
-                )
-            )
+            panels.append(panel(page, "error", curves, title=f"{result.words(noise)}, {what}"))
     return drawing(page, name, panels, across=2)
 
 
 def _isolation(page: Page, name: str, result: Swept, methods: Sequence[str]) -> Drawing:
     """Return the isolation rate against the number of active faults, with Wilson intervals, a panel per noise."""
     panels = [
-        Panel(
-            title=result.words(noise),
-            x_label="active faults [-]",
-            y_label="isolated [%]",
-            curves=tuple(
+        panel(
+            page,
+            "isolation",
+            [
                 rate_curve(label, at, [cell.summary.isolation_rate for cell in cells])
                 for label, cells, at in _beside(result, methods, noise)
-            ),
-            y_limits=(-3.0, 103.0),
+            ],
+            title=result.words(noise),
         )
         for noise in result.noises
     ]
@@ -252,15 +242,19 @@ def _sweep_page(
     page: Page, result: Swept, settings: Settings, *, heading: object, drawings: Sequence[Drawing]
 ) -> ReportContent:
     """Return a page with the rates and errors of every method at every noise."""
-    rows, parts = [], []
+    compared: list[dict[str, object]] = []
+    parts = []
     for noise in result.noises:
-        words, cells = result.words(noise), {method: result.of(method, noise) for method in page["methods"]}
+        words, cells = result.words(noise), {method: result.of(method, noise) for method in page["who"]}
         for method, of in cells.items():
             said = {"label": label_of(method), "noise": words, "few": of[0].active, "many": of[-1].active}
             errors = [number(cell.mean_error, digits=2) for cell in (of[0], of[-1])]
             shares = " ".join(f"{100.0 * (cell.summary.isolation_rate.rate or 0.0):.0f}" for cell in of)
             for what, computed in (("error", " and ".join(errors)), ("isolation", f"{shares} %")):
-                rows.append((fill(page["quantities"][what], **said), page["printed"][what].get(method, "-"), computed))
+                quantity = fill(page["quantities"][what], **said)
+                compared.append(
+                    {"quantity": quantity, "printed": page["printed"][what].get(method, "-"), "computed": computed}
+                )
         isolated = ", ".join(f"{label_of(method)} {percent(pooled(of))}" for method, of in cells.items())
         parts.append(f"{words.capitalize()}, isolated: {isolated}.")
     body = []
@@ -271,8 +265,9 @@ def _sweep_page(
         errors = [number(value, digits=2) for value in (cell.mean_error, (one.magnitude_error or {}).get("p50"))]
         body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
     active = sorted({cell.active for cell in result.cells})
+    before = [load("thesis")["shared"]["stand_in"], page["simulated"]] if settings.log is None else []
     return report_content(
-        page,
+        {**page, "notes": [*before, *page["notes"]]},
         {
             "verdict": " ".join(parts),
             "record": page["record"] if settings.log is None else settings.log.path,
@@ -281,39 +276,28 @@ def _sweep_page(
             "points": f"{', '.join(map(str, active))} active; {', '.join(map(result.words, result.noises))}",
         },
         heading=heading,
-        rows=rows,
+        records=compared,
         tables=[table(page, "rates", body)],
         drawings=drawings,
-        before=(load("thesis")["shared"]["stand_in"], page["simulated"]) if settings.log is None else (),
-        notes=result.notes,
-        who=tuple(page["methods"]),
+        notes=[one.text for one in result.notes],
     )
 
 
 def isolation_noise(settings: Settings) -> ReportContent:
     """Return the curves of isolation against noise for 1, 2 and 4 active faults, the thesis's rule and ours."""
     page = load("isolation_noise")
-    methods = page["methods"]
+    methods = page["who"]
     result = swept("isolation_noise", settings, compare=methods, quick=QUICK_NOISE)
     numbers = sorted({cell.active for cell in result.cells})
     panels = []
+    spans = (Span(label=result.words(0.0), low=AT_ZERO, high=AT_ZERO),) if 0.0 in result.noises else ()
     for title, shown in (("all trials", numbers), *((f"{n} active", [n]) for n in numbers)):
         curves = []
         for i, method in enumerate(methods):
             at = [max(noise, AT_ZERO) * ASIDE**i for noise in result.noises]
             cells = [[one for one in result.of(method, noise) if one.active in shown] for noise in result.noises]
             curves.append(rate_curve(label_of(method), at, [pooled(part) for part in cells]))
-        panels.append(
-            Panel(
-                title=title,
-                x_label="noise [m/s]",
-                y_label="isolated [%]",
-                curves=tuple(curves),
-                log_x=True,
-                spans=(Span(label=result.words(0.0), low=AT_ZERO, high=AT_ZERO),) if 0.0 in result.noises else (),
-                y_limits=(-3.0, 103.0),
-            )
-        )
+        panels.append(panel(page, "isolation", curves, title=title, spans=spans))
     rule, *_, ours = (pooled(result.of(method, result.noises[-1])).rate or 0.0 for method in methods)
     drawings = [drawing(page, "isolation_noise", panels, across=2)]
     return _sweep_page(page, result, settings, heading=rule < ours, drawings=drawings)

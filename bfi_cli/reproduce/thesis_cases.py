@@ -1,7 +1,8 @@
-"""Faults of the thesis as every method reconstructs them: cases 1 to 3 of its section 5-3, figures 5-5 to 5-12.
+"""Chapter 5 of the thesis: its record (figure 5-1), its signals (table 2-1, figure 5-2), and cases 1 to 3.
 
-Case 1 is a fault of the dictionary (5-5, 5-6), case 2 a bias with a perturbation that the dictionary lacks (5-7 to
-5-10), case 3 a fault that starts later than the dictionary's (5-11, 5-12).
+Cases are faults as every method reconstructs them (section 5-3): case 1 is a fault of the dictionary (5-5, 5-6), case 2
+a bias with a perturbation that the dictionary lacks (5-7 to 5-10), case 3 a fault that starts later than the
+dictionary's (5-11, 5-12).
 """
 
 from __future__ import annotations
@@ -13,12 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from ..config import Config
+from ..dictionary import signals
 from ..faults import Fault
 from ..flightlog import FlightLog
+from ..identify import identify_faults
 from ..identify.dmae import DmaeSettings
-from ..report.content import Curve, Panel, ReportContent, Style, Table, curve
-from ..report.text import number
-from .page import drawing, joined, load, percent, report_content, table
+from ..report.content import Curve, Drawing, Panel, ReportContent, Style, Table, curve
+from ..report.text import number, quantity
+from ..shapes import SHAPES
+from .page import Page, drawing, joined, load, panel, percent, report_content, table
 from .reconstruction import (
     PROGRAM,
     READINGS,
@@ -28,10 +33,23 @@ from .reconstruction import (
     by_program,
     by_readings,
     by_scan,
+    declared,
     label_of,
     shipped,
 )
-from .record import Settings, airspeed_panel, fault_starts, records_of, thesis_record, true_fault, with_fault
+from .record import (
+    NOISE_M_S,
+    Settings,
+    airspeed_panel,
+    fault_panel,
+    fault_starts,
+    records_of,
+    thesis_dictionary,
+    thesis_record,
+    true_fault,
+    with_fault,
+    with_noise,
+)
 
 Views = Mapping[str, Reconstruction]
 
@@ -44,7 +62,75 @@ QUICK_ORDERS = (5, 25, 45, 60)  # some of these
 LOW, BEST = 4, 45  # the orders of the thesis: of most of its figures, and the best of figure 5-9
 SHOWN = (3, 4, 5, 10, 25, 40, 44, 45, 50, 60, 80)  # in the table of figure 5-9, and those solved with noise too
 LISTING_SHARE = 0.01  # of the norm of all magnitudes: what the listing of the sweep over orders counts as a fault
-VAF_LIMITS = (-105.0, 105.0)  # of an axis, %: minus 100 is an error as large as twice the power of the signal
+DRAWN = tuple(name for name in READINGS if name != "sparse_2")  # the readings of algorithm 3 in the figures of cases
+
+
+def thesis_5_1(settings: Settings) -> ReportContent:
+    """Return figure 5-1: the control input and the airspeed."""
+    page, log, given = load("thesis")["5-1"], thesis_record(settings), settings.log is not None
+    answer = identify_faults(log, thesis_dictionary(), Config())
+    values = {name: log.channel(name).values for name in ("elevator", "tas")}
+    return report_content(
+        page,
+        {
+            "log": log,
+            "interval_s": 1.0 / log.rate_hz,
+            "altitude": page["altitude"][given],
+            "declared": declared(answer),
+            **{name: f"{number(float(y.min()))} and {number(float(y.max()))}" for name, y in values.items()},
+        },
+        heading=given,
+        drawings=[
+            drawing(page, "thesis_5_1", [panel(page, name, [curve("", log.time_s, y)]) for name, y in values.items()])
+        ],
+        notes=[one.text for one in log.notes],
+        simulated=not given,
+    )
+
+
+def thesis_5_2(settings: Settings) -> ReportContent:
+    """Return figure 5-2: the signals of the dictionary, with the smallest magnitude of each that could be found."""
+    page, log, dictionary = load("thesis")["5-2"], thesis_record(settings), thesis_dictionary()
+    answer = identify_faults(with_noise(log, NOISE_M_S, seed=settings.seed), dictionary, Config())
+    smallest = {one.name: quantity(one.minimal_detectable, one.unit) for one in answer.candidates}
+    start_s = float(log.time_s[0])
+    theta = signals(dictionary.resolved(start_s), log.time_s, ["tas"], window_start_s=start_s)[:, 0]
+    atoms = [
+        {"i": i, "name": str(atom.name), "onset_s": atom.onset_s, "expression": expression, "published_s": published_s}
+        for i, (atom, (expression, published_s)) in enumerate(zip(dictionary.atoms, page["signals"], strict=True), 1)
+    ]
+    shown = [(f"theta {one['i']}", one["name"], one["expression"], smallest[one["name"]]) for one in atoms]
+    panels = [
+        panel(page, "signal", [curve("", log.time_s, signal)], title=f"theta {i}")
+        for i, signal in enumerate(theta.T, start=1)
+    ]
+    return report_content(
+        page,
+        {"log": log, "noise": NOISE_M_S, "smallest": smallest, "model": answer.model},
+        records=atoms,
+        tables=[table(page, "signals", shown, noise=NOISE_M_S)],
+        drawings=[drawing(page, "thesis_5_2", panels, across=2)],
+        simulated=settings.log is None,
+    )
+
+
+def thesis_table_2_1(settings: Settings) -> ReportContent:
+    """Return table 2-1: what blocks a pitot probe and the signal that stands for it, drawn on the record's airspeed."""
+    page, log = load("thesis")["2-1"], thesis_record(settings)
+    faults, panels = [], []
+    for blockage, printed, spec in page["faults"]:
+        fault = Fault(**spec)
+        faulty = with_fault(log, fault)
+        signal = f"{fault.shape}: {SHAPES[fault.shape].formula.rstrip('.')}"
+        faults.append({"blockage": blockage, "printed": printed, "signal": signal})
+        panels += [fault_panel(faulty, title=blockage), airspeed_panel(faulty, fault_starts(faulty))]
+    return report_content(
+        page,
+        {"log": log},
+        records=faults,
+        drawings=[drawing(page, "thesis_table_2_1", panels, across=2)],
+        simulated=settings.log is None,
+    )
 
 
 def thesis_5_7(settings: Settings) -> ReportContent:
@@ -52,19 +138,14 @@ def thesis_5_7(settings: Settings) -> ReportContent:
     page, log = load("thesis")["5-7"], thesis_record(settings)
     faulty = perturbed(log, KAPPA)
     seen = {label: _solved(one, LOW) for label, one in records_of(faulty, settings).items()}
-    spans, fault = fault_starts(faulty), curve("", log.time_s, true_fault(faulty))
-    panels = (
-        airspeed_panel(faulty, spans),
-        Panel(x_label="time [s]", y_label="fault [m/s]", curves=(fault,), spans=spans),
-    )
+    spans = fault_starts(faulty)
     return report_content(
         page,
         {"log": log, "declared": "; ".join(f"{label}: {views['risro'].declared}" for label, views in seen.items())},
         records=[{"record": label, **views} for label, views in seen.items()],
         tables=_method_tables(seen),
-        drawings=[drawing(page, "thesis_5_7", panels)],
+        drawings=[drawing(page, "thesis_5_7", [airspeed_panel(faulty, spans), fault_panel(faulty, spans=spans)])],
         simulated=settings.log is None,
-        who=tuple(next(iter(seen.values()))),
     )
 
 
@@ -83,29 +164,23 @@ def thesis_5_8(settings: Settings) -> ReportContent:
         for label, each in swept.items()
         for kappa, views in zip(kappas, each, strict=True)
     ]
+    style = joined(kappas, "line")
     panels = [
-        Panel(
+        panel(
+            page,
+            what,
+            [
+                curve(label_of(name), kappas, [getattr(views[name], what) for views in each], style=style)
+                for name in (*DRAWN, *PROGRAM)
+            ],
             title=label,
-            x_label="kappa [m/s]",
-            y_label=f"VAF of the {what} [%]",
-            curves=tuple(
-                curve(
-                    label_of(name), kappas, [getattr(views[name], key) for views in each], style=joined(kappas, "line")
-                )
-                for name in names
-                if name != "sparse_2"
-            ),
-            y_limits=limits,
         )
-        for what, key, limits in (("fault", "vaf_fault", VAF_LIMITS), ("airspeed", "vaf_output", (-5.0, 105.0)))
+        for what in page["panels"]
         for label, each in swept.items()
     ]
     return report_content(
         page,
-        {
-            "log": clean,
-            "kappas": f"{len(kappas)}: {', '.join(f'{kappa:g}' for kappa in kappas)}",
-        },
+        {"log": clean, "kappas": f"{len(kappas)}: {', '.join(f'{kappa:g}' for kappa in kappas)}"},
         heading=[each[-1]["sparse"].vaf_fault < 50.0 for each in swept.values()],
         records=[
             {
@@ -120,7 +195,6 @@ def thesis_5_8(settings: Settings) -> ReportContent:
         tables=[table(page, "kappa", rows, **{name: label_of(name) for name in names})],
         drawings=[drawing(page, "thesis_5_8", panels, across=len(swept))],
         simulated=settings.log is None,
-        who=names,
     )
 
 
@@ -131,92 +205,84 @@ def thesis_5_9(settings: Settings) -> ReportContent:
     whole = QUICK_ORDERS if settings.quick else ORDERS
     orders = {label: whole if i == 0 or settings.quick else SHOWN for i, label in enumerate(records)}
     total, done = sum(map(len, orders.values())), 0
-    swept: dict[str, list[Views]] = {}
+    solved: dict[str, dict[int, Views]] = {label: {} for label in records}
     for label, log in records.items():
         for order in orders[label]:
-            swept.setdefault(label, []).append(by_readings(log, order))
+            solved[label][order] = by_readings(log, order)
             settings.report(done := done + 1, total)
     program = {label: {name: by_program(log, name) for name in PROGRAM} for label, log in records.items()}
-
-    def count(one: Reconstruction) -> int:
-        return len(above(one.magnitudes, LISTING_SHARE))
-
+    first, *_ = solved.values()
+    vafs = {name: {order: views[name].vaf_fault for order, views in first.items()} for name in READINGS}
+    best = {name: max(each, key=each.__getitem__) for name, each in vafs.items()}
+    single = {
+        name: ", ".join(str(order) for order, views in first.items() if len(counted(views[name])) == 1) or "none"
+        for name in READINGS
+    }
     rows = [
         (
-            *(label, str(order), one.label, percent(one.vaf_fault), number(magnitude_error(log, one)), str(count(one))),
-            ", ".join(above(one.magnitudes, LISTING_SHARE)),
+            *(label, str(order), one.label, percent(one.vaf_fault), number(magnitude_error(log, one))),
+            *(str(len(counted(one))), ", ".join(counted(one))),
         )
         for label, log in records.items()
-        for order, views in zip(orders[label], swept[label], strict=True)
+        for order, views in solved[label].items()
         if order in SHOWN
         for one in views.values()
     ]
-    panels = []
-    for y_label, read, limits in (
-        ("VAF of the fault [%]", lambda _, one: one.vaf_fault, VAF_LIMITS),
-        ("error [-]", magnitude_error, (5e-3, 5.0)),
-        ("faults [-]", lambda _, one: count(one), (0.0, 7.5)),
-    ):
-        for label, log in records.items():
-            at = orders[label]
-            drawn = {
-                name: [read(log, views[name]) for views in swept[label]] for name in READINGS if name != "sparse_2"
-            }
-            panels.append(
-                Panel(
-                    title=label,
-                    x_label="order s [-]",
-                    y_label=y_label,
-                    curves=tuple(
-                        curve(label_of(name), at, y, style="line" if len(at) == len(ORDERS) else "points")
-                        for name, y in drawn.items()
-                    ),
-                    levels=tuple((one.label, read(log, one)) for one in program[label].values()),
-                    log_y=y_label == "error [-]",
-                    y_limits=limits,
-                )
-            )
-    first = next(iter(records))
-    at_best = {label: swept[label][orders[label].index(BEST)] for label in records}
-    best = {
-        name: max(zip(orders[first], swept[first], strict=True), key=lambda pair: pair[1][name].vaf_fault)
-        for name in READINGS
-    }
-    single = {
-        name: [str(order) for order, views in zip(orders[first], swept[first], strict=True) if count(views[name]) == 1]
-        for name in READINGS
-    }
     return report_content(
         page,
         {
             "log": clean,
-            "orders": {label: _listed(each) for label, each in orders.items()},
             "solved": "; ".join(f"{label}: {_listed(each)}" for label, each in orders.items()),
-            "best": {name: f"{order} ({views[name].vaf_fault:.1f} %)" for name, (order, views) in best.items()},
-            "drift": {name: number(one.magnitudes["drift_7.93"], digits=3) for name, one in at_best[first].items()},
-            "single": {name: ", ".join(each) or "none" for name, each in single.items()},
-            "last": orders[first][-1],
-            "end": swept[first][-1],
-            "fifth": swept[first][orders[first].index(5)],
+            "best": {name: f"{order} ({vafs[name][order]:.1f} %)" for name, order in best.items()},
+            "drift": {name: number(one.magnitudes["drift_7.93"], digits=3) for name, one in first[BEST].items()},
+            "single": single,
+            "last": max(first),
+            "end": first[max(first)],
+            "fifth": first[5],
         },
-        heading=[best["sparse"][0] == BEST and best["sparse"][1]["sparse"].vaf_fault > 50.0],
+        heading=[best["sparse"] == BEST and vafs["sparse"][BEST] > 50.0],
         records=[
             {
-                **at_best[label],
+                **solved[label][BEST],
                 **program[label],
                 "record": label,
                 "faults": {
-                    name: f"{count(one)}: {', '.join(above(one.magnitudes, LISTING_SHARE)) or 'none'}"
-                    for name, one in at_best[label].items()
+                    name: f"{len(counted(one))}: {', '.join(counted(one)) or 'none'}"
+                    for name, one in solved[label][BEST].items()
                 },
             }
             for label in records
         ],
         tables=[table(page, "orders", rows)],
-        drawings=[drawing(page, "thesis_5_9", panels, across=len(records))],
+        drawings=[_draw_orders(page, records, solved, program)],
         simulated=settings.log is None,
-        who=(*READINGS, *PROGRAM),
     )
+
+
+def _draw_orders(
+    page: Page,
+    records: Mapping[str, FlightLog],
+    solved: Mapping[str, Mapping[int, Views]],
+    program: Mapping[str, Views],
+) -> Drawing:
+    """Return VAF, error and number of faults against the order, what chooses its order as horizontal lines."""
+    reads: Mapping[str, Callable[[FlightLog, Reconstruction], float]] = {
+        "vaf": lambda _, one: one.vaf_fault,
+        "error": magnitude_error,
+        "faults": lambda _, one: len(counted(one)),
+    }
+    panels = []
+    for what, read in reads.items():
+        for label, log in records.items():
+            orders = list(solved[label])
+            style: Style = "line" if len(orders) == len(ORDERS) else "points"
+            curves = [
+                curve(label_of(name), orders, [read(log, views[name]) for views in solved[label].values()], style=style)
+                for name in DRAWN
+            ]
+            levels = tuple((one.label, read(log, one)) for one in program[label].values())
+            panels.append(panel(page, what, curves, title=label, levels=levels))
+    return drawing(page, "thesis_5_9", panels, across=len(records))
 
 
 def perturbed(clean: FlightLog, kappa: float) -> FlightLog:
@@ -236,6 +302,11 @@ def magnitude_error(log: FlightLog, one: Reconstruction) -> float:
         return float("nan")
     off = [z - true.get(name, 0.0) for name, z in one.magnitudes.items()]
     return float(np.linalg.norm(off) / np.linalg.norm(list(true.values())))
+
+
+def counted(one: Reconstruction) -> list[str]:
+    """Return the faults that the listing of the sweep over orders counts."""
+    return above(one.magnitudes, LISTING_SHARE)
 
 
 def _solved(log: FlightLog, order: int) -> dict[str, Reconstruction]:
@@ -272,7 +343,6 @@ def _reconstructed(figure: str, settings: Settings) -> ReportContent:
     faulty = with_fault(clean, Fault(**page["fault"])) if "fault" in page else perturbed(clean, KAPPA)
     filters, drift = DmaeSettings(**page["dmae"]), "drift_7.93"
     shapes = () if settings.quick and "quick" in page else page.get("scan", ())
-    others = [] if settings.quick else [replace(filters, fault_variance=one) for one in page.get("fault_variances", ())]
     seen: dict[str, Views] = {}
     told: list[dict[str, Any]] = []
     records = records_of(faulty, settings)
@@ -293,43 +363,44 @@ def _reconstructed(figure: str, settings: Settings) -> ReportContent:
         )
         settings.report(done, len(records))
     tabulated = [
-        by_dmae(faulty, one, settings, label=f"DMAE, fault noise {one.fault_variance:g} (m/s)^2") for one in others
+        by_dmae(faulty, replace(filters, fault_variance=one), settings, label=f"DMAE, fault noise {one:g} (m/s)^2")
+        for one in (() if settings.quick else page.get("fault_variances", ()))
     ]
-    drawings = []
-    for i, (label, log) in enumerate(records.items()):
-        true, spans, views = true_fault(log), fault_starts(log)[:1], seen[label]
-        # The true fault fills about half of the axis; a reconstruction far outside leaves it.
-        low, high = min(float(true.min()), 0.0), max(float(true.max()), 0.0)
-        room = 0.6 * (high - low)
-        airspeed = airspeed_panel(log, spans)
-        panels = [
-            replace(airspeed, curves=(*airspeed.curves, *_curves(views, ("sparse", "dmae", "risro"), "airspeed")))
-        ]
-        for names in (READINGS[:-1], [one for one in views if one not in READINGS[:-1]]):
-            panels.append(
-                Panel(
-                    x_label="time [s]",
-                    y_label="fault [m/s]",
-                    curves=(curve("true", log.time_s, true), *_curves(views, names, "fault")),
-                    spans=spans,
-                    y_limits=(low - room, high + room),
-                )
-            )
-        drawings.append(drawing(page, name if i == 0 else f"{name}_noise", panels, caption=name, record=label))
     return report_content(
-        page,
+        {**page, "who": tuple(next(iter(seen.values())))},
         {"log": faulty},
         heading=[HOLDS[figure](one) for one in told],
         records=told,
         tables=_method_tables(seen, tabulated),
-        drawings=drawings,
+        drawings=[
+            drawing(
+                page, name if i == 0 else f"{name}_noise", _views_panels(log, seen[label]), caption=name, record=label
+            )
+            for i, (label, log) in enumerate(records.items())
+        ],
         simulated=settings.log is None,
         notes=(
             *(shipped(settings, shapes) if shapes else page.get("quick", ())),
             *(() if settings.log is None else (shared["dmae_model"],)),
         ),
-        who=tuple(next(iter(seen.values()))),
     )
+
+
+def _views_panels(log: FlightLog, views: Views) -> list[Panel]:
+    """Return the airspeed and the fault as methods see them; a fault far outside the true one's axis leaves it."""
+    true, spans = true_fault(log), fault_starts(log)[:1]
+    # The true fault fills about half of the axis.
+    low, high = min(float(true.min()), 0.0), max(float(true.max()), 0.0)
+    room = 0.6 * (high - low)
+    airspeed = airspeed_panel(log, spans)
+    others = [one for one in views if one not in READINGS[:-1]]
+    return [
+        replace(airspeed, curves=(*airspeed.curves, *_curves(views, ("sparse", "dmae", "risro"), "airspeed"))),
+        *(
+            fault_panel(log, "true", _curves(views, names, "fault"), spans=spans, y_limits=(low - room, high + room))
+            for names in (READINGS[:-1], others)
+        ),
+    ]
 
 
 # What the thesis says of a figure, by what is told of a record.

@@ -23,16 +23,16 @@ from ..preprocessing.regression import ROUND_OFF
 from ..report.content import Drawing, Panel, ReportContent, Table, curve
 from ..report.text import number
 from ..shapes import Shape
-from .page import drawing, fill, load, report_content, table
+from .page import drawing, fill, load, panel, report_content, table
 from .reconstruction import COPIES, READINGS, dated, label_of, method_config, scanning, shipped
 from .record import (
     NOISE_M_S,
     Settings,
     airspeed_panel,
+    fault_panel,
     fault_starts,
     records_of,
     thesis_record,
-    true_fault,
     with_fault,
 )
 from .thesis_cases import LOW
@@ -87,12 +87,8 @@ def thesis_5_13(settings: Settings) -> ReportContent:
         for label, record in records_of(faulty, settings).items():
             scans[label] = find_onset(record, config)
     told = {label: "; ".join(map(dated, scan.faults)) or "none" for label, scan in scans.items()}
-    elevator, fault = curve("", log.time_s, log.channel("elevator").values), curve("", log.time_s, true_fault(faulty))
-    panels = (
-        Panel(x_label="time [s]", y_label="elevator [rad]", curves=(elevator,)),
-        airspeed_panel(faulty, spans),
-        Panel(x_label="time [s]", y_label="fault [m/s]", curves=(fault,), spans=spans),
-    )
+    elevator = panel(page, "elevator", [curve("", log.time_s, log.channel("elevator").values)])
+    panels = (elevator, airspeed_panel(faulty, spans), fault_panel(faulty, spans=spans))
     return report_content(
         page,
         {"log": log, "onset_s": spans[0].low, "declared": "; ".join(f"{label}: {one}" for label, one in told.items())},
@@ -101,7 +97,6 @@ def thesis_5_13(settings: Settings) -> ReportContent:
         drawings=[drawing(page, "thesis_5_13", panels)],
         notes=_about_the_scan(settings)[:1],
         simulated=settings.log is None,
-        who=("scan",),
     )
 
 
@@ -112,9 +107,8 @@ def _right_shape(fault: Fault, figure: str, size: str, settings: Settings) -> Re
     first = cases[0]
     spans = fault_starts(first.log)
     profiles = [(one.label, p) for one in cases for p in one.scan.profiles if p.shape == fault.shape]
-    true = curve("", first.log.time_s, true_fault(first.log))
     panels = [
-        Panel(x_label="time [s]", y_label="fault [m/s]", curves=(true,), spans=spans),
+        fault_panel(first.log, spans=spans),
         *map(_magnitudes_panel, cases),
         *map(_statistic_panel, cases),
         Panel(
@@ -134,7 +128,6 @@ def _right_shape(fault: Fault, figure: str, size: str, settings: Settings) -> Re
         drawings=[drawing(page, f"thesis_{figure.replace('-', '_')}", panels)],
         notes=_about_the_scan(settings),
         simulated=settings.log is None,
-        who=(*METHODS, "scan"),
     )
 
 
@@ -152,7 +145,7 @@ def thesis_5_16(settings: Settings) -> ReportContent:
     every = [one for group in cases.values() for one in group]
     drawings: list[Drawing] = []
     for i, pair in enumerate(zip(*cases.values(), strict=True)):
-        titles = [page["panels"][fault] for fault in cases]
+        titles = [page["titles"][fault] for fault in cases]
         panels = [_magnitudes_panel(one, title=title) for one, title in zip(pair, titles, strict=True)]
         panels += [_statistic_panel(one) for one in pair]
         name = "thesis_5_16" if i == 0 else "thesis_5_16_noise"
@@ -174,7 +167,6 @@ def thesis_5_16(settings: Settings) -> ReportContent:
         drawings=drawings,
         notes=_about_the_scan(settings),
         simulated=settings.log is None,
-        who=(*METHODS, "scan"),
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.aircraft import MODELS, Dryden, Flown, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.commands import run_command
@@ -108,7 +109,7 @@ def test_deflections_beyond_a_stop_are_held_there():
     result = F16.fly(np.array([[0.6, 0.0, 0.0, 2.0]] * 3), RATE)
     assert isinstance(result, Flown)
     np.testing.assert_allclose(result.inputs[:, [0, 3]], [[np.radians(25.0), 1.0]] * 3, rtol=1e-12)
-    assert result.notes == ("elevator is held at its stop", "throttle is held at its stop")
+    assert texts(result.notes) == ("elevator is held at its stop", "throttle is held at its stop")
 
 
 def test_all_inputs_may_move():

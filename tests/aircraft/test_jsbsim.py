@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.aircraft import MODELS, STICK, Dryden, FlightPlan, deviations, find_model, simulate, time_axis
 from bfi_cli.airdata import (
@@ -169,7 +170,9 @@ def test_a_tour_climbs_and_turns_both_ways():
 
 @needs_jsbsim
 def test_a_control_at_its_stop_is_a_note():
-    notes = {size: flown("c172p", course="doublet", throttle=size, duration_s=24.0).notes for size in (0.01, 0.9)}
+    notes = {
+        size: texts(flown("c172p", course="doublet", throttle=size, duration_s=24.0).notes) for size in (0.01, 0.9)
+    }
     assert notes == {0.01: (), 0.9: ("throttle is held at its stop",)}
 
 

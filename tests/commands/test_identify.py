@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.flightlog import read_log
 from bfi_cli.yaml12 import load_yaml
@@ -72,7 +73,7 @@ def names(document: Mapping[str, Any]) -> list[str]:
 def test_the_injected_truth_comes_out(
     identify: Callable, once: Callable, request: pytest.FixtureRequest, log: Path, faults: list[str]
 ):
-    if log.suffix == ".csv":
+    if log in (DATA / "citation_bias.csv", TWO):
         request.getfixturevalue("unscanned")
     document = once(log.name, lambda: identify(log, "-d", FAULTS))
     assert document["decision"] == ("fault" if faults else "inconclusive")
@@ -87,6 +88,7 @@ def test_the_injected_truth_comes_out(
     assert len(document["candidates"]) == 7
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_the_log_s_own_truth_is_compared_with(identify: Callable, once: Callable):
     document = once(TWO.name, lambda: identify(TWO, "-d", FAULTS))
     assert document["truth"]["isolated"]
@@ -121,7 +123,7 @@ def test_the_document_of_the_contract(identify: Callable, once: Callable):
         for key in filter(None, path.split(".")):
             part = part[int(key)] if key.isdigit() else part[key]
         assert set(keys.split()) <= set(part), path
-    assert (document["kind"], document["schema"]) == ("identify", 2)
+    assert (document["kind"], document["schema"]) == ("identify", 3)
     assert document["provenance"]["command"] == f"bfi identify {BIAS} -d {FAULTS} --json --series"
     assert document["provenance"]["log_sha256"] == read_log(BIAS).sha256
 
@@ -153,8 +155,8 @@ EFFECTS: tuple[tuple[str, str, str, Any], ...] = (
         "decision",
         "inconclusive",
     ),
-    ("recorder.edge_hz", "recorder: {edge_hz: 3}", "notes", lambda notes: "gain one half at 3 Hz" in " ".join(notes)),
-    ("recorder.kind", "recorder: {edge_hz: 3, kind: fir}", "notes", lambda notes: "(fir, gain" in " ".join(notes)),
+    ("recorder.edge_hz", "recorder: {edge_hz: 3}", "notes", lambda notes: "gain one half at 3 Hz" in str(notes)),
+    ("recorder.kind", "recorder: {edge_hz: 3, kind: fir}", "notes", lambda notes: "(fir, gain" in str(notes)),
     ("conditioning.variance", "conditioning: {variance: constant}", "decision", "fault"),
     ("conditioning.rate_hz", "conditioning: {rate_hz: 5}", "log.rate_hz", 5.0),
     ("conditioning.detrend", "conditioning: {detrend: none}", "decision", "fault"),
@@ -259,7 +261,7 @@ def test_a_key_of_the_double_model_estimator(identify: Callable, once: Callable,
 
     def noise(*settings: str) -> dict[str, float]:
         keys = ", ".join(("model: citation", *settings))
-        file.write_text(f"method: dmae\nconditioning: {{rate_hz: 25}}\ndictionary: {FAULTS}\ndmae: {{{keys}}}\n")
+        file.write_text(f"method: dmae\nconditioning: {{rate_hz: 10}}\ndictionary: {FAULTS}\ndmae: {{{keys}}}\n")
         return identify(TWO, "-c", file)["model"]["noise_sd"]
 
     # The variance of the fault is a start only where the filter adapts it.
@@ -391,6 +393,7 @@ def test_rate(identify: Callable, rate: str, rate_hz: float):
     assert identify(BIAS, "-d", FAULTS, "--rate", rate, "--order", 4)["log"]["rate_hz"] == pytest.approx(rate_hz)
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_the_seed_repeats_the_numbers(identify: Callable):
     one, same = (identify(TWO, "-d", FAULTS, "--rate", 5, "--order", 2, "--seed", 3) for _ in range(2))
     assert one["provenance"].pop("date") <= same["provenance"].pop("date")
@@ -402,6 +405,7 @@ TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")
 FILES = {"result.json", "report.html", *(f"{name}.csv" for name in TABLES)}
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_out_writes_everything_and_report_draws_it_again(bfi: Callable, identify: Callable, tmp_path: Path):
     document = identify(TWO, "-d", FAULTS, "--rate", 10, "--order", 4, "--out", tmp_path / "deep" / "out")
     files = {path.name: path.read_bytes() for path in (tmp_path / "deep" / "out").iterdir()}
@@ -425,7 +429,7 @@ def test_without_a_dictionary_the_scan_proposes_the_faults(identify: Callable):
     assert fault["onset_s"] == pytest.approx(13.8, abs=0.011)
     assert fault["magnitude"] == pytest.approx(4.0, abs=0.02)
     assert document["truth"]["isolated"] is True
-    assert "no dictionary: 1 found by the search over all onsets" in document["notes"][0]
+    assert "no dictionary: 1 found by the search over all onsets" in texts(document["notes"])[0]
 
 
 def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_shown(identify: Callable):
@@ -434,7 +438,7 @@ def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_sho
     limit = {one["name"]: one["minimal_detectable_scan"] for one in document["candidates"]}
     assert {"bias", "drift", "sine"} <= set(limit)
     assert 0.05 < limit["bias"] < 0.5
-    assert "the search over all onsets finds no fault" in document["notes"][0]
+    assert "the search over all onsets finds no fault" in texts(document["notes"])[0]
 
 
 def test_where_the_window_is_not_scanned_onsets_known_to_a_tolerance_exclude_nothing(

@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.channels import STANDARD
 
@@ -33,7 +34,7 @@ def test_the_document_of_the_contract(bfi, log: Path):
     outcome = bfi("info", log, "--json")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
-    assert (document["kind"], document["schema"]) == ("info", 1)
+    assert (document["kind"], document["schema"]) == ("info", 3)
     assert (document["rate_hz"], document["gaps"], document["log"]["n_samples"]) == (10.0, [], 600)
     channels = {channel["name"]: channel for channel in document["channels"]}
     assert set(channels["tas"]) >= {"name", "unit", "source", "n_nan", "held_fraction", "quantum", "min", "max"}
@@ -43,7 +44,7 @@ def test_the_document_of_the_contract(bfi, log: Path):
     assert channels["aoa"]["n_nan"] == 10
     assert document["windows"][0]["channel"] == "elevator"
     assert document["segments"] == [{"label": "phugoid [1]", "start_s": 10, "stop_s": 50, "note": ""}]
-    assert document["notes"] == [
+    assert texts(document["notes"]) == [
         "no unit is stated for aoa (rad): the one in brackets is assumed, give another with --unit NAME=UNIT"
     ]
     assert document["provenance"]["command"] == f"bfi info {log} --json"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.commands import run_command
 from bfi_cli.faults import Fault
@@ -75,8 +76,8 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert captured.err == ""
-    assert (document["kind"], document["schema"], document["path"]) == ("inject", 1, str(out))
-    assert (document["n_samples"], document["notes"]) == (400, [])
+    assert (document["kind"], document["schema"], document["path"]) == ("inject", 3, str(out))
+    assert (document["n_samples"], texts(document["notes"])) == (400, [])
     assert document["truth"] == {
         "faults": [
             {
@@ -97,7 +98,7 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
 
 def test_a_fault_over_the_whole_log_is_a_note(clean: Path, out: Path, capsys: pytest.CaptureFixture[str]):
     assert run_command(["inject", str(clean), "--fault", "bias,channel=tas,magnitude=1", "-o", str(out), "--json"]) == 0
-    [note] = json.loads(capsys.readouterr().out)["notes"]
+    [note] = texts(json.loads(capsys.readouterr().out)["notes"])
     assert note.startswith("fault 'bias' on tas acts at every sample of the log")
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.flightlog.phases import PARTS
 from bfi_cli.report.content import MAX_POINTS
@@ -68,7 +69,7 @@ def test_the_files_of_a_plot(bfi: Callable, log: Path, tmp_path: Path) -> None:
 
 def test_the_document_of_the_contract(bfi: Callable, log: Path) -> None:
     document = document_of(bfi, log)
-    assert (document["kind"], document["schema"], "series" in document) == ("plot", 1, False)
+    assert (document["kind"], document["schema"], "series" in document) == ("plot", 3, False)
     parts = [one for one in document["phases"] if one["phase"] in PARTS]
     assert [one["phase"] for one in parts][:4] == ["ground", "take-off", "climb", "cruise"]
     assert all(set(one) == {"phase", "from_s", "to_s"} for one in parts)
@@ -85,6 +86,7 @@ def test_the_phases_are_those_of_info(bfi: Callable, log: Path) -> None:
     assert (document["phases"], document["windows"]) == (info["phases"], info["windows"])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_stored_plot_is_drawn_again_as_it_was(bfi: Callable, log: Path, tmp_path: Path) -> None:
     bfi("plot", log, "--out", tmp_path / "out")
     assert bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again").code == 0
@@ -95,7 +97,7 @@ def test_a_stored_plot_is_drawn_again_as_it_was(bfi: Callable, log: Path, tmp_pa
 def test_channels_are_drawn_in_the_order_asked_for_also_derived_and_mapped(bfi: Callable, log: Path) -> None:
     named = document_of(bfi, log, "--channel", "sat", "--channel", "p_static", "--channel", "tas")
     assert [one["name"] for one in named["channels"]] == ["sat", "p_static", "tas"]
-    assert any("'p_static' is derived from altitude" in note for note in named["notes"])
+    assert any("'p_static' is derived from altitude" in note for note in texts(named["notes"]))
     mapped = document_of(bfi, log, "--channel", "roll=pitch")
     assert [one["name"] for one in mapped["channels"]] == ["tas", "altitude", "roll", "elevator"]
 
@@ -160,7 +162,7 @@ def test_two_logs_are_laid_over_each_other(bfi: Callable, log: Path, tmp_path: P
     assert (first["log"], second["log"]) == (0, 1)
     difference = np.array(second["values"]) - np.array(first["values"])
     assert set(np.round(difference, 6)) == {0.0, -5.0}
-    assert f"phases and windows are those of {log}" in document["notes"]
+    assert f"phases and windows are those of {log}" in texts(document["notes"])
     labels = {row.split(",")[1] for row in (out / "channels_figure.csv").read_text().splitlines()[2:]}
     assert labels == {"flight.h5", "other.h5"}
 
@@ -187,7 +189,7 @@ def test_the_events_of_a_result(bfi: Callable, log: Path, tmp_path: Path) -> Non
         ("aoa", "suspected", 600.0, None),
     ]
     late = document_of(bfi, log, "--events", tmp_path / "r.json", "--to", 200)
-    assert "2 of 2 events lie outside 0 to 200 s" in late["notes"]
+    assert "2 of 2 events lie outside 0 to 200 s" in texts(late["notes"])
 
 
 @pytest.mark.parametrize(
@@ -213,18 +215,19 @@ def test_every_analysis_that_knows_a_time_has_events(
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_the_result_of_an_analysis_is_drawn(bfi: Callable, tmp_path: Path) -> None:
     data = Path(__file__).parents[2] / "data" / "citation_bias.csv"
     assert bfi("start-time", data, "--rate", "10", "--order", "4", "--out", tmp_path / "onset").code == 0
     document = document_of(bfi, data, "--events", tmp_path / "onset" / "result.json")
     (found,) = [one for one in document["events"] if one["state"] == "declared"]
     assert found["onset_s"] == pytest.approx(13.8, abs=0.5)
-    assert not any("another log" in note for note in document["notes"])
+    assert not any("another log" in note for note in texts(document["notes"]))
 
 
 def test_the_result_of_another_log_is_named(bfi: Callable, log: Path, tmp_path: Path) -> None:
     path = result(tmp_path / "r.json", provenance={"log_sha256": "0" * 64})
-    (note,) = [note for note in document_of(bfi, log, "--events", path)["notes"] if "another log" in note]
+    (note,) = [note for note in texts(document_of(bfi, log, "--events", path)["notes"]) if "another log" in note]
     assert note.startswith(str(path))
 
 
@@ -234,7 +237,7 @@ def test_the_result_of_another_log_is_named(bfi: Callable, log: Path, tmp_path: 
         ("", "r.json: not JSON"),
         ("[1]", "r.json: not a result of this program, it has no 'kind'; give the result.json of"),
         ('{"kind": "info"}', "r.json: kind is 'info', which has no events; give the result.json of"),
-        ('{"kind": "detect", "schema": 1}', "r.json: schema is 1, this program reads 2; run bfi detect again"),
+        ('{"kind": "detect", "schema": 1}', "r.json: schema is 1, this program reads 3; run bfi detect again"),
         ('{"kind": "detect", "schema": 2}', "r.json: no key 'provenance'; the file is damaged"),
         ('{"kind": "detect", "schema": 2, "provenance": {}}', "r.json: no key 'alarms'; the file is damaged"),
         ('{"kind": "detect", "schema": 2, "provenance": {}, "alarms": 3}', "r.json: damaged, "),
@@ -276,6 +279,6 @@ def test_a_log_without_time_or_with_missing_samples_is_drawn_as_asked(bfi: Calla
         del file["time"]
         file["pitch"][1000:1003] = np.nan
     document = document_of(bfi, path, "--sample-rate", RATE_HZ, "--fill", 1)
-    assert [note for note in document["notes"] if "--sample-rate 5 Hz" in note]
-    assert [note for note in document["notes"] if "'pitch'" in note and "interpolated" in note]
+    assert [note for note in texts(document["notes"]) if "--sample-rate 5 Hz" in note]
+    assert [note for note in texts(document["notes"]) if "'pitch'" in note and "interpolated" in note]
     assert document["phases"] == document_of(bfi, log)["phases"]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli import aircraft
 from bfi_cli.commands import run_command
@@ -95,7 +97,7 @@ def test_the_document_of_the_contract_goes_to_stdout(out: Path, capsys: pytest.C
     assert captured.err == ""
     assert {key: document[key] for key in ("kind", "schema", "path", "n_samples", "truth", "notes")} == {
         "kind": "simulate",
-        "schema": 1,
+        "schema": 3,
         "path": str(out),
         "n_samples": 150,
         "truth": None,
@@ -129,7 +131,9 @@ def test_a_terminal_gets_the_document_with_json(out: Path):
 
 def test_leaving_the_linear_range_is_a_note(out: Path, capsys: pytest.CaptureFixture[str]):
     simulate(out, "--amplitude", "0.5", "--json")
-    assert any("a linear model holds for about 0.1" in note for note in json.loads(capsys.readouterr().out)["notes"])
+    assert any(
+        "a linear model holds for about 0.1" in note for note in texts(json.loads(capsys.readouterr().out)["notes"])
+    )
 
 
 @pytest.mark.parametrize(
@@ -187,7 +191,7 @@ def test_a_long_flight_tells_how_far_it_is(out: Path, capsys: pytest.CaptureFixt
     told: list[float] = []
     model, time_s = aircraft.MODELS["f16"], aircraft.time_axis(duration_s=0.4, rate_hz=50.0)
     u = np.zeros((len(time_s), 4))
-    aircraft.simulate(model, u, rng=np.random.default_rng(0), rate_hz=50.0, report=told.append)
+    aircraft.simulate(replace(model, report=told.append), u, rng=np.random.default_rng(0), rate_hz=50.0)
     np.testing.assert_allclose(told, np.arange(20) / 20.0)
     assert run_command(["simulate", "f16", "-o", str(out), "--duration", "0.4", "--progress"]) == 0
     assert "flight" in capsys.readouterr().err

@@ -62,6 +62,14 @@ def in_shell(line: str, cwd: Path, **variables: str) -> subprocess.CompletedProc
     )
 
 
+@pytest.fixture(scope="session")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the answer of `LINE` as a file, which `bfi report` prints again."""
+    path = tmp_path_factory.mktemp("stored") / "result.json"
+    path.write_bytes(in_shell(f"{LINE} --json --series", ROOT).stdout)
+    return path
+
+
 @pytest.fixture
 def failing(bfi: Callable, tmp_path: Path) -> Path:
     """Return a log whose angle of attack steps at 12 s."""
@@ -186,9 +194,9 @@ def test_names_that_are_no_text(encoding: str, tmp_path: Path):
         pytest.param("2>&-", 0, b"", marks=pytest.mark.slow),
     ],
 )
-def test_streams_that_take_nothing(streams: str, code: int, line: bytes, tmp_path: Path):
+def test_streams_that_take_nothing(streams: str, code: int, line: bytes, tmp_path: Path, stored: Path):
     """A line, and an answer of kilobytes; where the disk alone is full, one that is longer than any buffer."""
-    long = f"{LINE} --json --series" if streams in (">/dev/full", "2>/dev/full") else f"bfi info {BIAS} --json"
+    long = f"bfi report {stored} --json --series" if "/dev/full" in streams else f"bfi info {BIAS} --json"
     for words in ("bfi --help", long):
         done = in_shell(f"{words} {streams}", tmp_path, TMPDIR=str(tmp_path))
         assert (done.returncode, done.stderr) == (code, line)
@@ -201,8 +209,8 @@ def limited(line: str, cwd: Path, **variables: str) -> subprocess.CompletedProce
 
 
 @pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.slow)])
-def test_a_long_answer_is_printed_whole_or_refused(unbuffered: str, tmp_path: Path):
-    command = f"{LINE} --json --series > answer.json"
+def test_a_long_answer_is_printed_whole_or_refused(unbuffered: str, tmp_path: Path, stored: Path):
+    command = f"bfi report {stored} --json --series > answer.json"
     done = limited(command, tmp_path, PYTHONUNBUFFERED=unbuffered)
     assert done.returncode == 2
     assert done.stderr == b"stdout: cannot be written, file too large; free some space, or write elsewhere\n"

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from noted import texts
 
 from bfi_cli.decision import KINDS, Candidate, Evidence, beyond_tolerance, conclude
 from bfi_cli.faults import Fault, FaultEstimate
@@ -51,7 +52,7 @@ QUIET = tuple(candidate(kind, 1.0) for kind in KINDS)
 
 def test_sources_without_a_fault_that_exclude_all_kinds_say_no_fault():
     said = conclude([Evidence(source="scan", candidates=QUIET)], KINDS)
-    assert (said.decision, said.faults, said.notes) == ("no_fault", (), ())
+    assert (said.decision, said.faults, texts(said.notes)) == ("no_fault", (), ())
 
 
 @pytest.mark.parametrize("source", [0, 1])
@@ -108,7 +109,7 @@ def test_a_slow_fault_that_another_source_excludes_is_suspected(limit, declared)
     assert bool(said.faults) == declared
     assert said.candidates[0].state == ("declared" if declared else "suspected")
     assert said.verdicts["slow"] == ("fault" if declared else "inconclusive")
-    assert len(said.notes) == (not declared)
+    assert len(texts(said.notes)) == (not declared)
 
 
 def test_the_smallest_limit_of_a_slow_error_counts_for_all_sources():

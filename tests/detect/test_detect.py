@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config, merge
 from bfi_cli.detect import detect_faults
@@ -91,10 +92,10 @@ def test_accelerations_count_as_inputs_unless_others_are_asked_for(flown: Callab
     elevators = tuple(name for name in detect_faults(flown(), TRAINED).inputs)
     found = detect_faults(log, TRAINED)
     assert found.inputs == (*elevators, "longitudinal_acc")
-    assert any(note.startswith("inputs include longitudinal_acc,") for note in found.notes)
+    assert any(note.startswith("inputs include longitudinal_acc,") for note in texts(found.notes))
     asked = detect_faults(log, merge(TRAINED, {"inputs": elevators}))
     assert asked.inputs == elevators
-    assert not any("inputs include" in note for note in asked.notes)
+    assert not any("inputs include" in note for note in texts(asked.notes))
     watched = detect_faults(log, merge(TRAINED, {"outputs": ("longitudinal_acc", "pitch")}))
     assert (watched.inputs, watched.outputs) == (elevators, ("longitudinal_acc", "pitch"))
 
@@ -125,9 +126,9 @@ def test_samples_that_a_recorder_filtered_past_the_end_of_the_log_are_not_watche
     assert detect_faults(log, TRAINED).decision == "fault"
     result = detect_faults(replace(log, filters=(recorder,)), TRAINED)
     assert (result.decision, result.alarms) == ("inconclusive", ())
-    assert any("past the end of the log" in note for note in result.notes)
+    assert any("past the end of the log" in note for note in texts(result.notes))
     inside = detect_faults(replace(log, filters=(recorder,)), merge(TRAINED, {"window.to_s": 18.5}))
-    assert not any("past the end of the log" in note for note in inside.notes)
+    assert not any("past the end of the log" in note for note in texts(inside.notes))
 
 
 def test_a_healthy_time_too_short_for_the_rate_that_the_recorder_leaves_gives_no_limits(
@@ -138,12 +139,12 @@ def test_a_healthy_time_too_short_for_the_rate_that_the_recorder_leaves_gives_no
     fast = detect_faults(log, TRAINED)
     assert (fast.decision, {one.state for one in fast.candidates}) == ("inconclusive", {"not_seen"})
     assert {one.excluded_above for one in fast.candidates} == {None}
-    assert any(note.endswith(": a longer healthy time (--train A:B)") for note in fast.notes)
+    assert any(note.endswith(": a longer healthy time (--train A:B)") for note in texts(fast.notes))
 
 
 def test_what_is_healthy_is_asked_for(flown: Callable[..., FlightLog]):
     result = detect_faults(flown(), Config())
-    assert any("no healthy time was given" in note for note in result.notes)
+    assert any("no healthy time was given" in note for note in texts(result.notes))
     assert result.train == (0.0, pytest.approx(20.0 / 3.0, abs=0.01))
 
 
@@ -207,4 +208,4 @@ def test_nothing_is_excluded_where_no_step_has_time_to_show(flown: Callable[...,
     result = detect_faults(flown(seed=4), merge(TRAINED, {"window.to_s": 8.7}))
     assert {one.state for one in result.candidates} == {"not_seen"}
     assert (result.decision, result.is_trusted) == ("inconclusive", False)
-    assert any("a longer time to watch" in note for note in result.notes)
+    assert any("a longer time to watch" in note for note in texts(result.notes))

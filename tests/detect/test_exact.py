@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
@@ -64,7 +65,7 @@ def test_the_level_flown_at_does_not_matter(flown: Callable[..., FlightLog]):
 
 def test_noise_is_told_where_the_exact_form_is_asked_for(flown: Callable[..., FlightLog]):
     result = detect_faults(flown(), merge(TRAINED, {"detect.method": "exact"}))
-    assert "the healthy time is not explained to round-off" in result.notes[0]
+    assert "the healthy time is not explained to round-off" in texts(result.notes)[0]
     result = detect_faults(flown(), merge(TRAINED, {"detect.method": "exact"}))
     assert {one.state for one in result.candidates} <= {"declared", "not_seen"}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config, merge
 from bfi_cli.detect import detect_faults
@@ -43,7 +44,7 @@ def test_the_healthy_time_and_what_is_watched_are_flight() -> None:
     assert result.train == (from_s, pytest.approx(from_s + (to_s - from_s) / 3.0))
     assert result.watched == ((pytest.approx(result.train[1]), to_s),)
     assert result.alarms == ()
-    assert any(note.startswith("watched in flight only, ") for note in result.notes)
+    assert any(note.startswith("watched in flight only, ") for note in texts(result.notes))
 
 
 @pytest.mark.parametrize(("step_s", "declared"), [(500.0, True), (760.0, False), (60.0, False)])

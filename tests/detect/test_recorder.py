@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
@@ -55,12 +56,14 @@ def limits(result: DetectResult) -> list[float | None]:
 def test_the_rate_is_what_the_recorder_passes_and_one_that_is_asked_for_wins(recorded: FlightLog):
     own = detected(recorded)
     assert (own.log.rate_hz, own.alarms) == (pytest.approx(2.0), ())
-    assert "rate: the recorder's low-pass leaves little above 1 Hz" in own.notes
-    assert any(note.startswith("faults are taken through the recorder's low-pass (gaussian") for note in own.notes)
+    assert "rate: the recorder's low-pass leaves little above 1 Hz" in texts(own.notes)
+    assert any(
+        note.startswith("faults are taken through the recorder's low-pass (gaussian") for note in texts(own.notes)
+    )
     assert None not in limits(own)
     asked = detected(recorded, conditioning__rate_hz=5.0)
     assert asked.log.rate_hz == pytest.approx(5.0)
-    assert "rate: asked for" in asked.notes
+    assert "rate: asked for" in texts(asked.notes)
 
 
 def test_a_recorder_that_is_stated_counts_as_that_of_the_log(recorded: FlightLog):
@@ -73,7 +76,7 @@ def test_a_recorder_that_is_stated_counts_as_that_of_the_log(recorded: FlightLog
             (one.channel, one.time_s, one.size) for one in own.alarms
         ]
         assert limits(stated) == limits(own)
-        assert any("Hz, as stated)" in note for note in stated.notes)
+        assert any("Hz, as stated)" in note for note in texts(stated.notes))
 
 
 @pytest.mark.parametrize(("edge_hz", "told"), [("none", True), (3.0, True), (0.8, False), ("auto", False)])
@@ -83,22 +86,22 @@ def test_a_recorder_that_is_stated_against_the_log_counts_and_is_told(
     filters, sentence = recorder_filters(recorded, edge_hz)
     assert [one.edge_hz for one in filters] == ([] if edge_hz == "none" else [0.75 if edge_hz == "auto" else edge_hz])
     assert ("but the log has one (gaussian, gain one half at 0.75 Hz, stated in the file)" in sentence) == told
-    assert sentence in detected(recorded, recorder__edge_hz=edge_hz).notes
+    assert sentence in texts(detected(recorded, recorder__edge_hz=edge_hz).notes)
 
 
 @pytest.mark.parametrize("kind", ["gaussian", "causal"])
 def test_the_end_of_a_log_is_watched_as_far_as_the_stated_recorder_looks_ahead(recorded: FlightLog, kind: str):
     bare = replace(recorded, filters=None)
     result = detected(bare, recorder__edge_hz=EDGE_HZ, recorder__kind=kind)
-    assert any("past the end of the log" in note for note in result.notes) == (kind == "gaussian")
+    assert any("past the end of the log" in note for note in texts(result.notes)) == (kind == "gaussian")
 
 
 def test_no_step_is_excluded_at_a_rate_at_which_the_recorder_spreads_it(recorded: FlightLog):
     """Limits of sharp steps would exclude what passes unseen when its rise takes several samples."""
     fast = detected(recorded, conditioning__rate_hz=5.0)
     assert (fast.decision, states(fast), set(limits(fast))) == ("inconclusive", {"not_seen"}, {None})
-    assert any(note.endswith("no step is excluded; what gives limits: --rate 2") for note in fast.notes)
-    assert any(note.endswith(": --rate 2") for note in fast.notes)
+    assert any(note.endswith("no step is excluded; what gives limits: --rate 2") for note in texts(fast.notes))
+    assert any(note.endswith(": --rate 2") for note in texts(fast.notes))
     assert None not in limits(detected(recorded, conditioning__rate_hz=2.0))
 
 
@@ -107,14 +110,14 @@ def test_where_nobody_states_the_recorder_a_slow_one_is_reckoned_with(recorded: 
     bare = replace(recorded, filters=None)
     fast = detected(bare, conditioning__rate_hz=5.0)
     assert (states(fast), set(limits(fast))) == ({"not_seen"}, {None})
-    (said,) = (note for note in fast.notes if note.startswith("neither the file nor its channels tell"))
+    (said,) = (note for note in texts(fast.notes) if note.startswith("neither the file nor its channels tell"))
     assert said.endswith("no step is excluded; what gives limits: --rate 2; --recorder HZ, or none where there is none")
     slow = detected(bare, conditioning__rate_hz=2.0)
     assert None not in limits(slow)
-    assert any("through any low-pass that keeps half of 0.75 Hz" in note for note in slow.notes)
+    assert any("through any low-pass that keeps half of 0.75 Hz" in note for note in texts(slow.notes))
     none = detected(bare, conditioning__rate_hz=5.0, recorder__edge_hz="none")
     assert None not in limits(none)
-    assert not any("low-pass" in note for note in none.notes)
+    assert not any("low-pass" in note for note in texts(none.notes))
 
 
 def test_the_lowest_edge_that_an_uncertain_recorder_may_have_counts(recorded: FlightLog):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.audit import audit_on_log
 from bfi_cli.config import Config, merge
@@ -94,7 +95,7 @@ def test_injected_faults_are_taken_out(flight, thesis, at_unit):
     faulty = inject(flight, [replace(thesis.atoms[1], magnitude=4.0)])
     result = assess(faulty, thesis, Config())
     np.testing.assert_array_equal(column(result, "divergence_bits"), column(at_unit, "divergence_bits"))
-    assert "the faults injected into the log are taken out" in result.notes[-1]
+    assert "the faults injected into the log are taken out" in texts(result.notes)[-1]
 
 
 def test_what_cannot_be_looked_for_is_named_and_has_no_numbers(flight):
@@ -120,7 +121,9 @@ def test_what_the_model_explains_away_tells_nothing(flight, tmp_path):
     result = assess(flight, both, QUICK)
     hidden = result.atoms[0]
     assert (hidden.live, hidden.divergence_bits, hidden.minimal_detectable) == (True, 0.0, None)
-    assert any(note.startswith("the inputs and lags of the model explain all of 'course'") for note in result.notes)
+    assert any(
+        note.startswith("the inputs and lags of the model explain all of 'course'") for note in texts(result.notes)
+    )
     assert result.between[0, 1] == result.atoms[1].divergence_bits
     at_limit = assess(flight, both, merge(QUICK, AT_LIMIT))
     assert (at_limit.atoms[0].magnitude, at_limit.atoms[0].divergence_bits) == (None, None)
@@ -129,7 +132,7 @@ def test_what_the_model_explains_away_tells_nothing(flight, tmp_path):
 def test_without_noise_everything_is_told_and_the_notes_say_why(fly, thesis):
     result = assess(fly(), thesis, Config())
     np.testing.assert_allclose(column(result, "divergence_bits"), 1.0, atol=1e-4)
-    assert any("the log has no noise" in note for note in result.notes)
+    assert any("the log has no noise" in note for note in texts(result.notes))
 
 
 def test_faults_of_several_outputs(fly):
@@ -162,7 +165,7 @@ def test_the_unit_of_a_channel_does_not_matter(flight, thesis, at_unit):
 
 def test_what_is_hard_is_said(flight, thesis):
     result = assess(flight, thesis, merge(EXACT, {"diagnosability.magnitude": 0.01}))
-    assert any(note.startswith("'drift_7.93' of 0.0023 m/s^2 can hardly be seen") for note in result.notes)
+    assert any(note.startswith("'drift_7.93' of 0.0023 m/s^2 can hardly be seen") for note in texts(result.notes))
 
 
 @pytest.mark.parametrize(
@@ -193,6 +196,6 @@ def test_kinds_of_fault_are_left_out_and_named_in_a_note(flight):
     kinds = [{"name": "kind", "shape": "drift"}, {"name": "part", "shape": "bias", "onset_s": {"from": 5, "to": 9}}]
     mixed, alone = (assess(flight, dictionary(*atoms), QUICK) for atoms in ([*kinds, *stated], stated))
     assert mixed.atoms == alone.atoms
-    assert mixed.notes == (*alone.notes, "left out, as they state no onset: 2 entries of the dictionary")
+    assert texts(mixed.notes) == (*texts(alone.notes), "left out, as they state no onset: 2 entries of the dictionary")
     with pytest.raises(DictionaryError, match="no entry states its onset, and a signature is that of a fault at an"):
         assess(flight, dictionary(*kinds), QUICK)

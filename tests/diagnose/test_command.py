@@ -37,7 +37,7 @@ FIGURES = {"timeline", "limits", "event_1"}
 def test_the_keys_are_those_of_the_contract(diagnoses: Diagnoses):
     document = diagnoses.of(ICING)
     assert document.keys() == KEYS | MORE
-    assert (document["kind"], document["schema"]) == ("diagnose", 2)
+    assert (document["kind"], document["schema"]) == ("diagnose", 3)
     (event,) = document["events"]
     assert event.keys() == EVENT_KEYS | EVENT_MORE
     assert all(one.keys() == LIMIT_KEYS | LIMIT_MORE for one in document["limits"])
@@ -114,6 +114,7 @@ def test_exit_codes(diagnoses: Diagnoses):
     assert diagnoses.bfi("diagnose", diagnoses.log(""), *short).code == 0
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
     part = ("--from", 300, "--to", 600, "--workers", 1)
     outcome = diagnoses.bfi("diagnose", diagnoses.log(ICING), *part, "--out", tmp_path / "a", "--progress")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -57,9 +58,15 @@ def altered(log: FlightLog, names: tuple[str, ...], value: float, from_s: float,
     return lacking(replace(log, channels={**log.channels, **changed}))
 
 
+@pytest.fixture(scope="module")
+def diagnosed_without(journey: FlightLog) -> Callable[[str], DiagnoseResult]:
+    """Return what is said of the flight without a channel, each asked for once."""
+    return cache(lambda name: diagnosed(lacking(journey, name)))
+
+
 @pytest.mark.parametrize("name", [*COSTS, *REPLACED])
-def test_what_a_missing_channel_costs(journey: FlightLog, name: str):
-    result = diagnosed(lacking(journey, name))
+def test_what_a_missing_channel_costs(diagnosed_without: Callable[[str], DiagnoseResult], name: str):
+    result = diagnosed_without(name)
     assert result.events == ()
     if name in COSTS:
         assert any(sentence.startswith(COSTS[name]) for sentence in result.missing), result.missing
@@ -72,10 +79,12 @@ def test_every_channel_has_a_row(journey: FlightLog):
 
 
 @pytest.mark.parametrize("name", [name for name in COSTS if name not in ("elevator", "tas", "cas", "mach")])
-def test_a_frozen_channel_is_named_and_as_good_as_missing(journey: FlightLog, name: str):
+def test_a_frozen_channel_is_named_and_as_good_as_missing(
+    journey: FlightLog, diagnosed_without: Callable[[str], DiagnoseResult], name: str
+):
     value = float(journey.channels[name].values[2000])
     frozen = diagnosed(altered(journey, (name,), value, 0.0, np.inf))
-    missing = diagnosed(lacking(journey, name))
+    missing = diagnosed_without(name)
     said = f"'{name}' holds one value through the whole log: it was not used"
     assert frozen.missing[0] == said
     assert frozen.missing[1:] == missing.missing

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.airdata import isa_temperature
 from bfi_cli.config import Config
@@ -86,7 +87,7 @@ def test_ice_in_the_probe_is_a_fault_of_every_output_that_follows_from_it(journe
 def test_what_errs_beside_the_outputs_is_told_in_a_note(journey: FlightLog):
     found = evidence(with_fault(journey, "drift", 0.2, "cas"), ("pitch",))
     assert found.faults == ()
-    assert any("cas" in note for note in found.notes)
+    assert any("cas" in note for note in texts(found.notes))
 
 
 def test_a_held_line_has_no_size(journey: FlightLog):
@@ -118,7 +119,7 @@ def test_a_calibration_of_the_aircraft_counts(journey: FlightLog, tmp_path: Path
 def test_what_would_bound_an_output_is_named(journey: FlightLog):
     found = evidence(only(journey, "tas", "altitude", "pitch", "elevator"))
     assert (found.faults, found.candidates) == ((), ())
-    (note,) = found.notes
+    (note,) = texts(found.notes)
     assert note.startswith("record ")
     assert note.endswith("would bound slow faults of tas")
 
@@ -131,7 +132,7 @@ def test_a_log_with_nothing_to_compare_says_nothing(journey: FlightLog):
 def test_on_the_ground_and_in_a_short_window_a_note_says_so(journey: FlightLog, window: tuple[float, float]):
     found = evidence(journey, window=window)
     assert (found.faults, found.candidates) == ((), ())
-    assert found.notes[0].startswith("physics bounds no slow fault: ")
+    assert texts(found.notes)[0].startswith("physics bounds no slow fault: ")
 
 
 def test_a_log_that_never_flies_says_so(journey: FlightLog):
@@ -144,7 +145,7 @@ def test_a_log_that_never_flies_says_so(journey: FlightLog):
     )
     found = evidence(still)
     assert (found.faults, found.candidates) == ((), ())
-    assert found.notes
+    assert texts(found.notes)
 
 
 def test_of_a_long_log_only_what_lies_about_the_window_is_read(journey: FlightLog, monkeypatch: pytest.MonkeyPatch):

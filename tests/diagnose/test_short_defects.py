@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_flights import made_flight
+from noted import texts
 
 from bfi_cli.diagnose import diagnose_content
 from bfi_cli.diagnose.short_defects import events_of_defects, notes_on_defects
@@ -65,7 +66,7 @@ def test_dropouts_are_one_event_and_the_only_one(document: dict[str, Any]):
 
 
 def test_what_was_left_out_is_said_and_shown(document: dict[str, Any]):
-    said = [note for note in document["notes"] if "left out of the other analyses" in note]
+    said = [note for note in texts(document["notes"]) if "left out of the other analyses" in note]
     assert said == ["'tas' drops out 2 times, 4 s in all, first at 420 s; left out of the other analyses"]
     time_s, tas = (
         np.array(values, dtype=float)

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_dataflash import dataflash_bytes
 from made_tlog import tlog_bytes
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
@@ -75,7 +76,7 @@ def test_two_boots_of_a_recorder_are_each_what_they_are_alone(make, name: str, t
         assert log.channels.keys() == alone.channels.keys()
         for key, channel in log.channels.items():
             np.testing.assert_array_equal(channel.values, alone.channels[key].values)
-        (note,) = [one for one in log.notes if "starts again" in one]
+        (note,) = [one for one in texts(log.notes) if "starts again" in one]
         assert f"boot {boot} of 2 is read, as asked for" in note
         assert f"not read: {3 - boot} (" in note
     with pytest.raises(LogError, match=r"--boot 3: the log has 2"):
@@ -99,7 +100,7 @@ def test_of_several_boots_that_in_flight_is_read(order: tuple[int, ...], suffix:
     log = read_log(path)
     assert np.array_equal(log.time_s, times[2])
     np.testing.assert_allclose(log.channels["tas"].values, speeds[2])
-    assert "the longest in flight" in log.notes[0]
+    assert "the longest in flight" in texts(log.notes)[0]
     assert read_log(path, boot=order.index(0) + 1).time_s[-1] == 899.0
 
 

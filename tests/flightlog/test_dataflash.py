@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_dataflash import airspeed, dataflash_bytes, fmt
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
@@ -46,7 +47,7 @@ def test_the_flight_that_was_written(log_file: Path):
         np.testing.assert_allclose(log.channels[name].values[late], value, atol=1e-5)
         assert log.channels[name].own_rate_hz == pytest.approx(5.0)
     assert log.channels["yaw"].values[50] == pytest.approx(np.deg2rad(-1.0), abs=1e-6)
-    assert log.notes[0].startswith("the signals have clocks of their own")
+    assert texts(log.notes)[0].startswith("the signals have clocks of their own")
 
 
 def test_letters_and_their_scales(tmp_path: Path):
@@ -117,7 +118,7 @@ def test_damage_is_skipped_and_said(log_file: Path):
     whole[len(whole) // 2 : len(whole) // 2 + 50] = b"\xa3\x95\x01" * 16 + b"\x00\x00"
     log_file.write_bytes(whole)
     log = read_log(log_file)
-    assert any("bytes are damaged or cut off and were skipped" in note for note in log.notes)
+    assert any("bytes are damaged or cut off and were skipped" in note for note in texts(log.notes))
     good = np.isfinite(log.channels["ias"].values)
     np.testing.assert_allclose(log.channels["ias"].values[good], [airspeed(t) for t in log.time_s[good]], atol=0.02)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_logs import made_log
+from noted import texts
 
 from bfi_cli.airdata import (
     G,
@@ -90,7 +91,7 @@ def test_lift_shows_the_airspeed_and_ground_velocity_does():
     # Lift is taken to grow as tas^2, the angle of zero lift from q_impact, which grows by M^2 / 4 more: M^2 / 8 of tas.
     assert np.abs(values(made, "lift_speed") / tas - 1.0)[inside].max() < 0.35**2 / 8.0
     assert np.abs(values(made, "ground_airspeed") - tas)[inside].max() < 0.02
-    lift, ground = made.notes
+    lift, ground = texts(made.notes)
     assert lift.startswith(
         "'lift_speed' is derived from altitude, aoa, normal_acc, tas, with an angle of zero lift of -"
     )
@@ -125,7 +126,7 @@ def test_the_angle_of_zero_lift_comes_from_the_flight_before_the_window():
     aoa[T >= 400.0] = 0.07
     frozen = replace(LOG, channels={**LOG.channels, "aoa": replace(LOG.channels["aoa"], values=aoa)})
     whole = with_derived(LOG, ["lift_speed"], from_s=1400.0)
-    assert with_derived(frozen, ["lift_speed"], from_s=1400.0).notes == whole.notes
+    assert texts(with_derived(frozen, ["lift_speed"], from_s=1400.0).notes) == texts(whole.notes)
     with pytest.raises(LogError, match=r"'lift_speed' cannot be derived: .* zero lift .*; give a log with 300 s of"):
         with_derived(frozen.window(1400.0, None), ["lift_speed"])
 
@@ -227,7 +228,7 @@ def test_derived_channels_are_outputs_and_inputs_of_an_analysis(
     assert code == 0
     assert document["model"]["outputs"] == ["tas", "lift_speed"]
     assert document["model"]["inputs"] == ["climb_angle", "kinematic_acc"]
-    assert "'lift_speed' is derived from altitude, aoa, normal_acc, tas" in " ".join(document["notes"])
+    assert "'lift_speed' is derived from altitude, aoa, normal_acc, tas" in " ".join(texts(document["notes"]))
 
 
 def test_info_says_what_can_be_derived_and_what_follows_from_which_pressure(

@@ -10,11 +10,12 @@ import h5py
 import numpy as np
 import pytest
 from made_logs import made_log, write_hdf5, write_text
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, inspect_log, read_log, require_usable
-from bfi_cli.flightlog.filling import with_filled
+from bfi_cli.flightlog.resampling import with_filled
 
 RATE_HZ = 10.0
 TIME_S = np.arange(200) / RATE_HZ
@@ -35,7 +36,7 @@ def test_a_line_is_filled_exactly_up_to_the_length_asked_for(n: int, start_s: fl
     filled = with_filled(log, n / RATE_HZ)
     np.testing.assert_allclose(filled.channels["tas"].values, LINE, rtol=1e-12)
     assert filled.channels["elevator"] is log.channels["elevator"]
-    assert filled.notes[-1] == (
+    assert texts(filled.notes)[-1] == (
         f"'tas': 2 stretches of up to {n / RATE_HZ:.3g} s without samples interpolated (--fill)"
     )
     if n > 1:
@@ -99,7 +100,7 @@ def test_a_log_without_time_gets_the_rate_asked_for(bfi: Callable, tmp_path: Pat
         read_log(path)
     log = read_log(path, sample_rate_hz=25.0)
     np.testing.assert_allclose(log.time_s, np.arange(200) / 25.0)
-    assert "time is counted from --sample-rate 25 Hz" in log.notes
+    assert "time is counted from --sample-rate 25 Hz" in texts(log.notes)
     assert "200 samples at 25 Hz" in " ".join(bfi("info", path, "--sample-rate", 25).stdout.split())
     if kind == "h5":
         with h5py.File(path, "a") as file:

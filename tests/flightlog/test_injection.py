@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from noted import texts
 
 from bfi_cli.errors import DictionaryError, LogError
 from bfi_cli.faults import Fault, unit_signal
@@ -161,9 +162,9 @@ def test_a_fault_that_acts_at_one_sample_only_is_accepted():
 def test_a_fault_without_onset_or_end_in_the_log_is_noted():
     once = inject(log_of(), [BIAS])
     always = inject(once, [Fault(shape="drift", onset_s=50.0)])
-    assert once.notes == ()
-    assert always.notes == (
+    assert texts(once.notes) == ()
+    assert texts(always.notes) == (
         "fault 'drift' on tas acts at every sample of the log; with neither onset nor end in it, "
         "it can pass for the aircraft's own motion",
     )
-    assert inject(always, [BIAS]).notes == always.notes
+    assert texts(inject(always, [BIAS]).notes) == texts(always.notes)

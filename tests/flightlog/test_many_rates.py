@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_px4 import START_S, pitch, px4_topics, tas, write_ulog2csv
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
@@ -70,7 +71,7 @@ def test_a_slower_signal_is_held_and_said_so():
     held = next(column for column in made.columns if column.source == "wind.n")
     np.testing.assert_array_equal(held.values[:250], np.floor(t[:250] + 1e-9) ** 2)
     assert held.rate_hz == pytest.approx(1.0)
-    assert any("held between values of their own: wind_north (1 Hz)" in note for note in made.notes)
+    assert any("held between values of their own: wind_north (1 Hz)" in note for note in texts(made.notes))
 
 
 def test_a_gap_of_the_base_has_no_samples():
@@ -109,8 +110,8 @@ def test_a_signal_that_comes_late_is_missing_before_and_one_a_little_late_shorte
     assert of["time"][0] == pytest.approx(1.0)
     assert np.isnan(of["pitch"][: 250 - 6]).all()
     assert np.isfinite(of["roll"]).all()
-    assert any("what starts later than the log is missing there: pitch (50 s)" in note for note in made.notes)
-    assert any("starts at 1 s, 1 s after its first signal" in note for note in made.notes)
+    assert any("what starts later than the log is missing there: pitch (50 s)" in note for note in texts(made.notes))
+    assert any("starts at 1 s, 1 s after its first signal" in note for note in texts(made.notes))
 
 
 @pytest.mark.parametrize("burst", [1, 3, 5])
@@ -200,7 +201,7 @@ def test_a_folder_of_ulog2csv(folder: Path):
     np.testing.assert_allclose(log.channels["elevator"].values[inner], -0.3 * np.sin(1.3 * t)[inner], atol=0.003)
     assert log.channels["pitch"].own_rate_hz == pytest.approx(50.0)
     assert "wind_east" not in log.channels
-    notes = " ".join(log.notes)
+    notes = " ".join(texts(log.notes))
     assert "vehicle_status; take a field of one with --channel NAME=topic.field" in notes
     assert "'airspeed_wind.windspeed_east' has 0 samples that are numbers" in notes
     assert "'airspeed.true_airspeed_m_s' is a second tas" in notes
@@ -210,7 +211,7 @@ def test_jitter_is_said_and_the_base_made_uniform(tmp_path: Path):
     log = read_log(write_ulog2csv(tmp_path / "flight", px4_topics(jitter=0.2)))
     assert is_uniform(log.time_s)
     np.testing.assert_allclose(log.channels["tas"].values, tas(log.time_s), atol=0.01)
-    assert any("were made uniform" in note for note in log.notes)
+    assert any("were made uniform" in note for note in texts(log.notes))
 
 
 def test_any_field_can_be_mapped_and_the_mapped_airspeed_gives_the_base(folder: Path):
@@ -237,7 +238,7 @@ def test_the_digest_is_that_of_the_files(folder: Path):
 
 def test_a_topic_without_samples_is_named_and_a_damaged_one_refused(folder: Path):
     (folder / "flight_airspeed_wind_0.csv").write_text("timestamp,windspeed_north\n")
-    assert any("topics without samples are left out: airspeed_wind" in note for note in read_log(folder).notes)
+    assert any("topics without samples are left out: airspeed_wind" in note for note in texts(read_log(folder).notes))
     damaged = folder / "flight_airspeed_0.csv"
     damaged.write_text(damaged.read_text()[:-6] + "x.y\n")
     with pytest.raises(LogError, match=r"flight_airspeed_0\.csv: line \d+"):
@@ -285,8 +286,8 @@ def test_the_unit_of_time_follows_from_its_step(step: float, unit: str | None, t
     log = read_log(tmp_path / "a.csv")
     scale = {None: 1.0, "ms": 1e-3, "us": 1e-6}[unit]
     assert log.rate_hz == pytest.approx(1.0 / (step * scale))
-    assert [note for note in log.notes if "are taken for" in note] == [
-        note for note in log.notes if unit and f"taken for {unit} (" in note
+    assert [note for note in texts(log.notes) if "are taken for" in note] == [
+        note for note in texts(log.notes) if unit and f"taken for {unit} (" in note
     ]
 
 
@@ -310,7 +311,7 @@ def test_times_rounded_to_decimals_are_made_even(rate_hz: float, decimals: int, 
     log = read_log(path)
     if not is_uniform(np.round(t, decimals)):
         assert is_uniform(log.time_s)
-        assert any("are rounded to" in note for note in log.notes)
+        assert any("are rounded to" in note for note in texts(log.notes))
     np.testing.assert_allclose(log.time_s, t, atol=1.01 * 10.0**-decimals)
 
 

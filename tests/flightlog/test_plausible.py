@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_logs import made_log, write_text
+from noted import texts
 
 from bfi_cli.channels import STANDARD
 from bfi_cli.flightlog import FlightLog, inspect_log, read_log
@@ -31,8 +32,8 @@ def test_a_channel_is_asked_about_beyond_its_limit_and_not_for_a_spike(name: str
     limit, unit = LIMITS[name][0], {name: STANDARD[name].unit}
     beyond, within = stated(unit, **{name: 0 * TIME_S + 1.01 * limit}), 0 * TIME_S + 0.99 * limit
     (question,) = doubts_about(beyond, [name])
-    assert f"'{name}' reaches {1.01 * limit:.3g} {STANDARD[name].unit}" in question
-    assert f"--unit {beyond.channels[name].source}=UNIT" in question
+    assert f"'{name}' reaches {1.01 * limit:.3g} {STANDARD[name].unit}" in question.text
+    assert f"--unit {beyond.channels[name].source}=UNIT" in question.text
     within[[7, 90]] = -3.0 * limit, np.nan
     assert doubts_about(stated(unit, **{name: within}), [name]) == ()
     assert doubts_about(stated(unit, **{name: np.nan * TIME_S}), [name]) == ()
@@ -41,14 +42,14 @@ def test_a_channel_is_asked_about_beyond_its_limit_and_not_for_a_spike(name: str
 
 def test_air_of_20_kelvin_is_asked_about():
     log = stated({"sat": "K"}, sat=20.0 + TIME_S)
-    assert "is it in degC?" in doubts_about(log, ["sat"])[0]
+    assert "is it in degC?" in doubts_about(log, ["sat"])[0].text
 
 
 def test_the_recordings_of_the_repository_raise_no_question():
     for path in sorted(DATA.glob("*.h5")):
         log = read_log(path)
         assert doubts_about(log, list(log.channels)) == ()
-        assert inspect_log(log).notes == log.notes
+        assert texts(inspect_log(log).notes) == texts(log.notes)
 
 
 @pytest.mark.usefixtures("unscanned")
@@ -60,7 +61,7 @@ def test_info_and_identify_ask(bfi: Callable, tmp_path: Path):
     for command in (("info", path), ("identify", path, "-d", "airdata"), ("start-time", path, "--shape", "bias")):
         outcome = bfi(*command, "--json")
         assert outcome.code == 0
-        notes = json.loads(outcome.stdout)["notes"]
+        notes = texts(json.loads(outcome.stdout)["notes"])
         assert any(note.startswith("'elevator' reaches 3 rad") for note in notes)
         assert any(note.startswith("'tas' reaches 45") for note in notes)
         assert any("unit is stated for tas" in note or "no unit for tas (m/s)" in note for note in notes)

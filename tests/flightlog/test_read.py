@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_logs import write_hdf5, write_text
+from noted import texts
 from scipy.io import savemat
 
 from bfi_cli.errors import BfiError, LogError
@@ -102,7 +103,7 @@ def test_time_is_counted_from_a_sample_rate(tmp_path: Path):
         file.attrs["sample_rate_hz"] = 20.0
     log = read_log(path)
     np.testing.assert_allclose(log.time_s, np.arange(5) / 20.0)
-    assert "time is counted from sample_rate_hz = 20 Hz" in log.notes
+    assert "time is counted from sample_rate_hz = 20 Hz" in texts(log.notes)
 
 
 def test_empty_cells_are_nan(tmp_path: Path):
@@ -129,7 +130,7 @@ def test_of_two_claims_the_mapped_then_the_exact_name_wins(tmp_path: Path):
     log = read_log(path)
     assert log.channels["aoa"].values[0] == 200.0
     assert log.channels["alpha"].values[0] == 100.0
-    assert "'alpha' is a second aoa; 'aoa' is used for it" in log.notes
+    assert "'alpha' is a second aoa; 'aoa' is used for it" in texts(log.notes)
     mapped = read_log(path, channel_map={"aoa": "mine"})
     assert mapped.channels["aoa"].values[0] == 300.0
     assert mapped.channels["aoa_2"].source == "aoa"
@@ -146,14 +147,14 @@ def test_a_missing_unit_is_a_note_and_an_unknown_one_of_no_standard_channel_too(
     log = read_log(write_text(tmp_path / "a.csv", "time,tas,date [ddmmyy]\n0,1,2\n1,2,3\n"))
     assert log.channels["tas"].unit == ""
     assert log.channels["tas"].source_unit is None
-    assert any(note.startswith("no unit is stated for tas (m/s)") for note in log.notes)
-    assert "'date' is in 'ddmmyy', an unknown unit; its values are kept as they are" in log.notes
+    assert any(note.startswith("no unit is stated for tas (m/s)") for note in texts(log.notes))
+    assert "'date' is in 'ddmmyy', an unknown unit; its values are kept as they are" in texts(log.notes)
 
 
 def test_a_name_whose_unit_does_not_fit_keeps_its_own_name(tmp_path: Path):
     log = read_log(write_text(tmp_path / "a.csv", "time,p [hPa]\n0,1\n1,2\n"))
     assert log.channels["p"].values.tolist() == [100.0, 200.0]
-    assert "'p' is in 'hPa', so it is not taken for roll_rate" in log.notes
+    assert "'p' is in 'hPa', so it is not taken for roll_rate" in texts(log.notes)
 
 
 @pytest.mark.parametrize(
@@ -331,7 +332,7 @@ def test_recorded_flights(flights: Path, name: str):
     log = read_log(flights / name)
     assert {"tas", "elevator", "pitch", "pitch_rate", "aoa", "normal_acc"} <= set(log.channels)
     assert log.segments
-    assert log.notes == ()
+    assert texts(log.notes) == ()
 
 
 @pytest.mark.realdata

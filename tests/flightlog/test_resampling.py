@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_logs import made_log
+from noted import texts
 
 from bfi_cli.errors import BfiError
 from bfi_cli.faults import Fault
@@ -92,7 +93,7 @@ def test_a_window_too_short_to_show_the_clock_has_that_of_the_log():
 def test_a_rate_above_that_of_a_held_channel_is_a_note():
     held = smooth(T)[(np.arange(T.size) // 50) * 50]
     log = resample(made_log(T, tas=held), 10.0)
-    assert log.notes == ("'tas' has new values at 1 Hz only; at 10 Hz those between are interpolated",)
+    assert texts(log.notes) == ("'tas' has new values at 1 Hz only; at 10 Hz those between are interpolated",)
 
 
 @settings(max_examples=15, deadline=None)

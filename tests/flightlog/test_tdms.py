@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_tdms import START, waveform, write_tdms
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
@@ -37,7 +38,7 @@ def test_the_numbers_that_were_written(segments: int, tmp_path: Path):
     np.testing.assert_allclose(log.time_s, NOON_S + T, rtol=0, atol=1e-9)
     assert log.channels["tas"].source_unit == "kt"
     assert log.channels["tas"].source == "TAS"
-    assert "time counts from midnight of 2024-05-01 UTC" in log.notes
+    assert "time counts from midnight of 2024-05-01 UTC" in texts(log.notes)
 
 
 def test_scaled_numbers_are_the_ones_after_scaling(tmp_path: Path):
@@ -139,7 +140,7 @@ def test_what_is_no_signal_is_named(tmp_path: Path):
         nptdms.ChannelObject("g", "calibration", np.arange(3.0)),
         nptdms.ChannelObject("g", "spare", np.empty(0)),
     )
-    notes = read_log(path).notes
+    notes = texts(read_log(path).notes)
     assert "'remark' holds text and is left out" in notes
     assert "'spare' is empty and is left out" in notes
     assert "'calibration' has no wf_increment beside channels that have one and is left out" in notes
@@ -159,7 +160,7 @@ def test_a_file_that_is_cut_off_is_read_up_to_there(tmp_path: Path):
     assert 450 <= log.n_samples < N
     np.testing.assert_allclose(log.channels["tas"].values, TAS[: log.n_samples], rtol=1e-14)
     np.testing.assert_allclose(log.channels["elevator"].values, ELEVATOR[: log.n_samples], rtol=1e-14, atol=1e-17)
-    assert any("is cut off" in note for note in log.notes)
+    assert any("is cut off" in note for note in texts(log.notes))
 
 
 def test_a_file_that_is_cut_off_in_its_first_segment_is_refused(tmp_path: Path):

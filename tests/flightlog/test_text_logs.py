@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_logs import write_text
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
@@ -49,8 +50,8 @@ def test_a_g1000_log(tmp_path: Path):
     }
     for name, values in expected.items():
         np.testing.assert_allclose(log.channels[name].values, values, rtol=1e-12, atol=1e-12)
-    assert "time counts from midnight of 2011-07-01" in log.notes
-    assert {"'UTCOfst' holds text and is left out", "'AtvWpt' holds text and is left out"} <= set(log.notes)
+    assert "time counts from midnight of 2011-07-01" in texts(log.notes)
+    assert {"'UTCOfst' holds text and is left out", "'AtvWpt' holds text and is left out"} <= set(texts(log.notes))
 
 
 def test_repeated_and_missing_seconds_and_a_last_line_cut_off(tmp_path: Path):
@@ -58,7 +59,7 @@ def test_repeated_and_missing_seconds_and_a_last_line_cut_off(tmp_path: Path):
     log = read_log(write_text(tmp_path / "a.csv", text + "2011-07-01, 13:00:08, -05:"))
     assert (log.time_s - 13 * 3600.0).tolist() == [0, 1, 2, 3, 5, 6, 7]
     np.testing.assert_allclose(log.channels["tas"].values / KT, [100, 101, 103, 104, 105, 106, 107])
-    notes = " ".join(log.notes)
+    notes = " ".join(texts(log.notes))
     for words in ("line 12 is cut off", "repeat the second before are left out: 1", "skips 1 times; --rate 1 fills"):
         assert words in notes
 
@@ -69,7 +70,7 @@ def test_a_g3x_log_with_rows_before_its_clock_is_set(tmp_path: Path):
     np.testing.assert_allclose(log.channels["tas"].values, KT * (150 + np.arange(10)))
     np.testing.assert_allclose(log.channels["altitude"].values, FT * (5000 + np.arange(10)))
     assert log.time_s[0] == 36000.0
-    assert "2 rows without a time are left out" in log.notes
+    assert "2 rows without a time are left out" in texts(log.notes)
 
 
 def test_midnight_is_passed_with_and_without_a_date(tmp_path: Path):
@@ -86,7 +87,7 @@ def test_a_clock_of_whole_seconds_with_many_rows_each(tmp_path: Path):
     rows = "".join(f"12:00:{k // 5:02d},{k}\n" for k in range(2, 53))
     log = read_log(write_text(tmp_path / "a.csv", "clock,tas\n" + rows))
     np.testing.assert_allclose(log.time_s - 43200.0, np.arange(2, 53) / 5.0, atol=1e-9)
-    assert any("spread over it" in note for note in log.notes)
+    assert any("spread over it" in note for note in texts(log.notes))
 
 
 @pytest.mark.parametrize(
@@ -107,7 +108,7 @@ def test_dates_and_times_of_day(stamp: str, first: float, tmp_path: Path):
 def test_a_clock_beside_a_time_axis_is_left_out(tmp_path: Path):
     log = read_log(write_text(tmp_path / "a.csv", "clock,time,tas\n12:00:00,0,1\n12:00:01,1,2\n"))
     assert log.time_s.tolist() == [0.0, 1.0]
-    assert "'clock' holds dates or times beside the time axis and is left out" in log.notes
+    assert "'clock' holds dates or times beside the time axis and is left out" in texts(log.notes)
 
 
 def test_a_line_of_units(tmp_path: Path):
@@ -135,7 +136,7 @@ def test_a_comma_among_decimal_points_is_refused(tmp_path: Path):
 def test_a_column_of_text_is_left_out_and_text_among_numbers_refused(tmp_path: Path):
     log = read_log(write_text(tmp_path / "a.csv", "time,mode,tas\n0,,90\n1,CRUISE,91\n2,7,92\n"))
     assert set(log.channels) == {"tas"}
-    assert "'mode' holds text and is left out" in log.notes
+    assert "'mode' holds text and is left out" in texts(log.notes)
     with pytest.raises(LogError, match="line 3, column 'tas': not a number, got 'fast'"):
         read_log(write_text(tmp_path / "b.csv", "time,mode,tas\n0,A,90\n1,B,fast\n"))
     with pytest.raises(LogError, match="line 3, column 'clock': not a time of day, got '12'"):

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_tlog import packet, tlog_bytes
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
@@ -43,7 +44,7 @@ def test_a_signature_and_another_sender_are_passed_over(tmp_path: Path):
     attitude = next(one for one in topics if one.name == "ATTITUDE")
     assert attitude.fields["pitch"][-1] == 0.5
     assert not np.any(attitude.fields["pitch"] == 9.0)
-    assert notes == ["messages of 2 senders; those of system 1, component 1 are read"]
+    assert texts(notes) == ["messages of 2 senders; those of system 1, component 1 are read"]
 
 
 def test_a_wrong_check_sum_is_skipped_and_said(tmp_path: Path):
@@ -51,7 +52,7 @@ def test_a_wrong_check_sum_is_skipped_and_said(tmp_path: Path):
     whole[len(whole) // 2 : len(whole) // 2 + 4] = b"\xff\xff\xff\xff"
     (tmp_path / "a").write_bytes(whole)
     topics, notes = read_tlog_topics(str(tmp_path / "a"))
-    assert "bytes are damaged or cut off" in notes[0]
+    assert "bytes are damaged or cut off" in notes[0].text
     assert sum(one.time_s.size for one in topics) >= 478
 
 

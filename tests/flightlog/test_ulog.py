@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_px4 import message, px4_topics, tas, ulog_bytes, write_ulog, write_ulog2csv
+from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.px4 import read_ulog_topics
 from bfi_cli.flightlog.topics import fields_of
-from bfi_cli.flightlog.ulog import read_ulog_topics
 
 
 def test_the_ulog_and_its_csv_files_are_one_flight(tmp_path: Path):
@@ -103,14 +104,14 @@ def test_damage_is_skipped_to_the_next_synchronisation_and_said(tmp_path: Path):
     whole[len(whole) // 2 : len(whole) // 2 + 30] = b"\xff" * 30
     (tmp_path / "a").write_bytes(whole)
     log = read_log(tmp_path / "a")
-    assert any("bytes are damaged or cut off and were skipped" in note for note in log.notes)
+    assert any("bytes are damaged or cut off and were skipped" in note for note in texts(log.notes))
     np.testing.assert_allclose(log.channels["tas"].values, tas(log.time_s), atol=0.01)
     assert log.time_s[-1] > 155.0
 
 
 def test_dropouts_are_said(tmp_path: Path):
     (tmp_path / "a").write_bytes(ulog_bytes(px4_topics()) + message("O", struct.pack("<H", 250)))
-    assert any("lost data 1 times, 0.25 s in all" in note for note in read_log(tmp_path / "a").notes)
+    assert any("lost data 1 times, 0.25 s in all" in note for note in texts(read_log(tmp_path / "a").notes))
 
 
 @settings(max_examples=60, deadline=None)

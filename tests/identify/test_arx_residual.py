@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
@@ -40,5 +41,5 @@ def test_an_alarm_where_no_entry_begins_is_a_fault_without_a_name():
     late = {"name": "late", "shape": "bias", "onset_s": 22.0}
     result = identified(Fault(shape="bias", magnitude=4.0, onset_s=13.8), late)
     assert (result.decision, result.faults) == ("fault", ())
-    assert any("exceeds five standard deviations" in note for note in result.notes)
+    assert any("exceeds five standard deviations" in note for note in texts(result.notes))
     assert np.isfinite(result.candidates[0].magnitude)

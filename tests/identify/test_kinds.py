@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from noted import texts
 
 from bfi_cli.analysis import identify, start_time
 from bfi_cli.config import Config, merge
@@ -80,8 +81,8 @@ def test_a_claim_of_an_interval_says_its_onsets(log):
 def test_kinds_that_cannot_begin_or_that_nothing_tells_are_named(log):
     late = {"name": "late", "shape": "drift", "onset_s": {"from": 300}}
     result = answer(log, {"shape": "bias"}, late, {"name": "ice", "shape": "pitot_icing"})
-    assert any("no onset of 'late'" in note for note in result.notes)
-    assert any("nothing in the log tells 'ice'" in note for note in result.notes)
+    assert any("no onset of 'late'" in note for note in texts(result.notes))
+    assert any("nothing in the log tells 'ice'" in note for note in texts(result.notes))
 
 
 def test_a_dictionary_of_line_faults_alone_is_searched_for_whatever_is_there(log):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config, merge
 from bfi_cli.flightlog import inject
@@ -27,7 +28,7 @@ def same_answer(one, other):
     assert one.decision == other.decision
     assert one.verdicts == other.verdicts
     assert [fault.fault for fault in one.faults] == [fault.fault for fault in other.faults]
-    assert one.notes == other.notes
+    assert texts(one.notes) == texts(other.notes)
     assert one.model.order == other.model.order
     for ours, theirs in zip(one.candidates, other.candidates, strict=True):
         assert (ours.name, ours.state, ours.note) == (theirs.name, theirs.state, theirs.note)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
@@ -107,17 +108,17 @@ def test_dmae_explains_the_course_it_estimates_by_the_dictionary(thesis):
     assert result.truth.magnitude_error < 0.2
     assert all(np.isnan([fault.sd, *fault.ci95]).all() for fault in result.faults)
     assert [one.sd for one in result.candidates] == [None] * len(thesis.atoms)
-    assert "more probable than not from 6.35 s on" in result.notes[0]
+    assert "more probable than not from 6.35 s on" in texts(result.notes)[0]
 
 
 def test_dmae_declares_nothing_on_a_clean_log(thesis):
     result = identify_faults(read_log(DATA / "citation_clean.h5"), thesis, settings("dmae"))
     assert (result.decision, result.faults) == ("inconclusive", ()), "a method without intervals excludes nothing"
-    assert "never exceeds" in result.notes[0]
+    assert "never exceeds" in texts(result.notes)[0]
 
 
 def test_what_dmae_finds_beside_the_dictionary_is_a_fault_without_a_name(log, thesis):
     late = load_dictionary({"channel": "tas", "atoms": [{"name": "late", "shape": "bias", "onset_s": 30.0}]})
     result = identify_faults(log, late, settings("dmae"))
     assert result.decision == "fault"
-    assert "the entries of the dictionary explain" in result.notes[1]
+    assert "the entries of the dictionary explain" in texts(result.notes)[1]

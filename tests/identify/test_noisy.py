@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary
@@ -21,7 +22,7 @@ def by_name(result):
 @pytest.mark.parametrize("name", WELL_SEEN)
 def test_one_fault_is_isolated(flight, thesis, faulty, name):
     result = identify_faults(faulty(flight(1), thesis, {name: 3.0}), thesis, Config())
-    assert result.truth.isolated, result.notes
+    assert result.truth.isolated, texts(result.notes)
     (fault,) = result.faults
     assert abs(fault.magnitude - 3.0) < 4 * fault.sd + 0.01 * 3.0
     assert result.truth.magnitude_error == pytest.approx(abs(fault.magnitude - 3.0) / 3.0)
@@ -32,7 +33,7 @@ def test_one_fault_is_isolated(flight, thesis, faulty, name):
 def test_three_faults_are_isolated(flight, thesis, faulty, seed):
     magnitudes = {"bias_13.8": 4.0, "sine_1.15": 2.0, "cos_1.125": -1.5}
     result = identify_faults(faulty(flight(seed), thesis, magnitudes), thesis, Config())
-    assert result.truth.isolated, result.notes
+    assert result.truth.isolated, texts(result.notes)
     assert result.truth.magnitude_error < 0.02
 
 
@@ -118,7 +119,7 @@ def test_a_fault_on_each_of_two_outputs(flight, faulty):
     magnitudes = {"bias_tas": 3.0, "sine_aoa": 0.01}
     config = Config.model_validate({"outputs": ["tas", "aoa"]})
     result = identify_faults(faulty(flight(8), both, magnitudes), both, config)
-    assert result.truth.isolated, result.notes
+    assert result.truth.isolated, texts(result.notes)
     assert result.truth.magnitude_error < 0.05
     assert {fault.name: fault.fault.channel for fault in result.faults} == {"bias_tas": "tas", "sine_aoa": "aoa"}
     assert {fault.unit for fault in result.faults} == {"m/s", "rad"}
@@ -158,6 +159,6 @@ def test_a_window_keeps_the_fault_that_lies_in_it(flight, thesis, faulty):
     late = replace(thesis, relative_to="log")
     config = Config.model_validate({"window": {"from_s": 4.0, "to_s": 28.0}})
     result = identify_faults(faulty(flight(2), thesis, {"bias_13.8": 3.0}), late, config)
-    assert result.truth.isolated, result.notes
+    assert result.truth.isolated, texts(result.notes)
     assert 4.0 <= result.log.start_s < result.log.stop_s < 28.0
     assert result.faults[0].fault.onset_s == 13.8

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
@@ -104,7 +105,7 @@ def test_the_series_of_a_long_record_are_thinned_in_the_document_only(result, mo
     assert len(series["time_s"]) <= most
     assert series["inputs"]["elevator"] == result.inputs["elevator"][::k].tolist()
     assert series["outputs"][0]["measured"] == result.outputs[0].measured[::k].tolist()
-    said = [note for note in made["notes"] if note.startswith("the series of this document hold")]
+    said = [note for note in texts(made["notes"]) if note.startswith("the series of this document hold")]
     assert len(said) == (k > 1)
     again, _ = identify_from_document(made)
     assert again.faults == result.faults
@@ -124,7 +125,7 @@ def test_the_log_is_left_alone_and_the_answer_repeats_to_the_bit(flight, thesis,
     for name, values in before.items():
         np.testing.assert_array_equal(log.channel(name).values, values)
     assert one.faults == other.faults
-    assert one.notes == other.notes
+    assert texts(one.notes) == texts(other.notes)
 
 
 def test_a_missed_fault_and_a_false_alarm_are_named(flight, thesis, faulty):
@@ -181,7 +182,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
     log = inject(flight(1), [replace(atom, magnitude=3.0) for atom in old.atoms])
     result = identify_faults(log, old, Config())
     assert result.decision == "inconclusive"
-    assert "the data cannot answer" in result.notes[0]
+    assert "the data cannot answer" in texts(result.notes)[0]
     assert result.candidates[0].state is None
     assert "too near an end" in result.candidates[0].note
 
@@ -195,8 +196,8 @@ def test_an_entry_near_an_end_narrows_the_claim_and_does_not_void_it(flight):
     assert narrow.verdicts["abrupt"] == wide.verdicts["abrupt"] == "no_fault"
     assert [one.state for one in wide.candidates[:4]] == ["excluded", "excluded", None, None]
     assert {one.note for one in wide.candidates[2:4]} == {"too near an end of the window"}
-    assert "claims hold for onsets from 10 to 20 s: 2 entries begin too near an end of the window" in wide.notes
-    assert not any("claims hold" in note for note in narrow.notes)
+    assert "claims hold for onsets from 10 to 20 s: 2 entries begin too near an end of the window" in texts(wide.notes)
+    assert not any("claims hold" in note for note in texts(narrow.notes))
 
 
 def test_dead_constant_and_repeated_entries_are_left_out_and_named(flight, thesis, faulty):
@@ -219,7 +220,7 @@ def test_dead_constant_and_repeated_entries_are_left_out_and_named(flight, thesi
     assert "is no output" in notes["elsewhere"]
     left_out = [candidate for candidate in other.candidates if candidate.name in notes and candidate.sd is None]
     assert {candidate.name for candidate in left_out} == {fault.name for fault in extra}
-    assert {notes[fault.name] for fault in extra} <= set(other.notes)
+    assert {notes[fault.name] for fault in extra} <= set(texts(other.notes))
 
 
 def test_a_combination_of_entries_is_left_out(flight):
@@ -270,7 +271,7 @@ def test_the_published_method_says_what_it_lacks(flight, thesis, faulty):
     assert result.solver.method == "risro"
     assert result.solver.sparsity is None
     assert not result.model.feedthrough
-    assert "no false-alarm rate" in result.notes[0]
+    assert "no false-alarm rate" in texts(result.notes)[0]
     assert "bias_13.8" in {fault.name for fault in result.faults}
     assert all(np.isfinite([fault.magnitude, fault.sd]).all() for fault in result.faults)
 
@@ -288,7 +289,7 @@ def test_the_answer_says_what_the_sparsity_stage_did(flight, thesis, faulty, kin
     assert "bias_13.8" not in told.set_to_zero
     steps = " and ".join(str(run.iterations) for run in told.runs)
     said = f"({kind}, {steps} steps from its two starts) sets {len(told.set_to_zero)} of"
-    assert any(said in note for note in result.notes) == bool(told.set_to_zero)
+    assert any(said in note for note in texts(result.notes)) == bool(told.set_to_zero)
 
 
 def test_the_published_stage_runs_as_published_only(flight, thesis, faulty):
@@ -308,8 +309,8 @@ def test_a_solver_that_did_not_converge_gives_no_interval_and_no_verdict(flight,
     rules = {"method": "risro", "risro": {"sparsity": "none", "max_iterations": 2, "tolerance": 1e-300}}
     result = identify_faults(faulty(flight(1), thesis, {"bias_13.8": 3.0}), thesis, Config.model_validate(rules))
     assert result.decision == "inconclusive"
-    assert "did not converge" in result.notes[0]
-    assert Termination.MAX_ITERATIONS.value in result.notes[0]
+    assert "did not converge" in texts(result.notes)[0]
+    assert Termination.MAX_ITERATIONS.value in texts(result.notes)[0]
     assert result.faults
     assert all(np.isnan([fault.sd, *fault.ci95]).all() for fault in result.faults)
     assert all(entry.sd is None and entry.minimal_detectable is None for entry in result.candidates)

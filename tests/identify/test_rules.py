@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_logs import made_log
+from noted import texts
 
 from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.analysis import identify
@@ -14,7 +15,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.identify import identify_faults
-from bfi_cli.preprocessing.advice import require_one_trim
+from bfi_cli.preprocessing.defaults import require_one_trim
 
 
 def flown(noise: float, gusts: float = 0.0) -> FlightLog:
@@ -61,7 +62,7 @@ def test_what_the_dictionary_does_not_hold_is_pointed_at(flight, thesis, faulty)
         thesis, atoms=tuple(replace(atom, onset_s=20.0) for atom in thesis.atoms if atom.name == "bias_13.8")
     )
     result = identify_faults(log, late, Config())
-    assert any("an abrupt event" in note for note in result.notes)
+    assert any("an abrupt event" in note for note in texts(result.notes))
 
 
 def test_a_flight_of_many_trims_is_refused_with_the_windows_to_take(thesis):

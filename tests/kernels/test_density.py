@@ -7,8 +7,8 @@ import plain_density as plain
 import pytest
 from scipy import stats
 
-from bfi_cli.kernels import density as module
-from bfi_cli.kernels.density import (
+from bfi_cli.kernels import divergence as module
+from bfi_cli.kernels.divergence import (
     Density,
     convolve,
     draw,

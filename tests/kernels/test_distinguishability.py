@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bfi_cli.kernels.density import Density, convolve, kernel_density
-from bfi_cli.kernels.divergence import distinguishability, jensen_shannon_quadrature, sample_bits, window_bits
+from bfi_cli.kernels.divergence import (
+    Density,
+    convolve,
+    distinguishability,
+    jensen_shannon_quadrature,
+    kernel_density,
+    sample_bits,
+    window_bits,
+)
 
 WHITE = np.random.default_rng(0).standard_normal(400)
 FOUND = distinguishability(WHITE)

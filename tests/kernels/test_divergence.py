@@ -10,8 +10,14 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from bfi_cli.kernels.density import Density, draw, gaussian_density, kernel_density
-from bfi_cli.kernels.divergence import jensen_shannon_montecarlo, jensen_shannon_quadrature
+from bfi_cli.kernels.divergence import (
+    Density,
+    draw,
+    gaussian_density,
+    jensen_shannon_montecarlo,
+    jensen_shannon_quadrature,
+    kernel_density,
+)
 
 rng = np.random.default_rng(11)
 DENSITIES = {

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.airdata import air_data_of, static_temperature, true_airspeed
 from bfi_cli.faults import Fault
@@ -45,7 +46,7 @@ def test_lift_and_the_ground_bound_the_airspeed_of_two_minutes(flight, name):
     made = with_derived(log, ["lift_speed"], **span).window(3000.0, 3120.0)
     error = made.channel("lift_speed").values - made.channel("tas").values
     assert np.std(error) < 1.0
-    assert "with an angle of zero lift of -" in made.notes[-1]
+    assert "with an angle of zero lift of -" in texts(made.notes)[-1]
     if {"latitude", "longitude"} <= log.channels.keys():
         made = with_derived(log, ["ground_airspeed"], **span).window(3000.0, 3120.0)
         assert np.std(made.channel("ground_airspeed").values - made.channel("tas").values) < 1.2

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bars import FULL, not_below
+from noted import texts
 from shipped_parity import FLIGHTS, clean_windows
 
 from bfi_cli.config import Config, merge
@@ -231,7 +232,7 @@ def test_a_whole_flight_has_no_false_event(pairs: Mapping[bool, Pair], bare: boo
     for log, config in zip(pairs[bare].logs, pairs[bare].configs, strict=True):
         moved = configuration_changes(phases_of(log))
         result = diagnose_flight(log, config)
-        print(f"{Path(log.path).name}: {said(result)}; {'; '.join(result.notes)}")
+        print(f"{Path(log.path).name}: {said(result)}; {'; '.join(texts(result.notes))}")
         hours += float(log.time_s[-1] - log.time_s[0]) / 3600.0
         for one in result.events:
             print(f"  {one.fault} {one.state} {one.onset_s:.0f} s, window {one.window_s}, {one.statistic:.0f}")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bars import FULL, at_most, not_above, not_below
+from noted import texts
 from test_recorded_faults import DICTIONARY, FLIGHTS, LENGTH_S, windows, with_fault
 from trials import sized
 from verdict_trials import counts_of, cross_calibrated, draw, flight_log, interval, resumed, run, wrong_of
@@ -79,9 +80,9 @@ def test_what_the_elevator_does_not_tell_is_suspected(tables: Path, flight: str,
     """Changes of thrust and wind that stand out with the elevator alone, and not with the log's other channels."""
     config = cross_calibrated(flight, "own", ("elevator",), tables)
     result = find_onset(flight_log(flight, "own").window(from_s, from_s + LENGTH_S), config)
-    print(result.notes[0])
+    print(texts(result.notes)[0])
     assert result.decision == "inconclusive"
-    assert "inputs, too" in result.notes[0]
+    assert "inputs, too" in texts(result.notes)[0]
 
 
 def test_no_fault_is_reached(logs: tuple[FlightLog, FlightLog]) -> None:

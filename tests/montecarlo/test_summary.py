@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from noted import texts
 
 from bfi_cli.montecarlo import Sweep, summarise, wilson
 from bfi_cli.montecarlo.trial import Row
@@ -95,4 +96,4 @@ def test_what_is_counted_of_what(sweep: Callable[..., Sweep]):
     assert scenario.magnitude_error["p50"] == 0.5
     assert scenario.magnitude_error["max"] == 1.0
     assert scenario.seconds == pytest.approx(0.25)
-    assert summary.notes == ("1 of 4 trials of 'all' failed and count as not isolated; the first: no room",)
+    assert texts(summary.notes) == ("1 of 4 trials of 'all' failed and count as not isolated; the first: no room",)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from matplotlib.image import imread
+from noted import texts
 
 DATA = Path(__file__).parents[2] / "data"
 BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"
@@ -35,7 +36,7 @@ def calibrated(bfi, table: Path) -> Path:
 def test_a_table_says_what_is_wrong_with_it(bfi, tmp_path: Path):
     outcome = bfi("calibrate", CLEAN, "-o", tmp_path / "few.json", "--length", 16, "--step", 5, *QUICK)
     assert outcome.code == 0
-    few, *_ = json.loads((tmp_path / "few.json").read_text())["notes"]
+    few, *_ = texts(json.loads((tmp_path / "few.json").read_text())["notes"])
     assert "windows are too few, bfi start-time asks for 20" in few
 
 
@@ -81,11 +82,12 @@ def test_the_files(bfi, calibrated: Path, tmp_path: Path):
     assert imread(io.BytesIO(files["profile.png"])).std() > 0.05
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_stored_result_is_drawn_again(bfi, calibrated: Path, tmp_path: Path):
     bfi("start-time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "out")
     outcome = bfi("report", tmp_path / "out" / "result.json", "--out", tmp_path / "again", "--json", "--series")
     assert json.loads(outcome.stdout) == json.loads((tmp_path / "out" / "result.json").read_text())
-    for name in ("profile.svg", "report.html"):
+    for name in ("profile_figure.csv", "report.html"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
     document = json.loads(outcome.stdout)
     del document["series"]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
@@ -38,7 +39,7 @@ def test_a_step_that_another_channel_has_is_suspected(flown, settings):
     (bias,) = (one for one in result.candidates if one.shape == "bias")
     assert bias.state == "suspected"
     assert "longitudinal_acc" in (bias.note or "")
-    assert result.notes[0] == bias.note
+    assert texts(result.notes)[0] == bias.note
 
 
 def test_a_step_that_no_other_channel_has_is_declared(flown, settings):
@@ -87,4 +88,4 @@ def test_what_the_scan_finds_with_an_interval_that_holds_zero_is_suspected(tmp_p
     assert drift.state == "suspected"
     assert "interval" in (drift.note or "")
     assert "holds zero" in (drift.note or "")
-    assert result.notes[0] == drift.note
+    assert texts(result.notes)[0] == drift.note

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 from scipy.signal import lfilter
 
 from bfi_cli.config import Config, merge
@@ -87,7 +88,7 @@ def test_the_default_calibrates_on_the_log_where_no_table_fits(log: FlightLog):
     assert result.decision == "fault"
     assert result.faults[0].fault.onset_s == pytest.approx(210.0, abs=0.5)
     assert result.p_value >= 1.0 / (use.n_windows + 1)
-    note = next(note for note in result.notes if note.startswith("calibrated on"))
+    note = next(note for note in texts(result.notes) if note.startswith("calibrated on"))
     assert f"{use.n_windows} overlapping windows of 20 s of the log itself, on both sides" in note
     assert any("windows of the log" in stage for stage in stages)
 
@@ -103,16 +104,16 @@ def test_the_threshold_decides_at_any_rate_of_false_alarms(log: FlightLog):
     assert result.faults[0].p_value == result.p_value == 1.0 / (n_windows + 1)
     least = f"{100.0 / (n_windows + 1):.3g} %"
     assert f"{n_windows} windows show no rate of false alarms below {least}; the threshold of 0.0001 % is " in str(
-        result.notes
+        texts(result.notes)
     )
-    assert f"the p-value is at most {result.p_value:.2g}: " in str(result.notes)
+    assert f"the p-value is at most {result.p_value:.2g}: " in str(texts(result.notes))
 
 
 def test_auto_is_the_default(log: FlightLog):
     record = prepare_record(log, CONFIG)
     named = merge(CONFIG, {"start_time.calibration": "auto"})
     one, other = (rule_for(log, record, config, order=4) for config in (CONFIG, named))
-    assert (one.use, one.notes) == (other.use, other.notes)
+    assert (one.use, texts(one.notes)) == (other.use, texts(other.notes))
     assert one.threshold("bias") == other.threshold("bias")
 
 
@@ -122,8 +123,8 @@ def test_a_flight_too_short_for_its_windows_lends_shorter_ones(log: FlightLog):
     assert (rule.use.source, rule.use.matches) == ("self", False)
     assert rule.use.length_s < 45.0
     assert rule.threshold("bias") == RAISED * rule.null.threshold("bias", 0.01)
-    assert "the log has" in rule.notes[0]
-    assert "has window length" in rule.notes[0]
+    assert "the log has" in texts(rule.notes)[0]
+    assert "has window length" in texts(rule.notes)[0]
     assert find_onset(log, longer).p_value is None
 
 
@@ -132,8 +133,8 @@ def test_without_a_flight_the_nearest_table_is_raised(log: FlightLog):
     rule = rule_for(short, prepare_record(short, CONFIG), CONFIG, order=4)
     assert (rule.use.source, rule.use.matches) == ("shipped", False)
     assert rule.threshold("bias") == RAISED * rule.null.threshold("bias", 0.01)
-    assert "the log has 4 more windows of 20 s in flight, not 20" in rule.notes[0]
-    assert "raised by 50%" in rule.notes[0]
+    assert "the log has 4 more windows of 20 s in flight, not 20" in texts(rule.notes)[0]
+    assert "raised by 50%" in texts(rule.notes)[0]
 
 
 def test_the_ground_is_no_calibration(log: FlightLog):

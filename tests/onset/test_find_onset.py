@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config, StartTime, merge
 from bfi_cli.decision import KINDS, decide
@@ -107,7 +108,7 @@ def test_a_bias_and_an_oscillation_of_another_phase_leave_nothing(flown, setting
 def test_a_fault_that_begins_with_the_manoeuvre_is_said_to(flown, settings, onset_s, said):
     result = find_onset(flown(replace(BIAS, onset_s=onset_s)), settings())
     assert result.decision == "fault"
-    assert any("begins while the inputs move most" in note for note in result.notes) is said
+    assert any("begins while the inputs move most" in note for note in texts(result.notes)) is said
 
 
 @pytest.mark.parametrize("onset_s", [2.0, 31.0, 31.3])
@@ -153,7 +154,7 @@ def test_a_table_of_other_settings_gives_no_p_value(flown, settings):
     result = find_onset(flown(BIAS), config)
     assert (result.decision, result.p_value, result.faults[0].p_value) == ("fault", None, None)
     assert result.calibration.matches is False
-    assert any("order 4 instead of 3" in note for note in result.notes)
+    assert any("order 4 instead of 3" in note for note in texts(result.notes))
 
 
 @pytest.mark.slow

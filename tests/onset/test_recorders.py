@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 from scipy.signal import butter, firwin, oaconvolve, sosfilt, sosfilt_zi, sosfiltfilt
 
 from bfi_cli.config import Config, merge
@@ -78,7 +79,7 @@ def test_identify_names_and_measures_it(recorded: FlightLog, kind: str):
     assert found.name == "step"
     assert found.magnitude == pytest.approx(3.0, rel=0.03)
     assert found.ci95[0] < 3.0 < found.ci95[1]
-    assert any(f"the recorder's low-pass ({kind}" in note for note in result.notes)
+    assert any(f"the recorder's low-pass ({kind}" in note for note in texts(result.notes))
 
 
 def test_start_time_locates_and_measures_it(recorded: FlightLog, kind: str):
@@ -117,6 +118,8 @@ def test_a_wrong_recorder_that_is_taken_for_certain_measures_wrongly(recorded: F
 def test_where_nothing_tells_the_recorder_the_note_says_so(flown: Callable[..., FlightLog]):
     unknown = replace(flown(BIAS), filters=None)
     config = merge(Config(), {"start_time.shapes": ("bias",), "conditioning.rate_hz": 10.0, "model.order": 4})
-    notes = find_onset(unknown, config).notes
+    notes = texts(find_onset(unknown, config).notes)
     assert any("no recorder is assumed, --recorder HZ states one" in note for note in notes)
-    assert not any("recorder is assumed" in note for note in find_onset(replace(unknown, filters=()), config).notes)
+    assert not any(
+        "recorder is assumed" in note for note in texts(find_onset(replace(unknown, filters=()), config).notes)
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.config import Config
 from bfi_cli.errors import ConfigError
@@ -24,7 +25,7 @@ def test_the_peak_of_the_magnitude_is_the_step(flown):
     assert found.fault.onset_s == pytest.approx(15.0, abs=0.21)
     assert found.magnitude == pytest.approx(2.0, rel=0.1)
     assert (result.method, result.p_value, result.threshold, result.calibration) == ("thesis", None, None, None)
-    assert any("left out: sine" in note for note in result.notes)
+    assert any("left out: sine" in note for note in texts(result.notes))
     document = onset_document(result, provenance(log_sha256=""))["faults"][0]
     assert document["onset_ci95"] is document["ci95"] is document["sd"] is None
 
@@ -42,8 +43,8 @@ def test_it_heeds_the_sparsity_settings(flown):
     assert np.all((kept.magnitude == 0.0) | np.isclose(kept.magnitude, whole.magnitude, rtol=1e-6))
     assert np.mean(kept.magnitude == 0.0) > 0.25
     assert not np.allclose(letter.magnitude, whole.magnitude)
-    assert "no test of whether" in without.notes[0]
-    assert "sets the magnitude to zero at" in with_stage.notes[0]
+    assert "no test of whether" in texts(without.notes)[0]
+    assert "sets the magnitude to zero at" in texts(with_stage.notes)[0]
     silent = find_onset(flown(), config(shapes=("bias",)))
     assert (silent.decision, silent.faults) == ("inconclusive", ()), "a method without a test excludes nothing"
 

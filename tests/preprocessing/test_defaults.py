@@ -13,6 +13,7 @@ from made_dataflash import dataflash_bytes
 from made_logs import made_log
 from made_px4 import px4_topics, write_ulog
 from made_tlog import tlog_bytes
+from noted import texts
 
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import SHIPPED, load_dictionary
@@ -59,7 +60,7 @@ def test_the_output_is_the_fastest_airspeed_where_there_is_no_tas(rates_hz: dict
     log = with_rates(log_of(ias=100.0 + WAVE, cas=100.0 + WAVE, elevator=WAVE), **rates_hz)
     config, notes = with_defaults_of(log, Config())
     assert config.outputs == (output,)
-    assert f"the output is '{output}'" in notes[0]
+    assert f"the output is '{output}'" in notes[0].text
     with_tas = with_rates(log_of(tas=100.0 + WAVE, cas=100.0 + WAVE, elevator=WAVE), tas=0.5)
     assert with_defaults_of(with_tas, Config())[0].outputs == ("tas",)
 
@@ -79,8 +80,8 @@ def test_the_output_is_the_fastest_airspeed_where_there_is_no_tas(rates_hz: dict
 def test_inputs_in_place_of_an_elevator_are_those_that_move(channels: dict, inputs: tuple[str, ...]):
     config, notes = with_defaults_of(log_of(tas=100.0 + WAVE, **channels), Config())
     assert config.inputs == inputs
-    assert [note for note in notes if "inputs" in note] == (
-        [] if inputs == ("elevator",) else [note for note in notes if ", ".join(inputs) in note]
+    assert [note for note in texts(notes) if "inputs" in note] == (
+        [] if inputs == ("elevator",) else [note for note in texts(notes) if ", ".join(inputs) in note]
     )
 
 
@@ -91,7 +92,7 @@ def test_a_lever_that_is_moved_is_an_input_beside_the_elevator(lever: str):
     log = log_of(tas=100.0 + WAVE, elevator=WAVE, pitch=WAVE, longitudinal_acc=WAVE, **{lever: moved + 0.001 * WAVE})
     config, (said,) = with_defaults_of(log, Config())
     assert config.inputs == ("elevator", lever, "pitch", "longitudinal_acc")
-    assert said == (
+    assert said.text == (
         f"'{lever}' moves, which changes the airspeed too: the inputs are elevator, {lever}, pitch, longitudinal_acc"
     )
     before = merge(Config(), {"window.to_s": 500.0})
@@ -106,8 +107,8 @@ def test_the_window_is_the_flight_from_take_off_to_landing(witness: str):
     config, (said,) = with_defaults_of(log, Config())
     assert 280.0 < config.window.from_s < 340.0
     assert 860.0 < config.window.to_s < 930.0
-    assert "after take-off" in said
-    assert "before landing" in said
+    assert "after take-off" in said.text
+    assert "before landing" in said.text
     part = log.window(300.0, 800.0)
     assert with_defaults_of(part, Config())[0].window.to_s is None
     assert with_defaults_of(log.window(400.0, 800.0), Config())[1] == ()
@@ -130,7 +131,7 @@ def test_of_a_log_with_clocks_of_its_own_the_longest_stretch_without_gaps_is_tak
     log = with_rates(plain.take(keep))
     config, (said,) = with_defaults_of(log, Config())
     assert (config.window.from_s, config.window.to_s) == pytest.approx((305.2, 898.9), abs=0.3)
-    assert "gaps" in said
+    assert "gaps" in said.text
     part = log.window(config.window.from_s, config.window.to_s)
     assert np.isfinite(part.channels["elevator"].values).all()
     assert with_defaults_of(plain, Config()) == (Config(), ())  # a file of the user's own is refused, see test_quality
@@ -184,8 +185,8 @@ def test_logs_of_autopilots_are_identified_as_typed(bfi: Callable, tmp_path: Pat
         output = "tas" if "tas" in has else "ias"
         assert document["model"]["outputs"] == [output]
         assert set(document["model"]["inputs"]) <= set(has)
-        assert any("the output is 'ias'" in note for note in document["notes"]) == (output == "ias")
-        assert any("the inputs are" in note for note in document["notes"]) == ("elevator" not in has)
+        assert any("the output is 'ias'" in note for note in texts(document["notes"])) == (output == "ias")
+        assert any("the inputs are" in note for note in texts(document["notes"])) == ("elevator" not in has)
 
 
 def test_a_missing_last_sample_of_a_short_log_leaves_nothing_out():

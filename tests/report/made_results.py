@@ -16,6 +16,7 @@ from bfi_cli.identify.result import (
     ScanSummary,
     SolverSummary,
 )
+from bfi_cli.notes import Note
 from bfi_cli.preprocessing.summary import LogSummary, ModelSummary
 from bfi_cli.provenance import Provenance
 
@@ -86,7 +87,7 @@ def inconclusive_result() -> IdentifyResult:
         verdicts=verdicts_of((unknown,)),
         summary=summarise(verdicts_of((unknown,)), (unknown,)),
         candidates=(unknown,),
-        notes=(note, "the condition number of the regressors is 3e+16"),
+        notes=(Note.limit(note), Note.limit("the condition number of the regressors is 3e+16")),
         model=replace(made.model, orders=(), criterion_no_fault=(), criterion_best=()),
         solver=replace(made.solver, condition_number=np.inf, termination="rank lost"),
         truth=None,
@@ -125,7 +126,7 @@ def _result(time_s, outputs, candidates, *, faults, truth):
         ),
         vaf_output=dict.fromkeys(channels, 99.99),
         solver=SolverSummary(method="ml", termination="converged", iterations=6, condition_number=812.0),
-        notes=("the log was decimated from 100 Hz to 10 Hz",),
+        notes=(Note.method("the log was decimated from 100 Hz to 10 Hz"),),
         time_s=time_s,
         inputs={"elevator": _three_two_one_one(time_s)},
         input_units={"elevator": "rad"},

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bfi_cli.notes import Note
 from bfi_cli.provenance import provenance
 from bfi_cli.report.content import Curve, Drawing, HeatMap, Panel, ReportContent, Span, Table, curve
 from bfi_cli.report.figures import draw
@@ -43,7 +44,7 @@ CONTENT = ReportContent(
     facts=(("Window", "0 to 1 s"),),
     tables=(Table(name="faults", title="Faults", heads=("shape", "onset"), rows=(("bias", "0.5 s"),)),),
     drawings=(DRAWING,),
-    notes=("mind <this>",),
+    notes=(Note.limit("mind <this>"),),
 )
 
 

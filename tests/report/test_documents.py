@@ -101,7 +101,7 @@ def test_keys_of_the_contract(path, provenance):
 
 def test_values_of_the_contract(provenance):
     document = identify_document(fault_result(), provenance)
-    assert (document["kind"], document["schema"], document["decision"]) == ("identify", 2, "fault")
+    assert (document["kind"], document["schema"], document["decision"]) == ("identify", 3, "fault")
     fault = document["faults"][0]
     assert fault["ci95"] == [3.989, 4.017]
     assert fault["physical"] == {"value": 4.003, "unit": "m/s"}
@@ -137,7 +137,7 @@ def drop(path):
     [
         (drop("kind"), "x.json: not a result of this program, it has no 'kind'; give"),
         (change("kind", "detect"), "x.json: kind is 'detect', not 'identify'; give"),
-        (change("schema", 1), "x.json: schema is 1, this program reads 2; run bfi identify again"),
+        (change("schema", 1), "x.json: schema is 1, this program reads 3; run bfi identify again"),
         (drop("log.path"), "x.json: log: no key 'path'; the file is damaged"),
         (drop("series"), "x.json: no key 'series'; the file is damaged"),
         (change("series", 3), "x.json: series: not a mapping, got 3; the file is damaged"),

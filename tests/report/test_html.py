@@ -8,6 +8,7 @@ import pytest
 from made_results import fault_result, inconclusive_result, no_fault_result, two_output_result
 
 from bfi_cli.identify.report import identify_content
+from bfi_cli.notes import Note
 from bfi_cli.report.figures import draw
 from bfi_cli.report.html import render_content
 from bfi_cli.report.style import to_svg
@@ -58,7 +59,7 @@ def test_names_out_of_a_file_are_escaped(hostile, provenance):
     estimate = replace(made.faults[0], name=hostile, unit=hostile)
     candidates = tuple(replace(candidate, name=hostile, note=hostile) for candidate in made.candidates)
     log = replace(made.log, path=hostile)
-    made = replace(made, faults=(estimate,), candidates=candidates, log=log, notes=(hostile,))
+    made = replace(made, faults=(estimate,), candidates=candidates, log=log, notes=(Note.limit(hostile),))
     page = Page(report(made, replace(provenance, command=hostile)))
     assert "script" not in page.tags
     assert page.tags.count("img") == 1

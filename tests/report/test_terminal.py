@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import pytest
 from made_results import fault_result, two_output_result
+from noted import texts
 from rich.console import Console
 
 from bfi_cli.identify.report import identify_content
+from bfi_cli.notes import Note
 from bfi_cli.report.terminal import MAX_ROWS, print_content
 
 
@@ -26,7 +28,7 @@ def test_no_line_is_wider_than_the_terminal(result, width):
 def test_the_verdict_comes_first_and_the_notes_are_there(result):
     text = " ".join(printed(result, 400).split())
     assert text.startswith(identify_content(result).verdict)
-    assert all(note in text for note in result.notes)
+    assert all(note in text for note in texts(result.notes))
 
 
 def test_numbers_are_never_cut_at_80_columns():
@@ -38,7 +40,7 @@ def test_numbers_are_never_cut_at_80_columns():
 
 def test_names_are_not_markup():
     made = fault_result(channel="[bold]tas[/bold]:warning:")
-    made = replace(made, notes=("[link=x]see[/link]",))
+    made = replace(made, notes=(Note.limit("[link=x]see[/link]"),))
     text = printed(made, 200)
     assert "[bold]tas[/bold]:warning:" in text
     assert "[link=x]see[/link]" in text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.errors import ConfigError
 from bfi_cli.flightlog import FlightLog
@@ -117,7 +118,7 @@ def test_the_content_holds_table_errata_and_figures(quick: ReportContent):
         for panel in drawing.panels:
             assert all(np.isfinite(one.y).all() for one in panel.curves)
     assert dict(quick.facts)["Gyro noise"].startswith("0.05 deg/s")
-    assert quick.notes
+    assert texts(quick.notes)
     assert all(published == f"{ours} (table I)" for _, published, ours in quick.tables[4].rows)
 
 
@@ -156,7 +157,7 @@ def test_the_chosen_reading_is_not_repeated_among_the_others(quick: ReportConten
 def test_other_choices_reach_the_answer():
     log = FlightLog(path="flight", time_s=np.arange(3.0), channels={})
     content = f16_table2(Settings(quick=True, trials=1, log=log), changed(reference="gaussian", noise_deg_s=0.1))
-    assert "The record given is not used: the flights are the experiment." in content.notes
+    assert "The record given is not used: the flights are the experiment." in texts(content.notes)
     facts = dict(content.facts)
     assert facts["Gyro noise"].startswith("0.1 deg/s")
     assert facts["Reference"].startswith("Gaussian fit")

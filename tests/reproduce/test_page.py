@@ -48,7 +48,7 @@ def test_what_a_sweep_compares_has_its_place_too(name: str):
     page = PAGES[name]
     assert set(page["printed"]) == set(page["quantities"])
     for printed in page["printed"].values():
-        assert set(printed) <= set(page["methods"])
+        assert set(printed) <= set(page["who"])
         assert all(PLACE.search(text) for text in printed.values())
 
 

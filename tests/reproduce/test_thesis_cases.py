@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noted import texts
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import merge
@@ -180,9 +181,9 @@ def test_none_of_ours_is_called_published_and_the_page_says_who_computed_what(fa
 
 def test_the_reasons_for_disagreement_are_given(fast: ReportContent, slow: ReportContent):
     for content in (fast, slow):
-        assert any("process noise it gives the fault" in note for note in content.notes)
-        assert any("not public" in note for note in content.notes)
-    assert any("5.29 s" in note for note in slow.notes)
+        assert any("process noise it gives the fault" in note for note in texts(content.notes))
+        assert any("not public" in note for note in texts(content.notes))
+    assert any("5.29 s" in note for note in texts(slow.notes))
 
 
 def test_the_time_axis_of_a_log_of_ones_own_may_start_anywhere(fast: ReportContent, clean: FlightLog):
@@ -191,8 +192,8 @@ def test_the_time_axis_of_a_log_of_ones_own_may_start_anywhere(fast: ReportConte
         np.testing.assert_allclose(curves(moved)[label].y, curves(fast)[label].y, rtol=0, atol=1e-6)
     assert row(moved, "DMAE", "methods")[2] == "a fault from 256.35 s"
     assert moved.heading == "Followed by algorithm 3 and by DMAE"
-    assert any("may not fit" in note for note in moved.notes)
-    assert not any("not public" in note or "simulated record" in note for note in moved.notes)
+    assert any("may not fit" in note for note in texts(moved.notes))
+    assert not any("not public" in note or "simulated record" in note for note in texts(moved.notes))
 
 
 def test_logs_that_cannot_be_used(clean: FlightLog):
@@ -257,7 +258,7 @@ def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
     assert share(row(content, f"VAF of the fault, DMAE, {NOISY}")[1]) > 80.0
     assert row(content, f"declared by ours (ml), {EXACT}")[1] == "none"
     assert content.heading == "Harmless for DMAE"
-    assert any("Quick: the scan over all starts" in note for note in content.notes)
+    assert any("Quick: the scan over all starts" in note for note in texts(content.notes))
 
 
 @pytest.mark.slow

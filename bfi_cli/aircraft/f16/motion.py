@@ -15,6 +15,7 @@ import numpy as np
 from ...errors import ConfigError
 from ...kernels import FloatArray
 from ...kernels.progress import Report, silent
+from ...notes import Note
 from ..model import Flown, NonlinearModel
 from .airframe import (
     ALTITUDE,
@@ -244,7 +245,7 @@ def fly(
     return Flown(
         inputs=inputs,
         outputs=np.vstack([states[: RATES.stop], states[ALTITUDE], felt]).T,
-        notes=tuple(f"{name} is held at its stop" for name in stops),
+        notes=tuple(Note.limit(f"{name} is held at its stop") for name in stops),
     )
 
 

@@ -25,6 +25,8 @@ from bfi_cli.kernels.onset.scan import default_onsets, prepare_scan, scan_shape,
 from bfi_cli.kernels.progress import silent
 
 KINDS = ("white", "faulty", "spiky", "drifting", "smooth", "noise-free", "weighted", "two outputs")
+# Samples of a record of which every sine is screened, which takes the square of their number.
+SHORT = 160
 
 
 def made(kind, seed, n=300):
@@ -164,7 +166,7 @@ def test_no_sine_is_left_out_at_a_share_of_its_own_statistic(size, order):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_peaks_of_the_grid_are_those_of_screening_every_sine(kind, seed, bounded):
-    scan = made(kind, seed)
+    scan = made(kind, seed, n=SHORT)
     grid = frequency_grid(scan, (3.0 / scan.n_samples, 0.2))
     every = np.array([screen_sine(scan, f, silent) for f in grid])
     highest = [k for k in peaks(every, PEAKS) if every[k] > LEAST]
@@ -177,7 +179,7 @@ def test_peaks_of_the_grid_are_those_of_screening_every_sine(kind, seed, bounded
 @pytest.mark.parametrize("kind", ["white", "faulty", "spiky", "weighted", "two outputs"])
 @pytest.mark.parametrize("seed", range(2))
 def test_the_frequency_is_that_of_screening_every_sine(kind, seed, monkeypatch):
-    scan = made(kind, seed)
+    scan = made(kind, seed, n=SHORT)
     band = (3.0 / scan.n_samples, 0.2)
     everything = scan_frequency(scan, band)
     monkeypatch.setattr(searching, "FEW", 0)

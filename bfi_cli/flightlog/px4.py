@@ -1,23 +1,32 @@
-"""PX4 ULog: messages whose formats stand in the file itself.
+"""PX4 logs: ULog, whose messages' formats stand in the file itself, and the CSV files that `ulog2csv` makes of one.
 
-The layout is that of the PX4 User Guide, "ULog File Format": a header, then messages of a size, a type and a body.
-A reader of our own, because a stranger's file may claim anything: sizes are checked before memory is taken, and what is
-damaged is skipped to the next synchronisation message.
+The layout of a ULog is that of the PX4 User Guide, "ULog File Format": a header, then messages of a size, a type and a
+body. A reader of our own, because a stranger's file may claim anything: sizes are checked before memory is taken, and
+what is damaged is skipped to the next synchronisation message.
+
+`ulog2csv` writes a file per topic, LOG_TOPIC_INSTANCE.csv, whose first column is `timestamp`. The topic stands in the
+name of a file only (two topics can have the same columns); that it is such a file, its header says. Times are
+microseconds since the autopilot started.
 """
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import mmap
+import os
 import re
 import struct
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from ..errors import LogError
-from .raw import Asked, RawLog, require_few
+from ..notes import Note
+from .raw import Asked, RawLog, choose_group, require_few
+from .text import read_csv
 from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
 
 HEADER = 16  # bytes: the magic, a version, the time of the start
@@ -33,6 +42,7 @@ LONGEST = 0xFFFF  # bytes of a message
 DEEPEST = 8  # formats inside each other; PX4 nests one
 APPENDED = 1  # the only incompatible flag that is known: data after the end, at the offsets of the flags
 MICROSECOND = 1e-6  # of the time stamps
+HEADERS = ("timestamp,", "timestamp;")  # of a file of `ulog2csv`
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +72,7 @@ class _Stream:
     damaged: int = 0
 
 
-def read_ulog(path: str, asked: Asked) -> RawLog:
-    """Read a ULog; a field that is no channel by itself is named `topic.field` in the maps.
-
-    Raises
-    ------
-    LogError : no ULog, or of a later kind; no messages that are channels.
-    """
-    topics, notes = read_ulog_topics(path, topics_of(asked.sources))
-    return log_of_topics(path, "px4", topics, asked, notes=notes)
-
-
-def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[str]]:
+def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the topics of a ULog that have channels, or that are named in `more`, and sentences on the file.
 
     Raises
@@ -100,7 +99,7 @@ def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic]
         time_s = MICROSECOND * table["timestamp"].astype(np.float64)
         fields = {one: table[one] for one in layout.fields if one != "timestamp"}
         topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=fields))
-    lost = f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all"
+    lost = Note.limit(f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all")
     return topics, [lost] * bool(stream.dropouts) + notes_on(stream.damaged, empty)
 
 
@@ -196,3 +195,104 @@ def _layout(name: str, formats: dict[str, list[tuple[str, int, str]]]) -> _Layou
     if total is None or fields.get("timestamp", ("", 0))[0] != "<u8":
         return None
     return _Layout(fields, max(at + int(kind[2:]) for kind, at in fields.values()), total)
+
+
+def _topic_files(folder: str) -> list[Path]:
+    """Return the files of a folder that `ulog2csv` wrote, by name."""
+    try:
+        names = sorted(os.listdir(folder))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise LogError(f"{folder}: cannot be read, {reason}; give the path of a log") from None
+    paths = [Path(folder, name) for name in names if re.fullmatch(r".*_\d+\.csv", name, re.IGNORECASE)]
+    return [path for path in paths if path.is_file() and _is_by_ulog2csv(path)]
+
+
+def folder_digest(folder: str) -> str:
+    """Return one SHA-256 of the names and contents of the files of `ulog2csv` in a folder."""
+    whole = hashlib.sha256()
+    for path in _topic_files(folder):
+        with open(path, "rb") as file:
+            whole.update(f"{path.name} {hashlib.file_digest(file, 'sha256').hexdigest()}\n".encode())
+    return whole.hexdigest()
+
+
+def read_folder(folder: str, asked: Asked) -> RawLog:
+    """Read the topics of one log in a folder; a field that is no channel by itself is named `topic.field` in the maps.
+
+    Parameters
+    ----------
+    asked : `group` is the log, LOG in the names of the files; may be left out where there is just one.
+
+    Raises
+    ------
+    LogError : no such files, several logs, a file that cannot be read, no signals.
+    """
+    files = _topic_files(folder)
+    if not files:
+        raise LogError(f"{folder}: is a directory without files of ulog2csv (LOG_TOPIC_0.csv); give a log")
+    named = {path: parts for path in files if (parts := _told_by(path.name, asked.sources))}
+    logs = list(dict.fromkeys(log for log, _, _ in named.values()))
+    if not logs:
+        raise LogError(f"{folder}: no topic with channels in the names of its files, got {files[0].name}; give a log")
+    chosen = choose_group(folder, asked.group, logs, has_signals=False)
+    topics, empty = [], []
+    for path, (log, topic, instance) in named.items():
+        if log == chosen:
+            with open(path, "rb") as file:
+                has_samples = sum(1 for _, line in zip(range(4), file, strict=False) if line.strip()) > 2
+            if has_samples:
+                topics.append(_topic(path, topic, instance))
+            else:
+                empty.append(topic)
+    notes = notes_on(0, empty)
+    unread = [path.name for path in files if path not in named and path.name.startswith(f"{chosen}_")]
+    unread = [re.sub(r"_\d+\.csv$", "", name[len(str(chosen)) + 1 :], flags=re.IGNORECASE) for name in unread]
+    if unread:
+        notes.append(
+            Note.method(
+                f"topics without channels are not read: {', '.join(dict.fromkeys(unread))}; take a field of one with "
+                "--channel NAME=topic.field"
+            )
+        )
+    return log_of_topics(folder, "px4", topics, asked, notes=notes)
+
+
+def read_topic_file(path: str, asked: Asked) -> RawLog | None:
+    """Read one file of `ulog2csv`; fields that are no channel keep the name `topic.field`.
+
+    None of another file, or of a topic that has no channels.
+
+    Raises
+    ------
+    LogError : it cannot be read, or holds no signals.
+    """
+    parts = _told_by(Path(path).name)
+    if parts is None or not _is_by_ulog2csv(Path(path)):
+        return None
+    topic = _topic(Path(path), *parts[1:])
+    return log_of_topics(path, "px4", [topic], asked, more=[f"{topic.label}.{name}" for name in topic.fields])
+
+
+def _is_by_ulog2csv(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            return file.read(16).decode("latin-1").startswith(HEADERS)
+    except OSError:
+        return False
+
+
+def _told_by(name: str, wanted: Iterable[str] = ()) -> tuple[str, str, int] | None:
+    """Return log, topic and instance of a file's name, None where it is no topic with channels or a wanted field."""
+    # The longest first: actuator_controls_0 has a number of its own, wind is the end of airspeed_wind.
+    for topic in sorted({*fields_of("px4"), *topics_of(wanted)}, key=len, reverse=True):
+        match = re.fullmatch(rf"(?:(.*)_)?{re.escape(topic)}_(\d{{1,3}})\.csv", name, re.IGNORECASE)
+        if match:
+            return match[1] or "log", topic, int(match[2])
+    return None
+
+
+def _topic(path: Path, name: str, instance: int) -> Topic:
+    columns = {column.source: column.values for column in read_csv(str(path)).columns}
+    time_s = MICROSECOND * columns.pop("timestamp")
+    return Topic(name=name, instance=instance, time_s=time_s, fields=columns)

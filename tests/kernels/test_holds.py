@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.flightlog.holds import find_hold, find_quantum, repeat_fraction
+from bfi_cli.kernels.quantisation import find_hold, find_quantum, repeat_fraction
 
 T100 = np.arange(0.0, 120.0, 0.01)
 PHUGOID = 90.0 + 5.0 * np.sin(2.0 * np.pi * T100 / 40.0)

@@ -271,6 +271,8 @@ fail_on  --fail-on  fail_on  fault  text
     Exit 10 where a fault is declared.
 progress  --progress/--no-progress  -  -  choice
     Show progress on stderr.  [default: on a terminal]
+verbose  --verbose,-v  -  -  flag
+    Print every table, fact and note of the answer, not its first screen
 as_json  --json  -  -  json
     JSON on stdout in place of a table.
 series  --series  -  -  series
@@ -304,7 +306,7 @@ SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
 FILES = ("allow_outside", "units", "out", "force")
-ANSWER = (*FILES, "strict", "fail_on", "progress", "as_json", "series")
+ANSWER = (*FILES, "strict", "fail_on", "progress", "verbose", "as_json", "series")
 
 
 def with_options(*options: str | Command, **words: str) -> Callable[[Command], Command]:

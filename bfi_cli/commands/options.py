@@ -132,7 +132,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "whole": {"type": int},
     "flag": {"is_flag": True},
     "choice": {"default": None},  # --this/--no-this, None where neither is given
-    "request": {"is_flag": True, "default": None},  # a flag of which the configuration may have the value
+    "request": {"is_flag": True, "default": None},  # flag; unset means the configuration's value
     "path": {"type": click.Path(path_type=Path)},
     "new_file": {"type": click.Path(path_type=Path), "required": True},
     "json": {"is_flag": True, "is_eager": True},

@@ -132,7 +132,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "whole": {"type": int},
     "flag": {"is_flag": True},
     "choice": {"default": None},  # --this/--no-this, None where neither is given
-    "request": {"is_flag": True, "default": None},  # a flag of which the configuration may have the value
+    "request": {"is_flag": True, "default": None},  # flag; unset means the configuration's value
     "path": {"type": click.Path(path_type=Path)},
     "new_file": {"type": click.Path(path_type=Path), "required": True},
     "json": {"is_flag": True, "is_eager": True},
@@ -271,6 +271,8 @@ fail_on  --fail-on  fail_on  fault  text
     Exit 10 where a fault is declared.
 progress  --progress/--no-progress  -  -  choice
     Show progress on stderr.  [default: on a terminal]
+verbose  --verbose,-v  -  -  flag
+    Print every table, fact and note of the answer, not its first screen
 as_json  --json  -  -  json
     JSON on stdout in place of a table.
 series  --series  -  -  series
@@ -304,7 +306,7 @@ SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
 FILES = ("allow_outside", "units", "out", "force")
-ANSWER = (*FILES, "strict", "fail_on", "progress", "as_json", "series")
+ANSWER = (*FILES, "strict", "fail_on", "progress", "verbose", "as_json", "series")
 
 
 def with_options(*options: str | Command, **words: str) -> Callable[[Command], Command]:

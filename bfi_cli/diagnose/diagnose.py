@@ -88,8 +88,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     if slow.scale >= 1.005:
         notes.append(
             Note.method(
-                f"this flight shows {slow.scale:.3g} times what the flights of the tables do, as rough air would, or a "
-                "fault through most of it: thresholds are raised by that"
+                f"residuals are {slow.scale:.3g} times those of the calibration flights, by rough air or a fault "
+                "through most of the flight; thresholds are raised by as much"
             )
         )
     glanced, glances_missing, stepped = _glances(

@@ -9,6 +9,7 @@ from typing import Literal
 from ..decision import Candidate
 from ..faults import Decision
 from ..kernels import FloatArray
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 
@@ -187,6 +188,7 @@ class DetectResult:
     series: tuple[ChannelSeries, ...]
     commands: tuple[str, ...]
     notes: tuple[str, ...]
+    plausibility: tuple[Implausible, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

@@ -80,6 +80,8 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
     declared = [_sentence(one, units) for one in events if one["state"] == "declared"]
     suspected = [_sentence(one, units) for one in events if one["state"] == "suspected"]
     small = [_sentence(one, units) for one in document["deviations"]]
+    if any(not one["fixed"] for one in document.get("plausibility", ())):
+        suspected, small = [], []  # which may be of what the summary says
     drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
     drawings += [_limits_figure(document, units)] if document["series"].get("limit_courses") else []
     drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
@@ -155,7 +157,7 @@ def _sentence(event: Plain, units: Units) -> str:
         return f"{_name(event)} {_short(event)}, {_error(event['fault'], event['effect'][event['fault']], units)}"
     others = [name.replace("_", " ") for name in event["among"][1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
-    if event["shape"] in ("bias", "drift", "sine") and event["fault"] in event["effect"]:
+    if event["shape"] in ("bias", "drift", "sine", "offset") and event["fault"] in event["effect"]:
         name += f" {event['shape']}"
     size = "" if event["magnitude"] is None else f", {_magnitude(event, units)}"
     if event["frequency_hz"] is not None:

@@ -12,6 +12,7 @@ from ..decision import State
 from ..faults import Decision
 from ..flightlog.phases import Phase
 from ..parity.finding import Bound, Stage
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 
@@ -214,6 +215,7 @@ class DiagnoseResult:
     limit_courses: tuple[LimitCourse, ...]
     courses: tuple[Course, ...]
     notes: tuple[str, ...]
+    plausibility: tuple[Implausible, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

@@ -13,6 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.whiteness import exceedances, robust_sd
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary, ModelSummary, model_summary
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
@@ -135,6 +136,7 @@ class OnsetResult:
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
     notes: tuple[str, ...]
+    plausibility: tuple[Implausible, ...] = ()
 
     @property
     def evidence(self) -> Evidence:

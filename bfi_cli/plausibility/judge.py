@@ -59,7 +59,7 @@ def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> Fligh
 
 
 def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: Seconds) -> Blame:
-    """Return what is to blame without rivals whose error is one that any such channel may have, the largest first."""
+    """Return what is to blame, without those whose error would be one that any such channel may have."""
     if blame.change.rank < max(RANKS.values()) or not blame.rivals:
         return blame
 
@@ -70,8 +70,8 @@ def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: Seconds) -> Blame:
         error = abs(change.offset) + abs(change.factor - 1.0) * float(np.nanmedian(np.abs(seconds.values[name])))
         return error / max(tolerance_of(log, log, name), TINY)
 
-    ordered = sorted((blame.change, *blame.rivals), key=shares, reverse=True)
-    kept = [one for one in ordered if shares(one) > 1.0] or [blame.change, *blame.rivals]
+    every = (blame.change, *blame.rivals)
+    kept = [one for one in every if shares(one) > 1.0] or every
     return replace(blame, change=kept[0], rivals=tuple(kept[1:]))
 
 

@@ -281,7 +281,7 @@ def _air_data() -> Iterator[Relation]:
                 yield Relation(_value("tas"), by_pressure, needs=needs, tolerance=tolerance, share=share)
     for static in ("altitude", "p_static"):
         cas_of_mach = partial(_cas_of_mach, static=static)
-        for name, tolerance, share in (("cas", 0.2, 0.001), ("ias", *INDICATED)):
+        for name, tolerance, share in (("cas", 0.3, 0.001), ("ias", *INDICATED)):
             yield Relation(_value(name), cas_of_mach, needs=(name, "mach", static), tolerance=tolerance, share=share)
     yield Relation(_value("cas"), _value("ias"), needs=("cas", "ias"), tolerance=INDICATED[0], share=INDICATED[1])
     yield Relation(_value("tat"), _total, needs=("tat", "sat", "mach"), tolerance=1.5)

@@ -15,6 +15,8 @@ from .seconds import BoolArray, FloatArray, Seconds
 # Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
 # with an onset, which the analyses find. Slopes need longer pieces than medians.
 PIECES, LONG_PIECES, LEAST_PER_PIECE = 8, 4, 3
+FEWEST_TOLD = 2  # longer pieces that tell of the motion: in one alone it may be gusts
+SIMPLER = float(np.log(2.0))  # of the cost, that a scale must be better by: its misfit in one relation half as large
 # Of the pieces, in which a relation holds that holds.
 HOLDING = 0.75
 # As in `bfi_cli.parity.credibility`, which has the recorded flights: with less in common two signals say next to
@@ -55,7 +57,7 @@ class Misfit:
     @property
     def is_wrong(self) -> bool:
         """Whether the reading follows nowhere, where that is told."""
-        return bool(self.told.any() and not self.follows[self.told].any())
+        return bool(self.told.sum() >= FEWEST_TOLD and not self.follows[self.told].any())
 
     @property
     def fails(self) -> bool:
@@ -225,8 +227,10 @@ def _blame(
                 explained.append(relations[k])
             elif (was.fails and not explained) or (was.holds and not after.holds) or (after.fails and not was.fails):
                 return
-            cost += np.log(max(after.cost, SOLVED))
+            cost += np.log(max(after.cost, SOLVED) / max(was.cost, SOLVED))
         if explained and (change.what != "clock" or len(explained) >= FEWEST_CLOCKED):
+            # In level flight a scale fits as well as an offset, which is simpler.
+            cost += SIMPLER * (change.what == "scale")
             order = (-len(explained), change.rank, len(change.channels) > 1, cost)
             tried.append((order, change, explained, left))
 
@@ -256,7 +260,7 @@ def _sized(suspects: Sequence[str], failing: Sequence[Told], state: State) -> li
                     found.append(change)
     for one in failing:
         misfit = one.misfit(state)
-        alike = misfit.told & (np.abs(misfit.correlation) >= LEAST_CORRELATION) & (misfit.slope > 0.0)
+        alike = misfit.told & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
         if misfit.is_wrong and one.relation.has_scale and alike.any():
             slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
             found.append(Change(what="scale", channels=(one.relation.needs[0],), factor=1.0 / slope))

@@ -1,9 +1,11 @@
 """What the channels of a flight imply of each other, in absolute terms: one row a relation.
 
-Sources of the tolerances: SAE AS8002A and TSO-C106 (air-data computers: true airspeed within 4 kt, temperature within 1
-K, Mach number and calibrated airspeed of one pair of pressures), CS/FAR 25.1323(b) (position error of an indicated
-airspeed), MIL-STD-210C (air within 35 K of the standard atmosphere), ICAO Doc 8168 (altimeter settings of 950 to 1050
-hPa, 550 m). They hold for medians of pieces of a flight, in which gusts and manoeuvres have no part.
+Tolerances are of the medians of pieces of a flight, in which gusts and manoeuvres have no part: of rounding and of the
+recovery of a probe (1 % of what a temperature rises by, half a percent of the airspeed) within one air-data computer,
+CS/FAR 25.1323(b) for an indicated airspeed, the coldest and hottest air of an altitude (35 K of the standard one), the
+range of altimeter settings (950 to 1050 hPa), and the mounting of vanes and accelerometers (a degree, three degrees).
+Those of `cas` by Mach number, of `q_impact` and of `aoa` had to be widened for flights that were recorded
+(docs/theory.md, 15.9).
 """
 
 from __future__ import annotations

@@ -169,6 +169,8 @@ channel_map  --channel  channels  STD=NAME  channels
     Take the channel NAME of the file as STD, such as tas=my_airspeed; repeatable.
 unit_map  --unit  units  NAME=UNIT  units
     The unit of a channel that states none, such as tas=kt; repeatable.
+fix_units  --fix-units  fix_units  -  request
+    Read channels in the unit and with the sign that the other channels show, where that is certain.
 group  --group  group  NAME  text
     HDF5 group or MATLAB struct that holds the channels.
 sample_rate_hz  --sample-rate  sample_rate_hz  HZ  positive

@@ -147,8 +147,8 @@ def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) ->
         notes.append(
             Note.method(
                 "gusts change the size of the prediction errors: these are scaled by their size in the last "
-                f"{PATCH_S:g} s, an alarm needs {LASTING_IN_GUSTS} samples, and gusts that the healthy time has not met "
-                f"count as one patch in {PATCH_S:g} s; a failure seen only in calm air may be missed"
+                f"{PATCH_S:g} s, an alarm needs {LASTING_IN_GUSTS} samples, and gusts that the healthy time has "
+                f"not met count as one patch in {PATCH_S:g} s; a failure seen only in calm air may be missed"
             )
         )
     if len(threshold.maxima) < FEWEST_BLOCKS:

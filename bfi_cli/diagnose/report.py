@@ -133,6 +133,8 @@ def _screen(document: Plain, units: Units) -> tuple[str, Screen]:
         [_sentence(one, units) for one in events if one["state"] == state] for state in ("declared", "suspected")
     )
     small = [_sentence(one, units) for one in deviations]
+    if any(not one["fixed"] for one in document.get("plausibility", ())):
+        suspected, small = [], []  # which may be of what the summary says
     head, summary = fault_head(document["decision"], len(declared)), units.sentence(document["summary"])
     several = "s" if len(small) > 1 else ""
     sentences = (
@@ -181,7 +183,7 @@ def _sentence(event: Plain, units: Units) -> str:
         return f"{_name(event)} {_short(event)}, {_error(event['fault'], event['effect'][event['fault']], units)}"
     others = [name.replace("_", " ") for name in event["among"][1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
-    if event["shape"] in ("bias", "drift", "sine") and event["fault"] in event["effect"]:
+    if event["shape"] in ("bias", "drift", "sine", "offset") and event["fault"] in event["effect"]:
         name += f" {event['shape']}"
     size = "" if event["magnitude"] is None else f", {_magnitude(event, units)}"
     if event["frequency_hz"] is not None:

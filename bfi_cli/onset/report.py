@@ -41,6 +41,7 @@ DECISION_KEYS = (
     "decision",
     "verdicts",
     "summary",
+    "plausibility",
     "false_alarm",
     "p_value",
     "statistic",

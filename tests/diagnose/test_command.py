@@ -26,6 +26,7 @@ AIRSPEEDS = {"tas", "cas", "mach", "sat"}
 # The contract of `bfi diagnose --json`, and what was added to it.
 KEYS = {"kind", "schema", "decision", "events", "limits", "phases", "windows", "missing", "notes", "provenance"}
 MORE = {"log", "verdicts", "summary", "false_alarm", "zero_lift_rad", "zero_lift_from", "deviations", "unwatched"}
+MORE |= {"plausibility"}
 EVENT_KEYS = {"fault", "among", "channels", "state", "shape", "magnitude", "unit", "ci95", "effect", "onset_s"}
 EVENT_KEYS |= {"onset_ci95", "offset_s", "p_value", "evidence"}
 EVENT_MORE = {"kind", "stages", "constant_s", "frequency_hz", "sd", "seen_until_s", "window_s", "statistic"}

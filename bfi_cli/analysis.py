@@ -331,9 +331,9 @@ def _with_checked_onsets(result: IdentifyResult) -> IdentifyResult:
     counted = [one.onset_s for one in result.candidates if one.state is not None and one.onset_s is not None]
     if not untested or not counted:
         return result
-    begin = f"{untested} entries begin" if untested > 1 else "one entry begins"
+    begin = f"{untested} others start" if untested > 1 else "another one starts"
     note = Note.limit(
-        f"claims hold for onsets from {instant(min(counted))} to {instant(max(counted))} s: {begin} {UNTESTED}"
+        f"checked for entries that start at {instant(min(counted))} to {instant(max(counted))} s; {begin} {UNTESTED}"
     )
     return replace(result, notes=(*result.notes, note))
 

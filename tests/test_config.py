@@ -24,6 +24,7 @@ units: {}
 group: null
 sample_rate_hz: null
 fill_s: null
+fix_units: false
 boot: null
 shown_units: si
 window: {from_s: null, to_s: null}

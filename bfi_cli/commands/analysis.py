@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
+from ..errors import LogError
 from ..notes import Note
 from .options import CHANNELS, OPTIONS, Command, config_of, with_options
 from .output import check_out, emit, note
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from ..display_units import Units
     from ..flightlog import FlightLog
     from ..kernels.progress import Progress
+    from ..plausibility import Implausible
     from ..provenance import Provenance
     from ..report.content import ReportContent
 
@@ -70,6 +73,7 @@ class Asked:
     log : path, "" where none is given.
     inputs : the files that the command reads.
     notes : on what was taken from the log in place of defaults, and on what is odd in it.
+    findings : on channels that contradict each other throughout the flight.
     """
 
     options: Mapping[str, Any]
@@ -79,6 +83,7 @@ class Asked:
     inputs: tuple[str, ...]
     progress: Progress
     notes: tuple[Note, ...] = ()
+    findings: tuple[Implausible, ...] = ()
 
     @property
     def has_log(self) -> bool:
@@ -98,7 +103,7 @@ class Asked:
         from ..flightlog.quality import advice_on_the_ground, advice_on_windows
         from ..preprocessing.defaults import with_defaults_of
 
-        flight = log_of(self.log, self.config)
+        flight, findings = judged(log_of(self.log, self.config), self.config)
         config, notes = with_defaults_of(flight, self.config)
         whole = (config.window.from_s, config.window.to_s) == (None, None)
         asked = (self.config.window.from_s, self.config.window.to_s) != (None, None)
@@ -107,15 +112,21 @@ class Asked:
         notes = (*map(Note.advice, filter(None, (on_ground, on_windows))), *notes)
         for one in notes:
             note(one.text)
-        notes = (*notes, *doubts(flight, (*config.outputs, *config.inputs)))
+        notes = (*notes, *doubts(flight, (*config.outputs, *config.inputs), findings))
         dictionary = self.dictionary
         if dictionary is not None:  # its entries may act on the output, which is known now
             dictionary = config.load_dictionary(allow_outside=self.options["allow_outside"])
-        return flight, replace(self, config=config, notes=notes, dictionary=dictionary)
+        return flight, replace(self, config=config, notes=notes, dictionary=dictionary, findings=findings)
 
     def noted(self, result: Any) -> Any:
-        """Return a result with the notes before its own."""
-        return replace(result, notes=(*self.notes, *result.notes))
+        """Return a result with the notes before its own, and without a verdict where channels contradict each other."""
+        from ..plausibility import in_words, without_verdict
+
+        result = replace(result, notes=(*self.notes, *result.notes))
+        if hasattr(result, "plausibility"):
+            return without_verdict(result, self.findings)
+        said = in_words(self.findings)
+        return replace(result, notes=(said, *result.notes)) if said else result
 
 
 def analysis(
@@ -201,11 +212,42 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
     return tuple(path for path in named if path)
 
 
-def doubts(flight: FlightLog, names: Sequence[str]) -> tuple[Note, ...]:
-    """Return questions about channels whose values cannot be, or whose unit nobody has stated; tell the terminal."""
+def judged(flight: FlightLog, config: Config) -> tuple[FlightLog, tuple[Implausible, ...]]:
+    """Return a log with what its channels contradict each other in, and with --fix-units without what is certain."""
+    from ..plausibility import implausible_channels, with_fixed_units
+
+    findings = implausible_channels(flight)
+    if config.fix_units:
+        flight, findings = with_fixed_units(flight, findings)
+    for one in findings:
+        note(f"{one.advice}: {one.text}" if not one.fixed else f"--fix-units: {one.text}")
+    return flight, findings
+
+
+@contextmanager
+def saying_first(findings: Sequence[Implausible]) -> Iterator[None]:
+    """Let a log that cannot be analysed be refused with what its channels contradict each other in."""
+    try:
+        yield
+    except LogError as error:
+        from ..plausibility import in_words
+
+        if not (said := in_words(findings)):
+            raise
+        raise LogError(f"{error}; first {said}") from error
+
+
+def doubts(flight: FlightLog, names: Sequence[str], findings: Sequence[Implausible] = ()) -> tuple[Note, ...]:
+    """Return questions about channels whose values cannot be, or whose unit nobody has stated; tell the terminal.
+
+    Parameters
+    ----------
+    findings : what other channels show already, which is not asked.
+    """
     from ..flightlog.plausible import doubts_about
 
-    questions = doubts_about(flight, names)
+    known = {name for one in findings for name in one.channels}
+    questions = doubts_about(flight, [name for name in names if name not in known])
     for one in questions:
         note(one.text)
     return questions

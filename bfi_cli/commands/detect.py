@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from .analysis import Answer, Asked, analysis, doubts, log_of
+from .analysis import Answer, Asked, analysis, doubts, judged, log_of, saying_first
 from .options import ANSWER, CHANNELS, VERDICT, log_argument
 
 
@@ -13,7 +13,7 @@ from .options import ANSWER, CHANNELS, VERDICT, log_argument
     "detect",
     log_argument,
     *("config_path", "train", "inputs", "outputs", "detect_false_alarm", "detect_method", "turns"),
-    *("from_s", "to_s", *CHANNELS, "rate", "recorder", *VERDICT, *ANSWER),
+    *("from_s", "to_s", *CHANNELS, "fix_units", "rate", "recorder", *VERDICT, *ANSWER),
     inputs="An input; repeatable.  [default: controls and accelerations]",
     outputs="An output to watch; repeatable.  [default: of the log]",
     require="Kinds of fault that must be excluded for a no_fault; only abrupt ones are looked for.  [default: all]",
@@ -28,9 +28,11 @@ def command(asked: Asked) -> Answer:
     from ..detect import detect_content, detect_document, detect_faults
 
     asked.check_out(("hidden", "detection"), ("alarms", "candidates", "channels"))
-    flight = log_of(asked.log, asked.config)
-    result = detect_faults(flight, asked.config, report=partial(asked.progress, "channels"))
-    result = replace(result, notes=(*doubts(flight, (*result.outputs, *result.inputs)), *result.notes))
+    flight, findings = judged(log_of(asked.log, asked.config), asked.config)
+    with saying_first(findings):
+        result = detect_faults(flight, asked.config, report=partial(asked.progress, "channels"))
+    notes = doubts(flight, (*result.outputs, *result.inputs), findings)
+    result = replace(asked, notes=notes, findings=findings).noted(result)
     return Answer(
         document=partial(detect_document, result),
         content=detect_content,

@@ -8,14 +8,14 @@ from functools import partial
 
 import click
 
-from .analysis import Answer, Asked, analysis, doubts, log_of
+from .analysis import Answer, Asked, analysis, doubts, judged, log_of, saying_first
 from .options import ANSWER, CHANNELS, log_argument
 
 
 @analysis(
     "diagnose",
     log_argument,
-    *("config_path", "from_s", "to_s", *CHANNELS, "recorder", "require", "tolerance"),
+    *("config_path", "from_s", "to_s", *CHANNELS, "fix_units", "recorder", "require", "tolerance"),
     *("diagnose_false_alarm", "diagnose_calibration", *ANSWER),
     click.option(
         *("--workers",),
@@ -41,9 +41,12 @@ def command(asked: Asked) -> Answer:
     asked.check_out(("timeline",), ("events", "deviations", "limits", "phases"))
     # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
     flight = log_of(asked.log, merge(asked.config, {"window": {"from_s": None, "to_s": None}}))
-    asked = replace(asked, notes=doubts(flight, USED))
+    flight, findings = judged(flight, asked.config)
     workers = asked.options["workers"] or os.cpu_count() or 1
-    result = asked.noted(diagnose_flight(flight, asked.config, workers=workers, progress=asked.progress))
+    asked = replace(asked, notes=doubts(flight, USED, findings), findings=findings)
+    with saying_first(findings):
+        result = diagnose_flight(flight, asked.config, findings=findings, workers=workers, progress=asked.progress)
+    result = replace(asked, findings=result.plausibility).noted(result)
     return Answer(
         document=partial(diagnose_document, result),
         content=diagnose_content,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 
-from .analysis import Answer, Asked, analysis
+from .analysis import Answer, Asked, analysis, saying_first
 from .options import ANSWER, MODEL, SIGNALS, VERDICT, log_argument
 
 
 @analysis(
     "identify",
     log_argument,
-    *("config_path", "dictionary", "onset_tolerance", *SIGNALS, *MODEL, *VERDICT),
+    *("config_path", "dictionary", "onset_tolerance", *SIGNALS, "fix_units", *MODEL, *VERDICT),
     *("method", "sparsity", "model", "seed", *ANSWER),
 )
 def command(asked: Asked) -> Answer:
@@ -25,7 +25,8 @@ def command(asked: Asked) -> Answer:
 
     asked.check_out(DRAWINGS, TABLES)
     flight, asked = asked.read()
-    result, dictionary = identify(flight, asked.dictionary, asked.config, asked.progress)
+    with saying_first(asked.findings):
+        result, dictionary = identify(flight, asked.dictionary, asked.config, asked.progress)
     result = asked.noted(result)
     return Answer(
         document=partial(identify_document, result),

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from .analysis import Answer, Asked, analysis, source_of
+from .analysis import Answer, Asked, analysis, judged, source_of
 from .options import CHANNELS, FILES, log_argument
 
 
-@analysis("info", log_argument, "config_path", *CHANNELS, "from_s", "to_s", *FILES, "as_json")
+@analysis("info", log_argument, "config_path", *CHANNELS, "fix_units", "from_s", "to_s", *FILES, "as_json")
 def command(asked: Asked) -> Answer:
     """Show channels, units, rate, gaps, held samples, excitation of a log, its phases and windows to analyse.
 
@@ -20,10 +20,10 @@ def command(asked: Asked) -> Answer:
     asked.check_out(("phases",), ("channels", "derived", "phases", "excitation", "windows", "segments"))
     window = asked.config.window
     flight = read_log(asked.log, from_s=window.from_s, to_s=window.to_s, **source_of(asked.config))
-    flight = flight.window(window.from_s, window.to_s)
+    flight, findings = judged(flight.window(window.from_s, window.to_s), asked.config)
     found, defects = inspect_log(flight), find_defects(with_seen_recorder(flight))
     return Answer(
-        document=lambda origin: info_document(found, origin, defects),
+        document=lambda origin: info_document(found, origin, defects, findings),
         content=info_content,
         log_sha256=flight.sha256,
     )

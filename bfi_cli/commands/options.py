@@ -132,7 +132,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "whole": {"type": int},
     "flag": {"is_flag": True},
     "choice": {"default": None},  # --this/--no-this, None where neither is given
-    "request": {"is_flag": True, "default": None},  # a flag of which the configuration may have the value
+    "request": {"is_flag": True, "default": None},  # flag; unset means the configuration's value
     "path": {"type": click.Path(path_type=Path)},
     "new_file": {"type": click.Path(path_type=Path), "required": True},
     "json": {"is_flag": True, "is_eager": True},
@@ -169,6 +169,8 @@ channel_map  --channel  channels  STD=NAME  channels
     Take the channel NAME of the file as STD, such as tas=my_airspeed; repeatable.
 unit_map  --unit  units  NAME=UNIT  units
     The unit of a channel that states none, such as tas=kt; repeatable.
+fix_units  --fix-units  fix_units  -  request
+    Read channels in the unit and with the sign that the other channels show, where that is certain.
 group  --group  group  NAME  text
     HDF5 group or MATLAB struct that holds the channels.
 sample_rate_hz  --sample-rate  sample_rate_hz  HZ  positive
@@ -271,6 +273,8 @@ fail_on  --fail-on  fail_on  fault  text
     Exit 10 where a fault is declared.
 progress  --progress/--no-progress  -  -  choice
     Show progress on stderr.  [default: on a terminal]
+verbose  --verbose,-v  -  -  flag
+    Print every table, fact and note of the answer, not its first screen
 as_json  --json  -  -  json
     JSON on stdout in place of a table.
 series  --series  -  -  series
@@ -304,7 +308,7 @@ SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
 FILES = ("allow_outside", "units", "out", "force")
-ANSWER = (*FILES, "strict", "fail_on", "progress", "as_json", "series")
+ANSWER = (*FILES, "strict", "fail_on", "progress", "verbose", "as_json", "series")
 
 
 def with_options(*options: str | Command, **words: str) -> Callable[[Command], Command]:

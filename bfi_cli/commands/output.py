@@ -79,7 +79,7 @@ def emit(
     content = content_in(UNITS[units])
     plain = content if options["out"] is None else content_in(IN_FILES)
     write(content, document, options, plain=plain, origin=origin, inputs=inputs)
-    show(document, content, as_json=options["as_json"], series=series)
+    show(document, content, as_json=options["as_json"], series=series, briefly=not options.get("verbose", True))
 
 
 def write(
@@ -113,19 +113,22 @@ def note(sentence: str) -> None:
         click.echo(printable(sentence), err=True)
 
 
-def show(document: Mapping[str, Any], content: ReportContent, *, as_json: bool, series: bool = False) -> None:
+def show(
+    document: Mapping[str, Any], content: ReportContent, *, as_json: bool, series: bool = False, briefly: bool = False
+) -> None:
     """Print an answer to stdout: the content as wide as the terminal, without colours in a pipe, or the document.
 
     Parameters
     ----------
     series : print what has an entry per sample or onset, too; in JSON only.
+    briefly : print the first screen of the answer alone, where it has one.
     """
     if as_json:
         _print_json(document, series=series)
         return
-    from ..report.terminal import print_content
+    from ..report.terminal import print_content, print_screen
 
-    _print_rich(lambda console: print_content(console, content))
+    _print_rich(partial(print_screen if briefly and content.screen else print_content, content))
 
 
 def show_lines(document: Mapping[str, Any], lines: Sequence[str], *, as_json: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from .analysis import Answer, Asked, analysis
+from .analysis import Answer, Asked, analysis, saying_first
 from .options import ANSWER, MODEL, SIGNALS, VERDICT, log_argument
 
 
@@ -12,7 +12,7 @@ from .options import ANSWER, MODEL, SIGNALS, VERDICT, log_argument
     "start-time",
     log_argument,
     *("config_path", "shapes", "false_alarm", "calibration", "ends", "samples", "frequency", "scan_method"),
-    *(*SIGNALS, *MODEL, *VERDICT, "seed", *ANSWER),
+    *(*SIGNALS, "fix_units", *MODEL, *VERDICT, "seed", *ANSWER),
 )
 def command(asked: Asked) -> Answer:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
@@ -21,7 +21,8 @@ def command(asked: Asked) -> Answer:
 
     asked.check_out(("hidden", "profile", "outputs"), ("faults", "candidates", "profile", "shapes"))
     flight, asked = asked.read()
-    result = asked.noted(start_time(flight, asked.config, asked.progress))
+    with saying_first(asked.findings):
+        result = asked.noted(start_time(flight, asked.config, asked.progress))
     return Answer(
         document=partial(onset_document, result),
         content=onset_content,

@@ -351,6 +351,8 @@ class Config(Rules):
     """Samples per second of a log that has no time axis."""
     fill_s: Positive | None = None
     """Stretches of missing samples (NaN) up to this long, s, are interpolated; default none."""
+    fix_units: StrictBool = False
+    """Whether channels are read in the unit and with the sign that the others show, where that is certain."""
     boot: Natural | None = None
     """Which part of a log whose clock starts again, counted from 1; default the one with the longest flight."""
     shown_units: UnitsName = "si"

@@ -136,9 +136,7 @@ def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: l
     if limits is not None and len(limits.onset_s):
         first_s, last_s = (instant(float(limits.onset_s[k])) for k in (0, -1))
         notes.append(
-            Note.limit(
-                f"claims hold for steps that begin from {first_s} to {last_s} s; what began before is learnt as normal"
-            )
+            Note.limit(f"checked for steps that start at {first_s} to {last_s} s; earlier ones pass for normal")
         )
     if unseen:
         used = (*prepared.inputs, *prepared.outputs)

@@ -61,8 +61,8 @@ ABSORBED, SMEARED = 1.7, 2.5
 # excluded, 95 of 96 raise an alarm at 2 Hz, 94 of 95 at 2.5 Hz, 111 of 127 at 3.3 Hz, and at 10 Hz steps of 80 times it
 # raise none (tests/measurements/test_detect_recorded).
 RATE_PER_EDGE = SAMPLES_PER_EDGE["detect"]
-UNSTATED = "neither the file nor its channels tell whether the recorder low-passed the log"
-SLOW = "a failure that grows slowly is learnt as normal; bfi start-time looks for drifts"
+UNSTATED = "it is unknown whether the recorder low-passed the log"
+SLOW = "slow failures are not detected, since the model adapts to them; bfi start-time looks for drifts"
 
 
 def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -> Detection:
@@ -88,12 +88,11 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
     limits, edge_hz = None, prepared.recorder_hz
     if edge_hz is not None and samples.rate_hz > RATE_PER_EDGE * edge_hz:
         edge = f"(gain one half at {edge_hz:.3g} Hz)"
-        which = f"the recorder's low-pass {edge}" if prepared.stated else f"{UNSTATED}, and a low-pass {edge}"
+        which = f"the recorder's low-pass {edge}" if prepared.stated else f"{UNSTATED}; a low-pass {edge}"
         notes.append(
             Note.limit(
-                f"{which} spreads a step over several samples at {samples.rate_hz:.3g} Hz, and what a sharp one would "
-                "show "
-                f"does not bound it: no step is excluded; what gives limits: {'; '.join(slower(prepared, config))}"
+                f"{which} spreads a step over several samples at {samples.rate_hz:.3g} Hz, so that no step is "
+                f"excluded; what gives limits: {'; '.join(slower(prepared, config))}"
             )
         )
     else:
@@ -147,10 +146,9 @@ def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) ->
     if threshold.gusty:
         notes.append(
             Note.method(
-                "the prediction errors change in size as gusts come and go: they are measured by their size in the "
-                f"last {PATCH_S:g} s, a deviate has to last for {LASTING_IN_GUSTS} samples, and the healthy time tells "
-                f"of gusts that it has not met by one patch in {PATCH_S:g} s; a failure that is seen only in calm air "
-                "may be missed"
+                "gusts change the size of the prediction errors: these are scaled by their size in the last "
+                f"{PATCH_S:g} s, an alarm needs {LASTING_IN_GUSTS} samples, and gusts that the healthy time has "
+                f"not met count as one patch in {PATCH_S:g} s; a failure seen only in calm air may be missed"
             )
         )
     if len(threshold.maxima) < FEWEST_BLOCKS:

@@ -137,7 +137,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
             Note.advice(
                 f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the "
                 "flight "
-                "in the window at most, is taken to be free of faults; a fault in it would be learnt as normal (give "
+                "in the window at most, is taken as fault-free; a fault in it passes for normal (give "
                 "--train A:B)"
             )
         )

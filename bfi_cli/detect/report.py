@@ -12,7 +12,14 @@ from ..display_units import SI, Units
 from ..notes import Note, unique
 from ..printable import shortened
 from ..provenance import Provenance
-from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
+from ..report.claims import (
+    CANDIDATE_COLUMNS,
+    candidate_tables,
+    hidden_drawing,
+    screen_of,
+    shown_summary,
+    verdict_sentence,
+)
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ..report.text import change, instant, interval, number, with_unit
 from ..serialization import SCHEMA, from_plain, member, to_plain
@@ -82,6 +89,7 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
         heading=HEADINGS[result.decision],
         verdict=verdict_sentence(result.decision, failing, summary),
         tone=result.decision,
+        screen=screen_of(result.decision, failing, summary, candidates, units),
         lead=len(hidden),
         facts=_facts(result),
         tables=tuple(tables),

@@ -10,6 +10,7 @@ from ..decision import Candidate
 from ..faults import Decision
 from ..kernels import FloatArray
 from ..notes import Note
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 
@@ -188,6 +189,7 @@ class DetectResult:
     series: tuple[ChannelSeries, ...]
     commands: tuple[str, ...]
     notes: tuple[Note, ...]
+    plausibility: tuple[Implausible, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

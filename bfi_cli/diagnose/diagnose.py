@@ -22,6 +22,7 @@ from ..parity.leaks import begins_within
 from ..parity.record import STATIC_LEAK, record_of
 from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import Window, overlaps, windows_in
+from ..plausibility import Implausible, without_offsets
 from ..preprocessing.summary import log_summary
 from ..shapes import SHAPES
 from .corrected import corrected_channels, course_of
@@ -30,6 +31,7 @@ from .flight import Flight, flight_of
 from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice
+from .offsets import event_of_offset, is_fault, with_faults_marked
 from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Strip
 from .short_defects import AFTER_HOLD_S, events_of_defects, notes_on_defects
@@ -46,7 +48,14 @@ SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
 TOLD = tuple({one.name for one in fields(Finding)} & {one.name for one in fields(Event)})
 
 
-def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progress: Progress = unseen) -> DiagnoseResult:
+def diagnose_flight(
+    log: FlightLog,
+    config: Config,
+    *,
+    findings: Sequence[Implausible] = (),
+    workers: int = 1,
+    progress: Progress = unseen,
+) -> DiagnoseResult:
     """Say which air-data fault hit a flight, when, how large and how sure, with everything that the log allows.
 
     1. Dropouts, spikes and readings that stay still, which are left out of what follows. Phases of the flight:
@@ -60,6 +69,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
 
     Parameters
     ----------
+    findings : on channels that contradict each other; constant errors among them are faults, and left out of the rest.
     config : `diagnose` holds what is special to it; `window` is the part of the flight.
     workers : processes for step 4; the numbers are the same for any.
     progress : called with the name of the step and the fraction of it that is done.
@@ -70,7 +80,9 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     ConfigError : the calibration cannot be used.
     """
     progress("phases of the flight", 0.0)
-    recorded, flight = log, flight_of(log, config)
+    findings = with_faults_marked(log, findings, config)
+    offsets = [one for one in findings if is_fault(log, one, config)]
+    recorded, flight = log, flight_of(without_offsets(log, [one for one in offsets if one.fixed]), config)
     log, notes = (
         flight.log,
         [*log.notes, *notes_on_defects(flight), *map(Note.limit, flight.held.missing_in(flight.from_s, flight.to_s))],
@@ -88,8 +100,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     if slow.scale >= 1.005:
         notes.append(
             Note.method(
-                f"this flight shows {slow.scale:.3g} times what the flights of the tables do, as rough air would, or a "
-                "fault through most of it: thresholds are raised by that"
+                f"residuals are {slow.scale:.3g} times those of the calibration flights, by rough air or a fault "
+                "through most of the flight; thresholds are raised by as much"
             )
         )
     glanced, glances_missing, stepped = _glances(
@@ -97,7 +109,8 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
     )
     drafts += glanced
     lasting = events_of(flight, drafts)
-    found = [*events_of_defects(flight), *lasting]
+    constant = [event_of_offset(flight, one) for one in offsets]
+    found = [*constant, *events_of_defects(flight), *lasting]
     events = tuple(one for one in found if one.beyond_tolerance is not False)
     deviations = tuple(one for one in found if one.beyond_tolerance is False)
     shown = [name for name in SHOWN if name in flight.record.channels]
@@ -136,6 +149,7 @@ def diagnose_flight(log: FlightLog, config: Config, *, workers: int = 1, progres
         limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=tuple(notes),
+        plausibility=tuple(findings),
     )
 
 

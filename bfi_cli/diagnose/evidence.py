@@ -102,7 +102,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     unbounded = [name for name, candidate in found.items() if candidate is None]
     if unbounded and any(one.state == "declared" for one in events):
         named = ", ".join(unbounded)
-        notes.append(Note.limit(f"beside what it declares physics bounds no slow fault of {named}"))
+        notes.append(Note.limit(f"beside the declared faults physics bounds no slow fault of {named}"))
     else:
         notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
     candidates = [candidate for candidate in found.values() if candidate is not None]
@@ -196,7 +196,7 @@ def _beside(event: Event) -> Note:
     if event.state != "declared":
         return Note.limit(f"physics suspects {what}: {event.note}")
     small = ", within the tolerances" if event.beyond_tolerance is False else ""
-    return Note.limit(f"physics finds {what}{small}; errs: {', '.join(event.channels)}")
+    return Note.limit(f"physics finds {what}{small}; wrong channels: {', '.join(event.channels)}")
 
 
 def _candidate(

@@ -15,8 +15,9 @@ from ..flightlog.timeline import bands_of, lanes_of, phase_table
 from ..kernels.normal import TWO_SIDED_95
 from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
-from ..report.text import change, instant, number, with_unit
+from ..report.claims import beside_tolerance, fault_head, hidden_table
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, notes_of
+from ..report.text import capital, change, instant, number, with_unit
 from ..serialization import SCHEMA, to_plain
 from .result import DiagnoseResult
 
@@ -77,9 +78,7 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
     ]
     if angle is not None:
         facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {document['zero_lift_from']}"))
-    declared = [_sentence(one, units) for one in events if one["state"] == "declared"]
-    suspected = [_sentence(one, units) for one in events if one["state"] == "suspected"]
-    small = [_sentence(one, units) for one in document["deviations"]]
+    verdict, screen = _screen(document, units)
     drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
     drawings += [_limits_figure(document, units)] if document["series"].get("limit_courses") else []
     drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
@@ -87,8 +86,9 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
         category="Diagnosis of a flight",
         title=str(log["path"]),
         heading=HEADINGS[document["decision"]],
-        verdict=_verdict(document["decision"], declared, suspected, small, units.sentence(document["summary"])),
+        verdict=verdict,
         tone=document["decision"],
+        screen=screen,
         lead=1 if drawings else 0,
         facts=tuple(facts),
         tables=(
@@ -126,23 +126,51 @@ def _cell(value: Any) -> Any:
     return value
 
 
-def _verdict(
-    decision: str, declared: Sequence[str], suspected: Sequence[str], small: Sequence[str], summary: str
-) -> str:
-    said = []
-    if declared:
-        said.append(f"Fault: {declared[0]}" if len(declared) == 1 else f"{len(declared)} faults: {'; '.join(declared)}")
-    elif decision == "no_fault":
-        said.append("No fault")
-    else:
-        said.append("Inconclusive")
-    if suspected:
-        said.append(f"suspected: {'; '.join(suspected)}")
-    if small:
-        said.append(f"small deviation{'s' if len(small) > 1 else ''}, within the tolerance: {'; '.join(small)}")
-    if summary:
-        said.append(summary)
-    return ". ".join(_capital(one) for one in said) + "."
+def _screen(document: Plain, units: Units) -> tuple[str, Screen]:
+    """Return the answer in sentences, and what is printed first: each event, and the worst stretch of each fault."""
+    events, deviations = document["events"], document["deviations"]
+    declared, suspected = (
+        [_sentence(one, units) for one in events if one["state"] == state] for state in ("declared", "suspected")
+    )
+    small = [_sentence(one, units) for one in deviations]
+    if any(not one["fixed"] for one in document.get("plausibility", ())):
+        suspected, small = [], []  # which may be of what the summary says
+    head, summary = fault_head(document["decision"], len(declared)), units.sentence(document["summary"])
+    several = "s" if len(small) > 1 else ""
+    sentences = (
+        f"{head}: {'; '.join(declared)}" if declared else head,
+        f"suspected: {'; '.join(suspected)}" if suspected else "",
+        f"small deviation{several}, within the tolerance: {'; '.join(small)}" if small else "",
+        summary,
+    )
+    return ". ".join(map(capital, filter(None, sentences))) + ".", Screen(
+        head=head,
+        faults=(
+            *declared,
+            *(f"suspected: {one}" for one in suspected),
+            *(f"within the tolerance: {one}" for one in small),
+        ),
+        summary=summary,
+        hidden=hidden_table(_hidden_rows(document["limits"], units)),
+    )
+
+
+def _hidden_rows(limits: Sequence[Plain], units: Units) -> list[tuple[str, ...]]:
+    """Return what each fault could hide in its worst stretch, the largest beside its tolerance first."""
+    worst = [one for one in limits if one["bounds"] == "error" and one["holds_in"] == 1.0 and not one["grows_on"]]
+    rows: list[tuple[str, ...]] = []
+    for one in sorted(worst, key=lambda one: -beside_tolerance(one["effect"], one["tolerance"])):
+        shown = units.of(one["effect_unit"], channel=one["channel"])
+        rows.append(
+            (
+                f"{_name(one)} {one['shape']}",
+                str(one["channel"]),
+                "any" if one["effect"] is None else change(one["effect"], shown),
+                change(one["tolerance"], shown),
+                "excluded" if one["within_tolerance"] else "not seen",
+            )
+        )
+    return rows
 
 
 def _name(event: Plain) -> str:
@@ -155,7 +183,7 @@ def _sentence(event: Plain, units: Units) -> str:
         return f"{_name(event)} {_short(event)}, {_error(event['fault'], event['effect'][event['fault']], units)}"
     others = [name.replace("_", " ") for name in event["among"][1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
-    if event["shape"] in ("bias", "drift", "sine") and event["fault"] in event["effect"]:
+    if event["shape"] in ("bias", "drift", "sine", "offset") and event["fault"] in event["effect"]:
         name += f" {event['shape']}"
     size = "" if event["magnitude"] is None else f", {_magnitude(event, units)}"
     if event["frequency_hz"] is not None:
@@ -409,10 +437,6 @@ def _course_label(course: Plain, shown: Shown) -> str:
     return f"error of\n{course['channel']} [{shown.unit}]"
 
 
-def _capital(sentence: str) -> str:
-    return f"{sentence[:1].upper()}{sentence[1:]}"
-
-
 def _page(document: Plain, k: int, units: Units) -> Drawing:
     """Return the figure of an event: its channels, its course beside the named shape, its evidence by residual."""
     event, series = document["events"][k], document["series"]
@@ -460,7 +484,7 @@ def _page(document: Plain, k: int, units: Units) -> Drawing:
                 height=0.25 + 0.15 * len(sizes),
             )
         )
-    caption = f"{_capital(_sentence(event, units))}; {event['state']}."
+    caption = f"{capital(_sentence(event, units))}; {event['state']}."
     if told:
         caption += (
             " Evidence by residual: what each says for the fault, twice the log-likelihood ratio, of other analyses "

@@ -13,6 +13,7 @@ from ..faults import Decision
 from ..flightlog.phases import Phase
 from ..notes import Note
 from ..parity.finding import Bound, Stage
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary
 from ..shapes import Kind
 
@@ -215,6 +216,7 @@ class DiagnoseResult:
     limit_courses: tuple[LimitCourse, ...]
     courses: tuple[Course, ...]
     notes: tuple[Note, ...]
+    plausibility: tuple[Implausible, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

@@ -237,12 +237,7 @@ def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Seque
         return ()
     said = ", ".join(f"{one.finding.fault} from {one.finding.onset_s:.0f} s" for one in strongest[:SHOWN])
     last = " and ".join(dict.fromkeys(one.finding.fault for one in lasting))
-    return (
-        Note.limit(
-            f"what may still be wrong with {last} is left out of the windows that follow; with it they would also show "
-            f"{said}: its traces, or a second fault that this log cannot tell from them"
-        ),
-    )
+    return (Note.limit(f"after {last} fails, {said} cannot be told from its after-effects and is not reported"),)
 
 
 def _same(one: Draft, other: Draft) -> bool:

@@ -21,10 +21,7 @@ FloatArray = NDArray[np.float64]
 MOST_SAMPLES = 108_000
 # Relative difference of two edges beyond which they contradict each other: that of spectra with the right kind.
 SAME_EDGE = 0.2
-UNKNOWN = (
-    "neither the file nor its channels tell whether the recorder low-passed the log: no recorder is assumed, "
-    "--recorder HZ states one"
-)
+UNKNOWN = "it is unknown whether the recorder low-passed the log; no low-pass is assumed (--recorder HZ states one)"
 
 
 def with_seen_recorder(log: FlightLog) -> FlightLog:

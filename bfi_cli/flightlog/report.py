@@ -8,6 +8,7 @@ from typing import Any
 from ..display_units import SI, Shown, Units
 from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, physical
 from ..notes import unique
+from ..plausibility.finding import Implausible
 from ..provenance import Provenance
 from ..report.content import Drawing, Lane, Panel, ReportContent, Table, notes_of
 from ..report.text import with_unit
@@ -27,7 +28,12 @@ LANES_HEIGHT, LANE_HEIGHT = 0.08, 0.085
 MOST_GAPS = 5  # named in a report; the document has all
 
 
-def info_document(report: LogReport, provenance: Provenance, defects: Sequence[Defect] = ()) -> dict[str, Any]:
+def info_document(
+    report: LogReport,
+    provenance: Provenance,
+    defects: Sequence[Defect] = (),
+    plausibility: Sequence[Implausible] = (),
+) -> dict[str, Any]:
     """Return the document of `bfi info --json`."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
     same = (
@@ -54,6 +60,7 @@ def info_document(report: LogReport, provenance: Provenance, defects: Sequence[D
                 {key: getattr(one, key) for key in DEFECT_KEYS} | {"sentence": sentence_of_defect(one)}
                 for one in defects
             ],
+            "plausibility": plausibility,
             "provenance": provenance,
         }
     )
@@ -92,13 +99,19 @@ def info_content(document: Plain, units: Units = SI) -> ReportContent:
         category="Flight log",
         title=str(log["path"]),
         heading="What the log holds",
-        verdict=f"{log['path']}: {size}, time step {step}",
+        verdict=_verdict(f"{log['path']}: {size}, time step {step}", document, units),
         facts=(*facts, *(("Defect", str(one["sentence"])) for one in document.get("defects", ()))),
         tables=tuple(_tables(document, units)),
         drawings=(timeline,) if lanes else (),
         notes=notes_of(document, units),
         data={"phases.csv": phase_columns(phases)} if phases else {},
     )
+
+
+def _verdict(holds: str, document: Plain, units: Units) -> str:
+    """Return what a log holds, after what its channels contradict each other in."""
+    findings = [f"{one['advice']}: {one['text']}" for one in document.get("plausibility", ()) if not one["fixed"]]
+    return f"{units.sentence('; '.join(findings))}. {holds}" if findings else holds
 
 
 def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:

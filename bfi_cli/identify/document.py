@@ -52,6 +52,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "decision": whole["decision"],
         "verdicts": whole["verdicts"],
         "summary": whole["summary"],
+        "plausibility": whole["plausibility"],
         "scan": whole["scan"],
         "faults": [_fault_entry(estimate) for estimate in result.faults],
         "candidates": whole["candidates"],

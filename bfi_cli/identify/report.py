@@ -20,6 +20,7 @@ from ..report.claims import (
     CANDIDATE_COLUMNS,
     candidate_tables,
     hidden_drawing,
+    screen_of,
     shown_meaning,
     shown_summary,
     verdict_sentence,
@@ -55,7 +56,7 @@ MAX_CANDIDATES = 30
 WHITE_ABOVE = 0.01
 # The criterion is drawn linearly up to this difference, which is decisive evidence by any of the criteria.
 LINEAR_CRITERION = 10.0
-NAME_LETTERS = 40
+NAME_LETTERS, NAMED_LETTERS = 40, 24  # in a table, and in the line of a fault
 FAULT_HEADS = ("fault", "channel", "from", "magnitude", "95 % interval", "until", "shape", "sd", "multiplier")
 RESIDUAL_HEADS = ("output", "noise sd", "VAF", "whiteness", "5 σ without faults", "samples beyond 5 σ")
 READINGS = ("measured", *DERIVED)
@@ -81,6 +82,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
     hidden, drawn = hidden_drawing(result.candidates, units), _in_units(result, units)
     own = {series.channel: series.unit for series in result.outputs}
     said = [describe(one, units, own=own.get(one.fault.channel, "")) for one in result.faults]
+    named = [f"{one}, '{shortened(fault.name, NAMED_LETTERS)}'" for one, fault in zip(said, result.faults, strict=True)]
     summary = shown_summary(result.summary, result.verdicts, result.candidates, units)
     return ReportContent(
         category="Fault identification",
@@ -88,6 +90,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
         heading=HEADINGS[result.decision],
         verdict=verdict_sentence(result.decision, said, summary),
         tone=result.decision,
+        screen=screen_of(result.decision, named, summary, result.candidates, units),
         lead=len(hidden),
         facts=_facts(result, units),
         tables=tuple(_tables(result, units)),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..decision import Candidate
 from ..faults import Decision, FaultEstimate
 from ..notes import Note
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..shapes import Kind
 
@@ -169,6 +170,7 @@ class IdentifyResult:
     outputs: tuple[OutputSeries, ...]
     residuals: tuple[ResidualSummary, ...]
     truth: AgainstTruth | None
+    plausibility: tuple[Implausible, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

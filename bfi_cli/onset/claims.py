@@ -64,10 +64,10 @@ EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0
 # Errors at which the likelihood is asked, in tolerances: limits from a tenth to a hundred of them.
 PER_DECADE = 6
 ERRORS = np.geomspace(0.1, 100.0, 3 * PER_DECADE + 1)
-# Of a shape that the scan does not look for, the one that it is.
+# Scan shape that also covers this shape.
 LIKE = {"cosine": "sine"}
-STANDS_FOR = "what is declared may stand for it: the log as measured does not exclude it"
-OLDER_NOTE = "a fault that began before the window is never excluded: the model's constant can explain it"
+STANDS_FOR = "excluded only after the declared fault is taken off, which may itself be of this kind"
+OLDER_NOTE = "earlier ones cannot be excluded"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -200,9 +200,10 @@ def _nearest_rule(
     if not differ:
         return _rule(table, source, config, *map(Note.method, filter(None, [why])))
     note = Note.limit(
-        f"no calibration fits the settings{f', and {why}' if why else ''}; the nearest ({table.n_windows} windows) has "
-        f"{', '.join(differ)}: its thresholds are raised by {RAISED - 1.0:.0%}, no p-value is given, and the rate of "
-        "false alarms is not known"
+        f"no calibration table fits these settings{f' ({why})' if why else ''}; the thresholds are those of the "
+        "nearest, "
+        f"raised by {RAISED - 1.0:.0%}, without a p-value or a known false-alarm rate; its {table.n_windows} windows "
+        f"have {', '.join(differ)}"
     )
     return _rule(table, source, config, note, matches=False, raised=RAISED)
 
@@ -235,9 +236,9 @@ def own_table(
     length_s, why = to_s - from_s, ""
     windows = own_windows(log, config, length_s)
     if len(windows) < FEWEST_WINDOWS:
-        airborne = "" if airborne_stretches(log) else ", in which no airspeed shows when it flies,"
-        number = len(windows) or "no"
-        why = f"the log{airborne} has {number} more windows of {length_s:.4g} s in flight, not {FEWEST_WINDOWS}"
+        airborne = "" if airborne_stretches(log) else ", in which no airspeed tells when it flies,"
+        needed = f"{FEWEST_WINDOWS} further windows of {length_s:.4g} s in flight are needed"
+        why = f"{needed}, this log{airborne} has {len(windows) or 'none'}"
         lengths = (own_windows(log, config, length_s * share) for share in SHORTER)
         windows = next((shorter for shorter in lengths if len(shorter) >= FEWEST_WINDOWS), [])
         if not windows or (windows[0][1] - windows[0][0]) * record.settings.rate_hz < FEWEST_SAMPLES:

@@ -212,7 +212,9 @@ def search_onsets(
         )
     earliest_s, latest_s = covered_s(record, order)
     notes.append(
-        Note.limit(f"limits hold at 95 % for onsets from {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}")
+        Note.limit(
+            f"checked at 95 % for faults that start at {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}"
+        )
     )
     return replace(
         result,
@@ -236,9 +238,8 @@ def _may_be_nothing(record: ScanRecord, fault: Estimate) -> str:
     unit = magnitude_unit(form, record.window.log.channel(channel).unit)
     low, high = (scale * (fault.z + reach * fault.sd) for reach in (-TWO_SIDED_95, TWO_SIDED_95))
     return (
-        f"the {fault.form.shape} on {channel} from {instant(fault.onset_s)} s that the scan declares is "
-        f"{quantity(scale * fault.z, unit)} with a 95 % interval from {low:.3g} to {high:.3g}, which holds zero: it is "
-        "suspected"
+        f"the {fault.form.shape} of {quantity(scale * fault.z, unit)} on {channel} from {instant(fault.onset_s)} s is "
+        f"only suspected: the 95 % interval of its size, {low:.3g} to {high:.3g}, contains zero"
     )
 
 
@@ -423,9 +424,6 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
 def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], order: int) -> list[Note]:
     notes = [
         Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}"),
-        Note.limit(
-            f"onsets are sought from {instant(covered_s(record, order)[0])} s on; the model absorbs an earlier fault"
-        ),
     ]
     notes += [Note.method(record.window.recorder)] if record.window.recorder else []
     changes = np.abs(np.diff(record.u, axis=0))
@@ -436,12 +434,10 @@ def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], order: int) -> l
         if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
             notes.append(
                 Note.limit(
-                    f"'{fault.name}' begins while the inputs move most, where an error of the model looks like a "
-                    "fault; see whether another --rate or more --input confirm it"
+                    f"'{fault.name}' begins while the inputs move most, where model errors look like faults; confirm "
+                    "it at another --rate or with more --input"
                 )
             )
         if high - low > HARDLY_KNOWN * record.settings.duration_s:
-            notes.append(
-                Note.limit(f"the onset of '{fault.name}' is hardly known: {instant(low)} to {instant(high)} s")
-            )
+            notes.append(Note.limit(f"the onset of '{fault.name}' is uncertain: {instant(low)} to {instant(high)} s"))
     return notes

@@ -15,7 +15,14 @@ from ..faults import fault_from_dict, fault_to_dict, physical
 from ..notes import unique
 from ..printable import shortened
 from ..provenance import Provenance
-from ..report.claims import CANDIDATE_COLUMNS, candidate_tables, hidden_drawing, shown_summary, verdict_sentence
+from ..report.claims import (
+    CANDIDATE_COLUMNS,
+    candidate_tables,
+    hidden_drawing,
+    screen_of,
+    shown_summary,
+    verdict_sentence,
+)
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, notes_of
 from ..report.text import HEADINGS, change, instant, interval, number, quantity, with_unit
 from ..serialization import SCHEMA, from_plain, to_plain
@@ -34,6 +41,7 @@ DECISION_KEYS = (
     "decision",
     "verdicts",
     "summary",
+    "plausibility",
     "false_alarm",
     "p_value",
     "statistic",
@@ -124,6 +132,7 @@ def onset_content(document: Plain, units: Units = SI) -> ReportContent:
         heading=HEADINGS[document["decision"]],
         verdict=verdict_sentence(document["decision"], said, summary),
         tone=document["decision"],
+        screen=screen_of(document["decision"], said, summary, candidates, units),
         lead=len(hidden),
         facts=tuple(_facts(document, units, own)),
         tables=(*_fault_tables(shown), *candidate_tables(candidates, units), _shape_table(drawn)),

@@ -13,6 +13,7 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.whiteness import exceedances, robust_sd
 from ..notes import Note
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary, ModelSummary, noise_of
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
@@ -135,6 +136,7 @@ class OnsetResult:
     series: tuple[OnsetSeries, ...]
     truth: tuple[Fault, ...] | None
     notes: tuple[Note, ...]
+    plausibility: tuple[Implausible, ...] = ()
 
     @property
     def evidence(self) -> Evidence:

@@ -11,8 +11,8 @@ from ..faults import Decision
 from ..kernels.normal import TWO_SIDED_95
 from ..printable import shortened
 from ..shapes import Kind
-from .content import Curve, Drawing, Panel, Span, Style, Table, curve
-from .text import change, number, quantity, with_unit
+from .content import Curve, Drawing, Panel, Screen, Span, Style, Table, curve
+from .text import capital, change, number, quantity, with_unit
 
 CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")
 CANDIDATE_COLUMNS = (
@@ -36,14 +36,47 @@ HIDDEN_CAPTION = (
 )
 
 
+def fault_head(decision: str, n_faults: int) -> str:
+    """Return "Fault", "2 faults", or the decision where none is declared."""
+    if n_faults:
+        return "Fault" if n_faults == 1 else f"{n_faults} faults"
+    return {"no_fault": "No fault", "fault": "Fault"}.get(decision, "Inconclusive")
+
+
 def verdict_sentence(decision: str, faults: Sequence[str], summary: str) -> str:
     """Return the answer in one line: the declared faults, then what the log says of the other kinds."""
-    besides = f" {summary[:1].upper()}{summary[1:]}." if summary else ""
+    head = fault_head(decision, len(faults))
     if faults:
-        said = f"Fault: {faults[0]}." if len(faults) == 1 else f"{len(faults)} faults: {'; '.join(faults)}."
-        return f"{said}{besides}"
-    word = {"no_fault": "No fault", "fault": "Fault"}.get(decision, "Inconclusive")
-    return f"{word}: {summary}." if summary else f"{word}."
+        besides = f" {capital(summary)}." if summary else ""
+        return f"{head}: {'; '.join(faults)}.{besides}"
+    return f"{head}: {summary}." if summary else f"{head}."
+
+
+def screen_of(
+    decision: str, faults: Sequence[str], summary: str, candidates: Sequence[Candidate], units: Units
+) -> Screen:
+    """Return what is printed first of an answer about candidates."""
+    looked_for = [one for one in candidates if one.state in ("suspected", "not_seen", "excluded")]
+    rows = []
+    for one in sorted(looked_for, key=lambda one: -beside_tolerance(one.limit, one.tolerance)):
+        tolerance = change(one.tolerance, units.of(one.channel_unit, channel=one.channel))
+        state = WORDS.get(one.state, str(one.state))
+        name = shortened(one.name, NAME_LETTERS)
+        rows.append((name, one.channel, shown_limit(one, units) or "any", tolerance, state))
+    return Screen(
+        head=fault_head(decision, len(faults)), faults=tuple(faults), summary=summary, hidden=hidden_table(rows)
+    )
+
+
+def hidden_table(rows: Sequence[tuple[str, ...]]) -> Table | None:
+    """Return the table of what could hide, None without rows: fault, channel, largest error, tolerance, state."""
+    heads = ("could hide", "channel", "up to", "tolerance", "state")
+    return Table(name="hidden", title="What could hide", heads=heads, rows=tuple(rows)) if rows else None
+
+
+def beside_tolerance(error: float | None, tolerance: float | None) -> float:
+    """Return the largest error that could hide over the tolerance; infinite where any could, or none is known."""
+    return math.inf if error is None or not tolerance else error / tolerance
 
 
 def shown_summary(

@@ -190,6 +190,24 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Screen:
+    """What a command prints first of its answer.
+
+    Attributes
+    ----------
+    head : "Fault", "2 faults", or the decision where none is declared.
+    faults : a line for each fault, suspicion and small deviation.
+    summary : what the log says of the rest, in a sentence without its full stop; "" for nothing.
+    hidden : what could hide, the largest beside its tolerance first; None where nothing was looked for.
+    """
+
+    head: str
+    faults: tuple[str, ...]
+    summary: str
+    hidden: Table | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReportContent:
     """What the report of an answer holds.
 
@@ -202,6 +220,7 @@ class ReportContent:
     lead : how many of the drawings, 0 or 1, a page shows beside the verdict, before everything else.
     facts : (name, value) rows.
     notes : for the reader, as they were made.
+    screen : what is printed first; None where everything is.
     zoom : drawings of curves and lanes for the page on which they can be zoomed; with more points than figures.
     data : CSV files at full precision by name, each as lists or arrays by column, or a call that makes these where the
         file is written; they win over a table of that name.
@@ -217,6 +236,7 @@ class ReportContent:
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     notes: tuple[Note, ...] = ()
+    screen: Screen | None = None
     zoom: tuple[Drawing, ...] = ()
     data: Mapping[str, Columns | Callable[[], Columns]] = field(default_factory=dict)
 

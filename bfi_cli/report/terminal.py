@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..printable import printable, shortened
 from .content import ReportContent
+from .text import capital
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,10 +21,15 @@ FRAME, GAP = 2, 3
 NAME_LETTERS, CELL_LETTERS = 32, 240
 # A longer word of a table is broken, so that the other columns have room.
 WORD_LETTERS = 60
+# The first screen, in lines of a terminal of 24 and its prompt, and what of them may be rows and notes; of a table its
+# heads, an empty line on either side and the line that says where the rest is.
+SCREEN_LINES, SCREEN_ROWS, FEWEST_ROWS, SCREEN_NOTES, AROUND_TABLE = 25, 8, 3, 3, 4
+KEPT_WHOLE = 2  # of its columns those after fault and channel are not folded
+FAULT_LETTERS = 93  # with its head or indent at most 100 columns
 COLOURS = {"fault": "bold red", "no_fault": "bold green", "inconclusive": "bold yellow", None: "bold"}
 
 
-def print_content(console: Console, content: ReportContent) -> None:
+def print_content(content: ReportContent, console: Console) -> None:
     """Print verdict, tables, facts and notes, at most as wide as the console.
 
     On a terminal long tables and many notes are cut; a pipe gets all of them, for grep.
@@ -45,6 +52,60 @@ def print_content(console: Console, content: ReportContent) -> None:
     for name, value in (*content.facts, *(("Note", note) for note in notes)):
         grid.add_row(Text(shortened(name, NAME_LETTERS), style="dim"), Text(printable(value), overflow="fold"))
     console.print(grid)
+
+
+def print_screen(content: ReportContent, console: Console) -> None:
+    """Print the first screen of an answer: the sentence, the faults, what could hide, notes, and where the rest is.
+
+    One fault is one line. What could hide has the room that the others leave.
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    screen = content.screen
+    assert screen is not None
+    lines = [Text(_in_one_line(printable(one))) for one in screen.faults]
+    if len(lines) == 1:
+        lines = [Text(f"{screen.head}: ").append_text(lines[0])]
+    elif lines:
+        lines = [Text(f"{screen.head}:"), *(Text("  ").append_text(one) for one in lines)]
+    for line in lines:
+        line.stylize(COLOURS[content.tone])
+    rest = f"{capital(screen.summary)}." if screen.summary else ""
+    said = Text(printable(rest)) if lines else Text(printable(content.verdict), style=COLOURS[content.tone])
+    limits, advice = ([one for one in content.notes if one.kind == kind] for kind in ("limit", "advice"))
+    notes = [*limits[: SCREEN_NOTES - bool(advice)], *advice][:SCREEN_NOTES]
+    grid = Table.grid(padding=(0, 2))
+    for one in notes:
+        grid.add_row(Text(one.kind.capitalize(), style="dim"), Text(printable(one.text), overflow="fold"))
+    above: list[Text] = [*lines, *([said] if rest or not lines else [])]
+    wrapped = [len(one.wrap(console, console.width)) for one in above]
+    taken = sum(wrapped) + len(console.render_lines(grid, pad=False)) + AROUND_TABLE
+    for line in above:
+        console.print(line)
+    every = screen.hidden.rows if screen.hidden else ()
+    rows = every[: max(FEWEST_ROWS, min(SCREEN_ROWS, SCREEN_LINES - taken))]
+    if screen.hidden is not None:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+        for k, head in enumerate(screen.hidden.heads):
+            table.add_column(head, no_wrap=k >= KEPT_WHOLE, overflow="fold")
+        for row in rows:
+            table.add_row(*(Text(printable(cell)) for cell in row))
+        console.print(Text())
+        console.print(table)
+    if notes:
+        console.print(Text())
+        console.print(grid)
+    left_out = {"row": len(every) - len(rows), "note": len(content.notes) - len(notes)}
+    more = " and ".join(f"{n} more {what}{'s' * (n > 1)}" for what, n in left_out.items() if n)
+    console.print(Text(f"{more or 'Tables and facts'}: --verbose, or a report with --out DIR", style="dim"))
+
+
+def _in_one_line(fault: str) -> str:
+    """Return a fault in one line: a long one without what stands in brackets, the last first."""
+    while len(fault) > FAULT_LETTERS and (shorter := re.sub(r" \([^()]*\)(?!.*\()", "", fault)) != fault:
+        fault = shorter
+    return shortened(fault, FAULT_LETTERS)
 
 
 def _print_table(console: Console, heads: Sequence[str], body: Sequence[Sequence[str]]) -> None:

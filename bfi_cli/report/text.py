@@ -37,6 +37,11 @@ def _without_negative_zero(text: str) -> str:
     return text if text.strip("-0.") else text.removeprefix("-")
 
 
+def capital(sentence: str) -> str:
+    """Return a sentence with a capital letter."""
+    return f"{sentence[:1].upper()}{sentence[1:]}"
+
+
 def instant(time_s: float) -> str:
     """Return a time in s to 10 ms where the axis counts from 1970, to six digits elsewhere."""
     return f"{time_s:.6g}" if abs(time_s) < 1e5 else f"{time_s:.2f}".rstrip("0").rstrip(".")

@@ -89,9 +89,9 @@ START_TIME, DETECT = (
 @pytest.mark.parametrize(
     ("columns", "argv", "kept"),
     [
-        (40, IDENTIFY, r" bias_13\.8 +tas +13\.8"),
-        (40, START_TIME, r" bias +tas +13\.8"),
-        (40, DETECT, r" aoa +12 s +12\.\d+ s"),
+        (40, (*IDENTIFY, "-v"), r" bias_13\.8 +tas +13\.8"),
+        (40, (*START_TIME, "-v"), r" bias +tas +13\.8"),
+        (40, (*DETECT, "-v"), r" aoa +12 s +12\.\d+ s"),
     ],
     ids=lambda value: str(value[0]) if isinstance(value, tuple) else None,
 )

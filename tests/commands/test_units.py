@@ -23,9 +23,9 @@ KNOT = 1852 / 3600
 FAST = ("--rate", 10, "--order", 4)
 COMMANDS = {
     "info": ("info", BIAS),
-    "identify": ("identify", BIAS, "-d", THESIS, *FAST),
-    "start-time": ("start-time", BIAS, "--shape", "bias", *FAST),
-    "detect": ("detect", BIAS),
+    "identify": ("identify", BIAS, "-d", THESIS, *FAST, "--verbose"),
+    "start-time": ("start-time", BIAS, "--shape", "bias", *FAST, "--verbose"),
+    "detect": ("detect", BIAS, "--verbose"),
     "diagnosability": ("diagnosability", CLEAN, "-d", THESIS, *FAST),
     "dictionary": ("dictionary", THESIS, CLEAN, *FAST),
 }
@@ -124,7 +124,7 @@ def test_a_drift_is_never_a_bare_multiplier(bfi: Callable, tmp_path: Path, monke
     (tmp_path / "d.yaml").write_text("atoms: [{shape: drift, name: ramp, slope: 0.23, onset_s: 12}]\n")
     fault = "drift,magnitude=-4,slope=0.23,onset_s=12"
     bfi("inject", CLEAN, "--fault", fault, "-o", tmp_path / "log.h5")
-    table = bfi("identify", tmp_path / "log.h5", "-d", tmp_path / "d.yaml", *FAST).stdout
+    table = bfi("identify", tmp_path / "log.h5", "-d", tmp_path / "d.yaml", *FAST, "--verbose").stdout
     row = re.search(r"ramp +tas +12 s +(-0\.9\d+) m/s\^2 .* (-[34]\.\d+) x slope 0\.23/s", table)
     assert row is not None
     assert 0.23 * float(row[2]) == pytest.approx(float(row[1]), rel=0.01)

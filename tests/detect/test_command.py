@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from noted import texts
+from screens import check_screen, screen
 
 from bfi_cli.config import Config, merge
 from bfi_cli.detect import detect_content, detect_document, detect_faults
@@ -52,6 +53,17 @@ def test_the_document(bfi, failing: Path):
     assert [one["channel"] for one in document["candidates"]] == document["outputs"]
     (declared,) = (one for one in document["candidates"] if one["state"] == "declared")
     assert (declared["channel"], declared["magnitude"]) == ("aoa", alarm["size"])
+
+
+def test_a_failing_and_a_healthy_log_are_one_screen(bfi, failing: Path, healthy: Path, detected: dict[str, Any]):
+    result = detect_faults(read_log(healthy), merge(Config(), {"detect.train": (0.0, 8.0)}))
+    for document in (detected, detect_document(result, provenance(log_sha256=""))):
+        content = detect_content(document)
+        check_screen(screen(content), content)
+    outcome = bfi("detect", failing, "--train", "0:8")
+    assert outcome.stdout.splitlines()[0] == screen(detect_content(detected), 120)[0]
+    assert "Channels watched" not in outcome.stdout
+    assert "Channels watched" in bfi("detect", failing, "--train", "0:8", "--verbose").stdout
 
 
 @pytest.mark.parametrize(

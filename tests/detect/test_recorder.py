@@ -110,7 +110,7 @@ def test_where_nobody_states_the_recorder_a_slow_one_is_reckoned_with(recorded: 
     bare = replace(recorded, filters=None)
     fast = detected(bare, conditioning__rate_hz=5.0)
     assert (states(fast), set(limits(fast))) == ({"not_seen"}, {None})
-    (said,) = (note for note in texts(fast.notes) if note.startswith("neither the file nor its channels tell"))
+    (said,) = (note for note in texts(fast.notes) if note.startswith("it is unknown whether the recorder"))
     assert said.endswith("no step is excluded; what gives limits: --rate 2; --recorder HZ, or none where there is none")
     slow = detected(bare, conditioning__rate_hz=2.0)
     assert None not in limits(slow)

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_diagnoses import ONSET_S, PART, Diagnoses
+from screens import check_screen, screen
 
 from bfi_cli.config import Config
-from bfi_cli.diagnose import diagnose_flight
+from bfi_cli.diagnose import diagnose_content, diagnose_flight
 from bfi_cli.flightlog import FlightLog, write_log
 
 ICING = f"pitot_icing,magnitude=0.0025,onset_s={ONSET_S}"
@@ -25,6 +26,7 @@ AIRSPEEDS = {"tas", "cas", "mach", "sat"}
 # The contract of `bfi diagnose --json`, and what was added to it.
 KEYS = {"kind", "schema", "decision", "events", "limits", "phases", "windows", "missing", "notes", "provenance"}
 MORE = {"log", "verdicts", "summary", "false_alarm", "zero_lift_rad", "zero_lift_from", "deviations", "unwatched"}
+MORE |= {"plausibility"}
 EVENT_KEYS = {"fault", "among", "channels", "state", "shape", "magnitude", "unit", "ci95", "effect", "onset_s"}
 EVENT_KEYS |= {"onset_ci95", "offset_s", "p_value", "evidence"}
 EVENT_MORE = {"kind", "stages", "constant_s", "frequency_hz", "sd", "seen_until_s", "window_s", "statistic"}
@@ -51,6 +53,13 @@ def test_a_healthy_flight_has_no_event(diagnoses: Diagnoses):
     assert document["decision"] != "fault"
     assert all(one["statistic"] <= one["threshold"] for one in document["windows"])
     assert document["zero_lift_rad"] == pytest.approx(np.radians(-1.2), abs=np.radians(0.05))
+
+
+@pytest.mark.parametrize("fault", ["", ICING])
+def test_a_healthy_and_a_faulty_flight_are_one_screen(diagnoses: Diagnoses, fault: str):
+    series = {"time_s": [], "measured": {}, "courses": []}  # of figures alone
+    content = diagnose_content({**diagnoses.of(fault), "series": series})
+    check_screen(screen(content), content)
 
 
 def test_icing_is_told_from_a_fault_of_one_airspeed(diagnoses: Diagnoses):

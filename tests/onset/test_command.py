@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 from matplotlib.image import imread
 from noted import texts
+from screens import check_screen
+
+from bfi_cli.onset import onset_content
 
 DATA = Path(__file__).parents[2] / "data"
 BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"
@@ -38,6 +41,13 @@ def test_a_table_says_what_is_wrong_with_it(bfi, tmp_path: Path):
     assert outcome.code == 0
     few, *_ = texts(json.loads((tmp_path / "few.json").read_text())["notes"])
     assert "windows are too few, bfi start-time asks for 20" in few
+
+
+@pytest.mark.parametrize("log", [BIAS, CLEAN])
+def test_a_faulty_and_a_healthy_log_are_one_screen(bfi, calibrated: Path, log: Path):
+    command = ("start-time", log, *QUICK, "--from", 5, "--to", 21, "--calibration", calibrated)
+    content = onset_content(json.loads(bfi(*command, "--json", "--series").stdout))
+    check_screen(bfi(*command).stdout.splitlines(), content)
 
 
 def test_the_document(bfi, calibrated: Path):

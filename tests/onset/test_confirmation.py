@@ -87,5 +87,5 @@ def test_what_the_scan_finds_with_an_interval_that_holds_zero_is_suspected(tmp_p
     drift = next(one for one in result.candidates if one.shape == "drift")
     assert drift.state == "suspected"
     assert "interval" in (drift.note or "")
-    assert "holds zero" in (drift.note or "")
+    assert "contains zero" in (drift.note or "")
     assert texts(result.notes)[0] == drift.note

@@ -123,8 +123,8 @@ def test_a_flight_too_short_for_its_windows_lends_shorter_ones(log: FlightLog):
     assert (rule.use.source, rule.use.matches) == ("self", False)
     assert rule.use.length_s < 45.0
     assert rule.threshold("bias") == RAISED * rule.null.threshold("bias", 0.01)
-    assert "the log has" in texts(rule.notes)[0]
-    assert "has window length" in texts(rule.notes)[0]
+    assert "this log has" in texts(rule.notes)[0]
+    assert "window length" in texts(rule.notes)[0]
     assert find_onset(log, longer).p_value is None
 
 
@@ -133,7 +133,7 @@ def test_without_a_flight_the_nearest_table_is_raised(log: FlightLog):
     rule = rule_for(short, prepare_record(short, CONFIG), CONFIG, order=4)
     assert (rule.use.source, rule.use.matches) == ("shipped", False)
     assert rule.threshold("bias") == RAISED * rule.null.threshold("bias", 0.01)
-    assert "the log has 4 more windows of 20 s in flight, not 20" in texts(rule.notes)[0]
+    assert "20 further windows of 20 s in flight are needed, this log has 4" in texts(rule.notes)[0]
     assert "raised by 50%" in texts(rule.notes)[0]
 
 

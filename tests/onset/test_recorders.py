@@ -119,7 +119,7 @@ def test_where_nothing_tells_the_recorder_the_note_says_so(flown: Callable[..., 
     unknown = replace(flown(BIAS), filters=None)
     config = merge(Config(), {"start_time.shapes": ("bias",), "conditioning.rate_hz": 10.0, "model.order": 4})
     notes = texts(find_onset(unknown, config).notes)
-    assert any("no recorder is assumed, --recorder HZ states one" in note for note in notes)
+    assert any("no low-pass is assumed (--recorder HZ states one)" in note for note in notes)
     assert not any(
-        "recorder is assumed" in note for note in texts(find_onset(replace(unknown, filters=()), config).notes)
+        "low-pass is assumed" in note for note in texts(find_onset(replace(unknown, filters=()), config).notes)
     )

@@ -106,8 +106,8 @@ def test_the_terminal_shows_it_all_and_cuts_long_tables():
         tables=(Table(name="t", title="T", heads=("a", "b"), rows=rows),),
     )
     console = Console(record=True, width=100, file=io.StringIO(), force_terminal=True)
-    print_content(console, CONTENT)
-    print_content(console, long)
+    print_content(CONTENT, console)
+    print_content(long, console)
     text = console.export_text()
     for expected in ("A bias of 1 m/s.", "Faults", "0.5 s", "mind <this>", "0 to 1 s", "row0", "and 2 more"):
         assert expected in text

@@ -100,3 +100,12 @@ def test_no_fault_has_no_fault_table(provenance):
 
 def test_prints_on_a4(provenance):
     assert "size: A4" in report(fault_result(), provenance)
+
+
+def test_notes_stand_by_kind_and_in_the_order_of_the_document(provenance):
+    notes = (Note.advice("look"), Note.method("so"), Note.limit("one"), Note.limit("two"))
+    page = report(replace(fault_result(), notes=notes), provenance)
+    heads = [page.index(f"<h3>{title}</h3>") for title in ("Limits", "How it was computed", "What you can do")]
+    assert heads == sorted(heads)
+    assert heads[0] < page.index("<li>one</li>") < page.index("<li>two</li>") < heads[1] < page.index("<li>so</li>")
+    assert heads[2] < page.index("<li>look</li>")

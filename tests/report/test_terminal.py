@@ -16,7 +16,7 @@ from bfi_cli.report.terminal import MAX_ROWS, print_content
 def printed(result, width=80, *, terminal=None):
     file = io.StringIO()
     console = Console(file=file, width=width, color_system=None, force_terminal=terminal)
-    print_content(console, identify_content(result))
+    print_content(identify_content(result), console)
     return file.getvalue()
 
 

@@ -1,0 +1,156 @@
+"""The channels of a log that others contradict throughout the flight, in words, and the log without what is certain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..channels import STANDARD
+from ..flightlog import FlightLog
+from ..flightlog.record import FloatArray
+from ..preprocessing.tolerance import tolerance_of
+from ..report.text import quantity
+from .changes import RANKS, Change
+from .finding import Implausible
+from .relations import NAMES, RELATIONS
+from .search import Blame, blames, told_relations
+from .seconds import Seconds, seconds_of
+
+TINY = 1e-12  # a tolerance of nothing, of a channel that rests
+
+
+def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
+    """Return what arithmetic says is wrong with channels throughout a flight; nothing where none says that it flies."""
+    seconds = seconds_of(log, NAMES)
+    if seconds is None:
+        return ()
+    stated = {name: log.channels[name].source_unit for name in seconds.values}
+    sources = {name: log.channels[name].source for name in seconds.values}
+    found = blames(told_relations(RELATIONS, seconds), seconds, stated)
+    return tuple(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in found)
+
+
+def with_fixed_units(log: FlightLog, findings: Sequence[Implausible]) -> tuple[FlightLog, tuple[Implausible, ...]]:
+    """Return the log in the units and signs that are certain, with notes, and the findings with these fixed."""
+    marked = tuple(replace(one, fixed=one.is_certain) for one in findings)
+    return _changed(log, [one for one in marked if one.fixed], "--fix-units"), marked
+
+
+def without_offsets(log: FlightLog, findings: Sequence[Implausible]) -> FlightLog:
+    """Return the log less the constant errors of these findings."""
+    return _changed(log, findings, "the analyses")
+
+
+def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> FlightLog:
+    steps = [(one.channels, one.factor, one.offset) for one in findings]
+
+    def change(name: str, values: FloatArray) -> FloatArray:
+        for channels, factor, offset in steps:
+            if name in channels:
+                values = factor * values + offset
+                values.setflags(write=False)
+        return values
+
+    notes = tuple(f"{who}: {one.text}; read as {_as_read(one)}" for one in findings)
+    return log.changed(change, notes=(*log.notes, *notes)) if steps else log
+
+
+def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: Seconds) -> Blame:
+    """Return what is to blame, without those whose error would be one that any such channel may have."""
+    if blame.change.rank < max(RANKS.values()) or not blame.rivals:
+        return blame
+
+    def shares(change: Change) -> float:
+        if not change.channels:
+            return math.inf
+        (name,) = change.channels
+        error = abs(change.offset) + abs(change.factor - 1.0) * float(np.nanmedian(np.abs(seconds.values[name])))
+        return error / max(tolerance_of(log, log, name), TINY)
+
+    every = (blame.change, *blame.rivals)
+    kept = [one for one in every if shares(one) > 1.0] or every
+    return replace(blame, change=kept[0], rivals=tuple(kept[1:]))
+
+
+def _as_read(one: Implausible) -> str:
+    shift = f" {one.offset:+.4g} {STANDARD[one.channels[0]].unit}" if one.offset else ""
+    return f"{one.factor:.4g} x {_and(one.channels)}{shift}"
+
+
+def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[str, str]) -> Implausible:
+    change = blame.change
+    every = [name for one in blame.explains for name in one.channels]
+    others = tuple(dict.fromkeys(name for name in every if name not in change.channels))
+    near = [name for name in blame.explains[0].channels if name not in change.channels]
+    said = _said(change, _and(near) or _and(others), blame.misfit, stated)
+    if rivals := [f"{_and(one.channels) or 'time'}{_wrong(one)}" for one in blame.rivals]:
+        said += f"; or {' or '.join(rivals)}"
+    return Implausible(
+        channels=change.channels,
+        what=change.what,
+        unit=change.unit,
+        factor=change.factor,
+        offset=change.offset,
+        agrees_with=others,
+        relative_misfit=blame.misfit,
+        rivals=tuple(dict.fromkeys(name for one in blame.rivals for name in one.channels)),
+        text=said,
+        advice=_advice(change, sources),
+    )
+
+
+def _said(change: Change, others: str, misfit: float, stated: Mapping[str, str | None]) -> str:
+    names, several = _and(change.channels), len(change.channels) > 1
+    to = f"to {max(100.0 * misfit, 0.1):.2g} %"
+    if change.what == "unit":
+        shift = f" {change.offset:+.4g}" if change.offset else ""
+        was = stated[change.channels[0]]
+        said = f" {'are' if several else 'is'} stated in {was} and" if was else ""
+        looks = "look" if several else "looks"
+        return f"{names}{said} {looks} like {change.unit}: x {change.factor:.3g}{shift} agrees with {others} {to}"
+    if change.what == "sign":
+        return f"{names} {'have' if several else 'has'} the other sign: turned over it agrees with {others}"
+    if change.what == "swapped":
+        return f"{names} look swapped: each in the place of the other they agree with {others}"
+    if change.what == "clock":
+        runs = f"runs {change.unit}" if change.unit else f"runs {1.0 / change.factor:.3g} times too slow"
+        return f"time {runs}: where a second of it is {change.factor:.3g} s, {others} agree"
+    if change.what == "scale":
+        return f"{names} is {1.0 / change.factor:.3g} times what {others} imply"
+    return f"{names} is{_size(change)} what {others} imply"
+
+
+def _size(change: Change) -> str:
+    """Return how a channel errs by an offset or a scale, "" for another change."""
+    if change.what == "offset":
+        unit = STANDARD[change.channels[0]].unit
+        size = quantity(abs(change.offset), "" if unit == "1" else unit)
+        return f" {size} {'above' if change.offset < 0.0 else 'below'}"
+    return f" {1.0 / change.factor:.4g} times" if change.what == "scale" else ""
+
+
+def _wrong(change: Change) -> str:
+    """Return what is wrong with a rival."""
+    words = {"unit": f" is in {change.unit}", "sign": " has the other sign", "swapped": " are swapped"}
+    return words.get(change.what) or f" is{_size(change)} it"
+
+
+def _advice(change: Change, sources: Mapping[str, str]) -> str:
+    if change.what == "unit":
+        return "state the unit with " + " ".join(f"--unit {name}={change.unit}" for name in change.channels)
+    if change.what == "sign":
+        return f"turn {_and(change.channels)} over, or read with --fix-units"
+    if change.what == "swapped":
+        one, other = change.channels
+        return f"state which is which with --channel {one}={sources[other]} --channel {other}={sources[one]}"
+    if change.what == "clock":
+        return "reverse the samples" if change.factor < 0.0 else f"multiply the times by {change.factor:.3g}"
+    return f"check {_and(change.channels)}"
+
+
+def _and(names: Collection[str]) -> str:
+    *first, last = names or ("",)
+    return f"{', '.join(first)} and {last}" if first else last

@@ -1,0 +1,296 @@
+"""Which channel is to blame where relations fail throughout a flight, and what would make all of them fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .changes import Change, named_changes
+from .relations import Relation, State
+from .seconds import BoolArray, FloatArray, Seconds
+
+# Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
+# with an onset, which the analyses find. Slopes need longer pieces than medians.
+PIECES, LONG_PIECES, LEAST_PER_PIECE = 8, 4, 3
+FEWEST_TOLD = 2  # longer pieces that tell of the motion: in one alone it may be gusts
+SIMPLER = float(np.log(2.0))  # of the cost, that a scale must be better by: its misfit in one relation half as large
+# Of the pieces, in which a relation holds that holds.
+HOLDING = 0.75
+# As in `bfi_cli.parity.credibility`, which has the recorded flights: with less in common two signals say next to
+# nothing of each other, and a scale that is off by more makes an error of half of what the channel shows.
+LEAST_CORRELATION, LARGEST_SCALE = 0.5, 1.5
+# Of a tolerance, from which what is expected shows a factor; how much better a unit fits than what it is said to be.
+LARGE, BETTER = 2.0, 3.0
+# So alike they tell a scale, however little what is expected moves.
+ALIKE = 0.9
+# Of the size of a relation's residual, what its solution leaves; iterations of the secant to there.
+SOLVED, MOST_STEPS = 1e-3, 6
+MOST_FINDINGS = 3
+FEWEST_CLOCKED = 2  # relations that tell the time, of which one alone may have a wrong channel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Misfit:
+    """How a relation holds.
+
+    Attributes
+    ----------
+    levels : (8,) by piece the median difference over its tolerance, 0 where none is stated.
+    correlation, slope : (4,) by longer piece, of the reading and what is expected, 0 and 1 where that is not told.
+    told, follows : (4,) whether what is expected moves enough to tell, and whether the reading follows it.
+    difference, size : medians over the flight of the difference and of the size of what is expected.
+    tolerance : of the levels.
+    """
+
+    levels: FloatArray
+    correlation: FloatArray
+    slope: FloatArray
+    told: BoolArray
+    follows: BoolArray
+    difference: float
+    size: float
+    tolerance: float
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the reading follows nowhere, where that is told."""
+        return bool(self.told.sum() >= FEWEST_TOLD and not self.follows[self.told].any())
+
+    @property
+    def fails(self) -> bool:
+        """Whether it fails throughout the flight."""
+        return self.is_wrong or bool(np.all(np.abs(self.levels) > 1.0))
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds in most of the flight."""
+        return not self.is_wrong and float(np.mean(np.abs(self.levels) <= 1.0)) >= HOLDING
+
+    @property
+    def cost(self) -> float:
+        """What is left of it, in tolerances."""
+        return float(np.sqrt(np.mean(np.minimum(np.abs(self.levels), 1e6) ** 2)))
+
+    def explained_by(self, after: Misfit, change: Change) -> bool:
+        """Return whether it fails, and holds after a change, which what is compared is large enough to show.
+
+        What is made small fits whatever is near to nothing.
+        """
+        if not self.fails or not after.holds:
+            return False
+        if self.is_wrong:
+            return float(np.mean(after.follows[self.told])) >= HOLDING
+        if change.what == "offset":
+            return True
+        shown = after.size >= LARGE * after.tolerance or bool(after.follows.mean() >= HOLDING)
+        return shown and (change.what != "unit" or self.cost >= BETTER * after.cost)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Told:
+    """A relation of the log with the seconds (8, m) in which all of its channels are known."""
+
+    relation: Relation
+    channels: tuple[str, ...]
+    rows: NDArray[np.intp]
+
+    def is_touched_by(self, change: Change) -> bool:
+        """Return whether it takes a channel that is changed, or a rate by a clock that is."""
+        return self.relation.timed if change.what == "clock" else not set(change.channels).isdisjoint(self.channels)
+
+    def misfit(self, state: State) -> Misfit:
+        """Return how it holds."""
+        one = self.relation
+        with np.errstate(all="ignore"):
+            reading, expected = one.reading(state)[self.rows], one.expected(state)[self.rows]
+            difference = reading - expected
+        known = np.isfinite(difference)
+        difference[~known] = np.inf
+        size = np.median(np.abs(np.where(known, expected, 0.0)), axis=1)
+        levels, tolerance = np.zeros(PIECES), np.full(PIECES, np.inf)
+        if one.tolerance is not None:
+            tolerance = one.tolerance + one.share * size
+            levels = np.median(difference, axis=1) / tolerance
+        moments = (np.zeros(LONG_PIECES), np.ones(LONG_PIECES), *np.zeros((2, LONG_PIECES), dtype=bool))
+        if one.least is not None:
+            moments = self._motion(reading, expected, known)
+        return Misfit(
+            levels=levels,
+            correlation=moments[0],
+            slope=moments[1],
+            told=moments[2],
+            follows=moments[3],
+            difference=float(np.median(difference)),
+            size=float(np.median(size)),
+            tolerance=float(np.median(tolerance)),
+        )
+
+    def _motion(
+        self, reading: FloatArray, expected: FloatArray, known: BoolArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+        """Return by longer piece correlation and slope, whether they tell anything, and whether the reading follows."""
+        least = self.relation.least or 0.0
+        n = known.size // LONG_PIECES
+        known, (x, y) = known.reshape(LONG_PIECES, n), (one.reshape(LONG_PIECES, n) for one in (reading, expected))
+        count = np.maximum(known.sum(axis=1, keepdims=True), 1)
+        x, y = (np.where(known, one, 0.0) for one in (x, y))
+        x, y = (np.where(known, one - one.sum(axis=1, keepdims=True) / count, 0.0) for one in (x, y))
+        xx, xy, yy = ((one * other).sum(axis=1) / count[:, 0] for one, other in ((x, x), (x, y), (y, y)))
+        with np.errstate(all="ignore"):
+            correlation = np.nan_to_num(xy / np.sqrt(xx * yy))
+            slope = np.nan_to_num(np.sqrt(xx / yy), nan=1.0)
+        told = (yy >= least**2) | ((np.abs(correlation) >= ALIKE) & (xx >= least**2))
+        lost = 2 * known.sum(axis=1) < n
+        follows = (correlation >= LEAST_CORRELATION) & ~lost
+        if self.relation.has_scale:
+            follows &= (correlation * slope <= LARGEST_SCALE) & (correlation <= LARGEST_SCALE * slope)
+        return correlation, slope, told | lost, follows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Blame:
+    """A change that makes relations fit which fail without it, and the others that would do the same.
+
+    Attributes
+    ----------
+    explains : the relations; misfit : of the first of them with the change, over what it expects.
+    """
+
+    change: Change
+    rivals: tuple[Change, ...]
+    explains: tuple[Told, ...]
+    misfit: float
+
+
+def told_relations(relations: Sequence[Relation], seconds: Seconds) -> list[Told]:
+    """Return the relations that a log tells of, with the seconds in which it does."""
+    found = []
+    for one in relations:
+        if not set(one.needs) <= seconds.values.keys():
+            continue
+        channels = one.channels(seconds.values)
+        known = np.flatnonzero(np.all([np.isfinite(seconds.values[name]) for name in channels], axis=0))
+        per_piece = known.size // PIECES
+        if per_piece >= LEAST_PER_PIECE:
+            found.append(Told(relation=one, channels=channels, rows=known[: PIECES * per_piece].reshape(PIECES, -1)))
+    return found
+
+
+def blames(relations: Sequence[Told], seconds: Seconds, stated: Mapping[str, str | None]) -> list[Blame]:
+    """Return what explains the relations that fail throughout a flight, what explains most of them first.
+
+    A change is to blame that makes relations hold which fail, and lets none fail that holds. Of changes that explain
+    the same, one that has a name (a unit, a sign) is likelier than a size that fits whatever it is, and one channel
+    likelier than several; what is left are rivals.
+
+    Parameters
+    ----------
+    stated : the units that the log states, None where it does not.
+    """
+    state, found = State(values=seconds.values, rates=seconds.rates), list[Blame]()
+    for _ in range(MOST_FINDINGS):
+        before = [one.misfit(state) for one in relations]
+        failing = [one for one, misfit in zip(relations, before, strict=True) if misfit.fails]
+        if not failing:
+            break
+        blame = _blame(relations, before, state, failing, stated)
+        if blame is None:
+            break
+        found.append(blame)
+        state = blame.change.of(state)
+    return found
+
+
+def _blame(
+    relations: Sequence[Told],
+    before: Sequence[Misfit],
+    state: State,
+    failing: Sequence[Told],
+    stated: Mapping[str, str | None],
+) -> Blame | None:
+    suspects = tuple(dict.fromkeys(name for one in failing for name in one.channels))
+    tried: list[tuple[tuple[float, ...], Change, list[Told], float]] = []
+
+    def tries(change: Change) -> None:
+        after_state = change.of(state)
+        touched = [k for k, one in enumerate(relations) if one.is_touched_by(change)]
+        explained: list[Told] = []
+        cost, left = 0.0, 0.0
+        # What fails now first: most changes mend none of it.
+        for k in sorted(touched, key=lambda k: not before[k].fails):
+            was, after = before[k], relations[k].misfit(after_state)
+            if was.explained_by(after, change):
+                left = left if explained or not after.size else abs(after.difference) / after.size
+                explained.append(relations[k])
+            elif (was.fails and not explained) or (was.holds and not after.holds) or (after.fails and not was.fails):
+                return
+            cost += np.log(max(after.cost, SOLVED) / max(was.cost, SOLVED))
+        if explained and (change.what != "clock" or len(explained) >= FEWEST_CLOCKED):
+            # In level flight a scale fits as well as an offset, which is simpler.
+            cost += SIMPLER * (change.what == "scale")
+            order = (-len(explained), change.rank, len(change.channels) > 1, cost)
+            tried.append((order, change, explained, left))
+
+    for change in named_changes(suspects, state.values, stated):
+        tries(change)
+    for change in _sized(suspects, failing, state):
+        tries(change)
+    if not tried:
+        return None
+    tried.sort(key=lambda one: one[0])
+    order, change, explains, left = tried[0]
+    rivals = {one[1].channels: one[1] for one in reversed(tried) if one[0][:3] == order[:3]}
+    rivals.pop(change.channels, None)
+    return Blame(change=change, rivals=tuple(rivals.values()), explains=tuple(explains), misfit=left)
+
+
+def _sized(suspects: Sequence[str], failing: Sequence[Told], state: State) -> list[Change]:
+    """Return the offsets and scales of single channels, and the clocks, that make relations hold that fail."""
+    found = []
+    for name in suspects:
+        for one in failing:
+            if name not in one.channels:
+                continue
+            for is_scale in (False, True):
+                change = _solved(one, name, state, is_scale=is_scale)
+                if change is not None:
+                    found.append(change)
+    for one in failing:
+        misfit = one.misfit(state)
+        alike = misfit.told & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
+        if misfit.is_wrong and one.relation.has_scale and alike.any():
+            slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
+            found.append(Change(what="scale", channels=(one.relation.needs[0],), factor=1.0 / slope))
+            if one.relation.timed:
+                found.append(Change(what="clock", channels=(), factor=1.0 / slope))
+    return found
+
+
+def _solved(told: Told, name: str, state: State, *, is_scale: bool) -> Change | None:
+    """Return the offset or scale of a channel at which a relation's median difference is nothing; None for none."""
+    if told.relation.tolerance is None:
+        return None
+
+    def change(size: float) -> Change:
+        if is_scale:
+            return Change(what="scale", channels=(name,), factor=1.0 + size)
+        return Change(what="offset", channels=(name,), offset=size)
+
+    def left(size: float) -> float:
+        return told.misfit(change(size).of(state)).difference
+
+    typical = float(np.nanmedian(np.abs(state.values[name]))) or 1.0
+    last, size = 0.0, 0.01 * (1.0 if is_scale else typical)
+    was, now = left(last), left(size)
+    goal = SOLVED * abs(was)
+    for _ in range(MOST_STEPS):
+        if not np.isfinite(now) or not np.isfinite(was) or now == was:
+            return None
+        if abs(now) <= goal:
+            return change(size)
+        last, size, was = size, size - now * (size - last) / (now - was), now
+        now = left(size)
+    return change(size) if np.isfinite(now) and abs(now) <= 10.0 * goal else None

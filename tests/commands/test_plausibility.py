@@ -1,0 +1,72 @@
+"""What every command says first of a log whose channels cannot be true together."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from made_journeys import made_journey
+
+from bfi_cli.flightlog import write_log
+from bfi_cli.flightlog.record import frozen_array
+
+KNOT = 1852.0 / 3600.0
+PART = ("--from", 240, "--to", 330, "--rate", 2, "--order", 2)
+STATE = "state the unit with --unit tas=kt: tas is stated in m/s and looks like kt"
+LOGS = {
+    "knots": lambda values: values / KNOT,
+    "offset": lambda values: values + 10.0,
+}
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a journey whose true airspeed is in knots, and of one that reads 10 m/s too much."""
+    folder, journey = tmp_path_factory.mktemp("logs"), made_journey()
+    for name, change in LOGS.items():
+        tas = replace(journey.channels["tas"], values=frozen_array(change(journey.channels["tas"].values)))
+        write_log(replace(journey, channels={**journey.channels, "tas": tas}), folder / f"{name}.h5")
+    return folder
+
+
+def test_the_first_line_says_what_to_state(bfi: Callable, logs: Path):
+    assert " ".join(bfi("info", logs / "knots.h5").stdout.split()).startswith(STATE)
+
+
+@pytest.mark.parametrize("command", ["start-time", "identify"])
+def test_no_verdict_is_given_while_channels_contradict_each_other(bfi: Callable, logs: Path, command: str):
+    document = json.loads(bfi(command, logs / "knots.h5", *PART, "--json").stdout)
+    (one,) = document["plausibility"]
+    assert (one["channels"], one["what"], one["unit"], one["fixed"]) == (["tas"], "unit", "kt", False)
+    assert (document["decision"], set(document["verdicts"].values())) == ("inconclusive", {"inconclusive"})
+    assert document["summary"].startswith(STATE)
+    assert document["faults"] == []
+
+
+def test_a_unit_that_is_certain_is_fixed_when_asked(bfi: Callable, logs: Path):
+    document = json.loads(bfi("info", logs / "knots.h5", "--fix-units", "--json").stdout)
+    assert [one["fixed"] for one in document["plausibility"]] == [True]
+    assert any(note.startswith("--fix-units: tas") for note in document["notes"])
+    (tas,) = [one for one in document["channels"] if one["name"] == "tas"]
+    assert tas["max"] < 130.0
+
+
+def test_a_log_that_is_refused_says_what_to_state(bfi: Callable, logs: Path):
+    refused = bfi("start-time", logs / "knots.h5", "--output", "lift_speed", "--from", 20, "--to", 60)
+    assert refused.code == 3
+    assert len(refused.stderr.splitlines()) == 1
+    assert f"; first {STATE}" in refused.stderr
+
+
+def test_a_constant_error_is_a_fault_of_the_flight(bfi: Callable, logs: Path):
+    outcome = bfi("diagnose", logs / "offset.h5", "--from", 240, "--to", 420, "--workers", 1, "--json")
+    document = json.loads(outcome.stdout)
+    (event,) = [one for one in document["events"] if one["shape"] == "offset"]
+    assert (document["decision"], document["verdicts"]["slow"]) == ("fault", "fault")
+    assert (event["fault"], event["state"], event["among"]) == ("tas", "declared", ["tas"])
+    assert event["magnitude"] == pytest.approx(10.0, abs=0.1)
+    assert [one["state"] for one in document["events"]] == ["declared"]
+    assert document["plausibility"][0]["fixed"]

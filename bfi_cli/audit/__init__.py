@@ -5,8 +5,9 @@ as it is written, `comparison` at how alike signals are, `report` makes the docu
 """
 
 from .audit import audit_dictionary, audit_on_log
+from .comparison import Signatures
+from .entries import Audit, AuditedAtom
 from .report import audit_content, audit_document
-from .result import Audit, AuditedAtom, Signatures
 
 __all__ = ["Audit", "AuditedAtom", "Signatures", "audit_content", "audit_dictionary", "audit_document"]
 __all__ += ["audit_on_log"]

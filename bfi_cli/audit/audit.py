@@ -18,8 +18,10 @@ from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_o
 from ..shapes import ADDITIVE
 from .comparison import advised, compare, own_channel, sentences
 from .entries import (
+    Audit,
     AuditWindow,
     entries,
+    fastest_hz,
     reasons_of,
     remarks_of,
     searched_on_log,
@@ -29,7 +31,6 @@ from .entries import (
     with_kinds,
     without_signals,
 )
-from .result import Audit, fastest_hz
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
 # every shape; 100 Hz, that of a common recorder, as long as all signals together have two million values.

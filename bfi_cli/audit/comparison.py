@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.coherence import Dependence, dependence, homogeneous_order, mutual_coherence
-from .result import Signatures
 
 # At this coherence the standard deviation of either magnitude is 1/sqrt(1 - 0.99^2) = 7 times that of the fault alone.
 NEARLY_ALIKE = 0.99
@@ -19,6 +19,26 @@ NEARLY_DEPENDENT, TAKES_PART = 100.0, 0.2
 # Of the equation a signal may obey: a drift has order 2, an oscillation 2, their sum with a bias 5. No tuning record.
 LARGEST_ORDER = 6
 MOST_NAMED = 5  # entries in a sentence
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Signatures:
+    """What the live atoms leave to be seen: on a log filtered by its predictor and off its regressors, else as defined.
+
+    Attributes
+    ----------
+    names : (n_live,).
+    time_s : (n_rows,); values : (n_rows, n_live), each on its own channel.
+    coherence : (n_live, n_live), NaN where an atom leaves nothing.
+    rank, condition_number : of those that leave something, each scaled to norm 1.
+    """
+
+    names: tuple[str, ...]
+    time_s: FloatArray
+    values: FloatArray
+    coherence: FloatArray
+    rank: int
+    condition_number: float
 
 
 def own_channel(theta: FloatArray) -> FloatArray:

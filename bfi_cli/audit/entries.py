@@ -1,9 +1,10 @@
-"""The entries of a dictionary: which are defined twice, which look like something else; and those without an onset."""
+"""What an audit says of the entries of a dictionary: those that state an onset, and the kinds of fault that do not."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -15,14 +16,88 @@ from ..errors import DictionaryError
 from ..faults import Fault, did_you_mean, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
+from ..notes import Note
 from ..onset import OnsetResult, search_onsets
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
-from .comparison import absorbed, most_like
-from .result import Audit, AuditedAtom, Signatures
+from ..preprocessing.summary import ModelSummary
+from .comparison import Signatures, absorbed, most_like
 
 # A window shows three cycles of an oscillation and five time constants of a lagged bias (0.7 % short of its end), with
 # 10 s of margin, the order of a longitudinal manoeuvre; less than half a cycle is monotonic or nearly so.
 MARGIN_S, CYCLES, TIME_CONSTANTS, FEWEST_CYCLES = 10.0, 3.0, 5.0, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditedAtom:
+    """One dictionary entry.
+
+    Attributes
+    ----------
+    fault : its times on the axis of the window.
+    live : it can be looked for in the window.
+    note : what is wrong with it and what to do, None where nothing is.
+    unit : of its magnitude; channel_unit : of its channel; "" where not known, or a pure number.
+    minimal_detectable : magnitude declared with 90 % power if it is the only fault; None without a log, or unseen.
+    minimal_physical : (value, unit) of that magnitude; minimal_peak : the most it moves the output in the window.
+    visible : norm of its filtered signature off the regressors over that before; None without a log.
+    most_coherent_with : the live atom most like it; coherence : with that one.
+    """
+
+    name: str
+    fault: Fault
+    live: bool
+    note: str | None
+    unit: str
+    channel_unit: str
+    minimal_detectable: float | None = None
+    minimal_physical: tuple[float, str] | None = None
+    minimal_peak: float | None = None
+    visible: float | None = None
+    most_coherent_with: str | None = None
+    coherence: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Audit:
+    """The whole answer of `bfi dictionary`.
+
+    Attributes
+    ----------
+    path : of the dictionary; relative_to : what its times count from.
+    start_s, stop_s, rate_hz, n_samples : of the signals compared; why : how window and rate came about.
+    log_path, native_rate_hz, model : None without a log; the model is the one without fault terms.
+    signatures : None where there are too many to compare.
+    notes : on the dictionary as a whole and on the log; those on single atoms are with them.
+    """
+
+    path: str
+    relative_to: Literal["window", "log"]
+    start_s: float
+    stop_s: float
+    rate_hz: float
+    n_samples: int
+    why: str
+    log_path: str | None = None
+    native_rate_hz: float | None = None
+    model: ModelSummary | None = None
+    atoms: tuple[AuditedAtom, ...] = ()
+    signatures: Signatures | None = None
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def fastest_hz(self) -> float | None:
+        """The highest frequency of the dictionary, None where nothing oscillates."""
+        return fastest_hz(one.fault for one in self.atoms)
+
+    @property
+    def all_notes(self) -> tuple[Note, ...]:
+        """The notes on single atoms, then the others."""
+        return (*(Note.limit(atom.note) for atom in self.atoms if atom.note is not None), *self.notes)
+
+
+def fastest_hz(faults: Iterable[Fault]) -> float | None:
+    """Return the highest frequency among the faults, None where none oscillates."""
+    return max((fault.frequency_hz for fault in faults if fault.frequency_hz is not None), default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,7 @@ from ..report.text import change, noise_level, number, with_unit
 from ..serialization import SCHEMA, to_plain
 from ..shapes import SHAPES
 from .comparison import pairs
-from .result import Audit
+from .entries import Audit
 
 Plain = Mapping[str, Any]
 

@@ -1,11 +1,10 @@
 """How well each fault of a dictionary can be seen, and told from the others, before there is one.
 
 `signatures` fits one fault-free record, filters every fault through the fit and turns that into bits at given
-magnitudes, `assess` makes the result of a log, and `manoeuvres` simulates flights of a model to compare manoeuvres.
+magnitudes, `assess` makes the result of a log, or of simulated flights of a model to compare manoeuvres.
 """
 
-from .assess import DiagnosabilityResult, assess
-from .manoeuvres import assess_manoeuvres, flown
+from .assess import DiagnosabilityResult, assess, assess_manoeuvres, flown
 from .report import diagnosability_content, diagnosability_document
 
 __all__ = ["DiagnosabilityResult", "assess", "assess_manoeuvres", "diagnosability_content", "diagnosability_document"]

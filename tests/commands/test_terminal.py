@@ -86,22 +86,37 @@ START_TIME, DETECT = (
 )
 
 
-@pytest.mark.parametrize(
-    ("columns", "argv", "kept"),
-    [
-        (40, (*IDENTIFY, "-v"), r" bias_13\.8 +tas +13\.8"),
-        (40, (*START_TIME, "-v"), r" bias +tas +13\.8"),
-        (40, (*DETECT, "-v"), r" aoa +12 s +12\.\d+ s"),
-    ],
-    ids=lambda value: str(value[0]) if isinstance(value, tuple) else None,
-)
-def test_fault_channel_and_onset_stand_in_one_line_that_fits(
-    columns: int, argv: tuple[object, ...], kept: str, failing: Path
-):
-    lines = on_terminal(columns, *(failing if word == "FAILING" else word for word in argv))
-    assert max(map(len, lines)) <= columns
-    assert any(re.match(kept, line) for line in lines)
+def test_fault_channel_and_onset_stand_in_one_line_that_fits():
+    lines = on_terminal(40, *IDENTIFY, "-v")
+    assert max(map(len, lines)) <= 40
+    assert any(re.match(r" bias_13\.8 +tas +13\.8", line) for line in lines)
     assert "\x1b" not in "".join(lines)
+
+
+@pytest.fixture
+def narrow(bfi: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
+    """Run a command that takes its stdout for a terminal of 40 columns, and return its lines without colours."""
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setenv("TERM", "xterm-256color")
+
+    def run(*argv: object) -> list[str]:
+        monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+        outcome = bfi(*argv)
+        assert outcome.code == 0
+        return COLOUR.sub("", outcome.stdout).splitlines()
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("argv", "kept"),
+    [(START_TIME, r" bias +tas +13\.8"), (DETECT, r" aoa +12 s +12\.\d+ s")],
+    ids=["start-time", "detect"],
+)
+def test_of_a_scan_and_of_a_detection_too(failing: Path, narrow: Callable, argv: tuple[object, ...], kept: str):
+    lines = narrow(*(failing if word == "FAILING" else word for word in argv))
+    assert max(map(len, lines)) <= 40
+    assert any(re.match(kept, line) for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -116,15 +131,8 @@ def test_fault_channel_and_onset_stand_in_one_line_that_fits(
     ],
     ids=lambda argv: argv[0],
 )
-def test_no_line_is_wider_than_a_narrow_terminal(
-    bfi: Callable, argv: tuple[object, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
-    monkeypatch.setenv("COLUMNS", "40")
-    monkeypatch.setenv("TERM", "xterm-256color")
-    outcome = bfi(*(tmp_path / "t.json" if word == "OUT" else word for word in argv))
-    lines = COLOUR.sub("", outcome.stdout).splitlines()
-    assert outcome.code == 0
+def test_no_line_is_wider_than_a_narrow_terminal(narrow: Callable, argv: tuple[object, ...], tmp_path: Path):
+    lines = narrow(*(tmp_path / "t.json" if word == "OUT" else word for word in argv))
     assert lines
     assert max(map(len, lines)) <= 40
 

@@ -307,7 +307,7 @@ def _attitude() -> Iterator[Relation]:
             needs=("aoa", "pitch", "tas", source),
             beside=("roll",),
             tolerance=1.25 * DEGREE,
-            least=0.7 * DEGREE,
+            least=1.5 * DEGREE,
             timed=source == "altitude",
         )
     for name in ("cas", "tas"):
@@ -340,8 +340,8 @@ def _rates() -> Iterator[Relation]:
     yield Relation(_value(needs[0]), _rate("tas"), needs=needs, tolerance=0.2, least=0.15, timed=True)
     angular = partial(Relation, tolerance=DEGREE, timed=True)
     beside: tuple[str, ...] = ("roll", "yaw", "tas")
-    yield angular(_value("pitch_rate"), _pitching, needs=("pitch_rate", "pitch"), beside=beside, least=0.3 * DEGREE)
-    yield angular(_value("roll_rate"), _rolling, needs=("roll_rate", "roll"), beside=("pitch",), least=0.5 * DEGREE)
+    yield angular(_value("pitch_rate"), _pitching, needs=("pitch_rate", "pitch"), beside=beside, least=0.15 * DEGREE)
+    yield angular(_value("roll_rate"), _rolling, needs=("roll_rate", "roll"), beside=("pitch",), least=0.3 * DEGREE)
     yield Relation(
         _value("yaw_rate"),
         _yawing,
@@ -349,10 +349,10 @@ def _rates() -> Iterator[Relation]:
         beside=("pitch",),
         tolerance=0.25 * DEGREE,
         share=0.25,
-        least=0.5 * DEGREE,
+        least=0.3 * DEGREE,
     )
     yield Relation(
-        _rate("yaw"), _yaw_by_rate, needs=("yaw", "yaw_rate"), beside=("roll",), least=0.5 * DEGREE, timed=True
+        _rate("yaw"), _yaw_by_rate, needs=("yaw", "yaw_rate"), beside=("roll",), least=0.3 * DEGREE, timed=True
     )
 
 

@@ -221,11 +221,14 @@ def _blame(
         cost, left = 0.0, 0.0
         # What fails now first: most changes mend none of it.
         for k in sorted(touched, key=lambda k: not before[k].fails):
-            was, after = before[k], relations[k].misfit(after_state)
+            was = before[k]
+            if not was.fails and not explained:
+                return
+            after = relations[k].misfit(after_state)
             if was.explained_by(after, change):
                 left = left if explained or not after.size else abs(after.difference) / after.size
                 explained.append(relations[k])
-            elif (was.fails and not explained) or (was.holds and not after.holds) or (after.fails and not was.fails):
+            elif (was.holds and not after.holds) or (after.fails and not was.fails):
                 return
             cost += np.log(max(after.cost, SOLVED) / max(was.cost, SOLVED))
         if explained and (change.what != "clock" or len(explained) >= FEWEST_CLOCKED):

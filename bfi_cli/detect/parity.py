@@ -37,7 +37,7 @@ LASTING = 2
 # runs on two recorded flights.
 UNEQUAL = 1.3
 # In gusts: seconds whose typical error enlarges the variance, and rows a deviate has to last. Chosen together on two
-# recorded flights, with four choices of channels (docs/theory.md, 11.3). What exceeds the level in such a time is of
+# recorded flights, with four choices of channels (docs/theory.md, 11.3). What exceeds the level in such times is of
 # one patch of gusts, and tells as much of those that the healthy time has not met as one excess.
 PATCH_S, LASTING_IN_GUSTS = 10.0, 3
 # Stretches of healthy time with which the rate of false alarms can be relied on: with fewer the tail is mostly that of
@@ -148,7 +148,7 @@ def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) ->
             Note.method(
                 "gusts change the size of the prediction errors: these are scaled by their size in the last "
                 f"{PATCH_S:g} s, an alarm needs {LASTING_IN_GUSTS} samples, and gusts that the healthy time has "
-                f"not met count as one patch in {PATCH_S:g} s; a failure seen only in calm air may be missed"
+                f"not met count as one patch in {2.0 * PATCH_S:g} s; a failure seen only in calm air may be missed"
             )
         )
     if len(threshold.maxima) < FEWEST_BLOCKS:
@@ -334,7 +334,7 @@ def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float, 
 
     Parameters
     ----------
-    patch : rows in which gusts are of one size, 0 where there are none.
+    patch : rows to each side over which gusts are of one size, 0 where there are none.
     """
     n_held = model.n_healthy - model.errors.start
     n_watched, q = len(drops.deviate) - n_held, drops.deviate.shape[1]
@@ -343,7 +343,7 @@ def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float, 
     usual = white_level(WHITE_ONSETS, 1.0 - HIGH)
     scale = np.maximum(np.quantile(held, HIGH, axis=0) / usual, 1.0) if len(held) else np.ones(q)
     maxima = block_maxima(held / scale, window)
-    tail = fit_tail(maxima, WHITE_ONSETS * q * window, alike=patch / window)
+    tail = fit_tail(maxima, WHITE_ONSETS * q * window, alike=2.0 * patch / window)
     level = tail.level(false_alarm / max(n_watched / window, 1.0))
     return DetectionThreshold(
         level=scale * max(white, level),

@@ -81,8 +81,8 @@ def test_in_gusts_what_exceeds_in_one_patch_tells_once_of_those_that_are_not_met
     calm, gusty = (watched(growth)[1] for growth in (1.0, 4.0))
     assert not calm.threshold.gusty
     assert gusty.threshold.gusty
-    # Patches of 10 s of blocks of 2 s.
-    for one, alike in ((calm, 1.0), (gusty, 5.0)):
+    # Patches of 10 s to each side, of blocks of 2 s.
+    for one, alike in ((calm, 1.0), (gusty, 10.0)):
         held, n_watched = one.threshold, int(np.count_nonzero(one.model.samples >= HEALTHY))
         tail = fit_tail(held.maxima, WHITE_ONSETS * 2 * one.window, alike=alike)
         assert held.tail == pytest.approx(tail.level(0.01 * one.window / n_watched))

@@ -583,10 +583,10 @@ def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate],
     """
     shape, threshold = peak.form.shape, rule.threshold(peak.form.shape)
     if peak.statistic <= threshold:
-        if not estimates and peak.statistic > threshold / rule.raised:
+        if not estimates and peak.statistic > rule.suspicion(shape):
             return (
                 f"its statistic of {peak.statistic:.3g} exceeds what the nearest calibration asks for "
-                f"({threshold / rule.raised:.3g}), but not what is asked for where none fits ({threshold:.3g})"
+                f"({rule.suspicion(shape):.3g}), but not what is asked for where none fits ({threshold:.3g})"
             )
         return None
     explained = max((one.statistic for one in first.peaks if one.form.output == peak.form.output), default=0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -54,9 +54,6 @@ MOST_WINDOWS = 60
 SHORTER = tuple(float(share) for share in np.arange(0.95, 0.24, -0.05))
 # Shorter ones are not enough for a model of order 8 with one input, which takes half of them.
 FEWEST_SAMPLES = 60
-# Thresholds of a table that was made otherwise count so many times: a margin set in trials on recorded flights, no
-# bound (docs/theory.md, 10.4).
-RAISED = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,7 +81,7 @@ class Rule:
     Attributes
     ----------
     use : where the distribution comes from; notes : what limits it.
-    raised : factor on the thresholds of a table that was made for other settings.
+    counted : the distribution as it was counted; `null` has the wider tail of other settings where these do not fit.
     """
 
     null: Null
@@ -92,7 +89,7 @@ class Rule:
     shapes: tuple[str, ...]
     false_alarm: float
     notes: tuple[Note, ...]
-    raised: float = 1.0
+    counted: Null
 
     def verdict(self, scan: HypothesisScan) -> Verdict:
         """Decide at the wanted rate of false alarms."""
@@ -110,8 +107,14 @@ class Rule:
 
     def threshold(self, shape: str) -> float:
         """Return the statistic of a shape above which it is a fault; lags and ramps show as steps."""
-        counted = shape if shape in self.null.scale else SCANNED_AS.get(shape, shape)
-        return self.raised * self.null.threshold(counted, self.false_alarm)
+        return self._threshold(self.null, shape)
+
+    def suspicion(self, shape: str) -> float:
+        """Return the statistic of a shape above which it is suspected: its threshold, had the table fitted."""
+        return self._threshold(self.counted, shape)
+
+    def _threshold(self, null: Null, shape: str) -> float:
+        return null.threshold(shape if shape in null.scale else SCANNED_AS.get(shape, shape), self.false_alarm)
 
 
 def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, progress: Progress = unseen) -> Rule:
@@ -119,7 +122,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
 
     1. A shipped table that fits.
     2. `FEWEST_WINDOWS` windows of the log itself, see `own_windows`.
-    3. As many shorter windows of the log itself, or else the nearest shipped table: raised thresholds, no p-value.
+    3. As many shorter windows of the log itself, or else the nearest shipped table: a wider tail, no p-value.
 
     Parameters
     ----------
@@ -163,9 +166,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
             return _nearest_rule(load_tables(path), path, record, config)
 
 
-def _rule(
-    table: CalibrationTable, source: str, config: Config, *notes: Note, matches: bool = True, raised: float = 1.0
-) -> Rule:
+def _rule(table: CalibrationTable, source: str, config: Config, *notes: Note, matches: bool = True) -> Rule:
     shapes, false_alarm = config.start_time.shapes, config.start_time.false_alarm
     null, length_s = null_of(table, shapes), table.settings.duration_s
     if matches and false_alarm < null.rarest:
@@ -177,11 +178,11 @@ def _rule(
             ),
         )
     return Rule(
-        null=null,
+        null=null if matches else replace(null, tail=null.tail.of_others),
+        counted=null,
         use=CalibrationUse(source=source, matches=matches, n_windows=table.n_windows, length_s=length_s),
         shapes=shapes,
         false_alarm=false_alarm,
-        raised=raised,
         notes=notes,
     )
 
@@ -189,7 +190,7 @@ def _rule(
 def _nearest_rule(
     tables: Sequence[CalibrationTable], source: str, record: ScanRecord, config: Config, why: str = ""
 ) -> Rule:
-    """Return the rule of the nearest table; where it does not fit, with raised thresholds and a note that says so."""
+    """Return the rule of the nearest table; where it does not fit, with a wider tail and a note that says so."""
     table = nearest(tables, record.settings)
     if table is None:
         raise ConfigError(
@@ -201,15 +202,14 @@ def _nearest_rule(
         return _rule(table, source, config, *map(Note.method, filter(None, [why])))
     note = Note.limit(
         f"no calibration table fits these settings{f' ({why})' if why else ''}; the thresholds are those of the "
-        "nearest, "
-        f"raised by {RAISED - 1.0:.0%}, without a p-value or a known false-alarm rate; its {table.n_windows} windows "
+        f"nearest, with a wider tail, without a p-value or a known false-alarm rate; its {table.n_windows} windows "
         f"have {', '.join(differ)}"
     )
-    return _rule(table, source, config, note, matches=False, raised=RAISED)
+    return _rule(table, source, config, note, matches=False)
 
 
 def shipped_rule(record: ScanRecord, config: Config) -> Rule:
-    """Return the rule of the shipped table that fits, of the nearest one with raised thresholds where none does.
+    """Return the rule of the shipped table that fits, of the nearest one with a wider tail where none does.
 
     Raises
     ------

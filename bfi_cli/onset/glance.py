@@ -45,8 +45,8 @@ class Glance:
 def glance(log: FlightLog, config: Config) -> Glance:
     """Return what stands out most in the window of the configuration.
 
-    The threshold is that of the shipped table which fits, or of the nearest, raised. What stands out is confirmed as
-    `bfi start-time` does it: with all trusted channels of the log as inputs, too.
+    The threshold is that of the shipped table which fits, or of the nearest, with a wider tail. What stands out is
+    confirmed as `bfi start-time` does it: with all trusted channels of the log as inputs, too.
 
     Parameters
     ----------

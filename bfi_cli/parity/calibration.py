@@ -37,11 +37,6 @@ SHIPPED = Path(__file__).parent / "shipped.json"
 # Of a table's length, by which a window may differ. With twice the length the statistics of the shipped tables grow by
 # 1.7 in their upper tenth, with a tenth more by 8 %.
 LENGTH_TOLERANCE = 0.1
-# Where no table fits, the tail of the nearest counts as known from so few excesses. Chosen by hand: the threshold of
-# one false alarm in a hundred rises by a quarter, that of one in ten thousand doubles. None fits a window in which a
-# fault lasts, since columns for that take noise away as well. Of 469 windows of two flights without a fault, each of
-# six faults left out, the largest has 0.69 of its threshold (1.44 by the table).
-EXCESSES_UNFIT = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,6 +249,9 @@ def threshold_of(
     )
     null = _null_of(nearest, tables)
     if table is None:
-        null = replace(null, tail=replace(null.tail, k=min(null.tail.k, EXCESSES_UNFIT)))
+        # None fits a window in which a fault lasts either, since columns for that take noise away as well: of 469
+        # windows of two flights without a fault, each of six faults left out, the largest has 0.69 of its threshold,
+        # 1.44 by the table itself.
+        null = replace(null, tail=null.tail.of_others)
     level, suspected = (scale * null.threshold("largest", rate) for rate in rates)
     return Threshold(level=level, suspected=min(level, suspected), null=null, scale=scale)

@@ -11,6 +11,7 @@ import numpy as np
 from ..channels import STANDARD
 from ..flightlog import FlightLog
 from ..flightlog.record import FloatArray
+from ..notes import Note
 from ..preprocessing.tolerance import tolerance_of
 from ..report.text import quantity
 from .changes import RANKS, Change
@@ -54,7 +55,7 @@ def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> Fligh
                 values.setflags(write=False)
         return values
 
-    notes = tuple(f"{who}: {one.text}; read as {_as_read(one)}" for one in findings)
+    notes = tuple(Note.method(f"{who}: {one.text}; read as {_as_read(one)}") for one in findings)
     return log.changed(change, notes=(*log.notes, *notes)) if steps else log
 
 

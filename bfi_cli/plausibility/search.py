@@ -146,7 +146,8 @@ class Told:
         lost = 2 * known.sum(axis=1) < n
         follows = (correlation >= LEAST_CORRELATION) & ~lost
         if self.relation.has_scale:
-            follows &= (correlation * slope <= LARGEST_SCALE) & (correlation <= LARGEST_SCALE * slope)
+            with np.errstate(all="ignore"):  # of what does not move at all
+                follows &= (correlation * slope <= LARGEST_SCALE) & (correlation <= LARGEST_SCALE * slope)
         return correlation, slope, told | lost, follows
 
 

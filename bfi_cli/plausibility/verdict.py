@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
+from ..notes import Note
 from .finding import Implausible, in_words
 
 Result = TypeVar("Result", bound=Any)
@@ -28,7 +29,7 @@ def without_verdict(result: Result, findings: Sequence[Implausible]) -> Result:
     changes: dict[str, Any] = {name: () for name in ("faults", "alarms") if name in has}
     notes = []
     if any(getattr(result, name) for name in changes):
-        notes.append(f"what would be declared is {WITHHELD}: {result.summary or 'see the candidates'}")
+        notes.append(Note.limit(f"what would be declared is {WITHHELD}: {result.summary or 'see the candidates'}"))
     for name in {"candidates", "events"} & has:
         changes[name] = tuple(
             replace(one, state="suspected", note=WITHHELD) if one.state == "declared" and one.shape != "offset" else one

@@ -291,7 +291,16 @@ def test_no_key_of_the_example_is_forgotten():
     here |= {f"dmae.{text.partition(':')[0]}" for text in DMAE}
     others = {key for key in keys(load_yaml(CONFIGS / "example.yaml")) if not key.startswith(OF_OTHERS)}
     # Those of reading are in tests/flightlog/test_filling.py, the units that are shown in tests/commands/test_units.py.
-    assert others <= here | {"strict", "fail_on", "group", "sample_rate_hz", "fill_s", "boot", "shown_units"}
+    assert others <= here | {
+        "strict",
+        "fail_on",
+        "group",
+        "sample_rate_hz",
+        "fill_s",
+        "fix_units",
+        "boot",
+        "shown_units",
+    }
 
 
 @pytest.mark.usefixtures("unscanned")

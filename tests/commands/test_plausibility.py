@@ -49,7 +49,7 @@ def test_no_verdict_is_given_while_channels_contradict_each_other(bfi: Callable,
 def test_a_unit_that_is_certain_is_fixed_when_asked(bfi: Callable, logs: Path):
     document = json.loads(bfi("info", logs / "knots.h5", "--fix-units", "--json").stdout)
     assert [one["fixed"] for one in document["plausibility"]] == [True]
-    assert any(note.startswith("--fix-units: tas") for note in document["notes"])
+    assert any(note["text"].startswith("--fix-units: tas") for note in document["notes"])
     (tas,) = [one for one in document["channels"] if one["name"] == "tas"]
     assert tas["max"] < 130.0
 

@@ -114,7 +114,7 @@ def narrow(bfi: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list
     ids=["start-time", "detect"],
 )
 def test_of_a_scan_and_of_a_detection_too(failing: Path, narrow: Callable, argv: tuple[object, ...], kept: str):
-    lines = narrow(*(failing if word == "FAILING" else word for word in argv))
+    lines = narrow(*(failing if word == "FAILING" else word for word in argv), "-v")
     assert max(map(len, lines)) <= 40
     assert any(re.match(kept, line) for line in lines)
 

@@ -1,4 +1,4 @@
-"""Where the threshold comes from by default: a table that fits, the log's own flight, the nearest table raised."""
+"""Where the threshold comes from by default: a table that fits, the log's own flight, the nearest table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import Channel, FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import find_onset
-from bfi_cli.onset.decision import FEWEST_WINDOWS, MOST_WINDOWS, RAISED, own_windows, rule_for
+from bfi_cli.onset.decision import FEWEST_WINDOWS, MOST_WINDOWS, own_windows, rule_for
 from bfi_cli.onset.scan_record import prepare_record
 
 LENGTH_S, FROM_S = 20.0, 200.0
@@ -122,19 +122,20 @@ def test_a_flight_too_short_for_its_windows_lends_shorter_ones(log: FlightLog):
     rule = rule_for(log, prepare_record(log, longer), longer, order=4)
     assert (rule.use.source, rule.use.matches) == ("self", False)
     assert rule.use.length_s < 45.0
-    assert rule.threshold("bias") == RAISED * rule.null.threshold("bias", 0.01)
+    assert rule.threshold("bias") > 1.1 * rule.suspicion("bias")
     assert "this log has" in texts(rule.notes)[0]
     assert "window length" in texts(rule.notes)[0]
     assert find_onset(log, longer).p_value is None
 
 
-def test_without_a_flight_the_nearest_table_is_raised(log: FlightLog):
+def test_without_a_flight_the_nearest_table_has_a_wider_tail(log: FlightLog):
     short = without_a_past(log)
     rule = rule_for(short, prepare_record(short, CONFIG), CONFIG, order=4)
     assert (rule.use.source, rule.use.matches) == ("shipped", False)
-    assert rule.threshold("bias") == RAISED * rule.null.threshold("bias", 0.01)
+    assert rule.null.tail == rule.counted.tail.of_others
+    assert rule.threshold("bias") > 1.1 * rule.suspicion("bias")
     assert "20 further windows of 20 s in flight are needed, this log has 4" in texts(rule.notes)[0]
-    assert "raised by 50%" in texts(rule.notes)[0]
+    assert "with a wider tail" in texts(rule.notes)[0]
 
 
 def test_the_ground_is_no_calibration(log: FlightLog):

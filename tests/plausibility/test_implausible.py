@@ -170,7 +170,7 @@ def test_what_is_certain_is_fixed(flight):
     fixed, findings = with_fixed_units(log, implausible_channels(log))
     np.testing.assert_allclose(fixed.channels["tas"].values, flight.channels["tas"].values)
     assert [one.fixed for one in findings] == [True]
-    assert "--fix-units" in fixed.notes[-1]
+    assert "--fix-units" in fixed.notes[-1].text
     assert in_words(findings) == ""
     assert implausible_channels(fixed) == ()
     wrong = changed(flight, tas=plus(10.0))

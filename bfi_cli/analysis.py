@@ -233,7 +233,7 @@ def _identify_entries(
         searched = why_not
     else:
         searched = scan_beside(
-            _corrected(part, found.result, config),
+            _corrected(part, found, config),
             scanning,
             stated,
             progress,
@@ -338,9 +338,10 @@ def _with_checked_onsets(result: IdentifyResult) -> IdentifyResult:
     return replace(result, notes=(*result.notes, note))
 
 
-def _corrected(part: FlightLog, result: IdentifyResult, config: Config) -> FlightLog:
-    """Return the window of a log less the faults that are declared in it."""
-    response = response_of(recorder_filters(part, config.recorder.edge_hz, config.recorder.kind)[0], part.rate_hz)
+def _corrected(part: FlightLog, found: Identification, config: Config) -> FlightLog:
+    """Return the window of a log less the faults that are declared in it, through the recorder that they suit."""
+    recorder, result = found.recorder or config.recorder, found.result
+    response = response_of(recorder_filters(part, recorder.edge_hz, recorder.kind)[0], part.rate_hz)
     # A channel that is derived from others is made of them anew in the scan.
     known = [one for one in result.faults if one.magnitude and one.fault.channel in part.channels]
     of_lines = [one for one in known if one.fault.shape in OF_LINES]

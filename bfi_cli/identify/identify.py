@@ -16,7 +16,7 @@ from ..decision import KINDS, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import Decision, FaultEstimate
-from ..filters import alternatives
+from ..filters import Filter, alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
@@ -76,12 +76,14 @@ class Identification:
     result : without decision, verdicts and summary.
     converged : the solver of the answer did; fires : the method says that there is a fault, whatever is declared.
     hides_all : every fault of the dictionary can pass for the aircraft's motion.
+    recorder : that the faults suit best in place of an uncertain one; None for what the log or the user states.
     """
 
     result: IdentifyResult
     converged: bool
     fires: bool
     hides_all: bool
+    recorder: Filter | None = None
 
     @property
     def evidence(self) -> Evidence:
@@ -158,6 +160,7 @@ def identification(
                 )
             identify = partial(identify_with_courses, identify=identify)
         outcome = identify(window, regression, config, progress)
+        suggested = window
         if config.method == "ml" and not given and not window.free:
             window, regression, outcome = with_likeliest_recorder(
                 log, dictionary, config, window, regression, outcome, progress
@@ -167,7 +170,9 @@ def identification(
         if outcome.analysed is not None:
             outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
         outcome = with_heads(outcome, len(regression.signals.time_s))
-        return _assembled(log, window, regression, config, outcome)
+        found = _assembled(log, window, regression, config, outcome)
+        of_recorder = (one for one in window.filters if one.stage == "recorder")
+        return found if window is suggested else replace(found, recorder=next(of_recorder, None))
 
 
 def _assembled(

@@ -126,7 +126,7 @@ class Asked:
         if hasattr(result, "plausibility"):
             return without_verdict(result, self.findings)
         said = in_words(self.findings)
-        return replace(result, notes=(said, *result.notes)) if said else result
+        return replace(result, notes=(Note.limit(said), *result.notes)) if said else result
 
 
 def analysis(

@@ -38,6 +38,11 @@ class Implausible:
     fixed: bool = False
 
     @property
+    def is_constant(self) -> bool:
+        """Whether it is an error of size alone, which a model fitted to the window absorbs."""
+        return self.what in ("offset", "scale")
+
+    @property
     def is_certain(self) -> bool:
         """Whether it is a unit or a sign, of which a reader may be sure."""
         return self.what in ("unit", "sign") and not self.rivals

@@ -17,6 +17,9 @@ WITHHELD = "withheld while channels contradict each other"
 def without_verdict(result: Result, findings: Sequence[Implausible]) -> Result:
     """Return an answer with the findings, and where one is left open, with no verdict and no declared fault.
 
+    A fault that begins within the window stays declared beside a constant error: the model of the window absorbs that,
+    while physics does not, so that events of a diagnosis are suspected.
+
     Parameters
     ----------
     result : of an analysis, with `decision`, `verdicts`, `summary`, `notes` and `plausibility`; what it declares is in
@@ -26,6 +29,10 @@ def without_verdict(result: Result, findings: Sequence[Implausible]) -> Result:
     if not in_words(findings):
         return replace(result, plausibility=findings)
     has = {one.name for one in fields(result)}
+    if "events" not in has and result.decision == "fault" and all(one.is_constant for one in findings if not one.fixed):
+        doubted = {kind: "fault" if said == "fault" else "inconclusive" for kind, said in result.verdicts.items()}
+        summary = "; ".join(filter(None, (in_words(findings), result.summary)))
+        return replace(result, plausibility=findings, verdicts=doubted, summary=summary)
     changes: dict[str, Any] = {name: () for name in ("faults", "alarms") if name in has}
     notes = []
     if any(getattr(result, name) for name in changes):

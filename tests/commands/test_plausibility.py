@@ -46,6 +46,18 @@ def test_no_verdict_is_given_while_channels_contradict_each_other(bfi: Callable,
     assert document["faults"] == []
 
 
+def test_beside_a_constant_error_a_fault_that_begins_in_the_window_stays_declared(
+    bfi: Callable, logs: Path, tmp_path: Path
+):
+    step, log = "bias,channel=tas,magnitude=20,onset_s=290", tmp_path / "both.h5"
+    assert bfi("inject", logs / "offset.h5", "--fault", step, "-o", log).code == 0
+    document = json.loads(bfi("start-time", log, *PART, "--json").stdout)
+    assert [one["what"] for one in document["plausibility"]] == ["offset"]
+    assert (document["decision"], document["faults"][0]["shape"]) == ("fault", "bias")
+    assert document["summary"].startswith(document["plausibility"][0]["advice"])
+    assert "no_fault" not in document["verdicts"].values()
+
+
 def test_a_unit_that_is_certain_is_fixed_when_asked(bfi: Callable, logs: Path):
     document = json.loads(bfi("info", logs / "knots.h5", "--fix-units", "--json").stdout)
     assert [one["fixed"] for one in document["plausibility"]] == [True]

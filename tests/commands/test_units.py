@@ -254,7 +254,7 @@ def test_a_diagnosis_of_a_flight_in_knots_and_feet(bfi: Callable, tmp_path: Path
     fault = "pitot_icing,magnitude=0.003,onset_s=3550,offset_s=3660"
     bfi("inject", flights / "citation_20180312_f1.h5", "--fault", fault, "-o", tmp_path / "a.h5")
     command = ("diagnose", tmp_path / "a.h5", "--from", 2900, "--to", 4100, "--workers", 1)
-    shown = bfi(*command, "--units", "aviation", "--out", tmp_path / "kt")
+    shown = bfi(*command, "--units", "aviation", "--out", tmp_path / "kt", "--verbose")
     assert shown.code == 0
     assert re.search(r"pitot icing from .* tas -\d+ kt", shown.stdout)
     assert re.search(r"altitude_rate +drift +\S+ ft/min/s +\d+ ft/min", shown.stdout)

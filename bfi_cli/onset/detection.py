@@ -255,6 +255,8 @@ def detect_sequentially(
     faults: list[Estimate] = []
     y, last = record.y, first
     while len(faults) < MOST_FAULTS and (verdict := rule.verdict(last)).significant:
+        if _begins_with_another(record, verdict.significant[0], faults):
+            break
         verdicts.append(verdict)
         n = len(verdicts)
         report = partial(progress, f"fault {n}")
@@ -267,6 +269,20 @@ def detect_sequentially(
         stage = f"scan of all onsets without {n} fault{'s' * (n > 1)}"
         last = scan_hypotheses(record, y, report=partial(progress, stage))
     return verdicts, faults, last
+
+
+def _begins_with_another(record: ScanRecord, peak: Peak, faults: Sequence[Estimate]) -> bool:
+    """Return whether a peak lies within the response of an uncertain recorder to a fault of its channel.
+
+    Faults that begin together are rivals, not a sum: what a wrong recorder leaves of the first is no second one.
+    """
+    edges = [one.edge_hz for one in record.window.filters if one.stage == "recorder" and one.uncertain]
+    onset_s = record.onset_s(peak.onset)
+    return any(
+        abs(onset_s - one.onset_s) <= 1.0 / min(edges) and one.form.output == peak.form.output
+        for one in faults
+        if edges
+    )
 
 
 def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int, report: Report) -> Estimate:

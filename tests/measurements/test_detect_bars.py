@@ -178,7 +178,7 @@ def test_hand_flown_segments(flights: Path, inputs: tuple[str, ...]):
             found[channel] += bool(result.alarms) and result.alarms[0].channel == channel
     print(f"\ninputs {', '.join(inputs) or 'by default'}: {alarms} of {len(logs)} segments alarm; localised {found}")
     assert alarms == 0
-    # Such small steps are near what a threshold that holds in later gusts leaves: with the default inputs a step of 1 m/s
+    # Such small steps are near what a threshold that holds in later gusts leaves: with default inputs a step of 1 m/s
     # of tas is missed in one of three segments, with the elevator alone it is not asked for.
     assert found["aoa"] >= len(logs) - bool(inputs)
     assert inputs or found["tas"] >= len(logs) - 1

@@ -240,7 +240,7 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
     caption = f"{'; '.join(said)}. Long records are drawn as the least and the greatest value of each stretch of time."
 
     def drawing(name: str, channels: Sequence[str], points: int) -> Drawing:
-        panels = _panels(document, channels, units, points)
+        panels = _panels(document, channels, units, points, named=points > PAGE_POINTS)
         return Drawing(name=name, caption=caption, panels=panels, shared_x=True)
 
     return ReportContent(
@@ -261,8 +261,13 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
     )
 
 
-def _panels(document: Plain, names: Sequence[str], units: Units, points: int) -> tuple[Panel, ...]:
-    """Return a panel of lanes and one for each channel; the names of several logs stand over the first of them."""
+def _panels(
+    document: Plain, names: Sequence[str], units: Units, points: int, *, named: bool = False
+) -> tuple[Panel, ...]:
+    """Return a panel of lanes and one for each channel; the names of several logs stand over the first of them.
+
+    Where the curves are `named` they have the names of their logs in every panel.
+    """
     logs, events, limits = document["logs"], document["events"], (document["from_s"], document["to_s"])
     labels = [Path(log["path"]).name for log in logs]
     if len(set(labels)) < len(labels):
@@ -285,7 +290,7 @@ def _panels(document: Plain, names: Sequence[str], units: Units, points: int) ->
             missing = np.isnan(values)
             breaks = np.flatnonzero(missing & ~np.append(False, missing[:-1]))  # no line is drawn over them
             kept = np.union1d(thinned(values, max_points=points), breaks)
-            label = labels[one["log"]] if i == 0 and len(logs) > 1 else ""
+            label = labels[one["log"]] if (named or i == 0) and len(logs) > 1 else ""
             unit = unit if curves else shown.unit
             curves.append(curve(label, time_s[kept], values[kept]))
         panels.append(

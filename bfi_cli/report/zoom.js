@@ -4,7 +4,8 @@ const page = JSON.parse(document.getElementById("data").textContent);
 const NS = "http://www.w3.org/2000/svg", LEFT = 92, RIGHT = 14, INK = "#1a1a1a", LINE = "#dddddd";
 const MIN_SAMPLES = 4, ROW = 18;
 const [FIRST, LAST] = page.limits;
-let view = [FIRST, LAST], width = 800, pending = false, cursor = null;
+const hidden = new Set(), off = new Set();  // panels, and looks of curves, that are not shown
+let view = [FIRST, LAST], width = 800, pending = false, cursor = null, pinned = null;
 
 const make = (name, attributes, parent, text) => {
   const node = document.createElementNS(NS, name);
@@ -34,6 +35,7 @@ const clockTicks = (low, high, most) => {
   for (let i = Math.ceil(low / by); i * by <= high; i++) places.push(i * by);
   return places;
 };
+const readable = (value) => value === null ? "–" : String(Number(value.toPrecision(5))).replace("-", "−");
 const number = (value, by) => value.toFixed(Math.min(8, Math.max(0, Math.ceil(-Math.log10(by) - 1e-9)))).replace("-", "−");
 const at = (t) => LEFT + (t - view[0]) / (view[1] - view[0]) * (width - LEFT - RIGHT);
 // The first sample at or after a time.
@@ -41,6 +43,14 @@ const find = (x, t) => {
   let low = 0, high = x.length;
   while (low < high) { const mid = (low + high) >> 1; if (x[mid] < t) low = mid + 1; else high = mid; }
   return low;
+};
+
+// The value of a curve at a time, between samples in a straight line; null beside a gap.
+const value = (curve, t) => {
+  const i = find(curve.x, t), x = curve.x, y = curve.y;
+  if (i === x.length || (i === 0 && x[0] !== t)) return null;
+  if (x[i] === t || y[i] === null || y[i - 1] === null) return x[i] === t ? y[i] : null;
+  return y[i - 1] + (t - x[i - 1]) / (x[i] - x[i - 1]) * (y[i] - y[i - 1]);
 };
 
 // The points of a curve in view: of many, the least and the greatest of each pixel, so that no spike is lost.
@@ -85,6 +95,7 @@ const drawLanes = (panel, svg, top) => {
       const [face, edge] = page.shades[shade], loud = shade === "fault" || shade === "suspect";
       const a = Math.max(LEFT, at(low)), b = Math.min(width - RIGHT, at(high));
       const box = make("rect", { x: a, y: y + 1, width: Math.max(loud ? 2.5 : 0.5, b - a), height: ROW - 4, fill: face, stroke: edge }, svg);
+      Object.assign(box.dataset, { low, high });
       make("title", {}, box, (label || lane.label) + ": " + low + " s" + (high > low ? " to " + high + " s" : ""));
       const room = 6.2 * label.length + 8;
       if (loud) {
@@ -100,32 +111,44 @@ const drawLanes = (panel, svg, top) => {
     });
   });
 };
-const drawCurves = (panel, svg, height) => {
-  const shown = panel.curves.map(visible);
+// Ends of an axis about values.
+const padded = (values) => {
   let low = Infinity, high = -Infinity;
-  panel.curves.forEach((curve, c) => {
+  for (const one of values) { low = Math.min(low, one); high = Math.max(high, one); }
+  if (!(high >= low)) return [0, 1];
+  const pad = high > low ? 0.06 * (high - low) : 0.5 * Math.max(Math.abs(high), 1e-9);
+  return [low - pad, high + pad];
+};
+// A line through points [x, y]; null lifts the pen.
+const line = (points) => points.map((one, i) => one ? (i && points[i - 1] ? "L" : "M") + one[0].toFixed(1) + " " + one[1].toFixed(1) : "").join("");
+const drawCurves = (panel, svg, height) => {
+  const scaled = (one) => one === null || !panel.log ? one : one > 0 ? Math.log10(one) : null;
+  const curves = panel.curves.filter((curve) => !off.has(curve.look)), shown = curves.map(visible), inside = [];
+  curves.forEach((curve, c) => {
     for (const i of shown[c]) {
-      if (curve.y[i] === null || curve.x[i] < view[0] || curve.x[i] > view[1]) continue;
-      low = Math.min(low, curve.y[i]); high = Math.max(high, curve.y[i]);
+      if (curve.x[i] < view[0] || curve.x[i] > view[1]) continue;
+      for (const one of [curve.y[i], ...curve.band.map((end) => end[i])]) if (scaled(one) !== null) inside.push(scaled(one));
     }
   });
-  if (!(high >= low)) { low = 0; high = 1; }
-  const pad = high > low ? 0.06 * (high - low) : 0.5 * Math.max(Math.abs(high), 1e-9);
-  low -= pad; high += pad;
-  const y = (value) => (high - value) / (high - low) * height;
-  const places = ticks(low, high, Math.max(2, height / 32));
-  for (const place of places) {
-    make("line", { x1: LEFT, x2: width - RIGHT, y1: y(place), y2: y(place), stroke: LINE }, svg);
-    make("text", { x: LEFT - 6, y: y(place) + 4, "text-anchor": "end", fill: INK }, svg, number(place, step(high - low, Math.max(2, height / 32))));
+  const [low, high] = padded(inside), y = (one) => (high - scaled(one)) / (high - low) * height, most = Math.max(2, height / 32);
+  panel.y = y;
+  for (const place of ticks(low, high, most)) {
+    const real = panel.log ? Math.pow(10, place) : place, text = panel.log ? real.toPrecision(2) : number(place, step(high - low, most));
+    make("line", { x1: LEFT, x2: width - RIGHT, y1: y(real), y2: y(real), stroke: LINE }, svg);
+    make("text", { x: LEFT - 6, y: y(real) + 4, "text-anchor": "end", fill: INK }, svg, text);
   }
-  panel.curves.forEach((curve, c) => {
-    let path = "", open = false;
-    for (const i of shown[c]) {
-      if (curve.y[i] === null) { open = false; continue; }
-      path += (open ? "L" : "M") + at(curve.x[i]).toFixed(1) + " " + y(curve.y[i]).toFixed(1);
-      open = true;
+  for (const [name, place] of panel.levels) {
+    if (!(scaled(place) > low && scaled(place) < high)) continue;
+    make("line", { class: "level", x1: LEFT, x2: width - RIGHT, y1: y(place), y2: y(place), stroke: "#000", "stroke-dasharray": "7 4" }, svg);
+    make("text", { x: LEFT + 5, y: y(place) - 3, fill: INK, class: "value" }, svg, name);
+  }
+  curves.forEach((curve, c) => {
+    const points = (ends) => shown[c].map((i) => scaled(ends[i]) === null ? null : [at(curve.x[i]), y(ends[i])]);
+    if (curve.band.length) {
+      const outline = [...points(curve.band[0]), ...points(curve.band[1]).reverse()].filter((one) => one);
+      make("path", { d: line(outline), fill: curve.colour, opacity: 0.18, "clip-path": "url(#inside)" }, svg);
     }
-    make("path", { d: path, fill: "none", stroke: curve.colour, "stroke-width": 1.1, "clip-path": "url(#inside)" }, svg);
+    make("path", { class: "curve", d: line(points(curve.y)), fill: "none", stroke: curve.colour, "stroke-width": 1.1, "clip-path": "url(#inside)" }, svg);
   });
   const [name, unit] = panel.label;
   const label = make("text", { transform: "translate(13," + height / 2 + ") rotate(-90)", "text-anchor": "middle", fill: INK, class: "name" }, svg);
@@ -134,7 +157,7 @@ const drawCurves = (panel, svg, height) => {
 };
 
 const drawings = page.panels.map((panel) => {
-  const svg = make("svg", { role: "img" }, null);
+  const svg = make("svg", { role: "img" });
   make("title", {}, svg, panel.label.join(" ") || "phases");
   document.getElementById("panels").appendChild(svg);
   return svg;
@@ -142,11 +165,13 @@ const drawings = page.panels.map((panel) => {
 const draw = () => {
   pending = false;
   width = Math.max(320, document.getElementById("panels").clientWidth);
+  const lowest = page.panels.map((_, p) => p).filter((p) => !hidden.has(p)).pop();
   page.panels.forEach((panel, p) => {
-    const svg = drawings[p], last = p === page.panels.length - 1, lanes = panel.lanes.length;
+    const svg = drawings[p], last = p === lowest, lanes = panel.lanes.length;
     const top = lanes ? 20 : 0, height = lanes ? top + ROW * lanes + 4 : panel.height, whole = height + (last ? 36 : 8);
-    const title = svg.firstChild;
-    svg.replaceChildren(title);
+    svg.style.display = hidden.has(p) ? "none" : "";
+    svg.replaceChildren(svg.firstChild);
+    if (hidden.has(p)) return;
     svg.setAttribute("viewBox", "0 0 " + width + " " + whole);
     svg.setAttribute("height", whole);
     const clip = make("clipPath", { id: "inside" }, make("defs", {}, svg));
@@ -162,11 +187,13 @@ const draw = () => {
     if (last) make("text", { x: (LEFT + width - RIGHT) / 2, y: height + 31, "text-anchor": "middle", fill: INK }, svg, "time [s]");
     if (lanes) drawLanes(panel, svg, top); else drawCurves(panel, svg, height);
     make("rect", { x: LEFT, y: top, width: width - LEFT - RIGHT, height: height - top, fill: "none", stroke: "#888" }, svg);
-    const hair = make("line", { class: "hair", y1: top, y2: height, stroke: "#555", visibility: "hidden" }, svg);
-    hair.setAttribute("pointer-events", "none");
-    make("text", { class: "value", x: width - RIGHT - 5, y: top + 12, "text-anchor": "end", fill: INK, "pointer-events": "none" }, svg);
+    for (const [name, dash] of [["pin", "2 3"], ["hair", ""]])
+      make("line", { class: name, y1: top, y2: height, stroke: "#555", "stroke-dasharray": dash, visibility: "hidden", "pointer-events": "none" }, svg);
+    make("g", { class: "dots", "pointer-events": "none" }, svg);
+    make("text", { class: "value now", x: width - RIGHT - 5, y: top + 12, "text-anchor": "end", fill: INK, "pointer-events": "none" }, svg);
   });
   document.getElementById("view").textContent = number(view[0], 0.1) + " s to " + number(view[1], 0.1) + " s";
+  drawXY();
   point();
 };
 const redraw = () => { if (!pending) { pending = true; requestAnimationFrame(draw); } };
@@ -182,22 +209,103 @@ const zoom = (factor, around) => {
 };
 const pan = (share) => { const by = share * (view[1] - view[0]); show(view[0] + by, view[1] + by); };
 
-// The values under the pointer.
+// The values at the time line, in every panel and in the XY view; with a second line that a click set, their change.
 const point = () => {
-  const said = document.getElementById("cursor");
-  said.textContent = cursor === null ? "" : number(cursor, 0.01) + " s (" + clock(cursor) + ")";
+  const since = pinned === null || cursor === null ? "" : ", " + number(cursor - pinned, 0.01) + " s after " + number(pinned, 0.01) + " s";
+  document.getElementById("cursor").textContent = cursor === null ? "" : number(cursor, 0.01) + " s (" + clock(cursor) + ")" + since;
   page.panels.forEach((panel, p) => {
-    const hair = drawings[p].querySelector(".hair"), value = drawings[p].querySelector(".value");
-    if (!hair) return;
-    hair.setAttribute("visibility", cursor === null ? "hidden" : "visible");
-    if (cursor === null) { value.textContent = ""; return; }
-    hair.setAttribute("x1", at(cursor)); hair.setAttribute("x2", at(cursor));
-    value.textContent = panel.curves.map((curve) => {
-      const i = Math.min(curve.x.length - 1, find(curve.x, cursor));
-      return i < 0 || curve.y[i] === null ? "–" : String(Number(curve.y[i].toPrecision(5))).replace("-", "−");
-    }).join("   ");
+    const svg = drawings[p], text = svg.querySelector(".now");
+    if (hidden.has(p)) return;
+    for (const [name, t] of [["hair", cursor], ["pin", pinned]]) {
+      const line = svg.querySelector("." + name), seen = t !== null && t >= view[0] && t <= view[1];
+      line.setAttribute("visibility", seen ? "visible" : "hidden");
+      if (seen) { line.setAttribute("x1", at(t)); line.setAttribute("x2", at(t)); }
+    }
+    const dots = svg.querySelector(".dots");
+    text.replaceChildren(); dots.replaceChildren();
+    if (cursor === null) return;
+    for (const curve of panel.curves.filter((one) => !off.has(one.look))) {
+      const now = value(curve, cursor), then = pinned === null ? null : value(curve, pinned);
+      const change = now === null || then === null ? "" : " (" + (now < then ? "" : "+") + readable(now - then) + ")";
+      make("tspan", { fill: curve.colour, dx: text.firstChild ? 12 : 0 }, text, readable(now) + change);
+      if (now !== null) make("circle", { cx: at(cursor), cy: panel.y(now), r: 2.6, fill: curve.colour }, dots);
+    }
   });
+  pointXY();
 };
+
+// Two channels against each other over the time in view.
+const all = page.panels.flatMap((panel) => panel.curves), xy = document.getElementById("xy"), TALL = 380, BELOW = 36;
+const across = document.getElementById("across"), up = document.getElementById("up");
+let seenXY = [], toXY = null;
+[across, up].forEach((select, s) => {
+  for (const name of [s ? "" : "off", ...all.map((curve) => curve.name)]) select.appendChild(document.createElement("option")).textContent = name;
+  select.addEventListener("change", () => {
+    if (across.selectedIndex && !up.selectedIndex) up.selectedIndex = across.selectedIndex % all.length + 1;
+    redraw();
+  });
+});
+const drawXY = () => {
+  const a = all[across.selectedIndex - 1], b = all[up.selectedIndex - 1];
+  xy.toggleAttribute("hidden", !a || !b);
+  xy.style.display = a && b ? "" : "none";
+  xy.replaceChildren();
+  toXY = null;
+  if (!a || !b) return;
+  xy.setAttribute("viewBox", "0 0 " + width + " " + TALL);
+  const from = find(a.x, view[0]), to = find(a.x, view[1] + 1e-9);
+  const values = a.x.slice(from, to).map((t, i) => [a.y[from + i], value(b, t), t]).map((one) => one[0] === null || one[1] === null ? null : one);
+  const known = values.filter((one) => one), foot = TALL - BELOW;
+  const [left, right] = padded(known.map((one) => one[0])), [low, high] = padded(known.map((one) => one[1]));
+  toXY = (one) => [LEFT + (one[0] - left) / (right - left) * (width - LEFT - RIGHT), (high - one[1]) / (high - low) * foot];
+  seenXY = known.map((one) => [...toXY(one), one[2]]);
+  for (const place of ticks(left, right, width / 110)) {
+    const x = toXY([place, low])[0];
+    make("line", { x1: x, x2: x, y1: 0, y2: foot, stroke: LINE }, xy);
+    make("text", { x, y: foot + 15, "text-anchor": "middle", fill: INK }, xy, number(place, step(right - left, width / 110)));
+  }
+  for (const place of ticks(low, high, 10)) {
+    const y = toXY([left, place])[1];
+    make("line", { x1: LEFT, x2: width - RIGHT, y1: y, y2: y, stroke: LINE }, xy);
+    make("text", { x: LEFT - 6, y: y + 4, "text-anchor": "end", fill: INK }, xy, number(place, step(high - low, 10)));
+  }
+  make("text", { x: (LEFT + width - RIGHT) / 2, y: foot + 31, "text-anchor": "middle", fill: INK }, xy, a.name);
+  make("text", { transform: "translate(13," + foot / 2 + ") rotate(-90)", "text-anchor": "middle", fill: INK }, xy, b.name);
+  make("path", { class: "curve", d: line(values.map((one) => one && toXY(one))), fill: "none", stroke: b.colour, "stroke-width": 1 }, xy);
+  make("rect", { x: LEFT, y: 0, width: width - LEFT - RIGHT, height: foot, fill: "none", stroke: "#888" }, xy);
+  make("g", { class: "dots", "pointer-events": "none" }, xy);
+};
+const pointXY = () => {
+  const a = all[across.selectedIndex - 1], b = all[up.selectedIndex - 1], dots = xy.querySelector(".dots");
+  if (!toXY || !dots) return;
+  dots.replaceChildren();
+  for (const [t, fill] of [[pinned, "#fff"], [cursor, INK]]) {
+    if (t === null || value(a, t) === null || value(b, t) === null) continue;
+    const [cx, cy] = toXY([value(a, t), value(b, t)]);
+    make("circle", { cx, cy, r: 4.5, fill, stroke: INK }, dots);
+  }
+};
+xy.addEventListener("pointermove", (event) => {
+  const box = xy.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
+  let best = Infinity;
+  for (const [px, py, t] of seenXY) if (Math.hypot(px - x, py - y) < best) { best = Math.hypot(px - x, py - y); cursor = t; }
+  point();
+});
+
+// A button for each panel, and one for each label of curves, shows or hides.
+const toggle = (button, set, key) => button.addEventListener("click", () => {
+  if (!set.delete(key)) set.add(key);
+  button.setAttribute("aria-pressed", String(!set.has(key)));
+  redraw();
+});
+page.panels.forEach((panel, p) => {
+  const button = document.getElementById("channels").appendChild(document.createElement("button"));
+  button.textContent = panel.label[0] || "phases";
+  button.setAttribute("aria-pressed", "true");
+  toggle(button, hidden, p);
+});
+for (const button of document.querySelectorAll("[data-look]")) toggle(button, off, Number(button.dataset.look));
+
 const panels = document.getElementById("panels");
 const time = (event) => {
   const box = panels.getBoundingClientRect();
@@ -209,22 +317,37 @@ panels.addEventListener("wheel", (event) => {
   if (event.shiftKey) pan(Math.sign(event.deltaY || event.deltaX) * 0.1);
   else zoom(Math.pow(1.0015, event.deltaY), time(event));
 }, { passive: false });
-panels.addEventListener("pointerdown", (event) => { held = time(event); panels.setPointerCapture(event.pointerId); });
+panels.addEventListener("pointerdown", (event) => { held = { t: time(event), x: event.clientX, moved: false }; });
 panels.addEventListener("pointermove", (event) => {
   const t = time(event);
-  if (held !== null) show(view[0] + held - t, view[1] + held - t);
+  if (held && !held.moved && Math.abs(event.clientX - held.x) > 3) {
+    held.moved = true;
+    panels.setPointerCapture(event.pointerId);
+  }
+  if (held && held.moved) show(view[0] + held.t - t, view[1] + held.t - t);
   cursor = t >= view[0] && t <= view[1] ? t : null;
   point();
 });
-panels.addEventListener("pointerup", () => { held = null; });
+panels.addEventListener("pointerup", (event) => {
+  const box = event.target.dataset, t = time(event), click = held && !held.moved;
+  held = null;
+  if (!click) return;
+  if (box.low !== undefined) {
+    const low = Number(box.low), high = Number(box.high), more = Math.max(0.5 * (high - low), 0.02 * (LAST - FIRST));
+    show(low - more, high + more);
+  } else if (t >= view[0] && t <= view[1]) {
+    pinned = pinned !== null && Math.abs(at(pinned) - at(t)) < 5 ? null : t;
+    point();
+  }
+});
 panels.addEventListener("pointercancel", () => { held = null; });
 panels.addEventListener("pointerleave", () => { cursor = null; point(); });
-panels.addEventListener("dblclick", () => show(FIRST, LAST));
+panels.addEventListener("dblclick", () => { pinned = null; show(FIRST, LAST); });
 const acts = { in: () => zoom(0.5), out: () => zoom(2), left: () => pan(-0.25), right: () => pan(0.25), all: () => show(FIRST, LAST) };
-for (const button of document.querySelectorAll("button")) button.addEventListener("click", acts[button.value]);
+for (const button of document.querySelectorAll("button[value]")) button.addEventListener("click", acts[button.value]);
 const keys = { "+": "in", "=": "in", "-": "out", ArrowLeft: "left", ArrowRight: "right", Home: "all", "0": "all" };
 document.addEventListener("keydown", (event) => {
-  if (!keys[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (!keys[event.key] || event.target.tagName === "SELECT" || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   acts[keys[event.key]]();
 });

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..printable import printable
 from ..serialization import to_json
-from .content import Block, Panel, ReportContent
+from .content import Block, Curve, Panel, ReportContent
 from .figures import LOOKS
 from .html import page_environment, resource
 from .style import SHADES
@@ -27,16 +28,16 @@ def render_zoom(content: ReportContent) -> str:
     """
     panels = [panel for drawing in content.zoom for panel in drawing.panels]
     limits = _limits(panels)
+    labels = tuple(dict.fromkeys(one.label for panel in panels for one in panel.curves if one.label))
     data = {
         "limits": limits,
         "step": _step(panels, limits),
         "shades": SHADES,
-        "panels": [_panel(panel) for panel in panels],
+        "panels": [_panel(panel, labels) for panel in panels],
     }
     text = to_json(data, indent=None, ascii_only=True)
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
-    labels = dict.fromkeys(one.label for panel in panels for one in panel.curves if one.label)
     blocks = dict.fromkeys((one.label, one.shade) for panel in panels for one in panel.bands if one.label)
     return (
         page_environment()
@@ -69,9 +70,22 @@ def _step(panels: list[Panel], limits: tuple[float, float]) -> float:
     return min((one for one in steps if one > 0.0), default=0.01 * (limits[1] - limits[0]))
 
 
-def _panel(panel: Panel) -> dict[str, Any]:
-    """Return what the script draws of a panel; labels are made printable here, since nothing is escaped there."""
+def _panel(panel: Panel, labels: Sequence[str]) -> dict[str, Any]:
+    """Return what the script draws of a panel; names are made printable here, since nothing is escaped there.
+
+    Parameters
+    ----------
+    labels : of all curves of the page: those of one label have one look, and a click shows or hides them together.
+    """
     label = [printable(line) for line in panel.y_label.split("\n")]
+
+    def stated(i: int, one: Curve) -> dict[str, Any]:
+        look = labels.index(one.label) if one.label else i
+        name = " ".join(filter(None, (*label, printable(one.label))))
+        band = () if one.low is None or one.high is None else (_rounded(one.low), _rounded(one.high))
+        x, y = np.round(one.x, TIME_DECIMALS), _rounded(one.y)
+        return {"x": x, "y": y, "band": band, "name": name, "look": look, "colour": _colour(look)}
+
     return {
         "label": [*label, ""][:2],
         "height": round(PANEL_PIXELS * panel.height),
@@ -79,10 +93,9 @@ def _panel(panel: Panel) -> dict[str, Any]:
             {"label": printable(lane.label), "blocks": [_block(one) for one in lane.blocks]} for lane in panel.lanes
         ],
         "bands": [_block(one) for one in panel.bands],
-        "curves": [
-            {"x": np.round(one.x, TIME_DECIMALS), "y": _rounded(one.y), "colour": _colour(i)}
-            for i, one in enumerate(panel.curves)
-        ],
+        "levels": [(printable(name), place) for name, place in panel.levels],
+        "log": panel.log_y,
+        "curves": [stated(i, one) for i, one in enumerate(panel.curves)],
     }
 
 
